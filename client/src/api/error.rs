@@ -1,0 +1,200 @@
+//! What can go wrong between a caller and the service, in words a person can act on.
+//!
+//! The service answers with `google.rpc` details; a status printed as it is would hide
+//! the one line that names the file, frame and field at fault.
+
+use std::fmt;
+use std::path::PathBuf;
+use thiserror::Error;
+use tonic::{Code, Status};
+use tonic_types::StatusExt;
+use yoto_proto::pose_track::describe;
+use yoto_proto::v1::{Job, Violation, job};
+
+/// Errors of [`YotoClient`](super::YotoClient).
+#[derive(Debug, Error)]
+pub enum ClientError {
+    /// Nothing answers at the address.
+    #[error("can't reach a yoto service at {server}; is `yoto serve` running there?")]
+    Connect {
+        /// The address as given.
+        server: String,
+        /// What the transport said.
+        source: tonic::transport::Error,
+    },
+    /// The service refused a request.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// A local file could not be read or written.
+    #[error("{action} {path}")]
+    File {
+        /// E.g. "reading".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A capture is wrong, found before anything was uploaded or by its ingest job.
+    #[error("the capture {place} is not usable{}", lines(.violations))]
+    BadCapture {
+        /// Folder or resource name.
+        place: String,
+        /// What is wrong, never empty.
+        violations: Vec<Violation>,
+    },
+    /// A job ended otherwise than by success.
+    #[error("{}", job_ended(.0))]
+    JobEnded(Box<Job>),
+    /// No resource, or more than one, goes by the name.
+    #[error("{0}")]
+    Name(String),
+    /// The service answered something that the contract rules out.
+    #[error("the service broke its contract: {0}")]
+    Contract(String),
+}
+
+impl ClientError {
+    /// Turns a status into an error that says what was being done.
+    pub(crate) fn refused(doing: impl Into<String>) -> impl FnOnce(Status) -> Self {
+        let doing = doing.into();
+        move |status| {
+            Self::Refused(Refusal {
+                doing,
+                status: Box::new(status),
+            })
+        }
+    }
+
+    /// Adds action and path to an I/O error.
+    pub(crate) fn file(
+        action: &'static str,
+        path: impl Into<PathBuf>,
+    ) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::File {
+            action,
+            path,
+            source,
+        }
+    }
+}
+
+/// A status of the service together with what the client was doing.
+#[derive(Debug)]
+pub struct Refusal {
+    doing: String,
+    status: Box<Status>,
+}
+
+impl Refusal {
+    /// The status code, for callers that act on it.
+    pub fn code(&self) -> Code {
+        self.status.code()
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.doing, self.status.message())?;
+        let details = self.status.get_error_details();
+        match details.error_info() {
+            Some(info) if !info.reason.is_empty() => write!(f, " [{}]", info.reason)?,
+            _ => write!(f, " [{:?}]", self.status.code())?,
+        }
+        for violation in details
+            .bad_request()
+            .map(|bad| bad.field_violations.as_slice())
+            .unwrap_or_default()
+        {
+            write!(f, "\n  {}: {}", violation.field, violation.description)?;
+        }
+        if self.status.code() == Code::Unavailable {
+            write!(f, "\n  is the service still running?")?;
+        }
+        Ok(())
+    }
+}
+
+/// Each violation on an indented line of its own.
+fn lines(violations: &[Violation]) -> String {
+    violations
+        .iter()
+        .map(|violation| format!("\n  {}", describe(violation)))
+        .collect()
+}
+
+/// `jobs/x FAILED: … [DIVERGED]` with the violations below.
+fn job_ended(job: &Job) -> String {
+    let state = job::State::try_from(job.state)
+        .unwrap_or_default()
+        .as_str_name();
+    match &job.error {
+        Some(error) => format!(
+            "{} {state}: {} [{}]{}",
+            job.name,
+            error.message,
+            error.code,
+            lines(&error.violations)
+        ),
+        None => format!("{} {state}", job.name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tonic_types::{ErrorDetails, FieldViolation};
+    use yoto_proto::v1::JobError;
+
+    #[test]
+    fn a_refusal_names_reason_and_fields() {
+        let mut details =
+            ErrorDetails::with_error_info("BAD_SPEC", "yoto", std::collections::HashMap::new());
+        details.set_bad_request(vec![FieldViolation::new(
+            "spec.train.seconds",
+            "-1 is below 0",
+        )]);
+        let status =
+            Status::with_error_details(Code::InvalidArgument, "the job can't be created", details);
+        let error = ClientError::refused("creating a job")(status);
+        assert_eq!(
+            error.to_string(),
+            "creating a job: the job can't be created [BAD_SPEC]\n  spec.train.seconds: -1 is below 0"
+        );
+    }
+
+    #[test]
+    fn a_refusal_without_details_names_the_code() {
+        let error = ClientError::refused("reading jobs/1")(Status::not_found("no such job"));
+        assert_eq!(error.to_string(), "reading jobs/1: no such job [NotFound]");
+    }
+
+    #[test]
+    fn a_rejected_ingest_names_file_frame_and_field() {
+        let violation = yoto_proto::pose_track::violation(
+            "NOT_FINITE",
+            "poses.json",
+            Some(17),
+            "pose[41]",
+            "NaN",
+        );
+        let job = Job {
+            name: "jobs/9".into(),
+            state: job::State::Failed.into(),
+            error: Some(JobError {
+                code: "REJECTED".into(),
+                message: "unusable".into(),
+                violations: vec![violation],
+            }),
+            ..Job::default()
+        };
+        let text = ClientError::JobEnded(Box::new(job)).to_string();
+        assert_eq!(
+            text,
+            "jobs/9 FAILED: unusable [REJECTED]\n  poses.json frame 17: pose[41]: NaN"
+        );
+    }
+}

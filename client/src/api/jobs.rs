@@ -1,0 +1,136 @@
+//! Jobs: asking for work, and what became of it.
+
+use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::{
+    CancelJobRequest, CreateJobRequest, GetJobRequest, IngestSpec, Job, JobSpec, ListJobsRequest,
+    RenderSpec, TrainSpec, job, job_spec,
+};
+
+impl YotoClient {
+    pub(super) fn job_service(&self) -> JobServiceClient<tonic::transport::Channel> {
+        JobServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE)
+    }
+
+    /// Queues a job.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] with the fields of the spec that are wrong.
+    pub async fn create_job(&self, kind: job_spec::Kind) -> Result<Job, ClientError> {
+        let doing = format!("creating {} job", kind_with_article(&kind));
+        let request = CreateJobRequest {
+            spec: Some(JobSpec { kind: Some(kind) }),
+            request_id: request_id(),
+        };
+        Ok(self
+            .job_service()
+            .create_job(request)
+            .await
+            .map_err(ClientError::refused(doing))?
+            .into_inner())
+    }
+
+    /// Queues training.
+    ///
+    /// # Errors
+    /// As [`create_job`](Self::create_job).
+    pub async fn train(&self, spec: TrainSpec) -> Result<Job, ClientError> {
+        self.create_job(job_spec::Kind::Train(spec)).await
+    }
+
+    /// The job `name` as it stands.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when there is none.
+    pub async fn get_job(&self, name: &str) -> Result<Job, ClientError> {
+        let answer = self
+            .job_service()
+            .get_job(GetJobRequest {
+                name: name.to_owned(),
+            })
+            .await;
+        Ok(answer
+            .map_err(ClientError::refused(format!("reading {name}")))?
+            .into_inner())
+    }
+
+    /// Every job, over all pages.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn list_jobs(&self) -> Result<Vec<Job>, ClientError> {
+        let mut service = self.job_service();
+        let (mut jobs, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListJobsRequest {
+                page_size: 1000,
+                page_token,
+            };
+            let page = service
+                .list_jobs(request)
+                .await
+                .map_err(ClientError::refused("listing jobs"))?
+                .into_inner();
+            jobs.extend(page.jobs);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(jobs);
+            }
+        }
+    }
+
+    /// Asks for a job's end. A running one goes on until its worker has heard of it.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. when it has ended already.
+    pub async fn cancel_job(&self, name: &str) -> Result<Job, ClientError> {
+        let answer = self
+            .job_service()
+            .cancel_job(CancelJobRequest {
+                name: name.to_owned(),
+            })
+            .await;
+        Ok(answer
+            .map_err(ClientError::refused(format!("cancelling {name}")))?
+            .into_inner())
+    }
+
+    /// Follows a job from how it stands now to its end.
+    pub fn watch_job(&self, name: &str) -> JobWatch {
+        JobWatch::new(self.clone(), name)
+    }
+
+    /// Follows a job to its end, showing every change to `on_change`.
+    ///
+    /// # Errors
+    /// [`ClientError::JobEnded`] when it failed or was cancelled; otherwise as
+    /// [`JobWatch::next`].
+    pub async fn wait_for_job(
+        &self,
+        name: &str,
+        mut on_change: impl FnMut(&Job),
+    ) -> Result<Job, ClientError> {
+        let mut watch = self.watch_job(name);
+        let mut last = None;
+        while let Some(job) = watch.next().await? {
+            on_change(&job);
+            last = Some(job);
+        }
+        let job =
+            last.ok_or_else(|| ClientError::Contract(format!("watching {name} showed no job")))?;
+        if job.state() == job::State::Succeeded {
+            Ok(job)
+        } else {
+            Err(ClientError::JobEnded(Box::new(job)))
+        }
+    }
+}
+
+/// "an ingest", "a train", …: for messages.
+fn kind_with_article(kind: &job_spec::Kind) -> &'static str {
+    match kind {
+        job_spec::Kind::Ingest(IngestSpec { .. }) => "an ingest",
+        job_spec::Kind::Train(TrainSpec { .. }) => "a train",
+        job_spec::Kind::Render(RenderSpec { .. }) => "a render",
+    }
+}

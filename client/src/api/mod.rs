@@ -1,0 +1,62 @@
+//! A thin asynchronous client of the `yoto.v1` API.
+//!
+//! One type, [`YotoClient`], over one shared channel; what it can do stands in one file a
+//! noun. It adds only what every caller would otherwise write again: request ids, paging,
+//! chunked uploads, watch streams that survive a lost connection, and errors that say
+//! which file, frame and field the service objected to.
+
+mod error;
+mod jobs;
+mod models;
+mod renders;
+mod resolve;
+mod subjects;
+mod upload;
+mod watch;
+
+pub use error::{ClientError, Refusal};
+pub use renders::Downloaded;
+pub use resolve::pick_name;
+pub use upload::{FileSource, UploadFile};
+pub use watch::JobWatch;
+
+use tonic::transport::{Channel, Endpoint};
+
+/// Where `yoto serve` listens unless told otherwise.
+pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
+
+/// Largest answer accepted, bytes: a job that carries thousands of views.
+const MAX_MESSAGE: usize = 32 << 20;
+
+/// A connection to a yoto service. Cheap to clone; clones share the connection.
+#[derive(Debug, Clone)]
+pub struct YotoClient {
+    channel: Channel,
+}
+
+impl YotoClient {
+    /// Connects to `server`, e.g. [`DEFAULT_SERVER`].
+    ///
+    /// # Errors
+    /// When `server` is no URL or nothing answers there.
+    pub async fn connect(server: &str) -> Result<Self, ClientError> {
+        let connect_error = |source| ClientError::Connect {
+            server: server.to_owned(),
+            source,
+        };
+        let endpoint = Endpoint::from_shared(server.to_owned()).map_err(connect_error)?;
+        let channel = endpoint.connect().await.map_err(connect_error)?;
+        Ok(Self::new(channel))
+    }
+
+    /// A client over a channel that stands already, such as the in-memory one of an
+    /// embedded service.
+    pub fn new(channel: Channel) -> Self {
+        Self { channel }
+    }
+}
+
+/// Makes a repeated delivery of a create request harmless.
+fn request_id() -> String {
+    uuid::Uuid::new_v4().to_string()
+}

@@ -1,0 +1,118 @@
+//! Models: shared networks, and the identity slots of the people in them.
+
+use super::{ClientError, YotoClient, request_id};
+use yoto_proto::v1::model_service_client::ModelServiceClient;
+use yoto_proto::v1::{
+    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, IdentitySlot,
+    ListCheckpointsRequest, ListModelsRequest, Model,
+};
+
+impl YotoClient {
+    fn model_service(&self) -> ModelServiceClient<tonic::transport::Channel> {
+        ModelServiceClient::new(self.channel.clone())
+    }
+
+    /// Makes an untrained model of a quality tier and variant
+    /// (see [`yoto_proto::tiers`]).
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for a tier nobody knows.
+    pub async fn create_model(
+        &self,
+        display_name: &str,
+        tier: &str,
+        variant: &str,
+    ) -> Result<Model, ClientError> {
+        let request = CreateModelRequest {
+            display_name: display_name.to_owned(),
+            tier: tier.to_owned(),
+            variant: variant.to_owned(),
+            request_id: request_id(),
+        };
+        let answer = self.model_service().create_model(request).await;
+        Ok(answer
+            .map_err(ClientError::refused(format!(
+                "creating the model '{display_name}'"
+            )))?
+            .into_inner())
+    }
+
+    /// The model `name` with its slots.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when there is none.
+    pub async fn get_model(&self, name: &str) -> Result<Model, ClientError> {
+        let answer = self
+            .model_service()
+            .get_model(GetModelRequest {
+                name: name.to_owned(),
+            })
+            .await;
+        Ok(answer
+            .map_err(ClientError::refused(format!("reading {name}")))?
+            .into_inner())
+    }
+
+    /// Every model, over all pages.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn list_models(&self) -> Result<Vec<Model>, ClientError> {
+        let mut service = self.model_service();
+        let (mut models, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListModelsRequest {
+                page_size: 1000,
+                page_token,
+            };
+            let page = service
+                .list_models(request)
+                .await
+                .map_err(ClientError::refused("listing models"))?
+                .into_inner();
+            models.extend(page.models);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(models);
+            }
+        }
+    }
+
+    /// Gives a READY subject the model's next identity slot.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while the subject's capture is still being ingested.
+    pub async fn add_identity(
+        &self,
+        model: &str,
+        subject: &str,
+    ) -> Result<IdentitySlot, ClientError> {
+        let request = AddIdentityRequest {
+            model: model.to_owned(),
+            subject: subject.to_owned(),
+        };
+        let answer = self.model_service().add_identity(request).await;
+        Ok(answer
+            .map_err(ClientError::refused(format!(
+                "giving {subject} a slot in {model}"
+            )))?
+            .into_inner())
+    }
+
+    /// The model's checkpoints, newest first.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn list_checkpoints(&self, model: &str) -> Result<Vec<Checkpoint>, ClientError> {
+        let request = ListCheckpointsRequest {
+            model: model.to_owned(),
+        };
+        let answer = self.model_service().list_checkpoints(request).await;
+        Ok(answer
+            .map_err(ClientError::refused(format!(
+                "listing checkpoints of {model}"
+            )))?
+            .into_inner()
+            .checkpoints)
+    }
+}

@@ -1,0 +1,93 @@
+//! Subjects: the people a service knows.
+
+use super::{ClientError, YotoClient, request_id};
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::{
+    Capture, CreateSubjectRequest, GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest,
+    Subject,
+};
+
+impl YotoClient {
+    pub(super) fn subject_service(&self) -> SubjectServiceClient<tonic::transport::Channel> {
+        SubjectServiceClient::new(self.channel.clone())
+    }
+
+    /// Records a person, with the consent under which recordings of them are used.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for an empty name.
+    pub async fn create_subject(
+        &self,
+        display_name: &str,
+        consent_note: &str,
+    ) -> Result<Subject, ClientError> {
+        let request = CreateSubjectRequest {
+            display_name: display_name.to_owned(),
+            consent_note: consent_note.to_owned(),
+            request_id: request_id(),
+        };
+        let answer = self.subject_service().create_subject(request).await;
+        Ok(answer
+            .map_err(ClientError::refused(format!(
+                "creating the subject '{display_name}'"
+            )))?
+            .into_inner())
+    }
+
+    /// The subject `name`.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when there is none.
+    pub async fn get_subject(&self, name: &str) -> Result<Subject, ClientError> {
+        let answer = self
+            .subject_service()
+            .get_subject(GetSubjectRequest {
+                name: name.to_owned(),
+            })
+            .await;
+        Ok(answer
+            .map_err(ClientError::refused(format!("reading {name}")))?
+            .into_inner())
+    }
+
+    /// Every subject, over all pages.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn list_subjects(&self) -> Result<Vec<Subject>, ClientError> {
+        let mut service = self.subject_service();
+        let (mut subjects, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListSubjectsRequest {
+                page_size: 1000,
+                page_token,
+            };
+            let page = service
+                .list_subjects(request)
+                .await
+                .map_err(ClientError::refused("listing subjects"))?
+                .into_inner();
+            subjects.extend(page.subjects);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(subjects);
+            }
+        }
+    }
+
+    /// The capture `name`, with what an ingest job found wrong with it.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when there is none.
+    pub async fn get_capture(&self, name: &str) -> Result<Capture, ClientError> {
+        let answer = self
+            .subject_service()
+            .get_capture(GetCaptureRequest {
+                name: name.to_owned(),
+            })
+            .await;
+        Ok(answer
+            .map_err(ClientError::refused(format!("reading {name}")))?
+            .into_inner())
+    }
+}

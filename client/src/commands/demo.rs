@@ -1,0 +1,60 @@
+//! `yoto demo`: everything at work in one command.
+
+use super::table;
+use crate::demo::{DemoOptions, run};
+use clap::Args;
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+What it does, as a client of a service that it starts in its own process:
+  1. makes people, films each with one camera, and uploads the captures;
+  2. trains one shared model on all of them;
+  3. renders each from cameras and in poses never trained on, an orbit around each, and
+     the first person's motion on the second person's body;
+  4. compares the renders with the truth.
+
+Look at contact-sheet.png first; *-animation.png files play in a browser.
+
+Examples:
+  yoto demo
+  yoto demo --subjects 2 --seconds 60 --out out/quick";
+
+/// Make people, train one model of them, render them: the whole of yoto in minutes.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Demo {
+    /// Folder for everything the demo makes.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    out: PathBuf,
+    /// How many people share the model.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=16))]
+    subjects: u32,
+    /// Side of the pictures, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=1024))]
+    size: u32,
+    /// Seconds of training.
+    #[arg(long, value_name = "S", default_value = "150", value_parser = table::seconds)]
+    seconds: f64,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+}
+
+impl Demo {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let options = DemoOptions {
+            out: self.out,
+            subjects: self.subjects as usize,
+            size: self.size,
+            seconds: self.seconds,
+            seed: self.seed,
+        };
+        let report = run(&options).await?;
+        println!("\n{}", report.table());
+        println!("\nLook at:");
+        for (file, what) in crate::demo::products(&options) {
+            println!("  {:<44} {what}", file.display());
+        }
+        Ok(())
+    }
+}

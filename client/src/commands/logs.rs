@@ -1,0 +1,18 @@
+//! Where logs go and how much of them: stderr, by `RUST_LOG`.
+
+use tracing_subscriber::EnvFilter;
+
+/// Starts logging at `default_level` unless `RUST_LOG` says otherwise.
+pub(super) fn init(default_level: &str, json: bool) {
+    let filter =
+        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default_level));
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr);
+    // A second initialisation, as in a process that embeds the commands, keeps the first.
+    let _ = if json {
+        subscriber.json().try_init()
+    } else {
+        subscriber.try_init()
+    };
+}

@@ -1,0 +1,198 @@
+//! The `yoto` command line: one file a command.
+//!
+//! Results go to stdout, progress and logs to stderr; anything that failed makes the exit
+//! status non-zero.
+
+#[cfg(feature = "embedded")]
+mod demo;
+mod job;
+mod logs;
+mod model;
+#[cfg(feature = "embedded")]
+mod quality;
+mod render;
+mod render_what;
+#[cfg(feature = "embedded")]
+mod serve;
+mod subject;
+mod table;
+mod train;
+
+use crate::api::{ClientError, DEFAULT_SERVER, YotoClient};
+use anyhow::Context;
+use clap::{Args, Parser, Subcommand};
+use std::process::ExitCode;
+
+const AFTER_HELP: &str = "\
+First steps:
+  yoto demo                                   see everything at work, in a few minutes
+  yoto serve                                  run the service on this machine
+  yoto subject add ada --capture captures/ada upload a person
+  yoto train duo --subjects ada,bob           train one model of two people
+  yoto render duo --subject ada --orbit 0 --animate --out out/ada
+
+Logs: RUST_LOG=debug, or e.g. RUST_LOG=yoto_server=debug,info.";
+
+/// One-camera videos of people in, animatable 3D avatars out: many people in one model.
+#[derive(Debug, Parser)]
+#[command(name = "yoto", version, after_help = AFTER_HELP, arg_required_else_help = true)]
+pub struct Cli {
+    /// Write logs as JSON, one object a line.
+    #[arg(long, global = true)]
+    log_json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[cfg(feature = "embedded")]
+    Serve(serve::Serve),
+    #[cfg(feature = "embedded")]
+    Demo(demo::Demo),
+    Subject(subject::SubjectCommand),
+    Model(model::ModelCommand),
+    Train(train::Train),
+    Job(job::JobCommand),
+    Render(render::Render),
+    #[cfg(feature = "embedded")]
+    Quality(quality::Quality),
+}
+
+/// Which service a client command talks to.
+#[derive(Debug, Args)]
+struct Server {
+    /// Address of the service.
+    #[arg(long, env = "YOTO_SERVER", default_value = DEFAULT_SERVER, value_name = "URL")]
+    server: String,
+}
+
+impl Server {
+    async fn connect(&self) -> Result<YotoClient, ClientError> {
+        YotoClient::connect(&self.server).await
+    }
+}
+
+/// Parses the command line, runs the command, prints what went wrong.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<()> {
+    logs::init(default_level(&cli.command), cli.log_json);
+    let runtime = tokio::runtime::Runtime::new().context("starting the asynchronous runtime")?;
+    let outcome = match cli.command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Demo(command) => runtime.block_on(command.run()),
+        Command::Subject(command) => runtime.block_on(command.run()),
+        Command::Model(command) => runtime.block_on(command.run()),
+        Command::Train(command) => runtime.block_on(command.run()),
+        Command::Job(command) => runtime.block_on(command.run()),
+        Command::Render(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Quality(command) => command.run(),
+    };
+    // A computation that outlives its job must not keep the process from ending.
+    runtime.shutdown_background();
+    outcome
+}
+
+/// A service tells what it does; a command shows only what needs attention.
+fn default_level(command: &Command) -> &'static str {
+    match command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(_) => "info",
+        _ => "warn",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_and_flag_has_help() {
+        fn check(command: &clap::Command, path: &str) {
+            let path = format!("{path} {}", command.get_name());
+            assert!(command.get_about().is_some(), "{path} has no description");
+            for argument in command.get_arguments() {
+                assert!(
+                    argument.get_help().is_some(),
+                    "{path}: {} has no help",
+                    argument.get_id()
+                );
+            }
+            let leaf = command.get_subcommands().next().is_none();
+            assert!(
+                !leaf || command.get_after_help().is_some(),
+                "{path} shows no example"
+            );
+            for sub in command.get_subcommands() {
+                check(sub, &path);
+            }
+        }
+        check(&Cli::command(), "");
+    }
+
+    #[test]
+    fn what_a_newcomer_types_parses() {
+        let in_process = [
+            "yoto serve --data d --listen 127.0.0.1:0 --no-worker",
+            "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
+            "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
+        ];
+        let over_the_api = [
+            "yoto subject add ada --capture c --consent signed --no-wait",
+            "yoto subject list --server http://127.0.0.1:1",
+            "yoto model create duo --subjects ada,bob --tier fast --variant yoto",
+            "yoto model list",
+            "yoto train duo --seconds 60 --seed 1 --size 128",
+            "yoto train duo --subjects ada,bob --steps 500 --no-wait",
+            "yoto job list",
+            "yoto job watch jobs/1",
+            "yoto job cancel 1",
+            "yoto render duo --subject ada --orbit 3 --views 12 --out o --animate",
+            "yoto render duo --subject ada --motion bob --frames 0..60:2 --out o",
+            "yoto render duo --subject ada --view-list v.json --size 256 --out o",
+        ];
+        let in_process = in_process
+            .into_iter()
+            .filter(|_| cfg!(feature = "embedded"));
+        for line in in_process.chain(over_the_api) {
+            assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");
+        }
+    }
+
+    #[test]
+    fn contradictions_are_refused() {
+        for line in [
+            "yoto train duo --seconds 60 --steps 5",
+            "yoto train duo --tier fast",
+            "yoto train duo --seconds -3",
+            "yoto train duo --seconds inf",
+            "yoto model create duo --subjects ada --tier fastest",
+            "yoto render duo --subject ada --out o",
+            "yoto render duo --subject ada --orbit 3 --motion bob --out o",
+            "yoto render duo --subject ada --orbit 3 --frames 0..9 --out o",
+            "yoto demo --subjects 0",
+            "yoto quality --out r.json",
+        ] {
+            assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! `yoto model`: shared networks and who is in them.
+
+use super::{Server, table};
+use crate::api::{ClientError, YotoClient};
+use clap::{Args, Subcommand};
+use yoto_proto::tiers;
+use yoto_proto::v1::Model;
+
+const CREATE_HELP: &str = "\
+Examples:
+  yoto model create duo --subjects ada,bob
+  yoto model create solo --subjects ada --tier draft --variant humannerf";
+
+const LIST_HELP: &str = "\
+Example:
+  yoto model list";
+
+/// Create and list models.
+#[derive(Debug, Args)]
+pub(super) struct ModelCommand {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Make an untrained model with an identity slot for each of the people.
+    #[command(after_help = CREATE_HELP)]
+    Create(Create),
+    /// List models, the people in them, and their newest checkpoint.
+    #[command(after_help = LIST_HELP)]
+    List {
+        #[command(flatten)]
+        server: Server,
+    },
+}
+
+#[derive(Debug, Args)]
+struct Create {
+    /// What to call the model.
+    name: String,
+    /// People to put into it, by name, separated by commas.
+    #[arg(long, value_delimiter = ',', required = true, value_name = "A,B,…")]
+    subjects: Vec<String>,
+    #[command(flatten)]
+    shape: Shape,
+    #[command(flatten)]
+    server: Server,
+}
+
+/// What a new model is like.
+#[derive(Debug, Args)]
+pub(super) struct Shape {
+    /// Quality tier: speed against detail.
+    #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
+    pub tier: String,
+    /// Model variant of the paper's ablation.
+    #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]
+    pub variant: String,
+}
+
+pub(super) fn tier_help() -> String {
+    format!(
+        "Quality tier: speed against detail.{}",
+        table::explained(tiers::TIERS)
+    )
+}
+
+pub(super) fn variant_help() -> String {
+    format!(
+        "Model variant of the paper's ablation.{}",
+        table::explained(tiers::VARIANTS)
+    )
+}
+
+impl ModelCommand {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        match self.action {
+            Action::Create(create) => {
+                let client = create.server.connect().await?;
+                let model =
+                    create_with(&client, &create.name, &create.subjects, &create.shape).await?;
+                println!("{}", model.name);
+                Ok(())
+            }
+            Action::List { server } => list(&server.connect().await?).await,
+        }
+    }
+}
+
+/// Makes a model and gives each of `subjects` a slot. People are looked up first, so that
+/// a mistyped name leaves no half-filled model behind.
+pub(super) async fn create_with(
+    client: &YotoClient,
+    name: &str,
+    subjects: &[String],
+    shape: &Shape,
+) -> Result<Model, ClientError> {
+    if client
+        .list_models()
+        .await?
+        .iter()
+        .any(|model| model.display_name == name)
+    {
+        return Err(ClientError::Name(format!(
+            "there is a model called '{name}' already"
+        )));
+    }
+    let mut people = Vec::new();
+    for subject in subjects {
+        people.push(client.find_subject(subject).await?);
+    }
+    let model = client
+        .create_model(name, &shape.tier, &shape.variant)
+        .await?;
+    for person in &people {
+        client.add_identity(&model.name, &person.name).await?;
+    }
+    client.get_model(&model.name).await
+}
+
+async fn list(client: &YotoClient) -> anyhow::Result<()> {
+    let subjects = client.list_subjects().await?;
+    let person = |name: &str| {
+        let known = subjects.iter().find(|subject| subject.name == name);
+        known.map_or_else(|| name.to_owned(), |subject| subject.display_name.clone())
+    };
+    let mut rows = Vec::new();
+    for model in client.list_models().await? {
+        let newest = client
+            .list_checkpoints(&model.name)
+            .await?
+            .into_iter()
+            .next();
+        let people: Vec<String> = model
+            .slots
+            .iter()
+            .map(|slot| person(&slot.subject))
+            .collect();
+        let checkpoint = newest.map_or_else(
+            || "-".to_owned(),
+            |checkpoint| format!("step {}", checkpoint.step),
+        );
+        rows.push(vec![
+            model.name,
+            model.display_name,
+            model.tier,
+            model.variant,
+            people.join(","),
+            checkpoint,
+        ]);
+    }
+    println!(
+        "{}",
+        table::table(
+            &["NAME", "MODEL", "TIER", "VARIANT", "PEOPLE", "CHECKPOINT"],
+            &rows
+        )
+    );
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! `yoto quality`: how good the model gets on given captures, without a service.
+
+use super::model::{tier_help, variant_help};
+use super::table;
+use crate::quality::{QualityOptions, run};
+use anyhow::Context;
+use clap::Args;
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+Trains one model on all the captures and measures it on pictures it never saw: held-out
+cameras (eval/) and held-out poses (eval_pose/). Evaluation time does not count as training.
+
+Layout of a capture folder:
+  poses.json             with eval {camera: {K, E, frames}} and eval_pose {frames, cams}
+  train/frames, train/masks
+  eval/CAMERA/frames, eval/CAMERA/masks
+  eval_pose/CAMERA/frames, eval_pose/CAMERA/masks
+
+Examples:
+  yoto quality --capture data/ada --capture data/bob --out report.json
+  yoto quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
+
+/// Train on capture folders and measure quality on held-out views and poses.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Quality {
+    /// Capture folder; give it again for each further person.
+    #[arg(long = "capture", value_name = "DIR", required = true, num_args = 1..)]
+    captures: Vec<PathBuf>,
+    /// Longest side of the pictures, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Seconds of training.
+    #[arg(long, value_name = "S", default_value = "300", value_parser = table::seconds)]
+    seconds: f64,
+    /// Quality tier: speed against detail.
+    #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
+    tier: String,
+    /// Model variant of the paper's ablation.
+    #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]
+    variant: String,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Where the report goes.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Also write each held-out picture beside its render: truth left, render right.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+impl Quality {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let options = QualityOptions {
+            captures: self.captures,
+            size: self.size,
+            seconds: self.seconds,
+            tier: self.tier,
+            variant: self.variant,
+            seed: self.seed,
+            pictures: self.pictures,
+        };
+        let report = run(&options)?;
+        report
+            .write(&self.out)
+            .with_context(|| format!("writing {}", self.out.display()))?;
+        println!("{}", report.table());
+        println!("report: {}", self.out.display());
+        Ok(())
+    }
+}

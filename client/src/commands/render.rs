@@ -1,0 +1,147 @@
+//! `yoto render`: pictures of a person, as a trained model knows them.
+
+use super::Server;
+use super::render_what::{FrameRange, read_views};
+use crate::api::YotoClient;
+use crate::progress::ProgressDisplay;
+use anyhow::Context;
+use clap::{ArgGroup, Args};
+use std::path::PathBuf;
+use yoto_proto::v1::{MotionTransfer, Orbit, RenderSpec, render_spec};
+
+const AFTER_HELP: &str = "\
+A view list is a JSON file in the terms of poses.json:
+  {\"views\": [{\"pose\": […], \"translation\": […], \"K\": […], \"E\": […], \"image_size\": [256, 256]}]}
+
+Examples:
+  yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
+  yoto render duo --subject bob --motion ada --frames 0..60:2 --animate --out out/dance
+  yoto render duo --subject ada --view-list views.json --out out/views";
+
+/// Render a person: around a frozen moment, in somebody's motion, or from given views.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "view_list"]))]
+pub(super) struct Render {
+    /// The trained model, by name.
+    model: String,
+    /// Whose body and clothes, by name.
+    #[arg(long, value_name = "NAME")]
+    subject: String,
+    /// Freeze this frame of the person's own capture and go around it.
+    #[arg(long, value_name = "FRAME")]
+    orbit: Option<u32>,
+    /// Views around the circle [default: 24].
+    #[arg(long, conflicts_with_all = ["motion", "view_list"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    views: Option<u32>,
+    /// Move the person as this one moved in their capture.
+    #[arg(long, value_name = "DRIVER")]
+    motion: Option<String>,
+    /// Which frames of the motion, e.g. 0..60:2 [default: all].
+    #[arg(long, conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
+    frames: Option<FrameRange>,
+    /// Poses and cameras from a JSON file.
+    #[arg(long, value_name = "FILE")]
+    view_list: Option<PathBuf>,
+    /// Longest side of the pictures, pixels; a view list carries its own.
+    #[arg(long, default_value_t = 256, value_name = "PX")]
+    size: u32,
+    /// Also write one animated PNG, which browsers play.
+    #[arg(long)]
+    animate: bool,
+    /// Background colour as red, green, blue from 0 to 1.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "0,0,0",
+        value_name = "R,G,B"
+    )]
+    background: Vec<f32>,
+    /// Folder for the pictures.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl Render {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            self.background.len() == 3,
+            "--background takes three numbers, e.g. 1,1,1"
+        );
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        let subject = client.find_subject(&self.subject).await?;
+        let spec = RenderSpec {
+            model: model.name,
+            subject: subject.name,
+            what: Some(self.what(&client).await?),
+            background: self.background,
+            animate: self.animate,
+            fps: 0.0,
+        };
+        let job = client.create_render(spec).await?;
+        let mut display = ProgressDisplay::new(format!(
+            "{} by {}",
+            subject.display_name, model.display_name
+        ));
+        let job = client
+            .wait_for_job(&job.name, |job| display.job(job))
+            .await?;
+        let paths = client.download_all(&job, &self.out).await?;
+        display.finish(&format!("{} files in {}", paths.len(), self.out.display()));
+        for path in paths {
+            println!("{}", path.display());
+        }
+        Ok(())
+    }
+
+    async fn what(&self, client: &YotoClient) -> anyhow::Result<render_spec::What> {
+        if let Some(frame) = self.orbit {
+            let orbit = Orbit {
+                frame,
+                views: self.views.unwrap_or(24),
+                size: self.size,
+            };
+            return Ok(render_spec::What::Orbit(orbit));
+        }
+        if let Some(driver) = &self.motion {
+            let driver = client.find_subject(driver).await?;
+            let range = match self.frames {
+                Some(range) => range,
+                None => whole_capture(client, &driver.captures, &driver.display_name).await?,
+            };
+            return Ok(render_spec::What::Motion(MotionTransfer {
+                driver: driver.name,
+                first_frame: range.first,
+                frame_count: range.count(),
+                frame_step: range.step,
+                size: self.size,
+            }));
+        }
+        let path = self
+            .view_list
+            .as_deref()
+            .context("nothing to render: give --orbit, --motion or --view-list")?;
+        Ok(render_spec::What::Views(read_views(path)?))
+    }
+}
+
+/// All frames of a person's newest capture.
+async fn whole_capture(
+    client: &YotoClient,
+    captures: &[String],
+    person: &str,
+) -> anyhow::Result<FrameRange> {
+    let newest = captures
+        .last()
+        .with_context(|| format!("{person} has no capture to take a motion from"))?;
+    let frames = client.get_capture(newest).await?.frames;
+    anyhow::ensure!(frames > 0, "the capture of {person} is not ingested yet");
+    Ok(FrameRange {
+        first: 0,
+        end: frames,
+        step: 1,
+    })
+}

@@ -1,0 +1,107 @@
+//! `yoto serve`: coordinator and worker in one process.
+
+use crate::embedded::{Embedded, EmbeddedOptions};
+use anyhow::Context;
+use clap::Args;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+Everything the service knows stands in the data folder: an SQLite database and the
+objects (uploads, checkpoints, renders). One process serves a folder at a time.
+
+SIGTERM or ctrl-c: no new work is taken, a training job saves a checkpoint and goes back
+to the queue, and the process ends, whatever its clients do.
+
+Examples:
+  yoto serve
+  yoto serve --data /srv/yoto --listen 127.0.0.1:6000
+  grpcurl -plaintext 127.0.0.1:50051 list";
+
+/// Run the service on this machine: API, jobs, storage and a worker.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Serve {
+    /// Folder for database and objects; made if it is not there.
+    #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
+    data: PathBuf,
+    /// Address to listen at.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051")]
+    listen: SocketAddr,
+    /// Only coordinate: jobs wait until a worker elsewhere takes them.
+    #[arg(long)]
+    no_worker: bool,
+    /// Listen beyond this machine without encryption or keys: anybody who reaches the
+    /// address can read and change everything.
+    #[arg(long)]
+    insecure: bool,
+}
+
+impl Serve {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        check_exposure(self.listen, self.insecure)?;
+        let options = EmbeddedOptions {
+            data: self.data.clone(),
+            listen: Some(self.listen),
+            worker: !self.no_worker,
+        };
+        let mut service = Embedded::start(options)
+            .await
+            .with_context(|| format!("starting the service in {}", self.data.display()))?;
+        if let Some(address) = service.address() {
+            eprintln!("yoto serves http://{address} from {}", self.data.display());
+        }
+        if !self.no_worker {
+            eprintln!("computing on {}", service.device());
+            if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+                eprintln!("{hint}");
+            }
+        }
+        let failure = tokio::select! {
+            asked = asked_to_stop() => asked.context("listening for signals").err(),
+            failed = service.failed() => Some(failed.into()),
+        };
+        eprintln!("stopping");
+        service.shutdown().await.context("stopping the service")?;
+        failure.map_or(Ok(()), Err)
+    }
+}
+
+/// Until TLS and keys guard it, the service is for this machine only.
+fn check_exposure(listen: SocketAddr, insecure: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        listen.ip().is_loopback() || insecure,
+        "{listen} can be reached from other machines, and nothing would guard it: \
+         listen at 127.0.0.1, or add --insecure if the network is trusted"
+    );
+    Ok(())
+}
+
+/// Returns at SIGTERM or ctrl-c.
+async fn asked_to_stop() -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let mut terminate = signal(SignalKind::terminate())?;
+        tokio::select! {
+            _ = terminate.recv() => Ok(()),
+            interrupted = tokio::signal::ctrl_c() => interrupted,
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_loopback_needs_no_flag() {
+        let address = |text: &str| text.parse::<SocketAddr>().expect("an address");
+        assert!(check_exposure(address("127.0.0.1:1"), false).is_ok());
+        assert!(check_exposure(address("[::1]:1"), false).is_ok());
+        assert!(check_exposure(address("0.0.0.0:1"), false).is_err());
+        assert!(check_exposure(address("0.0.0.0:1"), true).is_ok());
+    }
+}

@@ -1,0 +1,81 @@
+//! Plain tables on stdout, and the arguments several commands share.
+
+use yoto_proto::tiers;
+
+/// Rows of equal length as aligned columns under a header.
+pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows
+            .iter()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count());
+        cells
+            .chain(header.get(column).map(|title| title.len()))
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let padded: Vec<String> = cells
+            .zip(&widths)
+            .map(|(cell, &width)| format!("{cell:<width$}"))
+            .collect();
+        padded.join("  ").trim_end().to_owned()
+    };
+    let mut lines = vec![line(&mut header.iter().copied())];
+    lines.extend(
+        rows.iter()
+            .map(|row| line(&mut row.iter().map(String::as_str))),
+    );
+    lines.join("\n")
+}
+
+/// Parses a tier's name.
+pub(super) fn tier(text: &str) -> Result<String, String> {
+    named(text, tiers::TIERS)
+}
+
+/// Parses a variant's name.
+pub(super) fn variant(text: &str) -> Result<String, String> {
+    named(text, tiers::VARIANTS)
+}
+
+fn named(text: &str, table: &[(&str, &str)]) -> Result<String, String> {
+    let known = table.iter().any(|(name, _)| *name == text);
+    known
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("one of: {}", tiers::listed(table)))
+}
+
+/// Parses a length of time in seconds above 0.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("a number of seconds above 0".to_owned()),
+    }
+}
+
+/// `name: what it gives and costs` for each entry, for help texts.
+pub(super) fn explained(table: &[(&str, &str)]) -> String {
+    table
+        .iter()
+        .map(|(name, text)| format!("\n  {name:<18} {text}"))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_align() {
+        let rows = vec![
+            vec!["subjects/1".into(), "ada".into()],
+            vec!["s".into(), "".into()],
+        ];
+        assert_eq!(
+            table(&["NAME", "PERSON"], &rows),
+            "NAME        PERSON\nsubjects/1  ada\ns"
+        );
+    }
+}

@@ -1,0 +1,108 @@
+//! `yoto train`: teach a model its people.
+
+use super::Server;
+use super::model::{create_with, tier_help, variant_help};
+use super::{model, table};
+use crate::progress::{ProgressDisplay, duration};
+use clap::Args;
+use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
+
+const AFTER_HELP: &str = "\
+Training goes on from the model's newest checkpoint. Interrupting this command does not
+stop the job: watch it again with `yoto job watch`, end it with `yoto job cancel`.
+
+Examples:
+  yoto train duo --subjects ada,bob            make the model 'duo', then train it
+  yoto train duo --seconds 600                 go on with it
+  yoto train duo --steps 2000 --size 256 --no-wait";
+
+/// Train a model on all its people at once.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Train {
+    /// The model, by name; with --subjects the name of the model to make.
+    model: String,
+    /// Make the model first, with these people, separated by commas.
+    #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
+    subjects: Vec<String>,
+    /// Quality tier of the model to make [default: fast].
+    #[arg(long, requires = "subjects", value_parser = table::tier, long_help = tier_help())]
+    tier: Option<String>,
+    /// Variant of the model to make [default: yoto].
+    #[arg(long, requires = "subjects", value_parser = table::variant, long_help = variant_help())]
+    variant: Option<String>,
+    /// Budget in seconds of training.
+    #[arg(long, value_parser = table::seconds, default_value = "300", conflicts_with = "steps")]
+    seconds: f64,
+    /// Budget in steps, in place of seconds.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Longest side images are trained at, pixels; 0 keeps the captures' own.
+    #[arg(long, default_value_t = 0, value_name = "PX")]
+    size: u32,
+    /// Seconds between checkpoints.
+    #[arg(long, value_parser = table::seconds, default_value = "30", value_name = "S")]
+    checkpoint_seconds: f64,
+    /// Queue the job and return.
+    #[arg(long)]
+    no_wait: bool,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl Train {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let model = if self.subjects.is_empty() {
+            client.find_model(&self.model).await?
+        } else {
+            let shape = model::Shape {
+                tier: self.tier.unwrap_or_else(|| "fast".to_owned()),
+                variant: self.variant.unwrap_or_else(|| "yoto".to_owned()),
+            };
+            create_with(&client, &self.model, &self.subjects, &shape).await?
+        };
+        let spec = TrainSpec {
+            model: model.name.clone(),
+            seconds: if self.steps.is_some() {
+                0.0
+            } else {
+                self.seconds
+            },
+            steps: self.steps.unwrap_or(0),
+            seed: self.seed,
+            image_size: self.size,
+            checkpoint_seconds: self.checkpoint_seconds,
+        };
+        let job = client.train(spec).await?;
+        println!("{}", job.name);
+        if self.no_wait {
+            return Ok(());
+        }
+        let mut display = ProgressDisplay::new(model.display_name);
+        let job = client
+            .wait_for_job(&job.name, |job| display.job(job))
+            .await?;
+        match job.result.and_then(|result| result.kind) {
+            Some(job_result::Kind::Train(result)) => display.finish(&summary(&result)),
+            _ => display.finish("done"),
+        }
+        Ok(())
+    }
+}
+
+/// `2341 steps in 5:00 on cpu…, 1.2 M parameters, checkpoint … (9.3 MB)`.
+pub(super) fn summary(result: &TrainResult) -> String {
+    format!(
+        "{} steps in {} on {}, {:.2} M parameters, {} ({:.1} MB)",
+        result.steps,
+        duration(result.train_seconds),
+        result.device,
+        result.parameters as f64 / 1e6,
+        result.checkpoint,
+        result.checkpoint_bytes as f64 / 1e6
+    )
+}

@@ -1,0 +1,125 @@
+//! The demo's people: made up, filmed by one camera, and known from every other side too,
+//! so that renders can be compared with a truth that was never uploaded.
+
+use crate::pictures;
+use anyhow::Context;
+use std::path::Path;
+use yoto_avatar::camera::{Camera, Pose};
+use yoto_avatar::capture::FrameImage;
+use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_proto::pose_track::{self, PoseTrack};
+
+/// Frames of each film.
+const FRAMES: usize = 60;
+/// Frames of the film that are looked at from held-out cameras.
+const VIEWED_FRAMES: [usize; 2] = [FRAMES / 4, 3 * FRAMES / 4];
+/// Held-out cameras in use, at most.
+const HELD_OUT_CAMERAS: usize = 4;
+/// Length of the motion that is never filmed, and the frames of it that are rendered.
+const UNSEEN_FRAMES: usize = 16;
+const UNSEEN_CHOSEN: [usize; 4] = [2, 6, 10, 14];
+
+/// One made-up person with their film and what was never filmed.
+#[derive(Debug)]
+pub(super) struct Actor {
+    pub name: String,
+    pub track: PoseTrack,
+    pub film: Vec<FrameImage>,
+    /// Filmed poses from cameras that did not film.
+    pub novel_view: Vec<HeldOut>,
+    /// Poses that were not filmed.
+    pub novel_pose: Vec<HeldOut>,
+}
+
+/// A view with its truth.
+#[derive(Debug)]
+pub(super) struct HeldOut {
+    pub pose: Pose,
+    pub camera: Camera,
+    pub truth: FrameImage,
+}
+
+/// Makes and films `count` people at `size` pixels.
+pub(super) fn film(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Actor>> {
+    SyntheticPerson::cast(count, seed)
+        .iter()
+        .map(|person| Actor::film(person, size))
+        .collect()
+}
+
+impl Actor {
+    fn film(person: &SyntheticPerson, size: u32) -> anyhow::Result<Self> {
+        let (track, film) = person.capture(FRAMES, size);
+        let held_out = |pose: &Pose, camera: &Camera| HeldOut {
+            pose: pose.clone(),
+            camera: camera.clone(),
+            truth: person.render(pose, camera),
+        };
+        let mut cameras = SyntheticPerson::held_out_cameras(size);
+        cameras.truncate(HELD_OUT_CAMERAS);
+        let viewed = VIEWED_FRAMES
+            .iter()
+            .filter_map(|&frame| track.frames.get(frame));
+        let filmed = viewed
+            .map(Pose::from_frame)
+            .collect::<Result<Vec<_>, _>>()?;
+        let novel_view = cameras
+            .iter()
+            .flat_map(|camera| filmed.iter().map(move |pose| held_out(pose, camera)))
+            .collect();
+
+        let unseen = person.unseen_motion(UNSEEN_FRAMES);
+        let unseen: Vec<&Pose> = UNSEEN_CHOSEN
+            .iter()
+            .filter_map(|&frame| unseen.get(frame))
+            .collect();
+        let seen_by: Vec<Camera> = std::iter::once(SyntheticPerson::train_camera(size))
+            .chain(cameras.first().cloned())
+            .collect();
+        let novel_pose = seen_by
+            .iter()
+            .flat_map(|camera| unseen.iter().map(move |pose| held_out(pose, camera)))
+            .collect();
+        Ok(Self {
+            name: person.name().to_owned(),
+            track,
+            film,
+            novel_view,
+            novel_pose,
+        })
+    }
+
+    /// Writes the film as a capture folder: `poses.json`, `frames/`, `masks/`.
+    pub(super) fn write_capture(&self, folder: &Path) -> anyhow::Result<()> {
+        for (frame, image) in self.track.frames.iter().zip(&self.film) {
+            let name = format!("{:06}.png", frame.index);
+            let colours = pictures::rgb(&name, image.width, image.height, &image.rgb)?;
+            pictures::write(&folder.join("frames").join(&name), &colours)?;
+            let mask = pictures::gray(&name, image.width, image.height, &image.mask)?;
+            pictures::write_mask(&folder.join("masks").join(&name), &mask)?;
+        }
+        let poses = folder.join(pose_track::FILE);
+        let json = serde_json::to_vec(&self.track).context("writing the pose track as JSON")?;
+        std::fs::write(&poses, json).with_context(|| format!("writing {}", poses.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_film_is_a_capture_that_the_client_accepts() {
+        let actors = film(1, 24, 3).expect("films");
+        let dir = tempfile::tempdir().expect("temporary folder");
+        actors[0].write_capture(dir.path()).expect("writes");
+        let capture = crate::capture_dir::CaptureDir::open(dir.path()).expect("a good capture");
+        assert_eq!(capture.track.frames.len(), FRAMES);
+        assert_eq!(capture.files.len(), 2 * FRAMES + 1);
+        assert_eq!(
+            actors[0].novel_view.len(),
+            VIEWED_FRAMES.len() * HELD_OUT_CAMERAS
+        );
+        assert_eq!(actors[0].novel_pose.len(), UNSEEN_CHOSEN.len() * 2);
+    }
+}

@@ -1,0 +1,61 @@
+//! The demo's figures: renders, as downloaded, against the truth.
+
+use super::people::{Actor, HeldOut};
+use super::render::HeldOutRenders;
+use crate::pictures;
+use crate::report::{Mean, Report, Score, Settings, SplitScores, SubjectScore, compare};
+use image::RgbImage;
+use yoto_proto::v1::TrainResult;
+
+/// Each actor's figures.
+pub(super) fn subjects(
+    actors: &[Actor],
+    renders: &[HeldOutRenders],
+) -> anyhow::Result<Vec<SubjectScore>> {
+    let subject = |(actor, renders): (&Actor, &HeldOutRenders)| {
+        let novel_view = split(&actor.name, &actor.novel_view, &renders.novel_view)?;
+        let novel_pose = split(&actor.name, &actor.novel_pose, &renders.novel_pose)?;
+        Ok(SubjectScore {
+            name: actor.name.clone(),
+            scores: SplitScores {
+                novel_view,
+                novel_pose,
+            },
+            black_image_psnr: novel_view.black_psnr,
+        })
+    };
+    actors.iter().zip(renders).map(subject).collect()
+}
+
+fn split(name: &str, views: &[HeldOut], renders: &[RgbImage]) -> anyhow::Result<Score> {
+    let mut mean = Mean::default();
+    for (index, (view, render)) in views.iter().zip(renders).enumerate() {
+        let what = format!("view {index} of {name}");
+        let truth = pictures::rgb(&what, view.truth.width, view.truth.height, &view.truth.rgb)?;
+        mean.add(&compare(&what, &truth, &view.truth.mask, render)?);
+    }
+    Ok(mean.score())
+}
+
+/// Figures and costs together.
+pub(super) fn report(
+    subjects: Vec<SubjectScore>,
+    renders: &[HeldOutRenders],
+    trained: TrainResult,
+    settings: Settings,
+) -> Report {
+    let seconds: f64 = renders.iter().map(|render| render.seconds_per_frame).sum();
+    Report {
+        mean: SplitScores::mean(&subjects),
+        subjects,
+        steps: trained.steps,
+        train_seconds: trained.train_seconds,
+        steps_per_second: trained.steps as f64 / trained.train_seconds.max(f64::EPSILON),
+        parameters: trained.parameters,
+        checkpoint_bytes: trained.checkpoint_bytes,
+        device: trained.device,
+        render_seconds_per_frame: seconds / renders.len().max(1) as f64,
+        settings,
+        curve: None,
+    }
+}

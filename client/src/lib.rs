@@ -1,0 +1,26 @@
+//! Talking to a yoto service: the client library and the `yoto` command.
+//!
+//! - [`api`]: the service's calls, for programs.
+//! - [`capture_dir`]: a capture as a folder on disk, checked before it is uploaded.
+//! - [`progress`]: showing how a job gets on.
+//! - [`commands`]: the command line.
+//!
+//! With the feature `embedded` (on by default) a process can also be the service it talks
+//! to (`embedded`), show all of it (`demo`), and measure the model without a
+//! service (`quality`).
+
+pub mod api;
+pub mod capture_dir;
+pub mod commands;
+pub mod progress;
+
+#[cfg(feature = "embedded")]
+pub mod demo;
+#[cfg(feature = "embedded")]
+pub mod embedded;
+#[cfg(feature = "embedded")]
+pub mod pictures;
+#[cfg(feature = "embedded")]
+pub mod quality;
+#[cfg(feature = "embedded")]
+pub mod report;

@@ -1,0 +1,188 @@
+//! Showing how a job gets on: a live bar on a terminal, a plain line every few seconds
+//! anywhere else, always on stderr, so that stdout stays for results.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+use yoto_proto::v1::{Job, Progress, job};
+
+/// Pause between plain lines.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Steps of the bar; a job's fraction is a share of them.
+const BAR: u64 = 1000;
+
+/// The display of one job, or of anything that tells its progress likewise.
+#[derive(Debug)]
+pub struct ProgressDisplay {
+    label: String,
+    bar: Option<ProgressBar>,
+    last_line: Option<(Instant, String)>,
+}
+
+impl ProgressDisplay {
+    /// A display headed by `label`; a bar when stderr is a terminal.
+    pub fn new(label: impl Into<String>) -> Self {
+        let label = label.into();
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar =
+                ProgressBar::with_draw_target(Some(BAR), ProgressDrawTarget::stderr_with_hz(10));
+            if let Ok(style) =
+                ProgressStyle::with_template("{prefix:<14} {bar:24} {percent:>3}% {wide_msg}")
+            {
+                bar.set_style(style);
+            }
+            bar.set_prefix(label.clone());
+            bar.enable_steady_tick(Duration::from_millis(500));
+            bar
+        });
+        Self {
+            label,
+            bar,
+            last_line: None,
+        }
+    }
+
+    /// Shows a job as it stands now.
+    pub fn job(&mut self, job: &Job) {
+        match (job.state(), &job.progress) {
+            (job::State::Queued, _) => {
+                let place = match job.queue_position {
+                    0 => "next in the queue".to_owned(),
+                    ahead => format!("{ahead} ahead in the queue"),
+                };
+                let lost = match job.lost_workers {
+                    0 => String::new(),
+                    lost => format!(" (its worker was lost {lost} times)"),
+                };
+                self.show(0.0, "queued", &format!("queued, {place}{lost}"));
+            }
+            (_, Some(progress)) => self.progress(progress),
+            (_, None) => self.show(0.0, "running", "running"),
+        }
+    }
+
+    /// Shows progress.
+    pub fn progress(&mut self, progress: &Progress) {
+        self.show(progress.fraction, &progress.phase, &describe(progress));
+    }
+
+    /// Shows bytes sent of bytes in all.
+    pub fn bytes(&mut self, sent: u64, of: u64) {
+        let fraction = if of == 0 {
+            1.0
+        } else {
+            sent as f64 / of as f64
+        };
+        self.show(
+            fraction,
+            "uploading",
+            &format!(
+                "uploading {:.1} of {:.1} MB",
+                sent as f64 / 1e6,
+                of as f64 / 1e6
+            ),
+        );
+    }
+
+    /// Takes the bar away and leaves one line that says how it ended.
+    pub fn finish(self, outcome: &str) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        eprintln!("{}: {outcome}", self.label);
+    }
+
+    fn show(&mut self, fraction: f64, phase: &str, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_position((fraction.clamp(0.0, 1.0) * BAR as f64) as u64);
+            bar.set_message(text.to_owned());
+            return;
+        }
+        let due = match &self.last_line {
+            Some((at, last_phase)) => at.elapsed() >= LINE_EVERY || last_phase != phase,
+            None => true,
+        };
+        if due {
+            eprintln!(
+                "{}: {:3.0}% {text}",
+                self.label,
+                100.0 * fraction.clamp(0.0, 1.0)
+            );
+            self.last_line = Some((Instant::now(), phase.to_owned()));
+        }
+    }
+}
+
+/// One line: phase, step, speed, loss, held-out quality, time left; what is not known
+/// yet is left out.
+pub fn describe(progress: &Progress) -> String {
+    let mut parts = vec![if progress.phase.is_empty() {
+        "working".to_owned()
+    } else {
+        progress.phase.clone()
+    }];
+    match (progress.step, progress.total_steps) {
+        (0, 0) => {}
+        (step, 0) => parts.push(format!("step {step}")),
+        (step, total) => parts.push(format!("step {step}/{total}")),
+    }
+    if progress.steps_per_second > 0.0 {
+        parts.push(format!("{:.1} steps/s", progress.steps_per_second));
+    }
+    if progress.loss > 0.0 {
+        parts.push(format!("loss {:.5}", progress.loss));
+    }
+    if let Some(psnr) = progress.psnr {
+        parts.push(format!("held-out {psnr:.2} dB"));
+    }
+    if progress.skipped_steps > 0 {
+        parts.push(format!("{} steps skipped", progress.skipped_steps));
+    }
+    if progress.seconds_left > 0.0 {
+        parts.push(format!("{} left", duration(progress.seconds_left)));
+    }
+    parts.join(" · ")
+}
+
+/// `0:07`, `12:34`, `1:02:03`.
+pub fn duration(seconds: f64) -> String {
+    let seconds = seconds.max(0.0).round() as u64;
+    let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
+    if hours > 0 {
+        format!("{hours}:{minutes:02}:{seconds:02}")
+    } else {
+        format!("{minutes}:{seconds:02}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_carries_what_is_known_and_nothing_else() {
+        let mut progress = Progress {
+            phase: "training".into(),
+            step: 120,
+            ..Progress::default()
+        };
+        assert_eq!(describe(&progress), "training · step 120");
+        progress.total_steps = 400;
+        progress.steps_per_second = 9.31;
+        progress.loss = 0.0123;
+        progress.psnr = Some(24.118);
+        progress.seconds_left = 83.2;
+        assert_eq!(
+            describe(&progress),
+            "training · step 120/400 · 9.3 steps/s · loss 0.01230 · held-out 24.12 dB · 1:23 left"
+        );
+    }
+
+    #[test]
+    fn durations_read_like_a_clock() {
+        assert_eq!(duration(6.6), "0:07");
+        assert_eq!(duration(754.0), "12:34");
+        assert_eq!(duration(3723.0), "1:02:03");
+        assert_eq!(duration(-1.0), "0:00");
+    }
+}

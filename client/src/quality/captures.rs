@@ -1,0 +1,164 @@
+//! The captures that quality is measured on: frames to train on, and pictures held out.
+
+use anyhow::{Context, ensure};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use yoto_avatar::camera::{Camera, Pose};
+use yoto_avatar::capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
+
+/// Pictures of each capture and split that a point of the curve is measured on. All of
+/// them would take longer than the training between two points.
+pub(super) const SUBSET: usize = 6;
+
+/// The two kinds of pictures that training never sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Split {
+    /// Training poses from other cameras.
+    NovelView,
+    /// Poses that were never trained on.
+    NovelPose,
+}
+
+impl Split {
+    /// The folder of its pictures.
+    pub(super) fn folder(self) -> &'static str {
+        match self {
+            Self::NovelView => "novel-view",
+            Self::NovelPose => "novel-pose",
+        }
+    }
+}
+
+/// One person's capture, with held-out pictures at the size that is measured at.
+#[derive(Debug)]
+pub(super) struct Recording {
+    pub name: String,
+    pub shard: Arc<Shard>,
+    pub novel_view: Vec<View>,
+    pub novel_pose: Vec<View>,
+}
+
+/// A held-out picture.
+#[derive(Debug)]
+pub(super) struct View {
+    /// `camera-frame`, unique inside its split.
+    pub label: String,
+    pub pose: Pose,
+    pub camera: Camera,
+    pub truth: FrameImage,
+}
+
+/// Reads the captures in `folders`, held-out pictures brought down to `size` pixels.
+pub(super) fn read_all(folders: &[PathBuf], size: u32) -> anyhow::Result<Vec<Recording>> {
+    let mut recordings: Vec<Recording> = Vec::new();
+    for folder in folders {
+        eprintln!("reading {}", folder.display());
+        let recording =
+            read(folder, size).with_context(|| format!("the capture {}", folder.display()))?;
+        ensure!(
+            recordings.iter().all(|other| other.name != recording.name),
+            "two captures are called {}; figures of people of one name can't be told apart",
+            recording.name
+        );
+        recordings.push(recording);
+    }
+    Ok(recordings)
+}
+
+fn read(path: &Path, size: u32) -> anyhow::Result<Recording> {
+    let folder = CaptureFolder::open(path)?;
+    let view = |held_out: &HeldOutView| -> anyhow::Result<View> {
+        Ok(View {
+            label: format!("{}-{:06}", held_out.camera_name, held_out.frame),
+            pose: held_out.pose.clone(),
+            camera: held_out.camera.scaled_to(size),
+            truth: held_out.read()?.resized(size),
+        })
+    };
+    let views = |held_out: &[HeldOutView]| {
+        held_out
+            .iter()
+            .map(view)
+            .collect::<anyhow::Result<Vec<View>>>()
+    };
+    let recording = Recording {
+        name: name_of(path)?,
+        shard: Arc::new(folder.shard()?),
+        novel_view: views(folder.held_out_views())?,
+        novel_pose: views(folder.held_out_poses())?,
+    };
+    for (split, views) in [
+        ("eval", &recording.novel_view),
+        ("eval_pose", &recording.novel_pose),
+    ] {
+        ensure!(
+            !views.is_empty(),
+            "poses.json: {split}: it names no held-out picture to measure on"
+        );
+    }
+    Ok(recording)
+}
+
+/// A person is called as their folder is.
+fn name_of(path: &Path) -> anyhow::Result<String> {
+    let full = path.canonicalize().context("finding its name")?;
+    let name = full.file_name().context("it has no name")?;
+    Ok(name.to_string_lossy().into_owned())
+}
+
+impl Recording {
+    /// All pictures of a split.
+    pub(super) fn split(&self, split: Split) -> &[View] {
+        match split {
+            Split::NovelView => &self.novel_view,
+            Split::NovelPose => &self.novel_pose,
+        }
+    }
+
+    /// The pictures that points of the curve are measured on, the same at every point.
+    pub(super) fn subset(&self, split: Split) -> impl Iterator<Item = &View> {
+        let views = self.split(split);
+        subset_of(views.len()).filter_map(|index| views.get(index))
+    }
+}
+
+/// [`SUBSET`] of `count` indices, apart enough for all cameras to be among them, and
+/// shifted each time so that not every camera shows its first frame.
+fn subset_of(count: usize) -> impl Iterator<Item = usize> {
+    let chosen = SUBSET.min(count);
+    let stride = count / chosen.max(1);
+    (0..chosen).map(move |index| index * stride + index * stride / chosen.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_subset_takes_every_camera_at_another_frame() {
+        // Six cameras of twenty frames, one camera after the other.
+        let chosen: Vec<(usize, usize)> = subset_of(120)
+            .map(|index| (index / 20, index % 20))
+            .collect();
+        assert_eq!(chosen, [(0, 0), (1, 3), (2, 6), (3, 10), (4, 13), (5, 16)]);
+    }
+
+    #[test]
+    fn small_splits_are_taken_whole() {
+        for count in 0..=SUBSET {
+            assert_eq!(
+                subset_of(count).collect::<Vec<_>>(),
+                (0..count).collect::<Vec<_>>()
+            );
+        }
+        for count in 0..500 {
+            let chosen: std::collections::BTreeSet<usize> = subset_of(count).collect();
+            assert_eq!(
+                chosen.len(),
+                SUBSET.min(count),
+                "{count}: no picture counts twice"
+            );
+            assert!(chosen.iter().all(|&index| index < count));
+        }
+    }
+}

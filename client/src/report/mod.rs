@@ -1,0 +1,302 @@
+//! What a training run reached, as `report.json` and as a table.
+//!
+//! `yoto demo` and `yoto quality` write the same fields, so that one reader serves both.
+
+mod score;
+
+pub use score::{Mean, PictureScore, compare};
+
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// `report.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// One entry a person.
+    pub subjects: Vec<SubjectScore>,
+    /// The subjects' figures, averaged.
+    pub mean: SplitScores,
+    /// Training steps taken.
+    pub steps: u64,
+    /// Seconds of training, without evaluation.
+    pub train_seconds: f64,
+    /// `steps / train_seconds`.
+    pub steps_per_second: f64,
+    /// Trained numbers in the model.
+    pub parameters: u64,
+    /// Size of a checkpoint with optimiser state, bytes.
+    pub checkpoint_bytes: u64,
+    /// What it ran on.
+    pub device: String,
+    /// Seconds to render a frame at the evaluated size.
+    pub render_seconds_per_frame: f64,
+    /// With what it ran.
+    pub settings: Settings,
+    /// Quality over training time, where it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<Curve>,
+}
+
+/// The settings behind a report's figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Quality tier.
+    pub tier: String,
+    /// Model variant.
+    pub variant: String,
+    /// Longest image side trained and evaluated at, pixels.
+    pub size: u32,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// One person's figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SubjectScore {
+    /// Who.
+    pub name: String,
+    /// Both splits.
+    #[serde(flatten)]
+    pub scores: SplitScores,
+    /// PSNR of an all-black picture against the novel views, dB: what knowing nothing gives.
+    pub black_image_psnr: f64,
+}
+
+/// Figures of the two kinds of pictures that were never trained on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SplitScores {
+    /// Training poses from cameras never trained on.
+    pub novel_view: Score,
+    /// Poses never trained on.
+    pub novel_pose: Score,
+}
+
+/// Means over the pictures of a split.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Over the whole picture, dB.
+    pub psnr: f64,
+    /// Inside the bounding box of the person's mask, dB.
+    pub psnr_mask_box: f64,
+    /// Over the whole picture, at most 1.
+    pub ssim: f64,
+    /// PSNR of an all-black picture, dB.
+    pub black_psnr: f64,
+    /// How many pictures.
+    pub pictures: usize,
+}
+
+/// Quality over training time.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Curve {
+    /// Pictures a capture and split that each point is measured on.
+    pub pictures_per_capture: usize,
+    /// Over time, of the novel views.
+    pub novel_view: Vec<CurvePoint>,
+    /// Over time, of the novel poses.
+    pub novel_pose: Vec<CurvePoint>,
+}
+
+/// One measurement while training.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Seconds of training so far.
+    pub seconds: f64,
+    /// Steps so far.
+    pub step: u64,
+    /// As [`Score::psnr`].
+    pub psnr: f64,
+    /// As [`Score::psnr_mask_box`].
+    pub psnr_mask_box: f64,
+    /// As [`Score::ssim`].
+    pub ssim: f64,
+}
+
+impl SplitScores {
+    /// The mean over people, each counting the same.
+    pub fn mean(subjects: &[SubjectScore]) -> Self {
+        let mean = |split: fn(&SplitScores) -> &Score| {
+            let count = subjects.len().max(1) as f64;
+            let over = |value: fn(&Score) -> f64| {
+                subjects
+                    .iter()
+                    .map(|subject| value(split(&subject.scores)))
+                    .sum::<f64>()
+                    / count
+            };
+            Score {
+                psnr: over(|score| score.psnr),
+                psnr_mask_box: over(|score| score.psnr_mask_box),
+                ssim: over(|score| score.ssim),
+                black_psnr: over(|score| score.black_psnr),
+                pictures: subjects
+                    .iter()
+                    .map(|subject| split(&subject.scores).pictures)
+                    .sum(),
+            }
+        };
+        Self {
+            novel_view: mean(|scores| &scores.novel_view),
+            novel_pose: mean(|scores| &scores.novel_pose),
+        }
+    }
+}
+
+impl Report {
+    /// Writes `report.json`, making its folder.
+    ///
+    /// # Errors
+    /// When the file can't be written.
+    pub fn write(&self, path: &Path) -> std::io::Result<()> {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        let mut json = serde_json::to_string_pretty(self)?;
+        json.push('\n');
+        std::fs::write(path, json)
+    }
+
+    /// The figures as a table for people, with a line of what it took.
+    pub fn table(&self) -> String {
+        let row = |name: &str, scores: &SplitScores| {
+            let split = |score: &Score| {
+                let Score {
+                    psnr,
+                    psnr_mask_box,
+                    ssim,
+                    black_psnr,
+                    ..
+                } = score;
+                format!("{psnr:>8.2} {psnr_mask_box:>8.2} {ssim:>7.4} {black_psnr:>7.2}")
+            };
+            format!(
+                "{name:<12} |{} |{}",
+                split(&scores.novel_view),
+                split(&scores.novel_pose)
+            )
+        };
+        let columns = format!("{:>8} {:>8} {:>7} {:>7}", "PSNR", "in box", "SSIM", "black");
+        let mut lines = vec![
+            format!("{:<12} |{:^33} |{:^33}", "", "novel views", "novel poses"),
+            format!("{:<12} |{columns} |{columns}", "person"),
+        ];
+        lines.extend(
+            self.subjects
+                .iter()
+                .map(|subject| row(&subject.name, &subject.scores)),
+        );
+        if self.subjects.len() > 1 {
+            lines.push(row("mean", &self.mean));
+        }
+        lines.push(format!(
+            "{} steps in {:.0} s ({:.1} steps/s) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s a rendered frame",
+            self.steps,
+            self.train_seconds,
+            self.steps_per_second,
+            self.device,
+            self.parameters as f64 / 1e6,
+            self.checkpoint_bytes as f64 / 1e6,
+            self.render_seconds_per_frame
+        ));
+        lines.join("\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn score(psnr: f64) -> Score {
+        Score {
+            psnr,
+            psnr_mask_box: psnr - 5.0,
+            ssim: 0.9,
+            black_psnr: 18.0,
+            pictures: 8,
+        }
+    }
+
+    fn report() -> Report {
+        let subject = |name: &str, psnr: f64| SubjectScore {
+            name: name.into(),
+            scores: SplitScores {
+                novel_view: score(psnr),
+                novel_pose: score(psnr - 1.0),
+            },
+            black_image_psnr: 18.0,
+        };
+        let subjects = vec![subject("ada", 28.0), subject("bob", 26.0)];
+        Report {
+            mean: SplitScores::mean(&subjects),
+            subjects,
+            steps: 1200,
+            train_seconds: 150.0,
+            steps_per_second: 8.0,
+            parameters: 1_500_000,
+            checkpoint_bytes: 18_000_000,
+            device: "cpu".into(),
+            render_seconds_per_frame: 0.8,
+            settings: Settings {
+                tier: "fast".into(),
+                variant: "yoto".into(),
+                size: 128,
+                seed: 7,
+            },
+            curve: None,
+        }
+    }
+
+    #[test]
+    fn the_file_has_the_documented_fields() {
+        let dir = tempfile::tempdir().expect("temporary folder");
+        let path = dir.path().join("new/report.json");
+        report().write(&path).expect("writes");
+        let json: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&path).expect("reads")).expect("is JSON");
+        for field in [
+            "steps",
+            "train_seconds",
+            "steps_per_second",
+            "parameters",
+            "checkpoint_bytes",
+        ] {
+            assert!(json[field].is_number(), "{field}");
+        }
+        assert!(json["device"].is_string() && json["render_seconds_per_frame"].is_number());
+        assert!(json.get("curve").is_none(), "no curve was measured");
+        for split in ["novel_view", "novel_pose"] {
+            for field in ["psnr", "psnr_mask_box", "ssim", "black_psnr"] {
+                assert!(
+                    json["subjects"][1][split][field].is_number(),
+                    "{split}.{field}"
+                );
+            }
+        }
+        assert_eq!(json["subjects"][0]["name"], "ada");
+        let read: Report = serde_json::from_value(json).expect("reads back");
+        assert_eq!(read, report());
+    }
+
+    #[test]
+    fn the_mean_counts_people_alike() {
+        let report = report();
+        assert_eq!(report.mean.novel_view.psnr, 27.0);
+        assert_eq!(report.mean.novel_pose.psnr, 26.0);
+        assert_eq!(report.mean.novel_view.pictures, 16);
+    }
+
+    #[test]
+    fn the_table_names_everybody() {
+        let table = report().table();
+        for text in [
+            "ada",
+            "bob",
+            "mean",
+            "28.00",
+            "23.00",
+            "1200 steps in 150 s",
+        ] {
+            assert!(table.contains(text), "{text} in\n{table}");
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Compiles `yoto/v1/*.proto` with protox, so that no `protoc` is needed.
+
+use std::{env, error::Error, fs, path::PathBuf};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=yoto");
+    let mut protos: Vec<PathBuf> = fs::read_dir("yoto/v1")?
+        .map(|entry| entry.map(|e| e.path()))
+        .collect::<Result<_, _>>()?;
+    protos.sort();
+    let descriptors = protox::Compiler::new(["."])?
+        .include_source_info(true)
+        .include_imports(true)
+        .open_files(protos)?
+        .encode_file_descriptor_set();
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    // Reflection serves these bytes.
+    fs::write(out.join("yoto_descriptor.bin"), &descriptors)?;
+    let set = prost_types::FileDescriptorSet::decode(descriptors.as_slice())?;
+    tonic_prost_build::configure().compile_fds(set)?;
+    Ok(())
+}
+
+use prost::Message;

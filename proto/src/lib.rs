@@ -1,0 +1,36 @@
+//! The contract between client, coordinator and workers.
+//!
+//! [`v1`] is generated from `yoto/v1/*.proto`. Beside it stands only what both sides must
+//! agree on and no message can say: resource names, object keys, the pose track with its
+//! checks, the checkpoint manifest, and the names of tiers and variants.
+
+pub mod keys;
+pub mod manifest;
+pub mod names;
+pub mod pose_track;
+pub mod tiers;
+
+/// Messages, clients and servers of package `yoto.v1`.
+#[allow(missing_docs, clippy::all, clippy::unwrap_used)]
+pub mod v1 {
+    tonic::include_proto!("yoto.v1");
+}
+
+/// The compiled descriptors of `yoto.v1`, for gRPC reflection.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/yoto_descriptor.bin"));
+
+/// SHA-256 of `bytes` in lower-case hex, as every [`v1::ObjectRef`] carries it.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    use sha2::Digest;
+    hex(&sha2::Sha256::digest(bytes))
+}
+
+/// Lower-case hex of `bytes`.
+pub fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write;
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String can't fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}

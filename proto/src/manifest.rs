@@ -1,0 +1,69 @@
+//! The checkpoint manifest: what a checkpoint consists of, each object with its checksum.
+//!
+//! It is written after the data objects and before the database row, so that a checkpoint
+//! is either whole or detectably torn.
+
+use serde::{Deserialize, Serialize};
+
+/// Version written by this program.
+pub const VERSION: u32 = 1;
+
+/// Names of the data objects inside a checkpoint's folder.
+pub mod files {
+    /// Network weights; alone they serve rendering.
+    pub const WEIGHTS: &str = "weights.safetensors";
+    /// Adam moments; needed only to go on training.
+    pub const OPTIMISER: &str = "optimiser.bpk";
+    /// Configuration, step and schedule state as JSON.
+    pub const STATE: &str = "state.json";
+    /// The manifest itself.
+    pub const MANIFEST: &str = "manifest.json";
+}
+
+/// `manifest.json` of a checkpoint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`VERSION`].
+    pub version: u32,
+    /// `models/{id}`.
+    pub model: String,
+    /// Training steps taken.
+    pub step: u64,
+    /// `jobs/{id}` that made it: the same job, leased again, goes on with its budget; another
+    /// job starts its own.
+    #[serde(default)]
+    pub job: String,
+    /// Seconds of that job's training, over all its leases.
+    #[serde(default)]
+    pub job_seconds: f64,
+    /// Steps of that job, over all its leases.
+    #[serde(default)]
+    pub job_steps: u64,
+    /// The data objects.
+    pub objects: Vec<ManifestObject>,
+}
+
+/// One data object of a checkpoint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ManifestObject {
+    /// One of [`files`].
+    pub file: String,
+    /// Key in the object store.
+    pub key: String,
+    /// Size.
+    pub bytes: u64,
+    /// Lower-case hex.
+    pub sha256: String,
+}
+
+impl Manifest {
+    /// The object of `file`, if the checkpoint has it.
+    pub fn object(&self, file: &str) -> Option<&ManifestObject> {
+        self.objects.iter().find(|object| object.file == file)
+    }
+
+    /// Bytes of all data objects.
+    pub fn bytes(&self) -> u64 {
+        self.objects.iter().map(|object| object.bytes).sum()
+    }
+}

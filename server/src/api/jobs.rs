@@ -1,0 +1,90 @@
+//! `yoto.v1.JobService`.
+
+use super::{fields, paging};
+use crate::{
+    context::Context,
+    error::RequestError,
+    jobs::{queue, watch},
+};
+use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+use tonic::{Request, Response, Status};
+use yoto_proto::{
+    names::Collection,
+    v1::{
+        CancelJobRequest, CreateJobRequest, GetJobRequest, Job, ListJobsRequest, ListJobsResponse,
+        WatchJobRequest, WatchJobResponse, job_service_server::JobService,
+    },
+};
+
+/// Work for the workers, and watching it.
+pub struct JobApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+    /// Ends the watch streams, which would otherwise hold up a shutdown.
+    pub drain: CancellationToken,
+}
+
+#[tonic::async_trait]
+impl JobService for JobApi {
+    async fn create_job(
+        &self,
+        request: Request<CreateJobRequest>,
+    ) -> Result<Response<Job>, Status> {
+        let request = request.into_inner();
+        let key = fields::request_key("CreateJob", &request.request_id, &request)?;
+        let spec = request.spec.unwrap_or_default();
+        Ok(Response::new(
+            queue::create(&self.context, spec, key).await?,
+        ))
+    }
+
+    async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
+        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
+        let job = self.context.store.job(&id).await;
+        Ok(Response::new(job.map_err(RequestError::from)?))
+    }
+
+    async fn list_jobs(
+        &self,
+        request: Request<ListJobsRequest>,
+    ) -> Result<Response<ListJobsResponse>, Status> {
+        let request = request.get_ref();
+        let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
+        let entries = self.context.store.jobs(page.page()).await;
+        let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
+        Ok(Response::new(ListJobsResponse {
+            jobs,
+            next_page_token,
+        }))
+    }
+
+    async fn cancel_job(
+        &self,
+        request: Request<CancelJobRequest>,
+    ) -> Result<Response<Job>, Status> {
+        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
+        Ok(Response::new(queue::cancel(&self.context, &id).await?))
+    }
+
+    type WatchJobStream = BoxStream<'static, Result<WatchJobResponse, Status>>;
+
+    async fn watch_job(
+        &self,
+        request: Request<WatchJobRequest>,
+    ) -> Result<Response<Self::WatchJobStream>, Status> {
+        let request = request.get_ref();
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        // An unknown job is answered at once, not as the first item of a stream.
+        self.context
+            .store
+            .job(&id)
+            .await
+            .map_err(RequestError::from)?;
+        let context = Arc::clone(&self.context);
+        let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
+        let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
+        Ok(Response::new(answers.map_err(Status::from).boxed()))
+    }
+}

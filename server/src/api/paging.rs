@@ -1,0 +1,104 @@
+//! Pages of lists: sizes, opaque tokens, and a limit on a page's bytes.
+
+use crate::{
+    config::MAX_MESSAGE_BYTES,
+    error::RequestError,
+    store::{Entry, Page},
+};
+use prost::Message;
+use yoto_proto::hex;
+
+/// Entries of a page when the caller does not say.
+const DEFAULT_SIZE: u32 = 100;
+/// Entries of a page at most.
+const MAX_SIZE: u32 = 1000;
+/// A page of several entries stays below this, so that it fits into a message.
+const MAX_PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 2;
+
+/// A list call's page.
+pub struct Request {
+    list: &'static str,
+    size: u32,
+    after: Option<i64>,
+}
+
+impl Request {
+    /// Reads `page_size` and `page_token` of a call on `list`.
+    pub fn read(list: &'static str, size: i32, token: &str) -> Result<Self, RequestError> {
+        let size = u32::try_from(size)
+            .map_err(|_| RequestError::invalid("page_size", format!("{size} is below 0")))?;
+        let size = if size == 0 {
+            DEFAULT_SIZE
+        } else {
+            size.min(MAX_SIZE)
+        };
+        let after = match token {
+            "" => None,
+            token => Some(position(list, token).ok_or_else(|| {
+                RequestError::invalid("page_token", "is not a token that this list gave out")
+            })?),
+        };
+        Ok(Self { list, size, after })
+    }
+
+    /// What to ask of the store: an entry more than wanted tells whether a page follows.
+    pub fn page(&self) -> Page {
+        Page {
+            limit: self.size + 1,
+            after: self.after,
+        }
+    }
+
+    /// The page's entries, and the next page's token (empty behind the last).
+    pub fn cut<T: Message>(&self, entries: Vec<Entry<T>>) -> (Vec<T>, String) {
+        let mut items = Vec::with_capacity(entries.len());
+        let (mut bytes, mut last) = (0, 0);
+        for entry in entries {
+            bytes += entry.item.encoded_len();
+            let full = items.len() >= self.size as usize || bytes > MAX_PAGE_BYTES;
+            if full && !items.is_empty() {
+                return (items, hex(format!("{}:{last}", self.list).as_bytes()));
+            }
+            last = entry.position;
+            items.push(entry.item);
+        }
+        (items, String::new())
+    }
+}
+
+/// The position in a token, which is the hex of `list:position`.
+fn position(list: &str, token: &str) -> Option<i64> {
+    let mut bytes = Vec::with_capacity(token.len() / 2);
+    for pair in token.as_bytes().chunks(2) {
+        bytes.push(u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?);
+    }
+    let text = String::from_utf8(bytes).ok()?;
+    text.strip_prefix(list)?.strip_prefix(':')?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_proto::v1::Job;
+
+    #[test]
+    fn a_token_leads_behind_the_last_entry_of_its_own_list_only() {
+        let request = Request::read("jobs", 2, "").expect("a good request");
+        let entries = (1..=request.page().limit).map(|n| Entry {
+            position: i64::from(n),
+            item: Job {
+                name: format!("jobs/{n}"),
+                ..Job::default()
+            },
+        });
+        let (items, token) = request.cut(entries.collect());
+        assert_eq!(items.len(), 2);
+        let next = Request::read("jobs", 2, &token).expect("its own token");
+        assert_eq!(next.page().after, Some(2));
+        assert!(Request::read("models", 2, &token).is_err());
+        for bad in ["x", "ü", "6a", "zz", &"0".repeat(999)] {
+            assert!(Request::read("jobs", 2, bad).is_err(), "{bad}");
+        }
+        assert!(Request::read("jobs", -1, "").is_err());
+    }
+}

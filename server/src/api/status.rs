@@ -1,0 +1,83 @@
+//! Errors as clients see them: a gRPC code with `google.rpc` details.
+//!
+//! What is wrong with a request is told in full. What is wrong inside is logged here, once,
+//! and told to nobody: inner details help attackers, not callers.
+
+use crate::{error::RequestError, store::StoreError};
+use std::collections::HashMap;
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt};
+
+/// The domain of every `ErrorInfo`.
+const DOMAIN: &str = "yoto.v1";
+
+impl From<RequestError> for Status {
+    fn from(error: RequestError) -> Self {
+        let text = error.to_string();
+        match error {
+            RequestError::NotFound { name } => {
+                status(Code::NotFound, text, "NOT_FOUND", &[("name", name)])
+            }
+            RequestError::Invalid { field, message } => invalid(text, field, message),
+            RequestError::Precondition { reason, .. } => {
+                status(Code::FailedPrecondition, text, reason, &[])
+            }
+            RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
+            RequestError::Stream(status) => status,
+            RequestError::Store(error) => store(error),
+            RequestError::Objects(error) => internal(&error),
+        }
+    }
+}
+
+fn store(error: StoreError) -> Status {
+    let text = error.to_string();
+    match error {
+        StoreError::NotFound { name } => {
+            status(Code::NotFound, text, "NOT_FOUND", &[("name", name)])
+        }
+        StoreError::RequestIdReused { request_id } => {
+            let metadata = [("request_id", request_id)];
+            status(Code::AlreadyExists, text, "REQUEST_ID_REUSED", &metadata)
+        }
+        StoreError::StaleLease { job, token } => {
+            let metadata = [("job", job), ("token", token.to_string())];
+            status(Code::FailedPrecondition, text, "STALE_LEASE", &metadata)
+        }
+        StoreError::Rule { reason, .. } => status(Code::FailedPrecondition, text, reason, &[]),
+        StoreError::TooLarge { field, value } => {
+            invalid(text, field.to_owned(), format!("{value} is too large"))
+        }
+        error @ (StoreError::Database { .. } | StoreError::Corrupt { .. }) => internal(&error),
+    }
+}
+
+fn status(
+    code: Code,
+    text: String,
+    reason: &'static str,
+    metadata: &[(&'static str, String)],
+) -> Status {
+    let metadata: HashMap<String, String> = metadata
+        .iter()
+        .map(|(key, value)| ((*key).to_owned(), value.clone()))
+        .collect();
+    Status::with_error_details(
+        code,
+        text,
+        ErrorDetails::with_error_info(reason, DOMAIN, metadata),
+    )
+}
+
+fn invalid(text: String, field: String, message: String) -> Status {
+    let metadata = HashMap::from([("field".to_owned(), field.clone())]);
+    let mut details = ErrorDetails::with_error_info("INVALID_ARGUMENT", DOMAIN, metadata);
+    details.add_bad_request_violation(field, message);
+    Status::with_error_details(Code::InvalidArgument, text, details)
+}
+
+fn internal(error: &dyn std::error::Error) -> Status {
+    tracing::error!(%error, "a request failed inside");
+    let text = "an error inside the coordinator; its log says more".to_owned();
+    status(Code::Internal, text, "INTERNAL", &[])
+}

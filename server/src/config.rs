@@ -1,0 +1,85 @@
+//! What an operator can set, with the defaults of the embedded shape.
+
+use crate::error::ServerError;
+use std::{path::PathBuf, time::Duration};
+use url::Url;
+
+/// Longest gRPC message that either side takes, bytes. A list of views or of a capture's
+/// files is longer than tonic's default of 4 MiB.
+pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
+
+/// Settings of a [`crate::Coordinator`].
+#[derive(Debug, Clone)]
+pub struct ServerConfig {
+    /// Folder of the database, the lock, and (by default) the objects.
+    pub data_dir: PathBuf,
+    /// Where objects are stored, `file:///…`; none means `objects/` in the data folder.
+    pub objects: Option<Url>,
+    /// How long a worker may stay silent before its job goes to another.
+    pub lease_seconds: f64,
+    /// How often to look for leases that ran out.
+    pub reap_interval: Duration,
+    /// How many workers a job may lose before it FAILS.
+    pub max_lost_workers: u32,
+    /// How often a watched job is read when nothing announces a change.
+    pub watch_poll: Duration,
+    /// How long open connections may take to end after a shutdown began.
+    pub shutdown_grace: Duration,
+    /// Limits of one uploaded capture.
+    pub upload: UploadLimits,
+}
+
+/// Limits of one uploaded capture; they hold before anything is decoded.
+#[derive(Debug, Clone)]
+pub struct UploadLimits {
+    /// Bytes of one file, which is held in memory until its checksum is known.
+    pub file_bytes: u64,
+    /// Bytes of all files.
+    pub capture_bytes: u64,
+    /// Number of files.
+    pub files: usize,
+    /// How long the client may send nothing.
+    pub idle: Duration,
+}
+
+impl ServerConfig {
+    /// The defaults, with everything in `data_dir`.
+    pub fn new(data_dir: impl Into<PathBuf>) -> Self {
+        Self {
+            data_dir: data_dir.into(),
+            objects: None,
+            lease_seconds: 20.0,
+            reap_interval: Duration::from_millis(500),
+            max_lost_workers: 5,
+            watch_poll: Duration::from_millis(250),
+            shutdown_grace: Duration::from_secs(5),
+            upload: UploadLimits {
+                file_bytes: 64 << 20,
+                capture_bytes: 8 << 30,
+                files: 200_000,
+                idle: Duration::from_secs(60),
+            },
+        }
+    }
+
+    /// Refuses settings under which nothing could ever run.
+    pub(crate) fn check(&self) -> Result<(), ServerError> {
+        if !(self.lease_seconds.is_finite() && self.lease_seconds > 0.0) {
+            let message = format!(
+                "lease_seconds is {}; it must be above 0",
+                self.lease_seconds
+            );
+            return Err(ServerError::Config(message));
+        }
+        if self.reap_interval.is_zero() || self.watch_poll.is_zero() {
+            let message = "reap_interval and watch_poll must be above 0".to_owned();
+            return Err(ServerError::Config(message));
+        }
+        if self.max_lost_workers == 0 {
+            return Err(ServerError::Config(
+                "max_lost_workers must be at least 1".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,25 @@
+//! What every service and background task of one coordinator shares.
+
+use crate::{
+    config::ServerConfig, jobs::changes::JobChanges, lock::DataDirLock, objects::Objects,
+    store::Store,
+};
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+
+/// The shared parts. The lock is in here, so the data folder stays taken for as long as
+/// anything can still write to it.
+pub struct Context {
+    /// Settings.
+    pub config: ServerConfig,
+    /// The catalogue and the queue.
+    pub store: Arc<dyn Store>,
+    /// Uploads, shards, checkpoints, renders.
+    pub objects: Objects,
+    /// Wakes those who watch jobs.
+    pub changes: JobChanges,
+    /// Ends background tasks and watch streams.
+    pub stop: CancellationToken,
+    /// Keeps other coordinators off the data folder.
+    pub lock: DataDirLock,
+}

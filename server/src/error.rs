@@ -1,0 +1,99 @@
+//! What can go wrong: while the coordinator opens or serves, and while it answers a request.
+
+use crate::{objects::ObjectsError, store::StoreError};
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// The coordinator can't open or serve.
+#[derive(Debug, Error)]
+pub enum ServerError {
+    /// Another process owns the data folder.
+    #[error(
+        "the data folder {} is in use by another coordinator; stop it, or choose another folder",
+        path.display()
+    )]
+    DataDirInUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The data folder can't be used.
+    #[error("data folder {}: {cause}", path.display())]
+    DataDir {
+        /// The folder or a file in it.
+        path: PathBuf,
+        /// Why.
+        cause: std::io::Error,
+    },
+    /// The configuration makes no sense.
+    #[error("configuration: {0}")]
+    Config(String),
+    /// The database can't be opened.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The object store can't be opened.
+    #[error(transparent)]
+    Objects(#[from] ObjectsError),
+    /// The gRPC transport failed.
+    #[error("serving gRPC")]
+    Transport(#[from] tonic::transport::Error),
+    /// The reflection service could not be made.
+    #[error("gRPC reflection")]
+    Reflection(#[from] tonic_reflection::server::Error),
+}
+
+/// A request can't be answered as asked. [`crate::api`] turns it into a gRPC status.
+#[derive(Debug, Error)]
+pub enum RequestError {
+    /// No such resource.
+    #[error("{name} does not exist")]
+    NotFound {
+        /// Its name.
+        name: String,
+    },
+    /// A field of the request is malformed.
+    #[error("{field}: {message}")]
+    Invalid {
+        /// Path of the field in the request.
+        field: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The request is well-formed, but not possible as things stand.
+    #[error("{message}")]
+    Precondition {
+        /// Machine-readable.
+        reason: &'static str,
+        /// For people.
+        message: String,
+    },
+    /// The coordinator is going down; another call may succeed.
+    #[error("the coordinator is shutting down")]
+    ShuttingDown,
+    /// The caller's own stream broke off.
+    #[error("the request stream broke off: {0}")]
+    Stream(tonic::Status),
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The object store.
+    #[error(transparent)]
+    Objects(#[from] ObjectsError),
+}
+
+impl RequestError {
+    /// A malformed `field`.
+    pub fn invalid(field: impl Into<String>, message: impl Into<String>) -> Self {
+        Self::Invalid {
+            field: field.into(),
+            message: message.into(),
+        }
+    }
+
+    /// Not possible now, because of `reason`.
+    pub fn precondition(reason: &'static str, message: impl Into<String>) -> Self {
+        Self::Precondition {
+            reason,
+            message: message.into(),
+        }
+    }
+}

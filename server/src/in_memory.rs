@@ -1,0 +1,65 @@
+//! gRPC without a socket: the embedded worker and client speak to the coordinator through
+//! pipes in memory, by the same protocol and the same code as over a network.
+
+use crate::config::MAX_MESSAGE_BYTES;
+use futures::Stream;
+use hyper_util::rt::TokioIo;
+use std::{
+    io,
+    pin::Pin,
+    task::{Context, Poll},
+};
+use tokio::{io::DuplexStream, sync::mpsc};
+use tonic::transport::{Channel, Endpoint};
+
+/// Bytes that a pipe holds in each direction before its writer waits.
+const PIPE_BYTES: usize = 1 << 20;
+/// Connections that may wait to be accepted.
+const BACKLOG: usize = 64;
+
+/// Both ends of an in-memory network: one to connect with, one to serve.
+pub fn in_memory() -> (InMemoryConnector, InMemoryIncoming) {
+    let (sender, receiver) = mpsc::channel(BACKLOG);
+    (InMemoryConnector { sender }, InMemoryIncoming { receiver })
+}
+
+/// Connects to whoever serves the [`InMemoryIncoming`] of the pair.
+#[derive(Debug, Clone)]
+pub struct InMemoryConnector {
+    sender: mpsc::Sender<DuplexStream>,
+}
+
+impl InMemoryConnector {
+    /// A channel that connects at its first call, and again when its connection is lost.
+    pub fn channel(&self) -> Channel {
+        let sender = self.sender.clone();
+        let connect = tower::service_fn(move |_| {
+            let sender = sender.clone();
+            async move {
+                let (near, far) = tokio::io::duplex(PIPE_BYTES);
+                let refused = |_| io::Error::from(io::ErrorKind::ConnectionRefused);
+                sender.send(far).await.map_err(refused)?;
+                Ok::<_, io::Error>(TokioIo::new(near))
+            }
+        });
+        // The address only fills the protocol's authority header.
+        Endpoint::from_static("http://in-memory")
+            .initial_stream_window_size(MAX_MESSAGE_BYTES as u32)
+            .initial_connection_window_size(MAX_MESSAGE_BYTES as u32)
+            .connect_with_connector_lazy(connect)
+    }
+}
+
+/// The connections to serve; ends when every connector and channel is gone.
+#[derive(Debug)]
+pub struct InMemoryIncoming {
+    receiver: mpsc::Receiver<DuplexStream>,
+}
+
+impl Stream for InMemoryIncoming {
+    type Item = io::Result<DuplexStream>;
+
+    fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        self.receiver.poll_recv(cx).map(|stream| stream.map(Ok))
+    }
+}

@@ -1,0 +1,78 @@
+//! Hands queued jobs to workers.
+
+use super::inputs;
+use crate::{
+    context::Context,
+    error::RequestError,
+    store::{Ending, LeaseKey, NewWorker},
+};
+use yoto_proto::{
+    names::Collection,
+    v1::{Job, Lease},
+};
+
+/// Adds a worker and returns its id.
+///
+/// # Errors
+/// When the store fails.
+pub async fn register(context: &Context, new: NewWorker) -> Result<String, RequestError> {
+    let (name, device) = (new.display_name.clone(), new.device.clone());
+    let id = context.store.register_worker(new).await?;
+    tracing::info!(
+        worker = id,
+        name,
+        adapter = device.adapter,
+        gpu = device.gpu,
+        "worker registered"
+    );
+    Ok(id)
+}
+
+/// Leases the oldest job that the worker can run, with its inputs; none when none waits.
+///
+/// # Errors
+/// When the worker is unknown or the store fails. A job whose inputs can't be read goes
+/// back to the queue.
+pub async fn lease(context: &Context, worker_id: &str) -> Result<Option<Lease>, RequestError> {
+    let lease_seconds = context.config.lease_seconds;
+    let Some(job) = context.store.lease_job(worker_id, lease_seconds).await? else {
+        return Ok(None);
+    };
+    context.changes.announce();
+    tracing::info!(
+        job = job.name,
+        token = job.lease,
+        worker = worker_id,
+        "job leased"
+    );
+    match inputs::resolve(context, &job.spec.clone().unwrap_or_default()).await {
+        Ok(inputs) => {
+            let token = job.lease;
+            Ok(Some(Lease {
+                job: Some(job),
+                token,
+                lease_seconds,
+                inputs: Some(inputs),
+            }))
+        }
+        Err(error) => {
+            give_back(context, &job).await;
+            Err(error)
+        }
+    }
+}
+
+/// Should this fail, too, the reaper takes the job back when the lease runs out.
+async fn give_back(context: &Context, job: &Job) {
+    let Ok(id) = Collection::Jobs.parse(&job.name) else {
+        return;
+    };
+    let key = LeaseKey {
+        job_id: id.to_owned(),
+        token: job.lease,
+    };
+    if let Err(error) = context.store.end_job(&key, Ending::Requeued).await {
+        tracing::warn!(job = job.name, %error, "could not put a job back into the queue");
+    }
+    context.changes.announce();
+}

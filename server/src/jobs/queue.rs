@@ -1,0 +1,120 @@
+//! Queues and cancels jobs.
+//!
+//! A job is refused now rather than failing later when the catalogue can't serve it. What
+//! is checked here only grows (slots, shards, checkpoints), so it still holds when the job
+//! is leased.
+
+use super::spec;
+use crate::{
+    context::Context,
+    error::RequestError,
+    store::{JobKind, RequestKey, StoreError},
+};
+use yoto_proto::{
+    names::Collection,
+    v1::{Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec, render_spec::What},
+};
+
+/// Checks a job and queues it.
+///
+/// # Errors
+/// When the order is malformed, names what does not exist, or can't be served yet.
+pub async fn create(
+    context: &Context,
+    spec: JobSpec,
+    request: Option<RequestKey>,
+) -> Result<Job, RequestError> {
+    spec::check_size(&spec)?;
+    match &spec.kind {
+        Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
+        Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
+        Some(job_spec::Kind::Ingest(_)) => {
+            let message = "ingest jobs are started by uploading a capture";
+            return Err(RequestError::invalid("spec.ingest", message));
+        }
+        None => return Err(RequestError::invalid("spec", "says no kind of job")),
+    }
+    let kind = JobKind::of(&spec).map_or("", JobKind::as_str);
+    let job = context.store.create_job(spec, request).await?;
+    context.changes.announce();
+    tracing::info!(job = job.name, kind, "job queued");
+    Ok(job)
+}
+
+/// Cancels a job: a queued one at once, a running one through its worker.
+///
+/// # Errors
+/// When there is no such job.
+pub async fn cancel(context: &Context, id: &str) -> Result<Job, RequestError> {
+    let job = context.store.cancel_job(id).await?;
+    context.changes.announce();
+    tracing::info!(
+        job = job.name,
+        state = job.state().as_str_name(),
+        "job cancel requested"
+    );
+    Ok(job)
+}
+
+async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
+    spec::check_train(train)?;
+    let model = model(context, "spec.train.model", &train.model).await?;
+    if model.slots.is_empty() {
+        let message = format!("{} has no identities; add a subject first", model.name);
+        return Err(RequestError::precondition("NO_IDENTITIES", message));
+    }
+    for slot in &model.slots {
+        require_shard(context, "spec.train.model", &slot.subject).await?;
+    }
+    Ok(())
+}
+
+async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
+    spec::check_render(render)?;
+    let model = model(context, "spec.render.model", &render.model).await?;
+    require_shard(context, "spec.render.subject", &render.subject).await?;
+    if !model
+        .slots
+        .iter()
+        .any(|slot| slot.subject == render.subject)
+    {
+        let message = format!("{} has no slot in {}", render.subject, model.name);
+        return Err(RequestError::precondition("NO_SLOT", message));
+    }
+    if let Some(What::Motion(motion)) = &render.what {
+        require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
+    }
+    let model_id = parse(Collection::Models, "spec.render.model", &render.model)?;
+    if context.store.checkpoints(model_id, 1).await?.is_empty() {
+        let message = format!("{} has no checkpoint; train it first", model.name);
+        return Err(RequestError::precondition("NO_CHECKPOINT", message));
+    }
+    Ok(())
+}
+
+async fn model(context: &Context, field: &str, name: &str) -> Result<Model, RequestError> {
+    Ok(context
+        .store
+        .model(parse(Collection::Models, field, name)?)
+        .await?)
+}
+
+/// The subject exists and has a shard to learn from.
+async fn require_shard(context: &Context, field: &str, name: &str) -> Result<(), RequestError> {
+    let id = parse(Collection::Subjects, field, name)?;
+    if context.store.shard(id).await?.is_some() {
+        return Ok(());
+    }
+    let state = context.store.subject(id).await?.state().as_str_name();
+    Err(StoreError::Rule {
+        reason: "SUBJECT_NOT_READY",
+        message: format!("{name} is {state}; it needs a capture that is READY"),
+    }
+    .into())
+}
+
+fn parse<'a>(collection: Collection, field: &str, name: &'a str) -> Result<&'a str, RequestError> {
+    collection
+        .parse(name)
+        .map_err(|error| RequestError::invalid(field, error.to_string()))
+}

@@ -1,0 +1,222 @@
+//! What workers report of their leased jobs.
+//!
+//! A worker's word is checked before it becomes the catalogue's: keys must be those that
+//! this job may write under this token, and the objects must be there.
+
+use crate::{
+    context::Context,
+    error::RequestError,
+    objects::upload::is_sha256,
+    store::{Ending, LeaseKey},
+};
+use yoto_proto::{
+    keys,
+    names::{self, Collection},
+    v1::{
+        Checkpoint, IngestResult, JobResult, JobSpec, ObjectRef, Progress, RenderResult,
+        TrainResult, job, job_result, job_spec,
+    },
+};
+
+/// Extends the lease and records progress. Returns whether the job is to be cancelled.
+///
+/// # Errors
+/// When the lease is stale.
+pub async fn heartbeat(
+    context: &Context,
+    lease: &LeaseKey,
+    progress: Option<Progress>,
+) -> Result<bool, RequestError> {
+    let seconds = context.config.lease_seconds;
+    let cancel = context.store.heartbeat(lease, progress, seconds).await?;
+    context.changes.announce();
+    Ok(cancel)
+}
+
+/// Makes a checkpoint the model's newest.
+///
+/// # Errors
+/// When the lease is stale, or the checkpoint is not one of this job and lease.
+pub async fn publish(
+    context: &Context,
+    lease: &LeaseKey,
+    checkpoint: Checkpoint,
+) -> Result<(), RequestError> {
+    let Some(job_spec::Kind::Train(train)) = leased_spec(context, lease).await?.kind else {
+        return Err(RequestError::invalid(
+            "job",
+            "only a train job publishes checkpoints",
+        ));
+    };
+    let step = checkpoint.step;
+    if checkpoint.name != names::checkpoint(&train.model, step) {
+        let message = format!(
+            "'{}' is not step {step} of {}",
+            checkpoint.name, train.model
+        );
+        return Err(RequestError::invalid("checkpoint.name", message));
+    }
+    if checkpoint.psnr.is_some_and(|psnr| !psnr.is_finite()) {
+        return Err(RequestError::invalid("checkpoint.psnr", "is not finite"));
+    }
+    let model_id = parse(Collection::Models, "job", &train.model)?;
+    let folder = keys::checkpoint(model_id, &lease.job_id, lease.token, step);
+    let in_folder = |key: &str| key.starts_with(&format!("{folder}/"));
+    require(
+        context,
+        "checkpoint.manifest",
+        checkpoint.manifest.as_ref(),
+        in_folder,
+    )
+    .await?;
+    context.store.publish_checkpoint(lease, checkpoint).await?;
+    tracing::info!(job = lease.job_id, step, "checkpoint published");
+    Ok(())
+}
+
+/// Ends the job with its result.
+///
+/// # Errors
+/// When the lease is stale, or the result is not one of this job and lease.
+pub async fn complete(
+    context: &Context,
+    lease: &LeaseKey,
+    result: JobResult,
+) -> Result<(), RequestError> {
+    let spec = leased_spec(context, lease).await?;
+    match (&spec.kind, &result.kind) {
+        (Some(job_spec::Kind::Ingest(spec)), Some(job_result::Kind::Ingest(result))) => {
+            check_ingest(context, lease, &spec.capture, result).await?;
+        }
+        (Some(job_spec::Kind::Train(spec)), Some(job_result::Kind::Train(result))) => {
+            check_train(context, &spec.model, result).await?;
+        }
+        (Some(job_spec::Kind::Render(_)), Some(job_result::Kind::Render(result))) => {
+            check_render(context, lease, result).await?;
+        }
+        _ => return Err(RequestError::invalid("result", "is not of the job's kind")),
+    }
+    context.store.complete_job(lease, result).await?;
+    context.changes.announce();
+    tracing::info!(job = lease.job_id, token = lease.token, "job succeeded");
+    Ok(())
+}
+
+/// Ends the job without a result, or gives it back.
+///
+/// # Errors
+/// When the lease is stale, or the worker stopped for a cancel that nobody asked for.
+pub async fn end(context: &Context, lease: &LeaseKey, ending: Ending) -> Result<(), RequestError> {
+    context.store.end_job(lease, ending.clone()).await?;
+    context.changes.announce();
+    tracing::info!(
+        job = lease.job_id,
+        token = lease.token,
+        ?ending,
+        "job given up by its worker"
+    );
+    Ok(())
+}
+
+/// The job's order, if the lease holds. The write that follows checks the lease again.
+async fn leased_spec(context: &Context, lease: &LeaseKey) -> Result<JobSpec, RequestError> {
+    let job = context.store.job(&lease.job_id).await?;
+    if job.lease != lease.token || job.state() != job::State::Running {
+        let token = lease.token;
+        return Err(crate::store::StoreError::StaleLease {
+            job: job.name,
+            token,
+        }
+        .into());
+    }
+    Ok(job.spec.unwrap_or_default())
+}
+
+async fn check_ingest(
+    context: &Context,
+    lease: &LeaseKey,
+    capture: &str,
+    result: &IngestResult,
+) -> Result<(), RequestError> {
+    let capture_id = parse(Collection::Captures, "job", capture)?;
+    let expected = keys::shard(capture_id, &lease.job_id, lease.token);
+    require(
+        context,
+        "result.ingest.shard",
+        result.shard.as_ref(),
+        |key| key == expected,
+    )
+    .await?;
+    if result.frames == 0 || result.width == 0 || result.height == 0 {
+        return Err(RequestError::invalid(
+            "result.ingest",
+            "a READY capture has frames",
+        ));
+    }
+    Ok(())
+}
+
+async fn check_train(
+    context: &Context,
+    model: &str,
+    result: &TrainResult,
+) -> Result<(), RequestError> {
+    let model_id = parse(Collection::Models, "job", model)?;
+    let checkpoints = context.store.checkpoints(model_id, u32::MAX).await?;
+    if checkpoints
+        .iter()
+        .any(|checkpoint| checkpoint.name == result.checkpoint)
+    {
+        return Ok(());
+    }
+    let message = format!("'{}' was not published", result.checkpoint);
+    Err(RequestError::invalid("result.train.checkpoint", message))
+}
+
+async fn check_render(
+    context: &Context,
+    lease: &LeaseKey,
+    result: &RenderResult,
+) -> Result<(), RequestError> {
+    for (i, file) in result.files.iter().enumerate() {
+        let expected = keys::render(&lease.job_id, lease.token, &file.file);
+        let field = format!("result.render.files[{i}].object");
+        require(context, &field, file.object.as_ref(), |key| key == expected).await?;
+    }
+    Ok(())
+}
+
+/// The object is named, may be written under this lease, and is there.
+async fn require(
+    context: &Context,
+    field: &str,
+    object: Option<&ObjectRef>,
+    allowed: impl Fn(&str) -> bool,
+) -> Result<(), RequestError> {
+    let Some(object) = object else {
+        return Err(RequestError::invalid(field, "is missing"));
+    };
+    if !allowed(&object.key) {
+        let message = format!("'{}' is not a key of this job under this token", object.key);
+        return Err(RequestError::invalid(format!("{field}.key"), message));
+    }
+    if !is_sha256(&object.sha256) {
+        return Err(RequestError::invalid(
+            format!("{field}.sha256"),
+            "is not a SHA-256",
+        ));
+    }
+    context.objects.require(object).await.map_err(|error| {
+        if error.is_mismatch() {
+            RequestError::invalid(field, error.to_string())
+        } else {
+            error.into()
+        }
+    })
+}
+
+fn parse<'a>(collection: Collection, field: &str, name: &'a str) -> Result<&'a str, RequestError> {
+    collection
+        .parse(name)
+        .map_err(|error| RequestError::invalid(field, error.to_string()))
+}

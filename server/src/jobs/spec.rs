@@ -1,0 +1,256 @@
+//! Whether a job's order is well-formed, by itself. What the catalogue must hold for it
+//! is checked in [`super::queue`].
+
+use crate::error::RequestError;
+use prost::Message;
+use yoto_proto::{
+    pose_track::{MAX_JOINTS, MAX_SIDE},
+    v1::{
+        BodyPose, Camera, JobSpec, MotionTransfer, Orbit, RenderSpec, TrainSpec, View,
+        render_spec::What,
+    },
+};
+
+/// Longest encoded order: a job must fit into a message beside its result.
+const MAX_SPEC_BYTES: usize = 8 << 20;
+/// Longest side of a rendered picture, pixels.
+const MAX_RENDER_SIDE: u32 = 4096;
+/// Most pictures of one render job.
+const MAX_PICTURES: u32 = 10_000;
+/// Fastest animation, frames a second.
+const MAX_FPS: f32 = 120.0;
+/// Longest training budget: 90 days.
+const MAX_TRAIN_SECONDS: f64 = 90.0 * 86_400.0;
+
+type Checked = Result<(), RequestError>;
+
+fn ensure(holds: bool, field: &str, message: impl FnOnce() -> String) -> Checked {
+    if holds {
+        Ok(())
+    } else {
+        Err(RequestError::invalid(field, message()))
+    }
+}
+
+/// Orders have a size, too.
+pub fn check_size(spec: &JobSpec) -> Checked {
+    let bytes = spec.encoded_len();
+    ensure(bytes <= MAX_SPEC_BYTES, "spec", || {
+        format!("{bytes} bytes; at most {MAX_SPEC_BYTES} are allowed, so split the job")
+    })
+}
+
+/// Budget and sizes of a training.
+pub fn check_train(train: &TrainSpec) -> Checked {
+    ensure(
+        train.seconds.is_finite() && (0.0..=MAX_TRAIN_SECONDS).contains(&train.seconds),
+        "spec.train.seconds",
+        || format!("{} is not between 0 and {MAX_TRAIN_SECONDS}", train.seconds),
+    )?;
+    ensure(
+        train.seconds > 0.0 || train.steps > 0,
+        "spec.train.seconds",
+        || "a training needs a budget: seconds or steps above 0".into(),
+    )?;
+    ensure(
+        i64::try_from(train.steps).is_ok(),
+        "spec.train.steps",
+        || format!("{} steps never end", train.steps),
+    )?;
+    ensure(
+        train.image_size <= MAX_SIDE,
+        "spec.train.image_size",
+        || format!("{} is above {MAX_SIDE}", train.image_size),
+    )?;
+    ensure(
+        train.checkpoint_seconds.is_finite() && train.checkpoint_seconds >= 0.0,
+        "spec.train.checkpoint_seconds",
+        || format!("{} is not a time", train.checkpoint_seconds),
+    )
+}
+
+/// Pictures, background and speed of a render.
+pub fn check_render(render: &RenderSpec) -> Checked {
+    let in_unit = |value: &f32| (0.0..=1.0).contains(value);
+    ensure(
+        matches!(render.background.len(), 0 | 3) && render.background.iter().all(in_unit),
+        "spec.render.background",
+        || "a background is empty, or three numbers from 0 to 1".into(),
+    )?;
+    ensure(
+        (0.0..=MAX_FPS).contains(&render.fps),
+        "spec.render.fps",
+        || format!("{} is not between 0 and {MAX_FPS}", render.fps),
+    )?;
+    match &render.what {
+        Some(What::Views(list)) => {
+            check_count("spec.render.views.views", list.views.len() as u64)?;
+            let mut views = list.views.iter().enumerate();
+            views.try_for_each(|(i, view)| {
+                check_view(&format!("spec.render.views.views[{i}]"), view)
+            })
+        }
+        Some(What::Orbit(Orbit { views, size, .. })) => {
+            check_count("spec.render.orbit.views", u64::from(*views))?;
+            check_side("spec.render.orbit.size", *size)
+        }
+        Some(What::Motion(MotionTransfer {
+            frame_count,
+            frame_step,
+            size,
+            ..
+        })) => {
+            check_count("spec.render.motion.frame_count", u64::from(*frame_count))?;
+            ensure(*frame_step > 0, "spec.render.motion.frame_step", || {
+                "a step of 0 never gets to the next frame".into()
+            })?;
+            check_side("spec.render.motion.size", *size)
+        }
+        None => Err(RequestError::invalid(
+            "spec.render",
+            "says nothing to render",
+        )),
+    }
+}
+
+fn check_count(field: &str, count: u64) -> Checked {
+    ensure(
+        (1..=u64::from(MAX_PICTURES)).contains(&count),
+        field,
+        || format!("{count} pictures; 1 to {MAX_PICTURES} are allowed"),
+    )
+}
+
+fn check_side(field: &str, side: u32) -> Checked {
+    ensure((1..=MAX_RENDER_SIDE).contains(&side), field, || {
+        format!("{side} is not between 1 and {MAX_RENDER_SIDE} pixels")
+    })
+}
+
+fn check_view(field: &str, view: &View) -> Checked {
+    let (Some(pose), Some(camera)) = (&view.pose, &view.camera) else {
+        return Err(RequestError::invalid(
+            field,
+            "a view has a pose and a camera",
+        ));
+    };
+    check_pose(&format!("{field}.pose"), pose)?;
+    check_camera(&format!("{field}.camera"), camera)
+}
+
+fn check_pose(field: &str, pose: &BodyPose) -> Checked {
+    let numbers = pose.rotations.len();
+    ensure(
+        numbers > 0 && numbers.is_multiple_of(3) && numbers <= 3 * MAX_JOINTS,
+        &format!("{field}.rotations"),
+        || format!("{numbers} numbers; a pose has 3 for each of 1 to {MAX_JOINTS} joints"),
+    )?;
+    ensure(
+        pose.translation.len() == 3,
+        &format!("{field}.translation"),
+        || format!("{} numbers, not 3", pose.translation.len()),
+    )?;
+    let finite = pose
+        .rotations
+        .iter()
+        .chain(&pose.translation)
+        .all(|value| value.is_finite());
+    ensure(finite, field, || "holds numbers that are not finite".into())
+}
+
+fn check_camera(field: &str, camera: &Camera) -> Checked {
+    check_side(&format!("{field}.width"), camera.width)?;
+    check_side(&format!("{field}.height"), camera.height)?;
+    ensure(
+        camera.intrinsics.len() == 9,
+        &format!("{field}.intrinsics"),
+        || format!("{} numbers, not 9", camera.intrinsics.len()),
+    )?;
+    ensure(
+        camera.extrinsics.len() == 16,
+        &format!("{field}.extrinsics"),
+        || format!("{} numbers, not 16", camera.extrinsics.len()),
+    )?;
+    let finite = camera
+        .intrinsics
+        .iter()
+        .chain(&camera.extrinsics)
+        .all(|value| value.is_finite());
+    ensure(finite, field, || "holds numbers that are not finite".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view() -> View {
+        View {
+            pose: Some(BodyPose {
+                rotations: vec![0.0; 72],
+                translation: vec![0.0; 3],
+            }),
+            camera: Some(Camera {
+                width: 64,
+                height: 64,
+                intrinsics: vec![1.0; 9],
+                extrinsics: vec![0.0; 16],
+            }),
+        }
+    }
+
+    fn views(views: Vec<View>) -> RenderSpec {
+        let what = Some(What::Views(yoto_proto::v1::ViewList { views }));
+        RenderSpec {
+            what,
+            ..RenderSpec::default()
+        }
+    }
+
+    #[test]
+    fn a_fault_names_its_view_and_field() {
+        check_render(&views(vec![view()])).expect("a good view passes");
+        let mut broken = view();
+        broken.camera.as_mut().expect("has one").intrinsics.pop();
+        let error = check_render(&views(vec![view(), broken])).expect_err("8 intrinsics");
+        assert_eq!(
+            error.to_string(),
+            "spec.render.views.views[1].camera.intrinsics: 8 numbers, not 9"
+        );
+        let mut broken = view();
+        broken.pose.as_mut().expect("has one").rotations[1] = f32::NAN;
+        assert!(check_render(&views(vec![broken])).is_err());
+        assert!(check_render(&views(Vec::new())).is_err());
+    }
+
+    #[test]
+    fn numbers_that_never_end_are_refused() {
+        let motion = |frame_step, size| RenderSpec {
+            what: Some(What::Motion(MotionTransfer {
+                frame_count: 2,
+                frame_step,
+                size,
+                ..MotionTransfer::default()
+            })),
+            ..RenderSpec::default()
+        };
+        check_render(&motion(1, 64)).expect("a good motion passes");
+        assert!(check_render(&motion(0, 64)).is_err());
+        assert!(check_render(&motion(1, MAX_RENDER_SIDE + 1)).is_err());
+        for seconds in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
+            assert!(
+                check_train(&TrainSpec {
+                    seconds,
+                    ..TrainSpec::default()
+                })
+                .is_err()
+            );
+        }
+        assert!(
+            check_train(&TrainSpec {
+                steps: 10,
+                ..TrainSpec::default()
+            })
+            .is_ok()
+        );
+    }
+}

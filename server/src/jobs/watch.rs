@@ -1,0 +1,82 @@
+//! Watching a job: its state now and at every change, resumable by sequence number.
+
+use crate::{context::Context, error::RequestError};
+use futures::{Stream, stream};
+use std::sync::Arc;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use yoto_proto::v1::{Job, job};
+
+/// Whether a job in `state` never changes again.
+pub fn is_terminal(state: job::State) -> bool {
+    matches!(
+        state,
+        job::State::Succeeded | job::State::Failed | job::State::Cancelled
+    )
+}
+
+struct Watcher {
+    context: Arc<Context>,
+    id: String,
+    /// The sequence number that the caller knows.
+    known: u64,
+    changes: watch::Receiver<()>,
+    stop: CancellationToken,
+    ended: bool,
+}
+
+/// The job's states that are newer than `after_sequence`, ending behind a terminal one.
+/// Changes that follow each other faster than they are read may be left out.
+///
+/// A caller that knows the terminal state already (the same sequence number) is sent
+/// nothing, and the stream ends. A number that the job never had is not trusted: the job is
+/// sent as it stands.
+///
+/// # Errors
+/// The stream fails when the job does not exist, the store fails, or `stop` is cancelled.
+pub fn watch(
+    context: Arc<Context>,
+    id: String,
+    after_sequence: u64,
+    stop: CancellationToken,
+) -> impl Stream<Item = Result<Job, RequestError>> + Send + 'static {
+    let changes = context.changes.subscribe();
+    let watcher = Watcher {
+        context,
+        id,
+        known: after_sequence,
+        changes,
+        stop,
+        ended: false,
+    };
+    stream::unfold(watcher, |mut watcher| async move {
+        if watcher.ended {
+            return None;
+        }
+        let next = watcher.next().await.transpose();
+        watcher.ended = !matches!(&next, Some(Ok(job)) if !is_terminal(job.state()));
+        next.map(|item| (item, watcher))
+    })
+}
+
+impl Watcher {
+    async fn next(&mut self) -> Result<Option<Job>, RequestError> {
+        loop {
+            // Before the read, so that a change during it wakes the wait behind it.
+            self.changes.mark_unchanged();
+            let job = self.context.store.job(&self.id).await?;
+            if job.sequence != self.known {
+                self.known = job.sequence;
+                return Ok(Some(job));
+            }
+            if is_terminal(job.state()) {
+                return Ok(None);
+            }
+            tokio::select! {
+                _ = self.changes.changed() => {}
+                () = tokio::time::sleep(self.context.config.watch_poll) => {}
+                () = self.stop.cancelled() => return Err(RequestError::ShuttingDown),
+            }
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! The coordinator: API, jobs, catalogue, objects. It knows no tensors and decodes no media.
+//!
+//! A request goes down through the rooms: `api` (gRPC) → `jobs` and `objects` (rules) →
+//! `store` (database). [`Coordinator`] opens them on a data folder and serves them on any
+//! stream of connections, over a network or [in memory](in_memory()).
+
+mod api;
+pub mod config;
+mod context;
+mod error;
+mod in_memory;
+mod jobs;
+mod lock;
+mod objects;
+mod serve;
+mod store;
+
+pub use config::{MAX_MESSAGE_BYTES, ServerConfig, UploadLimits};
+pub use error::ServerError;
+pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
+pub use objects::ObjectsError;
+pub use store::StoreError;
+
+use context::Context;
+use futures::Stream;
+use jobs::{changes::JobChanges, reaper};
+use lock::DataDirLock;
+use objects::{Objects, upload};
+use std::{future::Future, path::Path, sync::Arc};
+use store::SqliteStore;
+use tokio::{
+    io::{AsyncRead, AsyncWrite},
+    task::JoinHandle,
+};
+use tokio_util::sync::CancellationToken;
+use tonic::transport::server::Connected;
+use url::Url;
+
+/// The database's file in the data folder.
+const DATABASE_FILE: &str = "yoto.db";
+/// The objects' folder in the data folder.
+const OBJECTS_FOLDER: &str = "objects";
+
+/// An open coordinator: it owns its data folder and takes jobs back from lost workers.
+/// [`Coordinator::close`] ends it in order; dropping it stops it, too.
+pub struct Coordinator {
+    context: Arc<Context>,
+    reaper: JoinHandle<()>,
+}
+
+impl Coordinator {
+    /// Opens the data folder, creating what is missing, and removes what uploads that were
+    /// cut by the end of an earlier process left behind.
+    ///
+    /// # Errors
+    /// [`ServerError::DataDirInUse`] when another coordinator has the folder; others when
+    /// the configuration makes no sense, or the folder, database or object store can't be
+    /// opened.
+    pub async fn open(config: ServerConfig) -> Result<Self, ServerError> {
+        config.check()?;
+        let data_dir = create_dir(&config.data_dir)?;
+        let lock = DataDirLock::take(&data_dir)?;
+        let objects = match &config.objects {
+            Some(url) => Objects::open(url)?,
+            None => Objects::open(&folder_url(&data_dir.join(OBJECTS_FOLDER))?)?,
+        };
+        let store = SqliteStore::open(&data_dir.join(DATABASE_FILE)).await?;
+        let context = Arc::new(Context {
+            config,
+            store: Arc::new(store),
+            objects,
+            changes: JobChanges::new(),
+            stop: CancellationToken::new(),
+            lock,
+        });
+        remove_cut_uploads(&context).await?;
+        let reaper = tokio::spawn(reaper::run(Arc::clone(&context)));
+        Ok(Self { context, reaper })
+    }
+
+    /// Serves all services, with health and reflection, on `incoming` until `shutdown` is
+    /// ready or the coordinator is closed; then open calls have
+    /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, say on a TCP
+    /// listener and in memory. The future borrows nothing, so it can be spawned.
+    ///
+    /// # Errors
+    /// When the transport fails.
+    pub fn serve<I, IO, IE, F>(
+        &self,
+        incoming: I,
+        shutdown: F,
+    ) -> impl Future<Output = Result<(), ServerError>> + use<I, IO, IE, F>
+    where
+        I: Stream<Item = Result<IO, IE>>,
+        IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
+        IE: Into<Box<dyn std::error::Error + Send + Sync>>,
+        F: Future<Output = ()>,
+    {
+        serve::serve(Arc::clone(&self.context), incoming, shutdown)
+    }
+
+    /// Where the objects are, for workers to open.
+    pub fn objects_url(&self) -> &Url {
+        self.context.objects.url()
+    }
+
+    /// Stops serving and reaping, closes the database, and gives the data folder free.
+    pub async fn close(mut self) {
+        self.context.stop.cancel();
+        let grace = self.context.config.shutdown_grace;
+        if tokio::time::timeout(grace, &mut self.reaper).await.is_err() {
+            tracing::warn!("the reaper did not stop in time");
+            self.reaper.abort();
+        }
+        if tokio::time::timeout(grace, self.context.store.close())
+            .await
+            .is_err()
+        {
+            tracing::warn!("the database did not close in time");
+        }
+        self.context.lock.release();
+    }
+}
+
+impl Drop for Coordinator {
+    fn drop(&mut self) {
+        self.context.stop.cancel();
+    }
+}
+
+fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {
+    let failed = |cause| ServerError::DataDir {
+        path: path.to_owned(),
+        cause,
+    };
+    std::fs::create_dir_all(path).map_err(failed)?;
+    path.canonicalize().map_err(failed)
+}
+
+fn folder_url(path: &Path) -> Result<Url, ServerError> {
+    Url::from_directory_path(path)
+        .map_err(|()| ServerError::Config(format!("{} is not absolute", path.display())))
+}
+
+async fn remove_cut_uploads(context: &Context) -> Result<(), ServerError> {
+    for id in context.store.unfinished_captures().await? {
+        tracing::info!(capture = id, "removing an upload that was cut");
+        // An object that can't be removed now must not keep the service down: the row
+        // stays, so the next start tries again.
+        if let Err(error) = upload::discard(context, &id).await {
+            tracing::error!(capture = id, %error, "could not remove a cut upload");
+        }
+    }
+    Ok(())
+}

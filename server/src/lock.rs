@@ -1,0 +1,47 @@
+//! One coordinator a data folder.
+//!
+//! Two of them on one SQLite file would each believe themselves the only writer and the
+//! only reaper. The operating system drops the lock when the process ends, however it ends.
+
+use crate::error::ServerError;
+use std::{
+    fs::{File, TryLockError},
+    path::Path,
+};
+
+/// Holds the lock of a data folder until it is dropped or released.
+#[derive(Debug)]
+pub struct DataDirLock(File);
+
+impl DataDirLock {
+    /// Takes the lock of `data_dir`, an existing folder.
+    ///
+    /// # Errors
+    /// [`ServerError::DataDirInUse`] when another coordinator has it.
+    pub fn take(data_dir: &Path) -> Result<Self, ServerError> {
+        let path = data_dir.join("lock");
+        let file = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+            .map_err(|cause| ServerError::DataDir {
+                path: path.clone(),
+                cause,
+            })?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self(file)),
+            Err(TryLockError::WouldBlock) => Err(ServerError::DataDirInUse {
+                path: data_dir.to_owned(),
+            }),
+            Err(TryLockError::Error(cause)) => Err(ServerError::DataDir { path, cause }),
+        }
+    }
+
+    /// Gives the folder free while someone may still hold this value.
+    pub fn release(&self) {
+        if let Err(error) = self.0.unlock() {
+            tracing::warn!(%error, "could not release the data folder's lock");
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! The object store: everything too large for the database.
+
+mod paths;
+pub mod upload;
+
+use bytes::Bytes;
+use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use object_store::{ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
+use std::{path::PathBuf, sync::Arc};
+use thiserror::Error;
+use url::Url;
+use yoto_proto::v1::ObjectRef;
+
+/// The object store did not do what it was asked to.
+#[derive(Debug, Error)]
+pub enum ObjectsError {
+    /// The URL names no store that this program knows.
+    #[error("object store {url}: {reason}")]
+    Url {
+        /// The URL.
+        url: Url,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The key can't be one.
+    #[error("object key '{key}': {cause}")]
+    Key {
+        /// The key.
+        key: String,
+        /// Why.
+        cause: object_store::path::Error,
+    },
+    /// The store failed.
+    #[error("{action} object '{key}': {cause}")]
+    Store {
+        /// E.g. "writing".
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// The store's error.
+        cause: object_store::Error,
+    },
+    /// The object is not what the catalogue says.
+    #[error("object '{key}' has {found} bytes, not {expected}")]
+    Size {
+        /// The key.
+        key: String,
+        /// By the catalogue or the request.
+        expected: u64,
+        /// In the store.
+        found: u64,
+    },
+}
+
+impl ObjectsError {
+    /// Whether the object is missing or not as announced, rather than the store broken.
+    pub fn is_mismatch(&self) -> bool {
+        match self {
+            Self::Size { .. } | Self::Key { .. } => true,
+            Self::Store { cause, .. } => matches!(cause, object_store::Error::NotFound { .. }),
+            Self::Url { .. } => false,
+        }
+    }
+}
+
+/// An open object store.
+#[derive(Debug, Clone)]
+pub struct Objects {
+    store: Arc<dyn ObjectStore>,
+    root: PathBuf,
+    url: Url,
+}
+
+impl Objects {
+    /// Opens the store at `url`: `file:///folder`, created if it is not there. A write
+    /// returns when the object is on disk.
+    ///
+    /// # Errors
+    /// When the scheme is another, or the folder can't be used.
+    pub fn open(url: &Url) -> Result<Self, ObjectsError> {
+        let refuse = |reason: String| ObjectsError::Url {
+            url: url.clone(),
+            reason,
+        };
+        if url.scheme() != "file" {
+            return Err(refuse("only file:/// is supported".into()));
+        }
+        let root = url
+            .to_file_path()
+            .map_err(|()| refuse("names no folder".into()))?;
+        std::fs::create_dir_all(&root).map_err(|error| refuse(error.to_string()))?;
+        let store = LocalFileSystem::new_with_prefix(&root)
+            .map_err(|error| refuse(error.to_string()))?
+            .with_fsync(true);
+        Ok(Self {
+            store: Arc::new(store),
+            root,
+            url: url.clone(),
+        })
+    }
+
+    /// Where the store is, for those who open it themselves.
+    pub fn url(&self) -> &Url {
+        &self.url
+    }
+
+    /// Writes an object whole.
+    ///
+    /// # Errors
+    /// When the key is malformed or the store fails.
+    pub async fn put(&self, key: &str, bytes: Bytes) -> Result<(), ObjectsError> {
+        let put = self.store.put(&parse(key)?, bytes.into()).await;
+        put.map(drop).map_err(|cause| failed("writing", key, cause))
+    }
+
+    /// Streams an object.
+    ///
+    /// # Errors
+    /// When there is none, it has another size than `object` says, or the store fails.
+    pub async fn get(
+        &self,
+        object: &ObjectRef,
+    ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
+        let key = object.key.clone();
+        let found = self.store.get(&parse(&key)?).await;
+        let found = found.map_err(|cause| failed("reading", &key, cause))?;
+        same_size(object, found.meta.size)?;
+        Ok(found
+            .into_stream()
+            .map_err(move |cause| failed("reading", &key, cause))
+            .boxed())
+    }
+
+    /// Makes sure that the object is there and has the size that `object` says.
+    ///
+    /// # Errors
+    /// When not, or the store fails.
+    pub async fn require(&self, object: &ObjectRef) -> Result<(), ObjectsError> {
+        let found = self.store.head(&parse(&object.key)?).await;
+        let found = found.map_err(|cause| failed("looking for", &object.key, cause))?;
+        same_size(object, found.size)
+    }
+
+    /// Deletes every object in `folder`, and the folder.
+    ///
+    /// # Errors
+    /// When the store fails; some objects may be gone then.
+    pub async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
+        let prefix = parse(folder)?;
+        let found = self
+            .store
+            .list(Some(&prefix))
+            .map_ok(|meta| meta.location)
+            .boxed();
+        self.store
+            .delete_stream(found)
+            .try_for_each(|_| std::future::ready(Ok(())))
+            .await
+            .map_err(|cause| failed("deleting", folder, cause))?;
+        // A local store keeps empty folders, which would pile up.
+        match tokio::fs::remove_dir_all(self.root.join(folder)).await {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                let cause = object_store::Error::Generic {
+                    store: "local folder",
+                    source: Box::new(error),
+                };
+                Err(failed("deleting", folder, cause))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn parse(key: &str) -> Result<Key, ObjectsError> {
+    Key::parse(key).map_err(|cause| ObjectsError::Key {
+        key: key.to_owned(),
+        cause,
+    })
+}
+
+fn failed(action: &'static str, key: &str, cause: object_store::Error) -> ObjectsError {
+    ObjectsError::Store {
+        action,
+        key: key.to_owned(),
+        cause,
+    }
+}
+
+fn same_size(object: &ObjectRef, found: u64) -> Result<(), ObjectsError> {
+    if object.bytes == found {
+        return Ok(());
+    }
+    Err(ObjectsError::Size {
+        key: object.key.clone(),
+        expected: object.bytes,
+        found,
+    })
+}

@@ -1,0 +1,298 @@
+//! Receives one capture: checks while the bytes arrive, and leaves nothing half behind.
+//!
+//! Content is not looked at here. A capture that arrives whole but makes no sense becomes
+//! REJECTED by its ingest job, so that its owner sees what is wrong with it.
+
+use super::paths::CapturePaths;
+use crate::{
+    config::{MAX_MESSAGE_BYTES, UploadLimits},
+    context::Context,
+    error::RequestError,
+    store::UploadedFile,
+};
+use futures::{Stream, StreamExt};
+use prost::Message;
+use sha2::{Digest, Sha256};
+use std::sync::Arc;
+use tonic::Status;
+use yoto_proto::{
+    hex, keys,
+    names::Collection,
+    pose_track,
+    v1::{
+        Capture, FileHeader, InputFile, ObjectRef, UploadCaptureRequest,
+        upload_capture_request::Part,
+    },
+};
+
+/// The ingest job's lease lists all files in one message; this leaves room for the rest.
+const MAX_LISTING_BYTES: usize = MAX_MESSAGE_BYTES - (1 << 20);
+/// Memory to reserve on a file's announcement, before a byte of it has come.
+const MAX_RESERVED: u64 = 1 << 20;
+
+/// Receives a capture to its end and starts its ingest job.
+///
+/// # Errors
+/// When the stream breaks off or breaks a rule; every trace of the capture is gone then.
+pub async fn receive<S>(context: Arc<Context>, mut parts: S) -> Result<Capture, RequestError>
+where
+    S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
+{
+    let Some(Part::Header(header)) = next(&context, &mut parts).await? else {
+        return Err(RequestError::invalid(
+            "header",
+            "a capture starts with its header",
+        ));
+    };
+    let subject = Collection::Subjects
+        .parse(&header.subject)
+        .map_err(|error| RequestError::invalid("header.subject", error.to_string()))?;
+    let id = context.store.begin_capture(subject).await?;
+    let received = receive_files(&context, &id, &mut parts).await;
+    match received {
+        Ok(capture) => {
+            context.changes.announce();
+            tracing::info!(
+                capture = capture.name,
+                job = capture.ingest_job,
+                "capture uploaded"
+            );
+            Ok(capture)
+        }
+        Err(error) => {
+            // The first error is the one to answer; what is left is removed at the next start.
+            if let Err(leftover) = discard(&context, &id).await {
+                tracing::error!(capture = id, error = %leftover, "could not remove a cut upload");
+            }
+            Err(error)
+        }
+    }
+}
+
+/// Removes the objects and the row of an upload that never ended. A capture whose upload
+/// did end is left alone.
+///
+/// # Errors
+/// When a store fails; the row stays until the objects are gone, so it can be tried again.
+pub async fn discard(context: &Context, capture_id: &str) -> Result<(), RequestError> {
+    if !context
+        .store
+        .unfinished_captures()
+        .await?
+        .iter()
+        .any(|id| id == capture_id)
+    {
+        return Ok(());
+    }
+    let folder = keys::upload(capture_id, "");
+    context
+        .objects
+        .delete_folder(folder.trim_end_matches('/'))
+        .await?;
+    Ok(context.store.discard_capture(capture_id).await?)
+}
+
+async fn receive_files<S>(
+    context: &Context,
+    capture_id: &str,
+    parts: &mut S,
+) -> Result<Capture, RequestError>
+where
+    S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
+{
+    let mut upload = Upload::new(context, capture_id);
+    while let Some(part) = next(context, parts).await? {
+        match part {
+            Part::Header(_) => {
+                return Err(RequestError::invalid("header", "a capture has one header"));
+            }
+            Part::File(file) => upload.begin(file).await?,
+            Part::Chunk(chunk) => upload.append(&chunk).await?,
+        }
+    }
+    let files = upload.finish()?;
+    Ok(context.store.finish_capture(capture_id, &files).await?)
+}
+
+/// The stream's next part, waited for no longer than a client may be silent.
+async fn next<S>(context: &Context, parts: &mut S) -> Result<Option<Part>, RequestError>
+where
+    S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
+{
+    let idle = context.config.upload.idle;
+    let message = tokio::time::timeout(idle, parts.next())
+        .await
+        .map_err(|_| {
+            let message = format!("nothing arrived for {} seconds", idle.as_secs_f64());
+            RequestError::Stream(Status::deadline_exceeded(message))
+        })?;
+    match message {
+        None => Ok(None),
+        Some(Err(status)) => Err(RequestError::Stream(status)),
+        Some(Ok(UploadCaptureRequest { part: Some(part) })) => Ok(Some(part)),
+        Some(Ok(UploadCaptureRequest { part: None })) => Err(RequestError::invalid(
+            "part",
+            "a message has a header, a file or a chunk",
+        )),
+    }
+}
+
+/// A file that is arriving.
+struct OpenFile {
+    header: FileHeader,
+    bytes: Vec<u8>,
+    hash: Sha256,
+}
+
+/// What has arrived of a capture.
+struct Upload<'a> {
+    context: &'a Context,
+    limits: &'a UploadLimits,
+    capture_id: &'a str,
+    paths: CapturePaths,
+    done: Vec<UploadedFile>,
+    open: Option<OpenFile>,
+    announced_bytes: u64,
+    listing_bytes: usize,
+}
+
+impl<'a> Upload<'a> {
+    fn new(context: &'a Context, capture_id: &'a str) -> Self {
+        Self {
+            context,
+            limits: &context.config.upload,
+            capture_id,
+            paths: CapturePaths::default(),
+            done: Vec::new(),
+            open: None,
+            announced_bytes: 0,
+            listing_bytes: 0,
+        }
+    }
+
+    async fn begin(&mut self, mut header: FileHeader) -> Result<(), RequestError> {
+        self.nothing_open()?;
+        header.sha256.make_ascii_lowercase();
+        let shown: String = header.path.chars().take(80).collect();
+        self.paths
+            .add(&header.path)
+            .map_err(|reason| RequestError::invalid("file.path", format!("'{shown}': {reason}")))?;
+        if header.bytes > self.limits.file_bytes {
+            let message = format!(
+                "{shown}: {} bytes; a file has at most {}",
+                header.bytes, self.limits.file_bytes
+            );
+            return Err(RequestError::invalid("file.bytes", message));
+        }
+        if !is_sha256(&header.sha256) {
+            let message = format!("{shown}: a SHA-256 is 64 hex digits");
+            return Err(RequestError::invalid("file.sha256", message));
+        }
+        self.announced_bytes = self.announced_bytes.saturating_add(header.bytes);
+        if self.announced_bytes > self.limits.capture_bytes {
+            let message = format!(
+                "{shown}: a capture has at most {} bytes",
+                self.limits.capture_bytes
+            );
+            return Err(RequestError::invalid("file.bytes", message));
+        }
+        // A message in a list costs its length, a tag, and up to four bytes for the length.
+        self.listing_bytes += 5 + input_file(self.capture_id, &uploaded(&header)).encoded_len();
+        if self.done.len() >= self.limits.files || self.listing_bytes > MAX_LISTING_BYTES {
+            let message = format!(
+                "{shown}: too many files, {} came before it",
+                self.done.len()
+            );
+            return Err(RequestError::invalid("file", message));
+        }
+        let bytes = Vec::with_capacity(header.bytes.min(MAX_RESERVED) as usize);
+        self.open = Some(OpenFile {
+            header,
+            bytes,
+            hash: Sha256::new(),
+        });
+        self.store_if_whole().await
+    }
+
+    async fn append(&mut self, chunk: &[u8]) -> Result<(), RequestError> {
+        let Some(open) = &mut self.open else {
+            return Err(RequestError::invalid(
+                "chunk",
+                "a chunk follows a file that needs it",
+            ));
+        };
+        let missing = open.header.bytes - open.bytes.len() as u64;
+        if chunk.len() as u64 > missing {
+            let message = format!(
+                "{}: more than the {} bytes announced",
+                open.header.path, open.header.bytes
+            );
+            return Err(RequestError::invalid("chunk", message));
+        }
+        open.hash.update(chunk);
+        open.bytes.extend_from_slice(chunk);
+        self.store_if_whole().await
+    }
+
+    /// Checks and writes the open file once its last byte has come.
+    async fn store_if_whole(&mut self) -> Result<(), RequestError> {
+        let whole = |open: &OpenFile| open.bytes.len() as u64 == open.header.bytes;
+        let Some(file) = self.open.take_if(|open| whole(open)) else {
+            return Ok(());
+        };
+        let found = hex(&file.hash.finalize());
+        if found != file.header.sha256 {
+            let message = format!("{}: the bytes that came have {found}", file.header.path);
+            return Err(RequestError::invalid("file.sha256", message));
+        }
+        let key = keys::upload(self.capture_id, &file.header.path);
+        self.context.objects.put(&key, file.bytes.into()).await?;
+        self.done.push(uploaded(&file.header));
+        Ok(())
+    }
+
+    fn nothing_open(&self) -> Result<(), RequestError> {
+        match &self.open {
+            None => Ok(()),
+            Some(open) => {
+                let (came, all) = (open.bytes.len(), open.header.bytes);
+                let message = format!("{}: {came} of {all} bytes came", open.header.path);
+                Err(RequestError::invalid("chunk", message))
+            }
+        }
+    }
+
+    fn finish(self) -> Result<Vec<UploadedFile>, RequestError> {
+        self.nothing_open()?;
+        if !self.done.iter().any(|file| file.path == pose_track::FILE) {
+            let message = format!("{}: the capture has no such file", pose_track::FILE);
+            return Err(RequestError::invalid("file", message));
+        }
+        Ok(self.done)
+    }
+}
+
+fn uploaded(header: &FileHeader) -> UploadedFile {
+    UploadedFile {
+        path: header.path.clone(),
+        bytes: header.bytes,
+        sha256: header.sha256.clone(),
+    }
+}
+
+/// An uploaded file as the ingest job gets it.
+pub fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
+    InputFile {
+        path: file.path.clone(),
+        object: Some(ObjectRef {
+            key: keys::upload(capture_id, &file.path),
+            bytes: file.bytes,
+            sha256: file.sha256.clone(),
+        }),
+    }
+}
+
+/// Whether `text` is a SHA-256 as the contract writes it.
+pub fn is_sha256(text: &str) -> bool {
+    text.len() == 64 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'))
+}

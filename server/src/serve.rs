@@ -1,0 +1,117 @@
+//! Serves every gRPC service of a coordinator on a stream of connections.
+
+use crate::{
+    api::{JobApi, ModelApi, RenderApi, SubjectApi, WorkerApi},
+    config::MAX_MESSAGE_BYTES,
+    context::Context,
+    error::ServerError,
+};
+use futures::Stream;
+use std::{future::Future, sync::Arc, time::Duration};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_util::sync::CancellationToken;
+use tonic::{
+    service::Routes,
+    transport::{Server, server::Connected},
+};
+use tonic_health::{ServingStatus, server::HealthReporter};
+use yoto_proto::v1::{
+    job_service_server::JobServiceServer, model_service_server::ModelServiceServer,
+    render_service_server::RenderServiceServer, subject_service_server::SubjectServiceServer,
+    worker_service_server::WorkerServiceServer,
+};
+
+/// How often to ask a silent connection whether its other end still lives.
+const KEEPALIVE: Duration = Duration::from_secs(20);
+
+/// All services, and the handle of the health service among them.
+async fn routes(
+    context: &Arc<Context>,
+    drain: &CancellationToken,
+) -> Result<(Routes, HealthReporter), ServerError> {
+    let context = || Arc::clone(context);
+    let drain = || drain.clone();
+    let limit = MAX_MESSAGE_BYTES;
+    let (reporter, health) = tonic_health::server::health_reporter();
+    reporter
+        .set_service_status("", ServingStatus::Serving)
+        .await;
+    reporter
+        .set_serving::<SubjectServiceServer<SubjectApi>>()
+        .await;
+    reporter.set_serving::<ModelServiceServer<ModelApi>>().await;
+    reporter.set_serving::<JobServiceServer<JobApi>>().await;
+    reporter
+        .set_serving::<RenderServiceServer<RenderApi>>()
+        .await;
+    reporter
+        .set_serving::<WorkerServiceServer<WorkerApi>>()
+        .await;
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(yoto_proto::DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        .build_v1()?;
+    let subjects = SubjectServiceServer::new(SubjectApi { context: context() });
+    let models = ModelServiceServer::new(ModelApi { context: context() });
+    let jobs = JobServiceServer::new(JobApi {
+        context: context(),
+        drain: drain(),
+    });
+    let renders = RenderServiceServer::new(RenderApi { context: context() });
+    let workers = WorkerServiceServer::new(WorkerApi {
+        context: context(),
+        drain: drain(),
+    });
+    let routes = Routes::new(health)
+        .add_service(reflection)
+        .add_service(subjects.max_decoding_message_size(limit))
+        .add_service(models.max_decoding_message_size(limit))
+        .add_service(jobs.max_decoding_message_size(limit))
+        .add_service(renders.max_decoding_message_size(limit))
+        .add_service(workers.max_decoding_message_size(limit));
+    Ok((routes, reporter))
+}
+
+/// Serves until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
+/// no new leases, watch streams end, and open calls have the configured grace to finish.
+pub async fn serve<I, IO, IE>(
+    context: Arc<Context>,
+    incoming: I,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), ServerError>
+where
+    I: Stream<Item = Result<IO, IE>>,
+    IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
+    IE: Into<Box<dyn std::error::Error + Send + Sync>>,
+{
+    let drain = context.stop.child_token();
+    let (routes, reporter) = routes(&context, &drain).await?;
+    let signal = async {
+        tokio::select! {
+            () = shutdown => {}
+            () = drain.cancelled() => {}
+        }
+        reporter
+            .set_service_status("", ServingStatus::NotServing)
+            .await;
+        drain.cancel();
+    };
+    let serving = Server::builder()
+        .initial_stream_window_size(MAX_MESSAGE_BYTES as u32)
+        .initial_connection_window_size(MAX_MESSAGE_BYTES as u32)
+        .http2_keepalive_interval(Some(KEEPALIVE))
+        .add_routes(routes)
+        .serve_with_incoming_shutdown(incoming, signal);
+    // A client that holds its connection open and says nothing would keep it alive for ever.
+    let bound = async {
+        drain.cancelled().await;
+        tokio::time::sleep(context.config.shutdown_grace).await;
+    };
+    tokio::select! {
+        served = serving => Ok(served?),
+        () = bound => {
+            tracing::warn!("connections were still open after the shutdown's grace");
+            Ok(())
+        }
+    }
+}

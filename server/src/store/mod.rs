@@ -1,0 +1,114 @@
+//! The coordinator's memory: the catalogue and the job queue.
+//!
+//! One trait, so that the rules above it know no database. Each method is one transaction.
+//! Ids are bare (`{id}`), as names have been parsed above.
+
+mod sqlite;
+mod types;
+
+pub use sqlite::SqliteStore;
+pub use types::{
+    Ending, Entry, JobKind, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped, RequestKey,
+    StoreError, UploadedFile, new_id,
+};
+
+use async_trait::async_trait;
+use yoto_proto::v1::{
+    Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
+    SubjectShard,
+};
+
+/// What the coordinator remembers. Every method fails with [`StoreError::Database`] when
+/// the database does.
+#[async_trait]
+pub trait Store: Send + Sync + 'static {
+    /// Creates a subject, or answers as `request` was answered before.
+    async fn create_subject(
+        &self,
+        new: NewSubject,
+        request: Option<RequestKey>,
+    ) -> Result<Subject, StoreError>;
+    /// A subject by id.
+    async fn subject(&self, id: &str) -> Result<Subject, StoreError>;
+    /// Subjects, oldest first.
+    async fn subjects(&self, page: Page) -> Result<Vec<Entry<Subject>>, StoreError>;
+    /// The shard of the subject's newest READY capture.
+    async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError>;
+
+    /// Opens an upload: a capture in state UPLOADING. Returns its id.
+    async fn begin_capture(&self, subject_id: &str) -> Result<String, StoreError>;
+    /// Ends an upload: the capture is INGESTING and its ingest job QUEUED, or neither.
+    async fn finish_capture(&self, id: &str, files: &[UploadedFile])
+    -> Result<Capture, StoreError>;
+    /// Forgets a capture that is still UPLOADING; any other is left alone.
+    async fn discard_capture(&self, id: &str) -> Result<(), StoreError>;
+    /// Ids of the captures that are UPLOADING.
+    async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError>;
+    /// A capture by id.
+    async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
+    /// The files of a capture, by path.
+    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
+
+    /// Creates a model, or answers as `request` was answered before.
+    async fn create_model(
+        &self,
+        new: NewModel,
+        request: Option<RequestKey>,
+    ) -> Result<Model, StoreError>;
+    /// A model by id, with its slots.
+    async fn model(&self, id: &str) -> Result<Model, StoreError>;
+    /// Models, oldest first.
+    async fn models(&self, page: Page) -> Result<Vec<Entry<Model>>, StoreError>;
+    /// Gives a READY subject the next slot, or returns the slot that it has already.
+    async fn add_identity(
+        &self,
+        model_id: &str,
+        subject_id: &str,
+    ) -> Result<IdentitySlot, StoreError>;
+    /// Checkpoints of a model, newest first, at most `limit`.
+    async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
+
+    /// Queues a job, or answers as `request` was answered before.
+    async fn create_job(
+        &self,
+        spec: JobSpec,
+        request: Option<RequestKey>,
+    ) -> Result<Job, StoreError>;
+    /// A job by id.
+    async fn job(&self, id: &str) -> Result<Job, StoreError>;
+    /// Jobs, newest first.
+    async fn jobs(&self, page: Page) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended one stays as it is.
+    async fn cancel_job(&self, id: &str) -> Result<Job, StoreError>;
+
+    /// Adds a worker. Returns its id.
+    async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError>;
+    /// Leases the oldest QUEUED job that the worker can run, for so many seconds.
+    async fn lease_job(
+        &self,
+        worker_id: &str,
+        lease_seconds: f64,
+    ) -> Result<Option<Job>, StoreError>;
+    /// Extends a lease and records progress. Returns whether the job is to be cancelled.
+    async fn heartbeat(
+        &self,
+        lease: &LeaseKey,
+        progress: Option<Progress>,
+        lease_seconds: f64,
+    ) -> Result<bool, StoreError>;
+    /// Puts a checkpoint of the leased train job's model into the catalogue.
+    async fn publish_checkpoint(
+        &self,
+        lease: &LeaseKey,
+        checkpoint: Checkpoint,
+    ) -> Result<(), StoreError>;
+    /// Ends a leased job with its result; an ingest job's capture becomes READY with it.
+    async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError>;
+    /// Ends or requeues a leased job; an ingest job that ends takes its capture to REJECTED.
+    async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
+    /// Takes back jobs whose lease ran out; one that lost `cap` workers FAILS.
+    async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;
+
+    /// Waits for running statements and closes the database.
+    async fn close(&self);
+}

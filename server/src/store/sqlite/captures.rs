@@ -1,0 +1,229 @@
+//! Captures: from the upload's first byte to READY or REJECTED.
+
+use super::{
+    jobs,
+    rows::{Columns, During, integer, state},
+};
+use crate::store::{StoreError, UploadedFile, new_id};
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use yoto_proto::{
+    names::Collection,
+    v1::{Capture, IngestResult, IngestSpec, JobSpec, Violation, capture, job_spec},
+};
+
+/// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
+const ROWS_A_STATEMENT: usize = 4000;
+
+fn not_found(id: &str) -> StoreError {
+    StoreError::NotFound {
+        name: Collection::Captures.name(id),
+    }
+}
+
+/// Opens an upload.
+pub async fn begin(conn: &mut SqliteConnection, subject_id: &str) -> Result<String, StoreError> {
+    let id = new_id();
+    let done =
+        sqlx::query("INSERT INTO captures (id, subject) SELECT ?1, id FROM subjects WHERE id = ?2")
+            .bind(&id)
+            .bind(subject_id)
+            .execute(conn)
+            .await
+            .during("opening an upload")?;
+    if done.rows_affected() == 0 {
+        return Err(StoreError::NotFound {
+            name: Collection::Subjects.name(subject_id),
+        });
+    }
+    Ok(id)
+}
+
+/// Ends an upload and queues its ingest job.
+pub async fn finish(
+    conn: &mut SqliteConnection,
+    id: &str,
+    files: &[UploadedFile],
+) -> Result<Capture, StoreError> {
+    let done = sqlx::query(
+        "UPDATE captures SET state = 'INGESTING' WHERE id = ?1 AND state = 'UPLOADING'",
+    )
+    .bind(id)
+    .execute(&mut *conn)
+    .await
+    .during("ending an upload")?;
+    if done.rows_affected() == 0 {
+        return Err(not_found(id));
+    }
+    for chunk in files.chunks(ROWS_A_STATEMENT) {
+        let mut rows = Vec::with_capacity(chunk.len());
+        for file in chunk {
+            rows.push((&file.path, integer("file.bytes", file.bytes)?, &file.sha256));
+        }
+        QueryBuilder::<Sqlite>::new("INSERT INTO capture_files (capture, path, bytes, sha256) ")
+            .push_values(rows, |mut row, (path, bytes, sha256)| {
+                row.push_bind(id)
+                    .push_bind(path)
+                    .push_bind(bytes)
+                    .push_bind(sha256);
+            })
+            .build()
+            .execute(&mut *conn)
+            .await
+            .during("recording a capture's files")?;
+    }
+    let ingest = IngestSpec {
+        capture: Collection::Captures.name(id),
+    };
+    jobs::insert(
+        conn,
+        JobSpec {
+            kind: Some(job_spec::Kind::Ingest(ingest)),
+        },
+    )
+    .await?;
+    get(conn, id).await
+}
+
+/// Forgets an upload that never ended.
+pub async fn discard(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
+    sqlx::query("DELETE FROM captures WHERE id = ?1 AND state = 'UPLOADING'")
+        .bind(id)
+        .execute(conn)
+        .await
+        .during("forgetting an upload")?;
+    Ok(())
+}
+
+/// Ids of the captures whose upload has not ended.
+pub async fn unfinished(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
+    let rows = sqlx::query("SELECT id FROM captures WHERE state = 'UPLOADING' ORDER BY ord")
+        .fetch_all(conn)
+        .await
+        .during("listing unfinished uploads")?;
+    rows.iter().map(|row| row.text("id")).collect()
+}
+
+/// A capture by id.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, StoreError> {
+    let row = sqlx::query(
+        "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size, j.id AS ingest_job
+         FROM captures c LEFT JOIN jobs j ON j.capture = c.id WHERE c.id = ?1",
+    )
+    .bind(id)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("reading a capture")?
+    .ok_or_else(|| not_found(id))?;
+    let ingest_job = row.maybe_text("ingest_job")?;
+    Ok(Capture {
+        name: Collection::Captures.name(id),
+        subject: Collection::Subjects.name(&row.text("subject")?),
+        state: state(
+            "captures.state",
+            &row.text("state")?,
+            capture::State::from_str_name,
+        )? as i32,
+        frames: row.number("frames")?,
+        width: row.number("width")?,
+        height: row.number("height")?,
+        shard_bytes: row.number("shard_size")?,
+        violations: violations(conn, id).await?,
+        create_time: row.time("create_time")?,
+        ingest_job: ingest_job
+            .map(|job| Collection::Jobs.name(&job))
+            .unwrap_or_default(),
+    })
+}
+
+async fn violations(conn: &mut SqliteConnection, id: &str) -> Result<Vec<Violation>, StoreError> {
+    let rows = sqlx::query("SELECT * FROM capture_violations WHERE capture = ?1 ORDER BY number")
+        .bind(id)
+        .fetch_all(conn)
+        .await
+        .during("reading a capture's violations")?;
+    rows.iter()
+        .map(|row| {
+            Ok(Violation {
+                code: row.text("code")?,
+                file: row.text("file")?,
+                frame: row.maybe_number("frame")?,
+                field: row.text("field")?,
+                message: row.text("message")?,
+            })
+        })
+        .collect()
+}
+
+/// The files of a capture, by path.
+pub async fn files(conn: &mut SqliteConnection, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
+    let rows = sqlx::query(
+        "SELECT path, bytes, sha256 FROM capture_files WHERE capture = ?1 ORDER BY path",
+    )
+    .bind(id)
+    .fetch_all(conn)
+    .await
+    .during("listing a capture's files")?;
+    rows.iter()
+        .map(|row| {
+            Ok(UploadedFile {
+                path: row.text("path")?,
+                bytes: row.number("bytes")?,
+                sha256: row.text("sha256")?,
+            })
+        })
+        .collect()
+}
+
+/// The capture was ingested: it is READY.
+pub async fn accept(
+    conn: &mut SqliteConnection,
+    id: &str,
+    result: &IngestResult,
+) -> Result<(), StoreError> {
+    let shard = result.shard.clone().unwrap_or_default();
+    sqlx::query(
+        "UPDATE captures SET state = 'READY', frames = ?2, width = ?3, height = ?4,
+             shard_key = ?5, shard_bytes = ?6, shard_sha256 = ?7 WHERE id = ?1",
+    )
+    .bind(id)
+    .bind(result.frames)
+    .bind(result.width)
+    .bind(result.height)
+    .bind(shard.key)
+    .bind(integer("result.ingest.shard.bytes", shard.bytes)?)
+    .bind(shard.sha256)
+    .execute(conn)
+    .await
+    .during("marking a capture READY")?;
+    Ok(())
+}
+
+/// The capture could not be ingested: it is REJECTED and says why.
+pub async fn reject(
+    conn: &mut SqliteConnection,
+    id: &str,
+    violations: &[Violation],
+) -> Result<(), StoreError> {
+    sqlx::query("UPDATE captures SET state = 'REJECTED' WHERE id = ?1")
+        .bind(id)
+        .execute(&mut *conn)
+        .await
+        .during("marking a capture REJECTED")?;
+    for (number, violation) in (0_i64..).zip(violations) {
+        sqlx::query(
+            "INSERT INTO capture_violations (capture, number, code, file, frame, field, message)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+        )
+        .bind(id)
+        .bind(number)
+        .bind(&violation.code)
+        .bind(&violation.file)
+        .bind(violation.frame)
+        .bind(&violation.field)
+        .bind(&violation.message)
+        .execute(&mut *conn)
+        .await
+        .during("recording a violation")?;
+    }
+    Ok(())
+}

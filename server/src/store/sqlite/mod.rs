@@ -1,0 +1,301 @@
+//! The store on SQLite: one process, one file, durable at every commit.
+//!
+//! All writes go through one connection and start with `BEGIN IMMEDIATE`, so a write never
+//! fails for having read first; readers have their own connections and never wait for it.
+
+mod captures;
+mod jobs;
+mod leases;
+mod models;
+mod outcome;
+mod reaping;
+mod requests;
+mod rows;
+mod subjects;
+mod workers;
+
+use super::{
+    Ending, Entry, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped, RequestKey, Store,
+    StoreError, UploadedFile,
+};
+use async_trait::async_trait;
+use rows::During;
+use sqlx::{
+    SqlSafeStr, Sqlite, SqlitePool, Transaction,
+    migrate::{Migration, MigrationType, Migrator},
+    pool::PoolConnection,
+    sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
+};
+use std::{path::Path, time::Duration};
+use yoto_proto::v1::{
+    Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
+    SubjectShard,
+};
+
+/// How long a statement waits for a lock before it fails.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Connections that only read.
+const READERS: u32 = 4;
+
+/// The schema, step by step.
+fn migrations() -> Migrator {
+    let init = include_str!("../../../../migrations/sqlite/0001_init.sql").into_sql_str();
+    Migrator::with_migrations(vec![Migration::new(
+        1,
+        "init".into(),
+        MigrationType::Simple,
+        init,
+        false,
+    )])
+}
+
+/// See the module's documentation.
+#[derive(Debug)]
+pub struct SqliteStore {
+    writer: SqlitePool,
+    readers: SqlitePool,
+}
+
+impl SqliteStore {
+    /// Opens the database file, creating it and bringing its schema up to date.
+    ///
+    /// # Errors
+    /// When the file can't be opened, or holds a schema that is newer or altered.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .foreign_keys(true)
+            .busy_timeout(BUSY_TIMEOUT)
+            .synchronous(SqliteSynchronous::Full);
+        let writable = options
+            .clone()
+            .create_if_missing(true)
+            .journal_mode(SqliteJournalMode::Wal);
+        let writer = SqlitePoolOptions::new()
+            .max_connections(1)
+            .connect_with(writable)
+            .await
+            .during("opening the database for writing")?;
+        migrations()
+            .run(&writer)
+            .await
+            .map_err(sqlx::Error::from)
+            .during("bringing the database's schema up to date")?;
+        let readers = SqlitePoolOptions::new()
+            .max_connections(READERS)
+            .connect_with(options.read_only(true))
+            .await
+            .during("opening the database for reading")?;
+        Ok(Self { writer, readers })
+    }
+
+    async fn read(&self) -> Result<PoolConnection<Sqlite>, StoreError> {
+        self.readers
+            .acquire()
+            .await
+            .during("waiting for a database connection")
+    }
+
+    async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
+        self.writer
+            .begin_with("BEGIN IMMEDIATE")
+            .await
+            .during("starting a transaction")
+    }
+}
+
+async fn commit(tx: Transaction<'static, Sqlite>) -> Result<(), StoreError> {
+    tx.commit().await.during("committing a transaction")
+}
+
+#[async_trait]
+impl Store for SqliteStore {
+    async fn create_subject(
+        &self,
+        new: NewSubject,
+        request: Option<RequestKey>,
+    ) -> Result<Subject, StoreError> {
+        let mut tx = self.write().await?;
+        let subject = subjects::create(&mut tx, new, request).await?;
+        commit(tx).await?;
+        Ok(subject)
+    }
+
+    async fn subject(&self, id: &str) -> Result<Subject, StoreError> {
+        subjects::get(&mut *self.read().await?, id).await
+    }
+
+    async fn subjects(&self, page: Page) -> Result<Vec<Entry<Subject>>, StoreError> {
+        subjects::list(&mut *self.read().await?, page).await
+    }
+
+    async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError> {
+        subjects::shard(&mut *self.read().await?, subject_id).await
+    }
+
+    async fn begin_capture(&self, subject_id: &str) -> Result<String, StoreError> {
+        let mut tx = self.write().await?;
+        let id = captures::begin(&mut tx, subject_id).await?;
+        commit(tx).await?;
+        Ok(id)
+    }
+
+    async fn finish_capture(
+        &self,
+        id: &str,
+        files: &[UploadedFile],
+    ) -> Result<Capture, StoreError> {
+        let mut tx = self.write().await?;
+        let capture = captures::finish(&mut tx, id, files).await?;
+        commit(tx).await?;
+        Ok(capture)
+    }
+
+    async fn discard_capture(&self, id: &str) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        captures::discard(&mut tx, id).await?;
+        commit(tx).await
+    }
+
+    async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError> {
+        captures::unfinished(&mut *self.read().await?).await
+    }
+
+    async fn capture(&self, id: &str) -> Result<Capture, StoreError> {
+        captures::get(&mut *self.read().await?, id).await
+    }
+
+    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
+        captures::files(&mut *self.read().await?, id).await
+    }
+
+    async fn create_model(
+        &self,
+        new: NewModel,
+        request: Option<RequestKey>,
+    ) -> Result<Model, StoreError> {
+        let mut tx = self.write().await?;
+        let model = models::create(&mut tx, new, request).await?;
+        commit(tx).await?;
+        Ok(model)
+    }
+
+    async fn model(&self, id: &str) -> Result<Model, StoreError> {
+        models::get(&mut *self.read().await?, id).await
+    }
+
+    async fn models(&self, page: Page) -> Result<Vec<Entry<Model>>, StoreError> {
+        models::list(&mut *self.read().await?, page).await
+    }
+
+    async fn add_identity(
+        &self,
+        model_id: &str,
+        subject_id: &str,
+    ) -> Result<IdentitySlot, StoreError> {
+        let mut tx = self.write().await?;
+        let slot = models::add_identity(&mut tx, model_id, subject_id).await?;
+        commit(tx).await?;
+        Ok(slot)
+    }
+
+    async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError> {
+        models::checkpoints(&mut *self.read().await?, model_id, limit).await
+    }
+
+    async fn create_job(
+        &self,
+        spec: JobSpec,
+        request: Option<RequestKey>,
+    ) -> Result<Job, StoreError> {
+        let mut tx = self.write().await?;
+        let job = jobs::create(&mut tx, spec, request).await?;
+        commit(tx).await?;
+        Ok(job)
+    }
+
+    async fn job(&self, id: &str) -> Result<Job, StoreError> {
+        jobs::get(&mut *self.read().await?, id).await
+    }
+
+    async fn jobs(&self, page: Page) -> Result<Vec<Entry<Job>>, StoreError> {
+        jobs::list(&mut *self.read().await?, page).await
+    }
+
+    async fn cancel_job(&self, id: &str) -> Result<Job, StoreError> {
+        let mut tx = self.write().await?;
+        let job = jobs::cancel(&mut tx, id).await?;
+        commit(tx).await?;
+        Ok(job)
+    }
+
+    async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError> {
+        let mut tx = self.write().await?;
+        let id = workers::register(&mut tx, new).await?;
+        commit(tx).await?;
+        Ok(id)
+    }
+
+    async fn lease_job(
+        &self,
+        worker_id: &str,
+        lease_seconds: f64,
+    ) -> Result<Option<Job>, StoreError> {
+        if !leases::any_queued(&mut *self.read().await?, worker_id).await? {
+            return Ok(None);
+        }
+        let mut tx = self.write().await?;
+        let job = leases::lease(&mut tx, worker_id, lease_seconds).await?;
+        commit(tx).await?;
+        Ok(job)
+    }
+
+    async fn heartbeat(
+        &self,
+        lease: &LeaseKey,
+        progress: Option<Progress>,
+        lease_seconds: f64,
+    ) -> Result<bool, StoreError> {
+        let mut tx = self.write().await?;
+        let cancel = leases::heartbeat(&mut tx, lease, progress, lease_seconds).await?;
+        commit(tx).await?;
+        Ok(cancel)
+    }
+
+    async fn publish_checkpoint(
+        &self,
+        lease: &LeaseKey,
+        checkpoint: Checkpoint,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        leases::publish(&mut tx, lease, checkpoint).await?;
+        commit(tx).await
+    }
+
+    async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        outcome::complete(&mut tx, lease, result).await?;
+        commit(tx).await
+    }
+
+    async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        outcome::end(&mut tx, lease, ending).await?;
+        commit(tx).await
+    }
+
+    async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError> {
+        if !reaping::any_expired(&mut *self.read().await?).await? {
+            return Ok(Vec::new());
+        }
+        let mut tx = self.write().await?;
+        let reaped = reaping::reap(&mut tx, cap).await?;
+        commit(tx).await?;
+        Ok(reaped)
+    }
+
+    async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+}

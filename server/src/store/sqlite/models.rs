@@ -1,0 +1,204 @@
+//! Models, their identity slots, and their checkpoints.
+
+use super::{
+    requests,
+    rows::{Columns, During, integer},
+    subjects,
+};
+use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use sqlx::{SqliteConnection, sqlite::SqliteRow};
+use yoto_proto::{
+    names::{self, Collection},
+    v1::{Checkpoint, IdentitySlot, Model, subject},
+};
+
+/// The variant whose models know one person only.
+const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
+
+/// Creates a model, or returns the one that `request` created before.
+pub async fn create(
+    conn: &mut SqliteConnection,
+    new: NewModel,
+    request: Option<RequestKey>,
+) -> Result<Model, StoreError> {
+    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
+        return get(conn, &id).await;
+    }
+    let id = new_id();
+    sqlx::query("INSERT INTO models (id, display_name, tier, variant) VALUES (?1, ?2, ?3, ?4)")
+        .bind(&id)
+        .bind(&new.display_name)
+        .bind(&new.tier)
+        .bind(&new.variant)
+        .execute(&mut *conn)
+        .await
+        .during("creating a model")?;
+    requests::remember(conn, request.as_ref(), &id).await?;
+    get(conn, &id).await
+}
+
+async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, StoreError> {
+    let id = row.text("id")?;
+    let slots = sqlx::query("SELECT slot, subject FROM slots WHERE model = ?1 ORDER BY slot")
+        .bind(&id)
+        .fetch_all(conn)
+        .await
+        .during("reading a model's slots")?;
+    let slots = slots.iter().map(|slot| {
+        Ok(IdentitySlot {
+            slot: slot.number("slot")?,
+            subject: Collection::Subjects.name(&slot.text("subject")?),
+        })
+    });
+    Ok(Model {
+        name: Collection::Models.name(&id),
+        display_name: row.text("display_name")?,
+        tier: row.text("tier")?,
+        variant: row.text("variant")?,
+        slots: slots.collect::<Result<_, StoreError>>()?,
+        create_time: row.time("create_time")?,
+    })
+}
+
+/// A model by id.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Model, StoreError> {
+    let row = sqlx::query("SELECT * FROM models WHERE id = ?1")
+        .bind(id)
+        .fetch_optional(&mut *conn)
+        .await
+        .during("reading a model")?;
+    match row {
+        Some(row) => read(conn, &row).await,
+        None => Err(StoreError::NotFound {
+            name: Collection::Models.name(id),
+        }),
+    }
+}
+
+/// Models, oldest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    page: Page,
+) -> Result<Vec<Entry<Model>>, StoreError> {
+    let rows = sqlx::query("SELECT * FROM models WHERE ord > ?1 ORDER BY ord LIMIT ?2")
+        .bind(page.after.unwrap_or(0))
+        .bind(page.limit)
+        .fetch_all(&mut *conn)
+        .await
+        .during("listing models")?;
+    let mut entries = Vec::with_capacity(rows.len());
+    for row in &rows {
+        entries.push(Entry {
+            position: row.number("ord")?,
+            item: read(conn, row).await?,
+        });
+    }
+    Ok(entries)
+}
+
+/// Gives a READY subject the next slot, or returns the one it has.
+pub async fn add_identity(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    subject_id: &str,
+) -> Result<IdentitySlot, StoreError> {
+    let model = get(conn, model_id).await?;
+    let subject = subjects::get(conn, subject_id).await?;
+    if let Some(slot) = model.slots.iter().find(|slot| slot.subject == subject.name) {
+        return Ok(slot.clone());
+    }
+    if subject.state() != subject::State::Ready {
+        let state = subject.state().as_str_name();
+        return Err(StoreError::Rule {
+            reason: "SUBJECT_NOT_READY",
+            message: format!(
+                "{} is {state}; only a READY subject gets a slot",
+                subject.name
+            ),
+        });
+    }
+    if model.variant == SINGLE_SUBJECT_VARIANT && !model.slots.is_empty() {
+        return Err(StoreError::Rule {
+            reason: "MODEL_FULL",
+            message: format!(
+                "{} is of the variant {SINGLE_SUBJECT_VARIANT}, which knows one subject, and has it",
+                model.name
+            ),
+        });
+    }
+    let row = sqlx::query(
+        "UPDATE models SET next_slot = next_slot + 1 WHERE id = ?1 RETURNING next_slot - 1 AS slot",
+    )
+    .bind(model_id)
+    .fetch_one(&mut *conn)
+    .await
+    .during("taking the next slot")?;
+    let slot: u32 = row.number("slot")?;
+    sqlx::query("INSERT INTO slots (model, slot, subject) VALUES (?1, ?2, ?3)")
+        .bind(model_id)
+        .bind(slot)
+        .bind(subject_id)
+        .execute(conn)
+        .await
+        .during("filling a slot")?;
+    Ok(IdentitySlot {
+        slot,
+        subject: subject.name,
+    })
+}
+
+/// Checkpoints of a model, newest first.
+pub async fn checkpoints(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    limit: u32,
+) -> Result<Vec<Checkpoint>, StoreError> {
+    let model = get(conn, model_id).await?;
+    let rows =
+        sqlx::query("SELECT * FROM checkpoints WHERE model = ?1 ORDER BY step DESC LIMIT ?2")
+            .bind(model_id)
+            .bind(limit)
+            .fetch_all(conn)
+            .await
+            .during("listing checkpoints")?;
+    rows.iter()
+        .map(|row| {
+            let step = row.number("step")?;
+            Ok(Checkpoint {
+                name: names::checkpoint(&model.name, step),
+                step,
+                manifest: row.object("manifest_key", "manifest_bytes", "manifest_sha256")?,
+                bytes: row.number("bytes")?,
+                psnr: row.real("psnr")?,
+                create_time: row.time("create_time")?,
+            })
+        })
+        .collect()
+}
+
+/// Records a checkpoint. One of the same step, left by an earlier lease, is replaced.
+pub async fn record_checkpoint(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    job_id: &str,
+    checkpoint: Checkpoint,
+) -> Result<(), StoreError> {
+    let manifest = checkpoint.manifest.unwrap_or_default();
+    sqlx::query(
+        "INSERT OR REPLACE INTO checkpoints
+             (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+    )
+    .bind(model_id)
+    .bind(integer("checkpoint.step", checkpoint.step)?)
+    .bind(job_id)
+    .bind(manifest.key)
+    .bind(integer("checkpoint.manifest.bytes", manifest.bytes)?)
+    .bind(manifest.sha256)
+    .bind(integer("checkpoint.bytes", checkpoint.bytes)?)
+    .bind(checkpoint.psnr)
+    .execute(conn)
+    .await
+    .during("recording a checkpoint")?;
+    Ok(())
+}

@@ -1,0 +1,167 @@
+//! How jobs end, and what their end means for the catalogue.
+//!
+//! An ingest job and its capture change in one transaction, so that neither can say
+//! something that the other denies.
+
+use super::{captures, leases, rows::Columns, rows::During};
+use crate::store::{Ending, LeaseKey, StoreError};
+use prost::Message;
+use sqlx::{SqliteConnection, sqlite::SqliteRow};
+use yoto_proto::{
+    pose_track::violation,
+    v1::{JobError, JobResult, Violation, job, job_result},
+};
+
+/// Ends the job with its result.
+pub async fn complete(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    result: JobResult,
+) -> Result<(), StoreError> {
+    let row = finish(conn, lease, job::State::Succeeded, Some(&result), None).await?;
+    if let (Some(capture), Some(job_result::Kind::Ingest(ingest))) =
+        (row.maybe_text("capture")?, &result.kind)
+    {
+        captures::accept(conn, &capture, ingest).await?;
+    }
+    Ok(())
+}
+
+/// Ends the job without a result, or puts it back into the queue.
+pub async fn end(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    ending: Ending,
+) -> Result<(), StoreError> {
+    let cancel_requested = cancel_requested(conn, lease).await?;
+    match ending {
+        Ending::Failed(error) => fail(conn, lease, error).await,
+        Ending::Cancelled if cancel_requested => cancel(conn, lease).await,
+        Ending::Cancelled => Err(StoreError::Rule {
+            reason: "CANCEL_NOT_REQUESTED",
+            message: "nobody asked for this job to be cancelled".into(),
+        }),
+        Ending::Requeued if cancel_requested => cancel(conn, lease).await,
+        Ending::Requeued => requeue(conn, lease).await,
+    }
+}
+
+async fn cancel_requested(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+) -> Result<bool, StoreError> {
+    let row = sqlx::query(
+        "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
+    )
+    .bind(&lease.job_id)
+    .bind(leases::token(lease)?)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("checking a lease")?;
+    match row {
+        Some(row) => row.flag("cancel_requested"),
+        None => Err(leases::refusal(conn, lease).await),
+    }
+}
+
+/// Ends the leased job as FAILED.
+pub async fn fail(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    error: JobError,
+) -> Result<(), StoreError> {
+    let row = finish(conn, lease, job::State::Failed, None, Some(&error)).await?;
+    if error.violations.is_empty() {
+        reject(
+            conn,
+            &row,
+            &[violation(&error.code, "", None, "", &error.message)],
+        )
+        .await
+    } else {
+        reject(conn, &row, &error.violations).await
+    }
+}
+
+/// Ends the leased job as CANCELLED.
+pub async fn cancel(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
+    let row = finish(conn, lease, job::State::Cancelled, None, None).await?;
+    reject(conn, &row, &[cancelled()]).await
+}
+
+/// Puts the leased job back into its old place in the queue.
+pub async fn requeue(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
+    let done = sqlx::query(
+        "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1
+         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
+    )
+    .bind(&lease.job_id)
+    .bind(leases::token(lease)?)
+    .execute(&mut *conn)
+    .await
+    .during("putting a job back into the queue")?;
+    if done.rows_affected() == 0 {
+        return Err(leases::refusal(conn, lease).await);
+    }
+    Ok(())
+}
+
+/// Ends a job that no worker has.
+pub async fn cancel_queued(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
+    let row = sqlx::query(
+        "UPDATE jobs SET state = 'CANCELLED', cancel_requested = 1, sequence = sequence + 1,
+             end_time = unixepoch('subsec')
+         WHERE id = ?1 AND state = 'QUEUED' RETURNING capture",
+    )
+    .bind(job_id)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("cancelling a queued job")?;
+    match row {
+        Some(row) => reject(conn, &row, &[cancelled()]).await,
+        None => Ok(()),
+    }
+}
+
+fn cancelled() -> Violation {
+    violation("CANCELLED", "", None, "", "the ingest job was cancelled")
+}
+
+/// Rejects the capture of an ingest job that ended; other jobs have none.
+async fn reject(
+    conn: &mut SqliteConnection,
+    job: &SqliteRow,
+    violations: &[Violation],
+) -> Result<(), StoreError> {
+    match job.maybe_text("capture")? {
+        Some(capture) => captures::reject(conn, &capture, violations).await,
+        None => Ok(()),
+    }
+}
+
+/// The guarded write of a terminal state. Returns the job's `capture` column.
+async fn finish(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    state: job::State,
+    result: Option<&JobResult>,
+    error: Option<&JobError>,
+) -> Result<SqliteRow, StoreError> {
+    let row = sqlx::query(
+        "UPDATE jobs SET state = ?3, result = ?4, error = ?5, lease_deadline = NULL,
+             sequence = sequence + 1, end_time = unixepoch('subsec')
+         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING' RETURNING capture",
+    )
+    .bind(&lease.job_id)
+    .bind(leases::token(lease)?)
+    .bind(state.as_str_name())
+    .bind(result.map(Message::encode_to_vec))
+    .bind(error.map(Message::encode_to_vec))
+    .fetch_optional(&mut *conn)
+    .await
+    .during("ending a job")?;
+    match row {
+        Some(row) => Ok(row),
+        None => Err(leases::refusal(conn, lease).await),
+    }
+}

@@ -1,0 +1,54 @@
+//! Request ids: a repeated call gets the answer of the first.
+
+use super::rows::{Columns, During};
+use crate::store::{RequestKey, StoreError};
+use sqlx::SqliteConnection;
+
+/// The id that the same request was answered with before, if it was.
+pub async fn answered(
+    conn: &mut SqliteConnection,
+    request: Option<&RequestKey>,
+) -> Result<Option<String>, StoreError> {
+    let Some(request) = request else {
+        return Ok(None);
+    };
+    let row = sqlx::query(
+        "SELECT body_sha256, answer FROM request_ids WHERE method = ?1 AND request_id = ?2",
+    )
+    .bind(request.method)
+    .bind(&request.request_id)
+    .fetch_optional(conn)
+    .await
+    .during("looking up a request id")?;
+    let Some(row) = row else {
+        return Ok(None);
+    };
+    if row.text("body_sha256")? != request.body_sha256 {
+        return Err(StoreError::RequestIdReused {
+            request_id: request.request_id.clone(),
+        });
+    }
+    row.text("answer").map(Some)
+}
+
+/// Remembers what a request was answered with.
+pub async fn remember(
+    conn: &mut SqliteConnection,
+    request: Option<&RequestKey>,
+    answer: &str,
+) -> Result<(), StoreError> {
+    let Some(request) = request else {
+        return Ok(());
+    };
+    sqlx::query(
+        "INSERT INTO request_ids (method, request_id, body_sha256, answer) VALUES (?1, ?2, ?3, ?4)",
+    )
+    .bind(request.method)
+    .bind(&request.request_id)
+    .bind(&request.body_sha256)
+    .bind(answer)
+    .execute(conn)
+    .await
+    .during("remembering a request id")?;
+    Ok(())
+}

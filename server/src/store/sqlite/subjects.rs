@@ -1,0 +1,113 @@
+//! Subjects, and the shard that stands for each.
+
+use super::{
+    requests,
+    rows::{Columns, During, state},
+};
+use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use sqlx::{SqliteConnection, sqlite::SqliteRow};
+use yoto_proto::{
+    names::Collection,
+    v1::{Subject, SubjectShard, subject},
+};
+
+fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
+    let captures = row.maybe_text("captures")?.unwrap_or_default();
+    Ok(Subject {
+        name: Collection::Subjects.name(&row.text("id")?),
+        display_name: row.text("display_name")?,
+        state: state(
+            "subjects.state",
+            &row.text("state")?,
+            subject::State::from_str_name,
+        )? as i32,
+        consent_note: row.text("consent_note")?,
+        captures: captures
+            .split(',')
+            .filter(|id| !id.is_empty())
+            .map(|id| Collection::Captures.name(id))
+            .collect(),
+        create_time: row.time("create_time")?,
+    })
+}
+
+/// Creates a subject, or returns the one that `request` created before.
+pub async fn create(
+    conn: &mut SqliteConnection,
+    new: NewSubject,
+    request: Option<RequestKey>,
+) -> Result<Subject, StoreError> {
+    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
+        return get(conn, &id).await;
+    }
+    let id = new_id();
+    sqlx::query("INSERT INTO subjects (id, display_name, consent_note) VALUES (?1, ?2, ?3)")
+        .bind(&id)
+        .bind(&new.display_name)
+        .bind(&new.consent_note)
+        .execute(&mut *conn)
+        .await
+        .during("creating a subject")?;
+    requests::remember(conn, request.as_ref(), &id).await?;
+    get(conn, &id).await
+}
+
+/// A subject by id.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Subject, StoreError> {
+    let row = sqlx::query("SELECT * FROM subject_catalogue WHERE id = ?1")
+        .bind(id)
+        .fetch_optional(conn)
+        .await
+        .during("reading a subject")?;
+    match row {
+        Some(row) => read(&row),
+        None => Err(StoreError::NotFound {
+            name: Collection::Subjects.name(id),
+        }),
+    }
+}
+
+/// Subjects, oldest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    page: Page,
+) -> Result<Vec<Entry<Subject>>, StoreError> {
+    let rows = sqlx::query("SELECT * FROM subject_catalogue WHERE ord > ?1 ORDER BY ord LIMIT ?2")
+        .bind(page.after.unwrap_or(0))
+        .bind(page.limit)
+        .fetch_all(conn)
+        .await
+        .during("listing subjects")?;
+    rows.iter()
+        .map(|row| {
+            Ok(Entry {
+                position: row.number("ord")?,
+                item: read(row)?,
+            })
+        })
+        .collect()
+}
+
+/// The shard of the subject's newest READY capture.
+pub async fn shard(
+    conn: &mut SqliteConnection,
+    id: &str,
+) -> Result<Option<SubjectShard>, StoreError> {
+    let row = sqlx::query(
+        "SELECT s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256
+         FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.subject = ?1 AND c.state = 'READY' ORDER BY c.ord DESC LIMIT 1",
+    )
+    .bind(id)
+    .fetch_optional(conn)
+    .await
+    .during("looking up a subject's shard")?;
+    let Some(row) = row else {
+        return Ok(None);
+    };
+    Ok(Some(SubjectShard {
+        subject: Collection::Subjects.name(id),
+        display_name: row.text("display_name")?,
+        shard: row.object("shard_key", "shard_bytes", "shard_sha256")?,
+    }))
+}

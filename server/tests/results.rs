@@ -1,0 +1,119 @@
+//! What workers hand in, and what users get out of it.
+
+mod support;
+
+use futures::TryStreamExt;
+use support::{Service, assert_invalid, assert_refused, id, job_name};
+use tonic::{Code, Status};
+use yoto_proto::{
+    keys,
+    v1::{
+        DownloadRenderRequest, IngestResult, ObjectRef, Orbit, RenderResult, RenderSpec,
+        RenderedFile, capture, job_result, job_spec, render_spec::What,
+    },
+};
+
+#[tokio::test]
+async fn a_worker_may_only_name_objects_of_its_own_lease() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let capture = service
+        .upload_good(&subject.name)
+        .await
+        .capture
+        .expect("has one")
+        .name;
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    let result = |shard| {
+        let result = IngestResult {
+            shard: Some(shard),
+            frames: 1,
+            width: 1,
+            height: 1,
+        };
+        job_result::Kind::Ingest(result)
+    };
+    let foreign = service.put("captures/other/shard.bin", b"shard").await;
+    let answer = service.complete(&lease, result(foreign.clone())).await;
+    assert_invalid(answer, "result.ingest.shard.key");
+    let key = keys::shard(id(&capture), id(&job_name(&lease)), lease.token);
+    let missing = ObjectRef {
+        key: key.clone(),
+        ..foreign
+    };
+    let answer = service.complete(&lease, result(missing)).await;
+    assert_invalid(answer, "result.ingest.shard");
+    let mut torn = service.put(&key, b"shard").await;
+    torn.bytes += 1;
+    assert_invalid(
+        service.complete(&lease, result(torn)).await,
+        "result.ingest.shard",
+    );
+    assert_eq!(
+        service.get_capture(&capture).await.state(),
+        capture::State::Ingesting
+    );
+    service.complete_ingest(&lease).await;
+}
+
+#[tokio::test]
+async fn a_render_is_downloaded_from_a_job_that_succeeded() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train", "render"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    service.publish(&training, 1).await.expect("publishes");
+    let spec = RenderSpec {
+        model: model.name,
+        subject: subject.name,
+        what: Some(What::Orbit(Orbit {
+            frame: 0,
+            views: 1,
+            size: 8,
+        })),
+        ..<_>::default()
+    };
+    let job = service
+        .create_job(job_spec::Kind::Render(spec))
+        .await
+        .expect("is queued");
+    let download = |file: &str| {
+        let request = DownloadRenderRequest {
+            job: job.name.clone(),
+            file: file.into(),
+        };
+        let mut client = service.renders();
+        async move {
+            let answers = client.download_render(request).await?.into_inner();
+            let chunks: Vec<_> = answers.map_ok(|answer| answer.chunk).try_collect().await?;
+            Ok::<_, Status>(chunks.concat())
+        }
+    };
+    let early = download("000000.png").await;
+    assert_refused(early, Code::FailedPrecondition, "NOT_SUCCEEDED");
+    let lease = service.lease(&worker).await.expect("the render waits");
+    assert_eq!(
+        lease.inputs.clone().expect("has inputs").checkpoints.len(),
+        1
+    );
+    let picture: Vec<u8> = (0..100_000_u32).map(|n| n as u8).collect();
+    let key = keys::render(id(&job.name), lease.token, "000000.png");
+    let object = Some(service.put(&key, &picture).await);
+    let files = vec![RenderedFile {
+        file: "000000.png".into(),
+        object,
+    }];
+    let result = RenderResult {
+        files,
+        ..<_>::default()
+    };
+    service
+        .complete(&lease, job_result::Kind::Render(result))
+        .await
+        .expect("completes");
+    assert_eq!(download("000000.png").await.expect("downloads"), picture);
+    assert_refused(download("../yoto.db").await, Code::NotFound, "NOT_FOUND");
+}

@@ -1,0 +1,181 @@
+//! The service as a whole: one process a folder, memory that outlives it, health, reflection.
+
+mod support;
+
+use futures::stream;
+use support::{Service, file, job_name};
+use tokio::net::TcpListener;
+use tokio_stream::{StreamExt, wrappers::TcpListenerStream};
+use tonic::{Code, transport::Endpoint};
+use tonic_health::pb::{
+    HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
+};
+use tonic_reflection::pb::v1::{
+    ServerReflectionRequest, server_reflection_client::ServerReflectionClient,
+    server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
+};
+use yoto_proto::v1::{
+    FileHeader, GetSubjectRequest, LeaseJobRequest, ListJobsRequest, UploadCaptureRequest, job,
+    subject_service_client::SubjectServiceClient, upload_capture_request::Part,
+};
+use yoto_server::{Coordinator, ServerConfig, ServerError};
+
+#[tokio::test]
+async fn a_second_coordinator_on_the_same_folder_is_refused() {
+    let service = Service::start().await;
+    let second = Coordinator::open(ServerConfig::new(service.dir.path())).await;
+    let Err(error @ ServerError::DataDirInUse { .. }) = second else {
+        panic!("the folder is in use");
+    };
+    let folder = service.dir.path().canonicalize().expect("is there");
+    let message = error.to_string();
+    assert!(message.contains(&folder.display().to_string()), "{message}");
+    assert!(message.contains("in use"), "{message}");
+    let dir = service.stop().await;
+    Service::start_in(dir, |_| {}).await;
+}
+
+#[tokio::test]
+async fn what_was_answered_survives_a_restart() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    let queued = service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let dir = service.stop().await;
+    let service = Service::start_in(dir, |_| {}).await;
+    assert_eq!(service.get_subject(&subject.name).await, subject);
+    let job = service.get_job(&queued.name).await;
+    assert_eq!((job.state(), job.lease), (job::State::Running, 1));
+    // The worker never noticed: its lease still holds.
+    service.publish(&lease, 3).await.expect("holds the lease");
+    assert_eq!(job_name(&lease), queued.name);
+}
+
+#[tokio::test]
+async fn health_and_reflection_answer() {
+    let service = Service::start().await;
+    let mut health = HealthClient::new(service.channel.clone());
+    for name in ["", "yoto.v1.JobService", "yoto.v1.WorkerService"] {
+        let request = HealthCheckRequest {
+            service: name.into(),
+        };
+        let answer = health.check(request).await.expect("answers").into_inner();
+        assert_eq!(answer.status(), ServingStatus::Serving, "{name}");
+    }
+    let request = ServerReflectionRequest {
+        host: String::new(),
+        message_request: Some(MessageRequest::ListServices(String::new())),
+    };
+    let mut reflection = ServerReflectionClient::new(service.channel.clone());
+    let call = reflection
+        .server_reflection_info(stream::iter([request]))
+        .await;
+    let answer = call
+        .expect("answers")
+        .into_inner()
+        .next()
+        .await
+        .expect("an item");
+    let Some(MessageResponse::ListServicesResponse(list)) =
+        answer.expect("no error").message_response
+    else {
+        panic!("services were asked for");
+    };
+    let names: Vec<_> = list
+        .service
+        .into_iter()
+        .map(|service| service.name)
+        .collect();
+    for name in ["Subject", "Model", "Job", "Render", "Worker"] {
+        assert!(
+            names.contains(&format!("yoto.v1.{name}Service")),
+            "{name} in {names:?}"
+        );
+    }
+}
+
+#[tokio::test]
+async fn one_coordinator_serves_tcp_beside_memory_and_drains_alone() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
+    let address = listener.local_addr().expect("has an address");
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let shutdown = async {
+        stopped.await.expect("is told");
+    };
+    let serving = tokio::spawn(
+        service
+            .coordinator
+            .serve(TcpListenerStream::new(listener), shutdown),
+    );
+    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("an address");
+    let channel = endpoint.connect().await.expect("connects");
+    let request = GetSubjectRequest {
+        name: subject.name.clone(),
+    };
+    let seen = SubjectServiceClient::new(channel)
+        .get_subject(request)
+        .await
+        .expect("is there");
+    assert_eq!(seen.into_inner(), subject);
+    stop.send(()).expect("is heard");
+    serving.await.expect("no panic").expect("ends in order");
+    assert_eq!(
+        service.get_subject(&subject.name).await,
+        subject,
+        "memory is served on"
+    );
+}
+
+#[tokio::test]
+async fn large_messages_pass_and_inner_errors_stay_inside() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    // More than tonic's default limit of 4 MiB in one chunk.
+    let large = file("frames/0.png", &vec![7; 6 << 20]);
+    let header = FileHeader {
+        path: large.path,
+        bytes: large.bytes.len() as u64,
+        sha256: large.sha256,
+    };
+    let mut messages = support::parts(
+        &subject.name,
+        vec![file("poses.json", b"{}"), file("empty", b"")],
+    );
+    for part in [Part::File(header), Part::Chunk(large.bytes)] {
+        messages.push(UploadCaptureRequest { part: Some(part) });
+    }
+    let answer = service
+        .subjects()
+        .upload_capture(stream::iter(messages))
+        .await;
+    answer.expect("a large chunk and an empty file are fine");
+
+    let worker = service.worker(&["ingest"]).await;
+    let objects = service.dir.path().join("objects");
+    std::fs::remove_dir_all(&objects).expect("breaks the store");
+    std::fs::write(&objects, b"a file where a folder was").expect("breaks the store");
+    let status = service
+        .upload(&subject.name, vec![file("poses.json", b"{}")])
+        .await;
+    let status = status.expect_err("the store is broken");
+    assert_eq!(status.code(), Code::Internal);
+    assert!(!status.message().contains("objects"), "{status}");
+    service
+        .jobs()
+        .list_jobs(ListJobsRequest::default())
+        .await
+        .expect("the service lives on");
+    let request = LeaseJobRequest { worker };
+    let lease = service
+        .workers()
+        .lease_job(request)
+        .await
+        .expect("answers")
+        .into_inner()
+        .lease;
+    assert!(lease.is_some(), "the job of the good upload waits");
+}

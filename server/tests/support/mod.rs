@@ -1,0 +1,364 @@
+//! A coordinator in a temporary folder with real gRPC, SQLite and objects, and the calls
+//! that most tests start with.
+#![allow(
+    dead_code,
+    unused_imports,
+    reason = "each test binary uses its own part of this"
+)]
+
+mod capture;
+mod expect;
+
+pub use capture::{File, file, parts};
+pub use expect::{assert_invalid, assert_refused, eventually};
+
+use futures::stream;
+use object_store::{ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
+use std::{path::PathBuf, time::Duration};
+use tempfile::TempDir;
+use tokio::task::JoinHandle;
+use tonic::{Status, transport::Channel};
+use yoto_proto::{
+    keys, names, sha256_hex,
+    v1::{
+        AddIdentityRequest, Capture, Checkpoint, CompleteJobRequest, CreateJobRequest,
+        CreateModelRequest, CreateSubjectRequest, GetCaptureRequest, GetJobRequest,
+        GetSubjectRequest, IngestResult, Job, JobResult, JobSpec, Lease, LeaseJobRequest, Model,
+        ObjectRef, PublishCheckpointRequest, RegisterWorkerRequest, Subject, TrainSpec,
+        UploadCaptureResponse, WorkerDevice, job_result, job_service_client::JobServiceClient,
+        job_spec, model_service_client::ModelServiceClient,
+        render_service_client::RenderServiceClient, subject_service_client::SubjectServiceClient,
+        worker_service_client::WorkerServiceClient,
+    },
+};
+use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
+
+/// A running coordinator.
+pub struct Service {
+    pub dir: TempDir,
+    pub channel: Channel,
+    pub connector: InMemoryConnector,
+    pub coordinator: Coordinator,
+    serving: JoinHandle<Result<(), ServerError>>,
+}
+
+impl Service {
+    pub async fn start() -> Self {
+        Self::start_with(|_| {}).await
+    }
+
+    pub async fn start_with(change: impl FnOnce(&mut ServerConfig)) -> Self {
+        Self::start_in(TempDir::new().expect("a folder"), change).await
+    }
+
+    pub async fn start_in(dir: TempDir, change: impl FnOnce(&mut ServerConfig)) -> Self {
+        let mut config = ServerConfig::new(dir.path());
+        config.reap_interval = Duration::from_millis(20);
+        change(&mut config);
+        let coordinator = Coordinator::open(config).await.expect("opens");
+        let (connector, incoming) = in_memory();
+        let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));
+        Self {
+            dir,
+            channel: connector.channel(),
+            connector,
+            coordinator,
+            serving,
+        }
+    }
+
+    /// Stops the coordinator in order and returns its folder.
+    pub async fn stop(self) -> TempDir {
+        drop(self.channel);
+        self.coordinator.close().await;
+        self.serving.await.expect("no panic").expect("serves");
+        self.dir
+    }
+
+    pub fn subjects(&self) -> SubjectServiceClient<Channel> {
+        SubjectServiceClient::new(self.channel.clone())
+    }
+
+    pub fn models(&self) -> ModelServiceClient<Channel> {
+        ModelServiceClient::new(self.channel.clone())
+    }
+
+    pub fn jobs(&self) -> JobServiceClient<Channel> {
+        JobServiceClient::new(self.channel.clone())
+    }
+
+    pub fn renders(&self) -> RenderServiceClient<Channel> {
+        RenderServiceClient::new(self.channel.clone())
+    }
+
+    pub fn workers(&self) -> WorkerServiceClient<Channel> {
+        WorkerServiceClient::new(self.channel.clone())
+    }
+
+    pub async fn subject(&self, display_name: &str) -> Subject {
+        let request = CreateSubjectRequest {
+            display_name: display_name.into(),
+            ..<_>::default()
+        };
+        self.subjects()
+            .create_subject(request)
+            .await
+            .expect("creates")
+            .into_inner()
+    }
+
+    pub async fn get_subject(&self, name: &str) -> Subject {
+        let request = GetSubjectRequest { name: name.into() };
+        self.subjects()
+            .get_subject(request)
+            .await
+            .expect("is there")
+            .into_inner()
+    }
+
+    pub async fn get_capture(&self, name: &str) -> Capture {
+        let request = GetCaptureRequest { name: name.into() };
+        self.subjects()
+            .get_capture(request)
+            .await
+            .expect("is there")
+            .into_inner()
+    }
+
+    pub async fn get_job(&self, name: &str) -> Job {
+        let request = GetJobRequest { name: name.into() };
+        self.jobs()
+            .get_job(request)
+            .await
+            .expect("is there")
+            .into_inner()
+    }
+
+    /// Uploads `files` in chunks of 7 bytes.
+    pub async fn upload(
+        &self,
+        subject: &str,
+        files: Vec<File>,
+    ) -> Result<UploadCaptureResponse, Status> {
+        let parts = parts(subject, files);
+        self.subjects()
+            .upload_capture(stream::iter(parts))
+            .await
+            .map(|answer| answer.into_inner())
+    }
+
+    pub async fn upload_good(&self, subject: &str) -> UploadCaptureResponse {
+        let files = vec![
+            file("poses.json", b"{}"),
+            file("frames/000000.png", b"not looked at"),
+        ];
+        self.upload(subject, files).await.expect("uploads")
+    }
+
+    /// Registers a worker that runs `kinds`.
+    pub async fn worker(&self, kinds: &[&str]) -> String {
+        let request = RegisterWorkerRequest {
+            display_name: "test worker".into(),
+            device: Some(WorkerDevice {
+                backend: "cpu".into(),
+                ..<_>::default()
+            }),
+            kinds: kinds.iter().map(|kind| (*kind).into()).collect(),
+        };
+        self.workers()
+            .register_worker(request)
+            .await
+            .expect("registers")
+            .into_inner()
+            .worker
+    }
+
+    /// Asks for a lease once.
+    pub async fn lease(&self, worker: &str) -> Option<Lease> {
+        let request = LeaseJobRequest {
+            worker: worker.into(),
+        };
+        self.workers()
+            .lease_job(request)
+            .await
+            .expect("answers")
+            .into_inner()
+            .lease
+    }
+
+    /// Asks for a lease until there is one.
+    pub async fn lease_eventually(&self, worker: &str) -> Lease {
+        eventually("a lease", || self.lease(worker)).await
+    }
+
+    /// Writes an object as a worker would.
+    pub async fn put(&self, key: &str, bytes: &[u8]) -> ObjectRef {
+        let root = self
+            .coordinator
+            .objects_url()
+            .to_file_path()
+            .expect("a local store");
+        let store = LocalFileSystem::new_with_prefix(root).expect("opens");
+        store
+            .put(&Key::parse(key).expect("a key"), bytes.to_vec().into())
+            .await
+            .expect("writes");
+        ObjectRef {
+            key: key.into(),
+            bytes: bytes.len() as u64,
+            sha256: sha256_hex(bytes),
+        }
+    }
+
+    pub async fn complete(&self, lease: &Lease, kind: job_result::Kind) -> Result<(), Status> {
+        let request = CompleteJobRequest {
+            job: job_name(lease),
+            token: lease.token,
+            result: Some(JobResult { kind: Some(kind) }),
+        };
+        self.workers().complete_job(request).await.map(drop)
+    }
+
+    /// Completes a leased ingest job with a shard.
+    pub async fn complete_ingest(&self, lease: &Lease) {
+        let job = lease.job.clone().expect("has a job");
+        let Some(job_spec::Kind::Ingest(spec)) = job.spec.and_then(|spec| spec.kind) else {
+            panic!("{} is no ingest job", job.name);
+        };
+        let key = keys::shard(id(&spec.capture), id(&job.name), lease.token);
+        let shard = Some(self.put(&key, b"shard").await);
+        let result = IngestResult {
+            shard,
+            frames: 2,
+            width: 8,
+            height: 8,
+        };
+        self.complete(lease, job_result::Kind::Ingest(result))
+            .await
+            .expect("completes");
+    }
+
+    /// A subject with an ingested capture.
+    pub async fn ready_subject(&self, display_name: &str) -> Subject {
+        let subject = self.subject(display_name).await;
+        self.upload_good(&subject.name).await;
+        let worker = self.worker(&["ingest"]).await;
+        let lease = self.lease(&worker).await.expect("the ingest job waits");
+        self.complete_ingest(&lease).await;
+        self.get_subject(&subject.name).await
+    }
+
+    pub async fn model(&self, display_name: &str) -> Model {
+        let request = CreateModelRequest {
+            display_name: display_name.into(),
+            tier: "draft".into(),
+            variant: "yoto".into(),
+            request_id: String::new(),
+        };
+        self.models()
+            .create_model(request)
+            .await
+            .expect("creates")
+            .into_inner()
+    }
+
+    /// A model with one ingested subject.
+    pub async fn model_of(&self, subject: &Subject) -> Model {
+        let model = self.model("shared").await;
+        let (model, subject) = (model.name.clone(), subject.name.clone());
+        let request = AddIdentityRequest {
+            model: model.clone(),
+            subject,
+        };
+        self.models()
+            .add_identity(request)
+            .await
+            .expect("gets a slot");
+        let request = yoto_proto::v1::GetModelRequest { name: model };
+        self.models()
+            .get_model(request)
+            .await
+            .expect("is there")
+            .into_inner()
+    }
+
+    pub async fn create_job(&self, kind: job_spec::Kind) -> Result<Job, Status> {
+        let spec = Some(JobSpec { kind: Some(kind) });
+        let request = CreateJobRequest {
+            spec,
+            request_id: String::new(),
+        };
+        self.jobs()
+            .create_job(request)
+            .await
+            .map(|answer| answer.into_inner())
+    }
+
+    pub async fn train(&self, model: &Model) -> Job {
+        let spec = TrainSpec {
+            model: model.name.clone(),
+            seconds: 1.0,
+            ..<_>::default()
+        };
+        self.create_job(job_spec::Kind::Train(spec))
+            .await
+            .expect("is queued")
+    }
+
+    /// Publishes a checkpoint of a leased train job.
+    pub async fn publish(&self, lease: &Lease, step: u64) -> Result<Checkpoint, Status> {
+        let model = lease
+            .inputs
+            .clone()
+            .and_then(|inputs| inputs.model)
+            .expect("has a model");
+        let job = job_name(lease);
+        let folder = keys::checkpoint(id(&model.name), id(&job), lease.token, step);
+        let checkpoint = Checkpoint {
+            name: names::checkpoint(&model.name, step),
+            step,
+            manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}").await),
+            bytes: 2,
+            psnr: Some(25.0),
+            create_time: None,
+        };
+        let token = lease.token;
+        let request = PublishCheckpointRequest {
+            job,
+            token,
+            checkpoint: Some(checkpoint.clone()),
+        };
+        self.workers().publish_checkpoint(request).await?;
+        Ok(checkpoint)
+    }
+
+    /// Every file below the object store's root.
+    pub fn stored_files(&self) -> Vec<PathBuf> {
+        let root = self
+            .coordinator
+            .objects_url()
+            .to_file_path()
+            .expect("a local store");
+        let (mut files, mut folders) = (Vec::new(), vec![root]);
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).expect("lists") {
+                let path = entry.expect("an entry").path();
+                if path.is_dir() {
+                    folders.push(path)
+                } else {
+                    files.push(path)
+                }
+            }
+        }
+        files
+    }
+}
+
+pub fn job_name(lease: &Lease) -> String {
+    lease.job.clone().expect("has a job").name
+}
+
+/// The id in a resource name.
+pub fn id(name: &str) -> &str {
+    name.split_once('/').expect("a resource name").1
+}

@@ -1,0 +1,166 @@
+//! The whole model: everybody's shared networks and each identity's own numbers.
+
+use crate::camera::Pose;
+use crate::config::{Encoding, ModelConfig, Variant};
+use crate::field::canonical::{Canonical, FieldValues};
+use crate::field::non_rigid::NonRigid;
+use crate::identity::pose_condition::PoseCondition;
+use crate::init::Initial;
+use crate::motion::body::{Body, hash_grid};
+use crate::motion::correction::PoseCorrection;
+use crate::motion::posed;
+use crate::motion::weights::MotionWeights;
+use crate::ops::warp;
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+
+/// Deviation that identity codes start with.
+const CODE_DEVIATION: f64 = 0.01;
+
+/// The parameters of one model. All methods need its [`ModelConfig`], which is data beside it.
+#[derive(Module, Debug)]
+pub struct Avatar {
+    /// One `[code_width]` an identity; a single one that all share, or none, by variant.
+    codes: Vec<Param<Tensor<1>>>,
+    motion: MotionWeights,
+    correction: PoseCorrection,
+    condition: Option<PoseCondition>,
+    non_rigid: NonRigid,
+    canonical: Canonical,
+}
+
+/// An identity in a pose at a moment of the training: what a step computes once a frame.
+pub struct Posed {
+    slot: usize,
+    step: u64,
+    /// `[K + 1, D³]` motion weights.
+    pub weights: Tensor<2>,
+    /// `[K, 12]` posed body to canonical.
+    pub transforms: Tensor<2>,
+    pose: Tensor<1>,
+    code: Option<Tensor<1>>,
+    conditioned: Option<Tensor<1>>,
+}
+
+impl Avatar {
+    /// A model with `slots` identities of skeletons with `joints` joints; the same seed gives
+    /// the same weights.
+    pub fn new(
+        config: &ModelConfig,
+        slots: usize,
+        joints: usize,
+        seed: u64,
+        device: &Device,
+    ) -> Self {
+        let init = Initial::new(device, seed);
+        let codes = match config.variant {
+            Variant::HumanNerf => 0,
+            Variant::NoIdentity => 1,
+            Variant::Yoto | Variant::NoPoseCondition => slots,
+        };
+        let code_width = if codes > 0 { config.code_width } else { 0 };
+        let rows = rows(&config.canonical.encoding);
+        Self {
+            codes: (0..codes)
+                .map(|slot| {
+                    init.normal(
+                        &format!("codes.{slot}"),
+                        [config.code_width],
+                        CODE_DEVIATION,
+                    )
+                })
+                .collect(),
+            motion: MotionWeights::new(&init, slots, joints + 1, config.motion.resolution.pow(3)),
+            correction: PoseCorrection::new(&init, &config.correction, joints),
+            condition: matches!(config.variant, Variant::Yoto | Variant::NoIdentity)
+                .then(|| PoseCondition::new(&init, &config.condition, config.code_width)),
+            non_rigid: NonRigid::new(&init, &config.non_rigid, 3 * (joints - 1), code_width),
+            canonical: Canonical::new(&init, &config.canonical, slots, code_width, rows),
+        }
+    }
+
+    /// Poses the identity in `slot`, which the caller has checked to exist. `step` opens what
+    /// starts later in the training.
+    pub fn pose(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        slot: usize,
+        pose: &Pose,
+        step: u64,
+    ) -> Posed {
+        let vector = posed::pose_vector(body, pose);
+        let transforms = if step >= config.correction.kick_in {
+            posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
+        } else {
+            posed::transforms(body, pose)
+        };
+        let code = match config.variant {
+            Variant::NoIdentity => self.codes.first(),
+            _ => self.codes.get(slot),
+        }
+        .map(|code| code.val());
+        let conditioned = match (&self.condition, &code) {
+            (Some(condition), Some(code)) => Some(condition.forward(
+                &config.condition,
+                code.clone(),
+                posed::relative_joints(body, pose),
+            )),
+            _ => code.clone(),
+        };
+        Posed {
+            slot,
+            step,
+            weights: self.motion.volume(slot, body.log_prior.clone()),
+            transforms,
+            pose: vector,
+            code,
+            conditioned,
+        }
+    }
+
+    /// Colour, density and foreground likelihood `[N]` at `points` `[N, 3]` of the posed body.
+    pub fn evaluate(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        posed: &Posed,
+        points: Tensor<2>,
+    ) -> (FieldValues, Tensor<1>) {
+        let [n, _] = points.dims();
+        let warped = warp::warp(
+            posed.weights.clone(),
+            posed.transforms.clone(),
+            points,
+            &body.grid,
+        );
+        let likelihood = warped.clone().slice([0..n, 3..4]).reshape([n]);
+        let canonical = warped.slice([0..n, 0..3]);
+        let moved = self.non_rigid.forward(
+            &config.non_rigid,
+            canonical,
+            posed.pose.clone(),
+            posed.conditioned.clone(),
+            posed.step,
+        );
+        let values = self.canonical.forward(
+            &config.canonical,
+            moved,
+            posed.slot,
+            body.hash.as_ref(),
+            posed.code.clone(),
+        );
+        (values, likelihood)
+    }
+}
+
+/// Table rows an identity, the same for every box.
+fn rows(encoding: &Encoding) -> usize {
+    let anywhere = warp::WarpGrid {
+        min: [0.0; 3],
+        max: [1.0; 3],
+        resolution: 2,
+        floor: 0.0,
+    };
+    hash_grid(encoding, &anywhere).map_or(0, |grid| grid.rows())
+}

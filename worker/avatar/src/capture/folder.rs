@@ -1,0 +1,287 @@
+//! A capture as a folder: pose track, frames, masks, and views held out for evaluation.
+//!
+//! `poses.json` stands at the top. Training images are `frames/%06d.png` and
+//! `masks/%06d.png`, either beside it or under `train/`. Held-out views, where there are
+//! any, are `eval/<camera>/{frames,masks}` (training poses from other cameras) and
+//! `eval_pose/<camera>/{frames,masks}` (poses never trained on); `poses.json` describes
+//! them under `eval` and `eval_pose`.
+
+use super::files::{at_fault, missing, read_file, read_frame};
+use super::held_out::{HeldOut, HeldOutView};
+use super::{CaptureError, FrameImage, Shard, ShardBuilder};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::v1::Violation;
+
+/// Most missing files that are named.
+const MAX_MISSING: usize = 20;
+/// Frames decoded side by side before they are cropped, so that memory holds a few only.
+const DECODED_AT_ONCE: usize = 8;
+
+/// A file to upload: where it stands in a capture, and on this disk.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UploadFile {
+    /// Path inside the capture, e.g. `frames/000000.png`.
+    pub relative: String,
+    /// Path of the file itself.
+    pub path: PathBuf,
+}
+
+/// A capture folder whose pose track was read and checked and whose training images exist.
+#[derive(Debug)]
+pub struct CaptureFolder {
+    root: PathBuf,
+    /// `train/`, or empty where the training images stand at the top.
+    prefix: &'static str,
+    track: PoseTrack,
+    held_out_views: Vec<HeldOutView>,
+    held_out_poses: Vec<HeldOutView>,
+}
+
+impl CaptureFolder {
+    /// Opens a capture folder.
+    ///
+    /// # Errors
+    /// [`CaptureError::Invalid`] with everything that is wrong with `poses.json`, or each
+    /// training image that is missing; [`CaptureError::Io`] when the file system fails.
+    pub fn open(dir: impl AsRef<Path>) -> Result<Self, CaptureError> {
+        let root = dir.as_ref().to_path_buf();
+        let bytes = read_file(&root.join(pose_track::FILE), pose_track::FILE, None)?;
+        let track = PoseTrack::from_json(&bytes).map_err(CaptureError::Invalid)?;
+        let held_out = HeldOut::from_json(&bytes)?;
+        let prefix = if root.join("train/frames").is_dir() {
+            "train/"
+        } else {
+            ""
+        };
+        let folder = Self {
+            held_out_views: held_out.views(&root, &track)?,
+            held_out_poses: held_out.poses(&root, &track)?,
+            root,
+            prefix,
+            track,
+        };
+        folder.check_files()?;
+        Ok(folder)
+    }
+
+    /// Skeleton, poses and cameras of the training frames.
+    pub fn track(&self) -> &PoseTrack {
+        &self.track
+    }
+
+    /// What to upload: the pose track, then every frame and its mask.
+    pub fn files(&self) -> Vec<UploadFile> {
+        let poses = UploadFile {
+            relative: pose_track::FILE.to_owned(),
+            path: self.root.join(pose_track::FILE),
+        };
+        let images = self.track.frames.iter().flat_map(|frame| {
+            ["frames", "masks"].map(|kind| UploadFile {
+                relative: format!("{kind}/{:06}.png", frame.index),
+                path: self.root.join(self.image_name(kind, frame.index)),
+            })
+        });
+        std::iter::once(poses).chain(images).collect()
+    }
+
+    /// Training poses seen from cameras that training does not have, by camera name.
+    pub fn held_out_views(&self) -> &[HeldOutView] {
+        &self.held_out_views
+    }
+
+    /// Poses that training does not have, by camera name.
+    pub fn held_out_poses(&self) -> &[HeldOutView] {
+        &self.held_out_poses
+    }
+
+    /// Decodes the training frame at `position` in the track.
+    ///
+    /// # Errors
+    /// As [`HeldOutView::read`], and a position past the last frame.
+    pub fn read(&self, position: usize) -> Result<FrameImage, CaptureError> {
+        let frames = &self.track.frames;
+        let index = frames
+            .get(position)
+            .map(|frame| frame.index)
+            .ok_or_else(|| {
+                let message = format!(
+                    "there is no frame at position {position} of {}",
+                    frames.len()
+                );
+                at_fault("frames", message)
+            })?;
+        let [frame, mask] = ["frames", "masks"].map(|kind| self.image_name(kind, index));
+        read_frame(
+            (&self.root.join(&frame), &self.root.join(&mask)),
+            (&frame, &mask),
+            self.track.image_size,
+            index,
+        )
+    }
+
+    /// All training frames as a shard.
+    ///
+    /// # Errors
+    /// As [`CaptureFolder::read`].
+    pub fn shard(&self) -> Result<Shard, CaptureError> {
+        let mut builder = ShardBuilder::new(self.track.clone());
+        let positions: Vec<usize> = (0..self.track.frames.len()).collect();
+        for some in positions.chunks(DECODED_AT_ONCE) {
+            let images: Vec<_> = some.par_iter().map(|&at| self.read(at)).collect();
+            for image in images {
+                builder.push(&image?)?;
+            }
+        }
+        builder.finish()
+    }
+
+    fn image_name(&self, kind: &str, index: u32) -> String {
+        format!("{}{kind}/{index:06}.png", self.prefix)
+    }
+
+    fn check_files(&self) -> Result<(), CaptureError> {
+        let indices = self.track.frames.iter().map(|frame| frame.index);
+        let missing: Vec<Violation> = indices
+            .flat_map(|index| ["frames", "masks"].map(|kind| (index, self.image_name(kind, index))))
+            .filter(|(_, name)| !self.root.join(name).is_file())
+            .map(|(index, name)| missing(&name, Some(index)))
+            .take(MAX_MISSING)
+            .collect();
+        if missing.is_empty() {
+            Ok(())
+        } else {
+            Err(CaptureError::Invalid(missing))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::image::tests::png;
+    use crate::capture::tests::track;
+    use std::fs;
+
+    /// A folder that goes away with its test.
+    struct Scratch(PathBuf);
+
+    impl Scratch {
+        fn new(name: &str) -> Self {
+            let dir = std::env::temp_dir().join(format!("yoto-{name}-{}", std::process::id()));
+            fs::create_dir_all(&dir).expect("a temporary folder");
+            Self(dir)
+        }
+
+        fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+            let path = self.0.join(name);
+            fs::create_dir_all(path.parent().expect("inside the folder")).expect("a folder");
+            fs::write(path, bytes).expect("a file");
+        }
+
+        fn images(&self, folder: &str, index: u32, level: u8) {
+            let rgb = image::RgbImage::from_pixel(6, 4, image::Rgb([level, 0, 0]));
+            let mask = image::GrayImage::from_pixel(6, 4, image::Luma([255]));
+            self.write(&format!("{folder}frames/{index:06}.png"), png(rgb));
+            self.write(&format!("{folder}masks/{index:06}.png"), png(mask));
+        }
+    }
+
+    impl Drop for Scratch {
+        fn drop(&mut self) {
+            // Leaving a temporary folder behind fails no test.
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn poses() -> serde_json::Value {
+        serde_json::to_value(track(2, [6, 4])).expect("writes")
+    }
+
+    #[test]
+    fn a_plain_folder_is_read_in_track_order() {
+        let scratch = Scratch::new("plain");
+        scratch.write("poses.json", poses().to_string());
+        scratch.images("", 0, 10);
+        scratch.images("", 1, 20);
+        let folder = CaptureFolder::open(&scratch.0).expect("opens");
+        let relative: Vec<String> = folder.files().into_iter().map(|f| f.relative).collect();
+        assert_eq!(
+            relative,
+            [
+                "poses.json",
+                "frames/000000.png",
+                "masks/000000.png",
+                "frames/000001.png",
+                "masks/000001.png"
+            ]
+        );
+        assert!(folder.files().iter().all(|file| file.path.is_file()));
+        let shard = folder.shard().expect("decodes");
+        assert_eq!(shard.frames(), 2);
+        assert_eq!(shard.image(1), folder.read(1).expect("decodes"));
+        assert_eq!(shard.image(1).rgb[0], 20);
+        assert!(folder.read(2).is_err());
+        assert!(folder.held_out_views().is_empty() && folder.held_out_poses().is_empty());
+    }
+
+    #[test]
+    fn held_out_views_come_with_pose_and_camera() {
+        let scratch = Scratch::new("held-out");
+        let mut poses = poses();
+        let camera = poses["frames"][0].clone();
+        poses["eval"] = serde_json::json!({
+            "cam00": {"K": camera["K"], "E": camera["E"], "frames": [1]}
+        });
+        poses["eval_pose"] = serde_json::json!({
+            "frames": [{"index": 9, "pose": [0.1, 0.2, 0.3], "translation": [0.0, 0.0, 1.0]}],
+            "cams": {"cam03": {"K": camera["K"], "E": camera["E"]}}
+        });
+        scratch.write("poses.json", poses.to_string());
+        for index in 0..2 {
+            scratch.images("train/", index, 1);
+        }
+        scratch.images("eval/cam00/", 1, 30);
+        let folder = CaptureFolder::open(&scratch.0).expect("opens");
+        let upload = &folder.files()[1];
+        assert_eq!(upload.relative, "frames/000000.png");
+        assert_eq!(upload.path, scratch.0.join("train/frames/000000.png"));
+        let [view] = folder.held_out_views() else {
+            panic!("one view: {:?}", folder.held_out_views())
+        };
+        assert_eq!((view.camera_name.as_str(), view.frame), ("cam00", 1));
+        assert_eq!(view.read().expect("decodes").rgb[0], 30);
+        let [pose] = folder.held_out_poses() else {
+            panic!("one pose: {:?}", folder.held_out_poses())
+        };
+        assert_eq!(pose.pose.rotations, [[0.1, 0.2, 0.3]]);
+        let error = pose.read().expect_err("its images are missing");
+        assert_eq!(
+            error.to_string(),
+            "eval_pose/cam03/frames/000009.png frame 9: there is no such file"
+        );
+
+        poses["eval"]["../elsewhere"] = poses["eval"]["cam00"].clone();
+        scratch.write("poses.json", poses.to_string());
+        assert!(CaptureFolder::open(&scratch.0).is_err());
+    }
+
+    #[test]
+    fn faults_name_file_and_frame() {
+        let scratch = Scratch::new("faults");
+        let fault = || match CaptureFolder::open(&scratch.0).and_then(|f| f.shard()) {
+            Ok(_) => panic!("the folder is broken"),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(fault(), "poses.json: there is no such file");
+        scratch.write("poses.json", "{");
+        assert!(fault().starts_with("poses.json: line 1"), "{}", fault());
+        scratch.write("poses.json", poses().to_string());
+        scratch.images("", 0, 1);
+        assert!(fault().starts_with("frames/000001.png frame 1: there is no such file; masks/"));
+        scratch.images("", 1, 1);
+        scratch.write("masks/000001.png", b"not a picture");
+        assert!(fault().starts_with("masks/000001.png frame 1: can't be decoded"));
+    }
+}

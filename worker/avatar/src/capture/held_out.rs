@@ -1,0 +1,191 @@
+//! Pictures that training never sees: the `eval` and `eval_pose` parts of a capture folder.
+
+use super::files::{at_fault, read_frame};
+use super::{CaptureError, FrameImage};
+use crate::camera::{Camera, Pose, ViewError};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use yoto_proto::pose_track::{self, PoseTrack};
+
+/// What `poses.json` says beyond the pose track.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct HeldOut {
+    #[serde(default)]
+    eval: BTreeMap<String, EvalCamera>,
+    #[serde(default)]
+    eval_pose: EvalPose,
+}
+
+#[derive(Debug, Deserialize)]
+struct EvalCamera {
+    #[serde(flatten)]
+    matrices: Matrices,
+    frames: Vec<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Matrices {
+    #[serde(rename = "K")]
+    k: [[f64; 3]; 3],
+    #[serde(rename = "E")]
+    e: [[f64; 4]; 4],
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct EvalPose {
+    #[serde(default)]
+    frames: Vec<EvalFrame>,
+    #[serde(default)]
+    cams: BTreeMap<String, Matrices>,
+}
+
+#[derive(Debug, Deserialize)]
+struct EvalFrame {
+    index: u32,
+    pose: Vec<f64>,
+    translation: [f64; 3],
+}
+
+/// A picture that training never sees.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldOutView {
+    /// Name of the camera, which is its folder's.
+    pub camera_name: String,
+    /// Number in the file names.
+    pub frame: u32,
+    /// How the person stands.
+    pub pose: Pose,
+    /// What sees them, at the stored images' size.
+    pub camera: Camera,
+    /// The picture.
+    pub frame_path: PathBuf,
+    /// Its coverage.
+    pub mask_path: PathBuf,
+    /// File names for errors, relative to the capture.
+    names: (String, String),
+}
+
+impl HeldOutView {
+    /// Decodes the picture.
+    ///
+    /// # Errors
+    /// As [`FrameImage::decode`], and a file that is missing or can't be read.
+    pub fn read(&self) -> Result<FrameImage, CaptureError> {
+        read_frame(
+            (&self.frame_path, &self.mask_path),
+            (&self.names.0, &self.names.1),
+            [self.camera.width, self.camera.height],
+            self.frame,
+        )
+    }
+}
+
+impl HeldOut {
+    /// Reads the held-out parts of a `poses.json`; both may be absent.
+    pub(super) fn from_json(bytes: &[u8]) -> Result<Self, CaptureError> {
+        serde_json::from_slice(bytes).map_err(|error| {
+            let place = format!("line {} column {}", error.line(), error.column());
+            at_fault(place, error.to_string())
+        })
+    }
+
+    /// Training poses seen by other cameras.
+    pub(super) fn views(
+        &self,
+        root: &Path,
+        track: &PoseTrack,
+    ) -> Result<Vec<HeldOutView>, CaptureError> {
+        let by_index: BTreeMap<u32, &pose_track::Frame> =
+            track.frames.iter().map(|f| (f.index, f)).collect();
+        let mut views = Vec::new();
+        for (name, eval) in &self.eval {
+            let camera = camera_of("eval", name, &eval.matrices, track.image_size)?;
+            for &index in &eval.frames {
+                let field = format!("eval.{name}.frames");
+                let frame = by_index.get(&index).ok_or_else(|| {
+                    at_fault(&field, format!("{index} is no frame of this track"))
+                })?;
+                let pose = Pose::from_frame(frame).map_err(|error| within(&field, error))?;
+                views.push(held_out(root, "eval", name, index, pose, camera.clone()));
+            }
+        }
+        Ok(views)
+    }
+
+    /// Poses that training does not have.
+    pub(super) fn poses(
+        &self,
+        root: &Path,
+        track: &PoseTrack,
+    ) -> Result<Vec<HeldOutView>, CaptureError> {
+        let eval = &self.eval_pose;
+        let mut views = Vec::new();
+        for (name, matrices) in &eval.cams {
+            let camera = camera_of("eval_pose.cams", name, matrices, track.image_size)?;
+            for frame in &eval.frames {
+                let field = format!("eval_pose.frames, index {}", frame.index);
+                let pose = Pose::from_parts("pose", &frame.pose, frame.translation)
+                    .map_err(|error| within(&field, error))?;
+                if pose.rotations.len() != track.joints() {
+                    let message = format!(
+                        "{} rotations for {} joints",
+                        pose.rotations.len(),
+                        track.joints()
+                    );
+                    return Err(at_fault(field, message));
+                }
+                views.push(held_out(
+                    root,
+                    "eval_pose",
+                    name,
+                    frame.index,
+                    pose,
+                    camera.clone(),
+                ));
+            }
+        }
+        Ok(views)
+    }
+}
+
+fn held_out(
+    root: &Path,
+    folder: &str,
+    camera_name: &str,
+    frame: u32,
+    pose: Pose,
+    camera: Camera,
+) -> HeldOutView {
+    let [image, mask] =
+        ["frames", "masks"].map(|kind| format!("{folder}/{camera_name}/{kind}/{frame:06}.png"));
+    HeldOutView {
+        camera_name: camera_name.to_owned(),
+        frame,
+        pose,
+        camera,
+        frame_path: root.join(&image),
+        mask_path: root.join(&mask),
+        names: (image, mask),
+    }
+}
+
+/// The camera `name`, which becomes part of a path and so must be a plain name.
+fn camera_of(
+    field: &str,
+    name: &str,
+    matrices: &Matrices,
+    image_size: [u32; 2],
+) -> Result<Camera, CaptureError> {
+    let field = format!("{field}.{name}");
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || !name.chars().all(plain) {
+        let message = "camera names are letters, digits, _ and - (they name folders)";
+        return Err(at_fault(field, message));
+    }
+    Camera::from_matrices(image_size, matrices.k, matrices.e).map_err(|error| within(&field, error))
+}
+
+fn within(field: &str, error: ViewError) -> CaptureError {
+    at_fault(format!("{field}.{}", error.field), error.message)
+}

@@ -1,0 +1,90 @@
+//! Captures: frames of one person from one camera, as folders hold them and as training
+//! reads them.
+//!
+//! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training
+//! maps into memory: the same frames, decoded, checked, cropped to the person.
+
+mod builder;
+mod files;
+mod folder;
+mod held_out;
+mod image;
+mod shard;
+
+pub use builder::ShardBuilder;
+pub use folder::{CaptureFolder, UploadFile};
+pub use held_out::HeldOutView;
+pub use image::FrameImage;
+pub use shard::{Rect, Shard};
+
+use std::path::PathBuf;
+use yoto_proto::pose_track::describe;
+use yoto_proto::v1::Violation;
+
+/// Why a capture or a shard can't be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CaptureError {
+    /// The user's data is at fault; each entry says where. Never empty.
+    #[error("{}", lines(.0))]
+    Invalid(Vec<Violation>),
+    /// The file system is.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// What was read.
+        path: PathBuf,
+        /// Why it could not be.
+        source: std::io::Error,
+    },
+    /// Bytes that should be a training shard are none, or a shard's frames came wrongly.
+    #[error("training shard: {0}")]
+    Shard(String),
+}
+
+impl CaptureError {
+    /// What to tell the user to mend; empty when the data is not at fault.
+    pub fn violations(&self) -> &[Violation] {
+        match self {
+            Self::Invalid(violations) => violations,
+            Self::Io { .. } | Self::Shard(_) => &[],
+        }
+    }
+}
+
+fn lines(violations: &[Violation]) -> String {
+    violations
+        .iter()
+        .map(describe)
+        .collect::<Vec<_>>()
+        .join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::camera::{Camera, Pose};
+    use yoto_proto::pose_track::{PoseTrack, Skeleton};
+
+    /// A valid track of `frames` frames of a single joint.
+    pub(super) fn track(frames: u32, image_size: [u32; 2]) -> PoseTrack {
+        let [width, height] = image_size;
+        let camera = Camera::look_at(
+            [0.0, 0.0, 3.0],
+            [0.0; 3],
+            [0.0, 1.0, 0.0],
+            4.0,
+            width,
+            height,
+        );
+        PoseTrack {
+            skeleton: Skeleton {
+                names: vec!["root".into()],
+                parents: vec![-1],
+                rest_joints: vec![[0.0; 3]],
+            },
+            image_size,
+            fps: 15.0,
+            frames: (0..frames)
+                .map(|index| camera.to_frame(index, &Pose::rest(1)))
+                .collect(),
+        }
+    }
+}

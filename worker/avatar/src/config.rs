@@ -1,0 +1,449 @@
+//! Every size, rate and threshold of the model, as data. A tier is a named configuration with
+//! a place on the speed/accuracy curve; a variant switches parts of the model off. Neither is
+//! ever a fork of the code.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use yoto_proto::tiers;
+
+/// A configuration that can't be.
+#[derive(Debug, Error, PartialEq)]
+pub enum ConfigError {
+    /// No such tier.
+    #[error("there is no tier '{0}'; tiers: {list}", list = tiers::listed(tiers::TIERS))]
+    UnknownTier(String),
+    /// No such variant.
+    #[error("there is no variant '{0}'; variants: {list}", list = tiers::listed(tiers::VARIANTS))]
+    UnknownVariant(String),
+    /// A field out of its range.
+    #[error("{field}: {message}")]
+    Field {
+        /// Path of the field, e.g. `canonical.width`.
+        field: &'static str,
+        /// What it must be.
+        message: String,
+    },
+}
+
+/// Everything that makes one model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelConfig {
+    /// Name of the tier these numbers come from.
+    pub tier: String,
+    /// Which parts take part.
+    pub variant: Variant,
+    /// Numbers of an identity code (paper: 256).
+    pub code_width: usize,
+    /// Motion weights.
+    pub motion: MotionConfig,
+    /// Pose correction.
+    pub correction: CorrectionConfig,
+    /// Pose-conditioned code.
+    pub condition: ConditionConfig,
+    /// Non-rigid field.
+    pub non_rigid: NonRigidConfig,
+    /// Canonical field.
+    pub canonical: CanonicalConfig,
+    /// Ray marching.
+    pub march: MarchConfig,
+    /// Optimisation.
+    pub optimise: OptimiseConfig,
+}
+
+/// The paper's ablation (model.md §9).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Variant {
+    /// Everything.
+    Yoto,
+    /// The identity code in place of the pose-conditioned one.
+    NoPoseCondition,
+    /// One code shared by all.
+    NoIdentity,
+    /// One subject, no codes.
+    #[serde(rename = "humannerf")]
+    HumanNerf,
+}
+
+/// Motion weights, the `direct` form: learned logits on a grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionConfig {
+    /// Grid nodes an axis.
+    pub resolution: usize,
+}
+
+/// Pose correction MLP (model.md §3).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CorrectionConfig {
+    /// Hidden width.
+    pub width: usize,
+    /// Hidden layers.
+    pub depth: usize,
+    /// Step from which poses are corrected.
+    pub kick_in: u64,
+}
+
+/// Cross-attention between identity code and posed joints (paper eq. 3 to 5).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ConditionConfig {
+    /// Frequency bands of the joints' encoding.
+    pub bands: usize,
+    /// Divide the scores by √d. The paper does not.
+    pub attention_scale: bool,
+}
+
+/// Non-rigid MLP (model.md §5).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NonRigidConfig {
+    /// Frequency bands.
+    pub bands: usize,
+    /// Hidden layers.
+    pub layers: LayersConfig,
+    /// Step from which points may move.
+    pub kick_in: u64,
+    /// Step at which all bands are open.
+    pub full_at: u64,
+}
+
+/// Hidden layers with a second input in one of them and a code in another.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LayersConfig {
+    /// Hidden width.
+    pub width: usize,
+    /// Hidden layers.
+    pub depth: usize,
+    /// Layer (from 0) that gets the encoding once more.
+    pub skip: Option<usize>,
+    /// Layer that gets the code.
+    pub inject: usize,
+}
+
+/// Canonical field (model.md §6).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CanonicalConfig {
+    /// What the network sees of a point.
+    pub encoding: Encoding,
+    /// Hidden layers.
+    pub layers: LayersConfig,
+    /// Density is this times softplus(raw − 1), 1/m. The paper's raw density is the density;
+    /// small networks can't reach hundreds per metre quickly and get a factor.
+    pub density_scale: f32,
+}
+
+/// Encodings of a canonical point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Encoding {
+    /// The point and sin, cos of its multiples by powers of two (paper: 10 bands).
+    Fourier {
+        /// Frequency bands.
+        bands: usize,
+    },
+    /// Multiresolution hash grid: a table for each identity.
+    Hash {
+        /// Levels.
+        levels: usize,
+        /// Cells an axis of the coarsest level.
+        base: usize,
+        /// Ratio of successive levels.
+        growth: f64,
+        /// Largest level has 2 to this many rows.
+        log2_rows: u32,
+        /// Numbers a row: 1, 2, 4 or 8.
+        features: usize,
+    },
+}
+
+impl Encoding {
+    /// Frequency bands; none with tables.
+    pub fn bands(&self) -> usize {
+        match self {
+            Self::Fourier { bands } => *bands,
+            Self::Hash { .. } => 0,
+        }
+    }
+}
+
+/// Ray marching (paper eq. 9; skipping by foreground likelihood).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MarchConfig {
+    /// Samples a ray.
+    pub samples: usize,
+    /// A sample with a foreground likelihood under this is not evaluated.
+    pub epsilon: f32,
+}
+
+/// Optimisation (model.md §8).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OptimiseConfig {
+    /// Patches a step.
+    pub patches: usize,
+    /// Side of a patch, pixels.
+    pub patch_size: u32,
+    /// Learning rate of the canonical network and the codes.
+    pub rate: f64,
+    /// Of the hash tables.
+    pub table_rate: f64,
+    /// Of the motion weights.
+    pub motion_rate: f64,
+    /// Of pose correction, non-rigid field and attention.
+    pub slow_rate: f64,
+    /// Rates end at this share of their start.
+    pub final_rate: f64,
+    /// Share of 1 − SSIM in the loss, beside the mean squared error.
+    pub ssim_weight: f64,
+}
+
+impl ModelConfig {
+    /// The configuration of a named tier and variant.
+    ///
+    /// # Errors
+    /// When either name is unknown.
+    pub fn named(tier: &str, variant: &str) -> Result<Self, ConfigError> {
+        let variant = Variant::named(variant)?;
+        let config = match tier {
+            "draft" => grid_tier(tier, variant, 6, 14, 32, 2, 32, 16),
+            "fast" => grid_tier(tier, variant, 8, 15, 64, 3, 64, 24),
+            "balanced" => grid_tier(tier, variant, 10, 17, 128, 4, 96, 32),
+            "paper" => paper(variant),
+            _ => return Err(ConfigError::UnknownTier(tier.into())),
+        };
+        config.check()?;
+        Ok(config)
+    }
+
+    /// # Errors
+    /// Names the first field that no model can be made with.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let fail = |field, message: &str| {
+            Err(ConfigError::Field {
+                field,
+                message: message.into(),
+            })
+        };
+        if self.motion.resolution < 2 || self.motion.resolution > 256 {
+            return fail("motion.resolution", "must be 2 to 256");
+        }
+        if !(1..=4096).contains(&self.code_width) {
+            return fail("code_width", "must be 1 to 4096");
+        }
+        for (field, layers) in [
+            ("non_rigid.layers", &self.non_rigid.layers),
+            ("canonical.layers", &self.canonical.layers),
+        ] {
+            if layers.width == 0
+                || layers.depth == 0
+                || layers.inject >= layers.depth
+                || layers.skip.is_some_and(|s| s == 0 || s >= layers.depth)
+            {
+                return fail(
+                    field,
+                    "width and depth at least 1, inject and skip name a layer, and skip not the first",
+                );
+            }
+        }
+        if let Encoding::Hash {
+            levels,
+            base,
+            growth,
+            log2_rows,
+            features,
+        } = self.canonical.encoding
+        {
+            let finest = base as f64 * growth.powi(levels as i32);
+            if !(1..=32).contains(&levels)
+                || base < 1
+                || growth < 1.0
+                || finest > 65_536.0
+                || !(4..=24).contains(&log2_rows)
+            {
+                return fail(
+                    "canonical.encoding",
+                    "levels 1 to 32, base at least 1, growth at least 1, finest level under 65,536 cells, log2_rows 4 to 24",
+                );
+            }
+            if ![1, 2, 4, 8].contains(&features) {
+                return fail("canonical.encoding.features", "must be 1, 2, 4 or 8");
+            }
+        }
+        if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
+            return fail("march", "at least 2 samples, epsilon in [0, 1)");
+        }
+        if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
+            return fail("optimise", "at least one patch of one pixel");
+        }
+        Ok(())
+    }
+}
+
+impl Variant {
+    fn named(name: &str) -> Result<Self, ConfigError> {
+        match name {
+            "yoto" => Ok(Self::Yoto),
+            "no-pose-condition" => Ok(Self::NoPoseCondition),
+            "no-identity" => Ok(Self::NoIdentity),
+            "humannerf" => Ok(Self::HumanNerf),
+            _ => Err(ConfigError::UnknownVariant(name.into())),
+        }
+    }
+}
+
+/// A tier whose detail is in hash tables and whose networks are small.
+#[allow(clippy::too_many_arguments)]
+fn grid_tier(
+    tier: &str,
+    variant: Variant,
+    levels: usize,
+    log2_rows: u32,
+    width: usize,
+    depth: usize,
+    samples: usize,
+    resolution: usize,
+) -> ModelConfig {
+    ModelConfig {
+        tier: tier.into(),
+        variant,
+        code_width: 64,
+        motion: MotionConfig { resolution },
+        correction: CorrectionConfig {
+            width: 64,
+            depth: 2,
+            kick_in: 1500,
+        },
+        condition: ConditionConfig {
+            bands: 6,
+            attention_scale: false,
+        },
+        non_rigid: NonRigidConfig {
+            bands: 4,
+            layers: LayersConfig {
+                width: 32,
+                depth: 3,
+                skip: None,
+                inject: 1,
+            },
+            kick_in: 1500,
+            full_at: 4000,
+        },
+        canonical: CanonicalConfig {
+            encoding: Encoding::Hash {
+                levels,
+                base: 16,
+                growth: 1.45,
+                log2_rows,
+                features: 2,
+            },
+            layers: LayersConfig {
+                width,
+                depth,
+                skip: None,
+                inject: 1,
+            },
+            density_scale: 50.0,
+        },
+        march: MarchConfig {
+            samples,
+            epsilon: 1e-4,
+        },
+        optimise: OptimiseConfig {
+            patches: 8,
+            patch_size: 12,
+            rate: 3e-3,
+            table_rate: 1e-2,
+            motion_rate: 1e-2,
+            slow_rate: 5e-4,
+            final_rate: 0.05,
+            ssim_weight: 0.02,
+        },
+    }
+}
+
+/// The sizes of the paper and of HumanNeRF, which it stands on.
+fn paper(variant: Variant) -> ModelConfig {
+    ModelConfig {
+        tier: "paper".into(),
+        variant,
+        code_width: 256,
+        motion: MotionConfig { resolution: 32 },
+        correction: CorrectionConfig {
+            width: 256,
+            depth: 4,
+            kick_in: 0,
+        },
+        condition: ConditionConfig {
+            bands: 6,
+            attention_scale: false,
+        },
+        non_rigid: NonRigidConfig {
+            bands: 6,
+            layers: LayersConfig {
+                width: 128,
+                depth: 6,
+                skip: Some(4),
+                inject: 3,
+            },
+            kick_in: 10_000,
+            full_at: 50_000,
+        },
+        canonical: CanonicalConfig {
+            encoding: Encoding::Fourier { bands: 10 },
+            layers: LayersConfig {
+                width: 256,
+                depth: 8,
+                skip: Some(5),
+                inject: 5,
+            },
+            density_scale: 1.0,
+        },
+        march: MarchConfig {
+            samples: 128,
+            epsilon: 1e-4,
+        },
+        optimise: OptimiseConfig {
+            patches: 6,
+            patch_size: 32,
+            rate: 5e-4,
+            table_rate: 5e-4,
+            // The direct logits replace a decoder whose millions of weights move together.
+            motion_rate: 5e-3,
+            slow_rate: 5e-5,
+            // 0.1^(400 k / 500 k) over a whole run.
+            final_rate: 0.158,
+            ssim_weight: 0.1,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_listed_tier_and_variant_exists() {
+        for (tier, _) in tiers::TIERS {
+            for (variant, _) in tiers::VARIANTS {
+                assert!(
+                    ModelConfig::named(tier, variant).is_ok(),
+                    "{tier} {variant}"
+                );
+            }
+        }
+        assert_eq!(
+            ModelConfig::named("warp", "yoto"),
+            Err(ConfigError::UnknownTier("warp".into()))
+        );
+        assert!(
+            ModelConfig::named("fast", "x").is_err_and(|e| e.to_string().contains("humannerf"))
+        );
+    }
+
+    #[test]
+    fn a_configuration_survives_json() {
+        let config = ModelConfig::named("fast", "no-identity").expect("named");
+        let json = serde_json::to_string(&config).expect("serialises");
+        assert_eq!(
+            serde_json::from_str::<ModelConfig>(&json).expect("reads"),
+            config
+        );
+    }
+}

@@ -1,0 +1,109 @@
+//! The canonical field (model.md §6): colour and density of everybody, told apart by their
+//! identity codes and, with the hash encoding, by a table each.
+
+use super::encoding::frequencies;
+use super::mlp::{Mlp, MlpShape};
+use crate::config::{CanonicalConfig, Encoding};
+use crate::init::Initial;
+use crate::ops::hash::{self, HashGrid};
+use burn::module::{Module, Param};
+use burn::tensor::Tensor;
+use burn::tensor::activation::{sigmoid, softplus};
+
+/// Colour and density over canonical space.
+#[derive(Module, Debug)]
+pub struct Canonical {
+    /// One `[rows, F]` an identity; none with the Fourier encoding.
+    tables: Vec<Param<Tensor<2>>>,
+    mlp: Mlp,
+}
+
+/// What the field says about points.
+pub struct FieldValues {
+    /// `[N, 3]` in [0, 1].
+    pub rgb: Tensor<2>,
+    /// `[N]`, 1/m.
+    pub density: Tensor<1>,
+}
+
+/// Table entries start uniform in ± this (Instant NGP).
+const TABLE_BOUND: f64 = 1e-4;
+
+impl Canonical {
+    pub(crate) fn new(
+        init: &Initial,
+        config: &CanonicalConfig,
+        slots: usize,
+        code_width: usize,
+        rows: usize,
+    ) -> Self {
+        let (input, tables) = match config.encoding {
+            Encoding::Fourier { bands } => (3 + 6 * bands, Vec::new()),
+            Encoding::Hash {
+                levels, features, ..
+            } => {
+                let table = |slot| {
+                    init.uniform(
+                        &format!("canonical.tables.{slot}"),
+                        [rows, features],
+                        TABLE_BOUND,
+                    )
+                };
+                (levels * features, (0..slots).map(table).collect())
+            }
+        };
+        let codes: &[_] = if code_width > 0 {
+            &[(config.layers.inject, code_width)]
+        } else {
+            &[]
+        };
+        let shape = MlpShape {
+            path: "canonical",
+            input,
+            width: config.layers.width,
+            depth: config.layers.depth,
+            skip: config.layers.skip,
+            codes,
+            output: 4,
+            output_bound: None,
+        };
+        Self {
+            tables,
+            mlp: Mlp::new(init, &shape),
+        }
+    }
+
+    /// Values at canonical `points` `[N, 3]`, metres, for the identity in `slot`,
+    /// which the caller has checked to exist.
+    pub fn forward(
+        &self,
+        config: &CanonicalConfig,
+        points: Tensor<2>,
+        slot: usize,
+        grid: Option<&HashGrid>,
+        code: Option<Tensor<1>>,
+    ) -> FieldValues {
+        let encoded = match (self.tables.get(slot), grid) {
+            (Some(table), Some(grid)) => hash::encode(table.val(), points, grid),
+            _ => Tensor::cat(
+                vec![
+                    points.clone(),
+                    frequencies(points, config.encoding.bands(), 1.0, None),
+                ],
+                1,
+            ),
+        };
+        let codes: Vec<_> = code
+            .into_iter()
+            .map(|code| (config.layers.inject, code))
+            .collect();
+        let raw = self.mlp.forward(encoded, &codes);
+        let [n, _] = raw.dims();
+        FieldValues {
+            rgb: sigmoid(raw.clone().slice([0..n, 0..3])),
+            // Softplus is alive everywhere: a ReLU that starts negative never learns (model.md §6).
+            density: softplus(raw.slice([0..n, 3..4]).reshape([n]) - 1.0, 1.0)
+                * config.density_scale,
+        }
+    }
+}

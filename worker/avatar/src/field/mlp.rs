@@ -1,0 +1,145 @@
+//! A ReLU network in which one hidden layer gets the input once more (skip) and some get a
+//! code that is the same for all points.
+//!
+//! Concatenating a constant code to `[N, in]` inputs equals adding its product with the
+//! code's own weights to the bias. That form is used: it costs one small product a step
+//! instead of `code` more columns a point.
+
+use crate::init::Initial;
+use burn::module::{Module, Param};
+use burn::tensor::{Tensor, activation::relu};
+
+/// Shape of a [`Mlp`].
+pub struct MlpShape<'a> {
+    /// Name in the model, for the initial weights.
+    pub path: &'a str,
+    /// Width of the input.
+    pub input: usize,
+    /// Width of the hidden layers.
+    pub width: usize,
+    /// Hidden layers.
+    pub depth: usize,
+    /// Layer that gets the input again.
+    pub skip: Option<usize>,
+    /// Layers that get a code: the layer and the code's width.
+    pub codes: &'a [(usize, usize)],
+    /// Width of the output.
+    pub output: usize,
+    /// Output weights are uniform in ± this; Xavier's bound when absent.
+    pub output_bound: Option<f64>,
+}
+
+/// See the module's page.
+#[derive(Module, Debug)]
+pub struct Mlp {
+    hidden: Vec<Layer>,
+    output: Layer,
+}
+
+/// `x W + skip W_s + code W_c + b`.
+#[derive(Module, Debug)]
+struct Layer {
+    /// `[in, out]`.
+    weight: Param<Tensor<2>>,
+    /// `[out]`.
+    bias: Param<Tensor<1>>,
+    /// `[input, out]`.
+    skip: Option<Param<Tensor<2>>>,
+    /// `[code, out]`.
+    code: Option<Param<Tensor<2>>>,
+}
+
+impl Layer {
+    fn new(
+        init: &Initial,
+        path: &str,
+        input: usize,
+        skip: usize,
+        code: usize,
+        output: usize,
+        bound: Option<f64>,
+    ) -> Self {
+        // Xavier-uniform with ReLU's gain √2 (model.md §8), over all that enters the layer.
+        let xavier = 2f64.sqrt() * (6.0 / (input + skip + code + output) as f64).sqrt();
+        let weight = |part: &str, rows: usize| {
+            init.uniform(
+                &format!("{path}.{part}"),
+                [rows, output],
+                bound.unwrap_or(xavier),
+            )
+        };
+        Self {
+            weight: weight("weight", input),
+            bias: init.zeros(&format!("{path}.bias"), [output]),
+            skip: (skip > 0).then(|| weight("skip", skip)),
+            code: (code > 0).then(|| weight("code", code)),
+        }
+    }
+
+    fn forward(&self, x: Tensor<2>, input: &Tensor<2>, code: Option<Tensor<1>>) -> Tensor<2> {
+        let mut bias = self.bias.val().unsqueeze::<2>();
+        if let (Some(weight), Some(code)) = (&self.code, code) {
+            bias = bias + code.unsqueeze::<2>().matmul(weight.val());
+        }
+        let mut y = x.matmul(self.weight.val());
+        if let Some(weight) = &self.skip {
+            y = y + input.clone().matmul(weight.val());
+        }
+        y + bias
+    }
+}
+
+impl Mlp {
+    /// Weights as [`MlpShape`] says, biases 0.
+    pub(crate) fn new(init: &Initial, shape: &MlpShape) -> Self {
+        let code = |layer: usize| {
+            shape
+                .codes
+                .iter()
+                .find(|(at, _)| *at == layer)
+                .map_or(0, |(_, width)| *width)
+        };
+        let hidden = (0..shape.depth)
+            .map(|layer| {
+                let input = if layer == 0 { shape.input } else { shape.width };
+                let skip = if shape.skip == Some(layer) {
+                    shape.input
+                } else {
+                    0
+                };
+                Layer::new(
+                    init,
+                    &format!("{}.{layer}", shape.path),
+                    input,
+                    skip,
+                    code(layer),
+                    shape.width,
+                    None,
+                )
+            })
+            .collect();
+        let output = Layer::new(
+            init,
+            &format!("{}.output", shape.path),
+            shape.width,
+            0,
+            0,
+            shape.output,
+            shape.output_bound,
+        );
+        Self { hidden, output }
+    }
+
+    /// `[N, input]` → `[N, output]`. `codes` gives the code of each layer that has one.
+    pub fn forward(&self, input: Tensor<2>, codes: &[(usize, Tensor<1>)]) -> Tensor<2> {
+        let mut x = input.clone();
+        for (at, layer) in self.hidden.iter().enumerate() {
+            let code = codes
+                .iter()
+                .find(|(layer, _)| *layer == at)
+                .map(|(_, code)| code.clone());
+            x = relu(layer.forward(x, &input, code));
+        }
+        self.output.forward(x, &input, None)
+    }
+}

@@ -1,0 +1,71 @@
+//! Non-rigid motion (model.md §5): how cloth moves beyond what the bones do, by pose.
+
+use super::encoding::{frequencies, hann_window};
+use super::mlp::{Mlp, MlpShape};
+use crate::config::NonRigidConfig;
+use crate::init::Initial;
+use burn::module::Module;
+use burn::tensor::Tensor;
+
+/// Offsets of canonical points.
+#[derive(Module, Debug)]
+pub struct NonRigid {
+    mlp: Mlp,
+}
+
+/// Output weights start in ± this, so that nothing moves at first (HumanNeRF).
+const OUTPUT_BOUND: f64 = 1e-5;
+
+impl NonRigid {
+    pub(crate) fn new(
+        init: &Initial,
+        config: &NonRigidConfig,
+        pose_width: usize,
+        code_width: usize,
+    ) -> Self {
+        let codes: &[_] = if code_width > 0 {
+            &[(0, pose_width), (config.layers.inject, code_width)]
+        } else {
+            &[(0, pose_width)]
+        };
+        let shape = MlpShape {
+            path: "non_rigid",
+            input: 6 * config.bands,
+            width: config.layers.width,
+            depth: config.layers.depth,
+            skip: config.layers.skip,
+            codes,
+            output: 3,
+            output_bound: Some(OUTPUT_BOUND),
+        };
+        Self {
+            mlp: Mlp::new(init, &shape),
+        }
+    }
+
+    /// Canonical `points` `[N, 3]`, moved. `pose` is the pose vector, `code` F_nr; `step` opens
+    /// the bands one after the other.
+    pub fn forward(
+        &self,
+        config: &NonRigidConfig,
+        points: Tensor<2>,
+        pose: Tensor<1>,
+        code: Option<Tensor<1>>,
+        step: u64,
+    ) -> Tensor<2> {
+        if step < config.kick_in {
+            return points;
+        }
+        let span = (config.full_at.saturating_sub(config.kick_in)).max(1) as f32;
+        let a = config.bands as f32 * (step - config.kick_in) as f32 / span;
+        let encoded = frequencies(
+            points.clone(),
+            config.bands,
+            1.0,
+            Some(&hann_window(config.bands, a)),
+        );
+        let mut codes = vec![(0, pose)];
+        codes.extend(code.map(|code| (config.layers.inject, code)));
+        points + self.mlp.forward(encoded, &codes)
+    }
+}

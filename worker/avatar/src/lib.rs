@@ -1,0 +1,23 @@
+//! The YOTO avatar model as a library: no network, no async, no database.
+//!
+//! Data flows one way: [`capture`] (shards, frames) → [`render::rays`] → [`avatar`], made of
+//! [`motion`] (prior, weights, warp, correction), [`identity`] (codes, pose condition) and
+//! [`field`] (encodings, non-rigid, canonical) → [`render`] (march, composite) → [`loss`] →
+//! [`train`] (step, guard, trainer, checkpoint) → [`evaluate`].
+//! [`ops`] holds the tensor operations that Burn has not.
+
+pub mod avatar;
+pub mod camera;
+pub mod capture;
+pub mod config;
+pub mod evaluate;
+pub mod field;
+pub mod identity;
+mod init;
+pub mod loss;
+pub mod motion;
+pub mod ops;
+pub mod render;
+pub mod skeleton;
+pub mod synthetic;
+pub mod train;

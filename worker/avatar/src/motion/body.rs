@@ -1,0 +1,64 @@
+//! What is fixed of one identity: its skeleton, canonical box, and prior.
+
+use super::prior::{canonical_grid, prior};
+use crate::config::{Encoding, ModelConfig};
+use crate::ops::hash::HashGrid;
+use crate::ops::warp::WarpGrid;
+use crate::skeleton::Skeleton;
+use burn::tensor::{Device, Tensor, TensorData};
+
+/// Least prior weight: the logarithm of a zero would be −∞ and its softmax have no gradient.
+const MIN_PRIOR: f32 = 1e-12;
+
+/// One identity's body.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Joint tree with rest positions.
+    pub skeleton: Skeleton,
+    /// Box of the motion weights.
+    pub grid: WarpGrid,
+    /// Hash grid over the same box, when the configuration has one.
+    pub hash: Option<HashGrid>,
+    /// `[K + 1, D³]`.
+    pub log_prior: Tensor<2>,
+}
+
+impl Body {
+    /// The body of `skeleton`, its constants on `device`.
+    pub fn new(skeleton: Skeleton, config: &ModelConfig, device: &Device) -> Self {
+        let grid = canonical_grid(&skeleton, config.motion.resolution, config.march.epsilon);
+        let values: Vec<f32> = prior(&skeleton, &grid)
+            .iter()
+            .map(|p| p.max(MIN_PRIOR).ln())
+            .collect();
+        let shape = [skeleton.parents.len() + 1, config.motion.resolution.pow(3)];
+        let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
+        let hash = hash_grid(&config.canonical.encoding, &grid);
+        Self {
+            skeleton,
+            grid,
+            hash,
+            log_prior,
+        }
+    }
+}
+
+/// The hash grid of an encoding over a canonical box; `None` without tables.
+pub fn hash_grid(encoding: &Encoding, grid: &WarpGrid) -> Option<HashGrid> {
+    let Encoding::Hash {
+        levels,
+        base,
+        growth,
+        log2_rows,
+        features,
+    } = *encoding
+    else {
+        return None;
+    };
+    let side = (0..3)
+        .map(|a| grid.max[a] - grid.min[a])
+        .fold(0.0, f32::max);
+    Some(HashGrid::new(
+        levels, base, growth, log2_rows, features, grid.min, side,
+    ))
+}

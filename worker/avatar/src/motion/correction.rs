@@ -1,0 +1,47 @@
+//! Pose correction (model.md §3): estimated poses are a little wrong, and a network learns by
+//! how much.
+
+use super::rotation::rodrigues;
+use crate::config::CorrectionConfig;
+use crate::field::mlp::{Mlp, MlpShape};
+use crate::init::Initial;
+use burn::module::Module;
+use burn::tensor::Tensor;
+
+/// Output weights start in ± this (HumanNeRF).
+const OUTPUT_BOUND: f64 = 1e-5;
+
+/// Rotations to be applied after those of a pose, root left alone.
+#[derive(Module, Debug)]
+pub struct PoseCorrection {
+    mlp: Mlp,
+}
+
+impl PoseCorrection {
+    pub(crate) fn new(init: &Initial, config: &CorrectionConfig, joints: usize) -> Self {
+        let width = 3 * (joints - 1);
+        let shape = MlpShape {
+            path: "correction",
+            input: width,
+            width: config.width,
+            depth: config.depth,
+            skip: None,
+            codes: &[],
+            output: width,
+            output_bound: Some(OUTPUT_BOUND),
+        };
+        Self {
+            mlp: Mlp::new(init, &shape),
+        }
+    }
+
+    /// Pose vector `[3 (K − 1)]` → ΔR `[K − 1, 3, 3]`.
+    pub fn forward(&self, pose: Tensor<1>) -> Tensor<3> {
+        let [width] = pose.dims();
+        rodrigues(
+            self.mlp
+                .forward(pose.unsqueeze::<2>(), &[])
+                .reshape([width / 3, 3]),
+        )
+    }
+}

@@ -1,0 +1,9 @@
+//! How a posed body maps to its canonical pose: the prior volume, the learned motion weights,
+//! bone transforms, and the correction of poses.
+
+pub mod body;
+pub mod correction;
+pub mod posed;
+pub mod prior;
+pub mod rotation;
+pub mod weights;

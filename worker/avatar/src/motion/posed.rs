@@ -1,0 +1,244 @@
+//! A body in a pose: the transforms that carry points of the posed body to the canonical box.
+//!
+//! Everything happens in the body frame, where the root neither turns nor moves: what the root
+//! does is done to the camera instead (model.md §1).
+
+use super::body::Body;
+use crate::camera::Pose;
+use burn::tensor::{Int, Tensor, TensorData};
+
+/// The tree's joints by distance from the root, for level-wise forward kinematics.
+fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
+    let mut depth = vec![0usize; parents.len()];
+    let mut levels: Vec<Vec<usize>> = Vec::new();
+    for (joint, parent) in parents.iter().enumerate() {
+        depth[joint] = parent.map_or(0, |p| depth[p] + 1);
+        if levels.len() <= depth[joint] {
+            levels.push(Vec::new());
+        }
+        levels[depth[joint]].push(joint);
+    }
+    levels
+}
+
+/// The pose vector Ω[1:] `[3 (K − 1)]` of a pose.
+pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
+    let values: Vec<f32> = pose.rotations.iter().skip(1).flatten().copied().collect();
+    Tensor::from_data(
+        TensorData::new(values.clone(), [values.len()]),
+        &body.log_prior.device(),
+    )
+}
+
+/// Joint positions relative to the root, in the body frame, root left out: `[K − 1, 3]`.
+pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
+    let joints = body_frame_joints(body, pose);
+    let root = joints[0];
+    let values: Vec<f32> = joints[1..]
+        .iter()
+        .flat_map(|j| (0..3).map(move |a| (j[a] - root[a]) as f32))
+        .collect();
+    Tensor::from_data(
+        TensorData::new(values, [joints.len() - 1, 3]),
+        &body.log_prior.device(),
+    )
+}
+
+/// Joint positions `[K][3]` in the body frame, metres.
+pub fn body_frame_joints(body: &Body, pose: &Pose) -> Vec<[f64; 3]> {
+    let transforms = body.skeleton.global_transforms(&unrooted(pose));
+    transforms
+        .iter()
+        .map(|g| [g[0][3], g[1][3], g[2][3]])
+        .collect()
+}
+
+fn unrooted(pose: &Pose) -> Vec<[f64; 3]> {
+    let mut rotations: Vec<[f64; 3]> = pose.rotations.iter().map(|r| r.map(f64::from)).collect();
+    if let Some(root) = rotations.first_mut() {
+        *root = [0.0; 3];
+    }
+    rotations
+}
+
+/// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone, row-major 3x4.
+pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
+    let globals = body.skeleton.global_transforms(&unrooted(pose));
+    let mut values = Vec::with_capacity(globals.len() * 12);
+    for (g, rest) in globals.iter().zip(&body.skeleton.rest) {
+        for a in 0..3 {
+            // Row a of Rᵀ, and −Rᵀ t + rest.
+            let shift: f64 = (0..3).map(|c| g[c][a] * g[c][3]).sum();
+            values.extend([
+                g[0][a] as f32,
+                g[1][a] as f32,
+                g[2][a] as f32,
+                (rest[a] - shift) as f32,
+            ]);
+        }
+    }
+    Tensor::from_data(
+        TensorData::new(values, [globals.len(), 12]),
+        &body.log_prior.device(),
+    )
+}
+
+/// The same with each rotation but the root's followed by its `correction` `[K − 1, 3, 3]`,
+/// with gradients to it.
+pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
+    let device = body.log_prior.device();
+    let parents = &body.skeleton.parents;
+    let joints = parents.len();
+    let locals: Vec<f32> = unrooted(pose)[1..]
+        .iter()
+        .flat_map(|r| {
+            crate::skeleton::transform::rodrigues(*r)
+                .into_iter()
+                .flatten()
+                .map(|v| v as f32)
+        })
+        .collect();
+    let locals = Tensor::<3>::from_data(TensorData::new(locals, [joints - 1, 3, 3]), &device);
+    // Inverse local rotations (R ΔR)ᵀ.
+    let inverse = locals.matmul(correction).swap_dims(1, 2);
+    let offset = |joint: usize, parent: usize| {
+        let rest = &body.skeleton.rest;
+        std::array::from_fn::<f32, 3, _>(|a| (rest[joint][a] - rest[parent][a]) as f32)
+    };
+
+    // G⁻¹ of a joint = L⁻¹ · G⁻¹ of its parent; L⁻¹ y = Rᵀ (y − t).
+    let mut rotation = Tensor::<2>::eye(3, &device).unsqueeze::<3>();
+    let root = body.skeleton.rest[0].map(|v| -v as f32);
+    let mut shift = Tensor::<1>::from_floats(root, &device).reshape([1, 3, 1]);
+    let mut order = vec![0usize];
+    let (mut all_rotations, mut all_shifts) = (vec![rotation.clone()], vec![shift.clone()]);
+    for level in levels(parents).into_iter().skip(1) {
+        let previous_start = order.len() - rotation.dims()[0];
+        let above: Vec<i64> = level
+            .iter()
+            .map(|&joint| {
+                let parent = parents[joint].unwrap_or(0);
+                order[previous_start..]
+                    .iter()
+                    .position(|&o| o == parent)
+                    .unwrap_or(0) as i64
+            })
+            .collect();
+        let own: Vec<i64> = level.iter().map(|&joint| joint as i64 - 1).collect();
+        let offsets: Vec<f32> = level
+            .iter()
+            .flat_map(|&joint| offset(joint, parents[joint].unwrap_or(0)))
+            .collect();
+        let offsets =
+            Tensor::<3>::from_data(TensorData::new(offsets, [level.len(), 3, 1]), &device);
+        let above = Tensor::<1, Int>::from_data(above.as_slice(), &device);
+        let local = inverse
+            .clone()
+            .select(0, Tensor::<1, Int>::from_data(own.as_slice(), &device));
+        rotation = local.clone().matmul(rotation.select(0, above.clone()));
+        shift = local.matmul(shift.select(0, above) - offsets);
+        order.extend(level);
+        all_rotations.push(rotation.clone());
+        all_shifts.push(shift.clone());
+    }
+    // Back from level order to joint order.
+    let mut place = vec![0i64; joints];
+    for (at, &joint) in order.iter().enumerate() {
+        place[joint] = at as i64;
+    }
+    let place = Tensor::<1, Int>::from_data(place.as_slice(), &device);
+    let rest: Vec<f32> = body
+        .skeleton
+        .rest
+        .iter()
+        .flatten()
+        .map(|&v| v as f32)
+        .collect();
+    let rest = Tensor::<3>::from_data(TensorData::new(rest, [joints, 3, 1]), &device);
+    let rotation = Tensor::cat(all_rotations, 0).select(0, place.clone());
+    let shift = Tensor::cat(all_shifts, 0).select(0, place) + rest;
+    Tensor::cat(vec![rotation, shift], 2).reshape([joints, 12])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::ModelConfig;
+    use crate::skeleton::Skeleton;
+    use burn::tensor::Device;
+
+    fn body(device: &Device) -> Body {
+        let skeleton = Skeleton {
+            names: ["root", "a", "b", "c", "d"].map(String::from).to_vec(),
+            parents: vec![None, Some(0), Some(1), Some(0), Some(2)],
+            rest: vec![
+                [0.1, 1.0, 0.0],
+                [0.1, 0.5, 0.0],
+                [0.1, 0.0, 0.2],
+                [0.1, 1.5, 0.0],
+                [0.3, -0.2, 0.2],
+            ],
+        };
+        Body::new(
+            skeleton,
+            &ModelConfig::named("draft", "yoto").expect("a tier"),
+            device,
+        )
+    }
+
+    fn pose() -> Pose {
+        let rotations = (0..5)
+            .map(|k| std::array::from_fn(|a| (k as f32 * 1.3 + a as f32 * 0.7).sin()))
+            .collect();
+        Pose {
+            rotations,
+            translation: [1.0, 2.0, 3.0],
+        }
+    }
+
+    fn values(tensor: Tensor<2>) -> Vec<f32> {
+        tensor.try_into_vec_as().expect("f32")
+    }
+
+    #[test]
+    fn a_correction_by_nothing_changes_nothing() {
+        let device = Device::flex();
+        let (body, pose) = (body(&device), pose());
+        let nothing = Tensor::<2>::eye(3, &device)
+            .unsqueeze::<3>()
+            .repeat_dim(0, 4);
+        let (plain, corrected) = (
+            values(transforms(&body, &pose)),
+            values(corrected_transforms(&body, &pose, nothing)),
+        );
+        let worst = plain
+            .iter()
+            .zip(&corrected)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
+        assert!(worst < 1e-5, "{worst:e}");
+    }
+
+    #[test]
+    fn posed_joints_go_back_to_their_rest_positions() {
+        let device = Device::flex();
+        let (body, pose) = (body(&device), pose());
+        let joints = body_frame_joints(&body, &pose);
+        for (bone, (t, joint)) in values(transforms(&body, &pose))
+            .chunks_exact(12)
+            .zip(joints)
+            .enumerate()
+        {
+            for a in 0..3 {
+                let back: f64 = (0..3)
+                    .map(|c| f64::from(t[4 * a + c]) * joint[c])
+                    .sum::<f64>()
+                    + f64::from(t[4 * a + 3]);
+                assert!(
+                    (back - body.skeleton.rest[bone][a]).abs() < 1e-5,
+                    "bone {bone}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! The prior of the motion weights: a blob of weight around each bone, background elsewhere
+//! (HumanNeRF §3.2 and its released program, which the figures come from).
+
+use crate::ops::warp::WarpGrid;
+use crate::skeleton::Skeleton;
+
+/// The canonical box reaches this far beyond the rest joints, metres.
+pub const BOX_MARGIN: f64 = 0.3;
+/// Deviations of a bone's blob across, along and across it, metres.
+const BONE_DEVIATION: [f64; 3] = [0.03, 0.06, 0.03];
+/// Torso bones are this much thicker.
+const TORSO_FACTOR: f64 = 1.5;
+/// Deviation of a blob around a joint without children.
+const LEAF_DEVIATION: f64 = 0.02;
+/// The same around the head.
+const HEAD_DEVIATION: f64 = 0.06;
+/// Total that the channels are divided by, at least.
+const MIN_TOTAL: f64 = 1e-3;
+/// What the names of torso joints contain: SMPL's 0, 3, 6, 9, 13, 14, and their usual names in
+/// other trees.
+const TORSO: [&str; 6] = ["pelvis", "hips", "spine", "chest", "collar", "clavicle"];
+
+/// Whether a joint's bones are part of the torso.
+fn is_torso(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    TORSO.iter().any(|part| name.contains(part))
+}
+
+/// The canonical box of a skeleton. Weights a thousand times under `epsilon`, the likelihood
+/// from which samples are evaluated, are too small to matter.
+pub fn canonical_grid(skeleton: &Skeleton, resolution: usize, epsilon: f32) -> WarpGrid {
+    let extreme = |a: usize, pick: fn(f64, f64) -> f64, start: f64| {
+        skeleton.rest.iter().map(|j| j[a]).fold(start, pick)
+    };
+    WarpGrid {
+        min: std::array::from_fn(|a| (extreme(a, f64::min, f64::INFINITY) - BOX_MARGIN) as f32),
+        max: std::array::from_fn(|a| (extreme(a, f64::max, f64::NEG_INFINITY) + BOX_MARGIN) as f32),
+        resolution,
+        floor: epsilon * 1e-3,
+    }
+}
+
+/// One Gaussian blob, squared distances measured in its own axes.
+struct Blob {
+    joint: usize,
+    middle: [f64; 3],
+    /// Unit direction of the bone.
+    along: [f64; 3],
+    /// 1/(2σ) across and along.
+    across_scale: f64,
+    along_scale: f64,
+}
+
+impl Blob {
+    fn weight(&self, point: [f64; 3]) -> f64 {
+        let offset: [f64; 3] = std::array::from_fn(|a| point[a] - self.middle[a]);
+        let along: f64 = (0..3).map(|a| offset[a] * self.along[a]).sum();
+        let total: f64 = offset.iter().map(|o| o * o).sum();
+        // Both deviations across the bone are equal, so that only the distance from the
+        // bone's line counts, and no rotation (singular for bones along −y) is needed.
+        let across = (total - along * along).max(0.0);
+        (-(across * self.across_scale.powi(2) + along * along * self.along_scale.powi(2))).exp()
+    }
+}
+
+fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
+    let mut blobs = Vec::new();
+    for (joint, name) in skeleton.names.iter().enumerate() {
+        let position = skeleton.rest[joint];
+        let factor = if is_torso(name) { TORSO_FACTOR } else { 1.0 };
+        let mut leaf = true;
+        for (child, _) in skeleton
+            .parents
+            .iter()
+            .enumerate()
+            .filter(|(_, parent)| **parent == Some(joint))
+        {
+            leaf = false;
+            let end = skeleton.rest[child];
+            let bone: [f64; 3] = std::array::from_fn(|a| end[a] - position[a]);
+            let length = bone.iter().map(|b| b * b).sum::<f64>().sqrt();
+            // A bone without length has no direction: any serves, it is a point.
+            let along = if length > 1e-9 {
+                bone.map(|b| b / length)
+            } else {
+                [0.0, 1.0, 0.0]
+            };
+            blobs.push(Blob {
+                joint,
+                middle: std::array::from_fn(|a| (position[a] + end[a]) / 2.0),
+                along,
+                across_scale: 1.0 / (2.0 * BONE_DEVIATION[0] * factor),
+                along_scale: 1.0 / (2.0 * BONE_DEVIATION[1]),
+            });
+        }
+        if leaf {
+            let scale = 1.0
+                / (2.0
+                    * if name.to_ascii_lowercase().contains("head") {
+                        HEAD_DEVIATION
+                    } else {
+                        LEAF_DEVIATION
+                    });
+            blobs.push(Blob {
+                joint,
+                middle: position,
+                along: [0.0, 1.0, 0.0],
+                across_scale: scale,
+                along_scale: scale,
+            });
+        }
+    }
+    blobs
+}
+
+/// The prior `[K + 1, D³]` (z, y, x with x fastest), the background last; each node's channels
+/// sum to 1, or to less where nothing is near.
+pub fn prior(skeleton: &Skeleton, grid: &WarpGrid) -> Vec<f32> {
+    let d = grid.resolution;
+    let joints = skeleton.parents.len();
+    let voxels = d * d * d;
+    let blobs = blobs(skeleton);
+    let mut volume = vec![0f32; (joints + 1) * voxels];
+    let node = |a: usize, i: usize| {
+        let (min, max) = (f64::from(grid.min[a]), f64::from(grid.max[a]));
+        min + (max - min) * i as f64 / (d - 1) as f64
+    };
+    let mut channels = vec![0f64; joints];
+    for voxel in 0..voxels {
+        let point = [
+            node(0, voxel % d),
+            node(1, voxel / d % d),
+            node(2, voxel / (d * d)),
+        ];
+        channels.fill(0.0);
+        for blob in &blobs {
+            channels[blob.joint] += blob.weight(point);
+        }
+        let sum: f64 = channels.iter().sum();
+        let background = 1.0 - sum.clamp(0.0, 1.0);
+        let total = (sum + background).max(MIN_TOTAL);
+        for (joint, weight) in channels.iter().enumerate() {
+            volume[joint * voxels + voxel] = (weight / total) as f32;
+        }
+        volume[joints * voxels + voxel] = (background / total) as f32;
+    }
+    volume
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bone(towards: [f64; 3]) -> (Skeleton, WarpGrid) {
+        let skeleton = Skeleton {
+            names: vec!["l_knee".into(), "l_ankle".into()],
+            parents: vec![None, Some(0)],
+            rest: vec![[0.0; 3], towards],
+        };
+        let grid = canonical_grid(&skeleton, 9, 0.0);
+        (skeleton, grid)
+    }
+
+    #[test]
+    fn channels_sum_to_one_and_bones_weigh_most_at_themselves() {
+        let (skeleton, grid) = bone([0.0, 0.4, 0.0]);
+        let volume = prior(&skeleton, &grid);
+        for voxel in 0..729 {
+            let sum: f32 = (0..3).map(|channel| volume[channel * 729 + voxel]).sum();
+            assert!((sum - 1.0).abs() < 1e-6, "voxel {voxel}: {sum}");
+        }
+        // Node (4, 4, 4) is the middle of the box, and of the bone.
+        let middle = 4 * 81 + 4 * 9 + 4;
+        let at = |channel: usize| volume[channel * 729 + middle];
+        assert!(
+            at(0) > 0.9 && at(1) < 0.1 && at(2) < 0.1,
+            "{} {} {}",
+            at(0),
+            at(1),
+            at(2)
+        );
+        // The corner is far from everything.
+        assert!(volume[2 * 729] > 0.999);
+    }
+
+    #[test]
+    fn a_bone_along_minus_y_is_the_mirror_of_one_along_y() {
+        let (up, up_grid) = bone([0.0, 0.4, 0.0]);
+        let (down, down_grid) = bone([0.0, -0.4, 0.0]);
+        let (up, down) = (prior(&up, &up_grid), prior(&down, &down_grid));
+        for voxel in 0..729 {
+            let (z, y, x) = (voxel / 81, voxel / 9 % 9, voxel % 9);
+            let mirrored = z * 81 + (8 - y) * 9 + x;
+            assert!((up[voxel] - down[mirrored]).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn bones_without_length_and_joints_at_one_point_are_finite() {
+        let (skeleton, grid) = bone([0.0; 3]);
+        assert!(prior(&skeleton, &grid).iter().all(|w| w.is_finite()));
+    }
+}

@@ -1,0 +1,155 @@
+//! Connects the operations' hand-written backward forms to Burn's automatic differentiation.
+
+use super::{AvatarOps, adam::AdamRates, hash::HashGrid, warp::WarpGrid};
+use burn::backend::{
+    Autodiff, Backend,
+    autodiff::{
+        checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
+        grads::Gradients,
+        ops::{Backward, Ops, OpsKind},
+    },
+    tensor::FloatTensor,
+};
+
+#[derive(Debug)]
+struct WarpBackward;
+
+impl<B: Backend + AvatarOps> Backward<B, 2> for WarpBackward {
+    type State = (FloatTensor<B>, FloatTensor<B>, FloatTensor<B>, WarpGrid);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let [weights_node, transforms_node] = ops.parents;
+        let grad = grads.consume::<B>(&ops.node);
+        let (weights, transforms, points, grid) = ops.state;
+        let (to_weights, to_transforms) = B::warp_backward(weights, transforms, points, grad, grid);
+        if let Some(node) = weights_node {
+            grads.register::<B>(node.id, to_weights);
+        }
+        if let Some(node) = transforms_node {
+            grads.register::<B>(node.id, to_transforms);
+        }
+    }
+}
+
+#[derive(Debug)]
+struct HashBackward;
+
+impl<B: Backend + AvatarOps> Backward<B, 2> for HashBackward {
+    type State = (FloatTensor<B>, FloatTensor<B>, HashGrid);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let [table_node, points_node] = ops.parents;
+        let grad = grads.consume::<B>(&ops.node);
+        let (table, points, grid) = ops.state;
+        let (to_table, to_points) = B::hash_encode_backward(table, points, grad, grid);
+        if let Some(node) = table_node {
+            grads.register::<B>(node.id, to_table);
+        }
+        if let Some(node) = points_node {
+            grads.register::<B>(node.id, to_points);
+        }
+    }
+}
+
+impl<B: Backend + AvatarOps, C: CheckpointStrategy> AvatarOps for Autodiff<B, C> {
+    fn warp(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self> {
+        let inputs = [weights.node(), transforms.node()];
+        // The points are where rays were sampled: they are given, not learned.
+        let (weights, transforms, points) = (
+            weights.into_primitive(),
+            transforms.into_primitive(),
+            points.into_primitive(),
+        );
+        let run = |w: FloatTensor<B>, t: FloatTensor<B>, p: FloatTensor<B>| {
+            B::warp(w, t, p, grid.clone())
+        };
+        match WarpBackward.prepare::<C>(inputs).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => {
+                let output = run(weights.clone(), transforms.clone(), points.clone());
+                prep.finish((weights, transforms, points, grid), output)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(run(weights, transforms, points)),
+        }
+    }
+
+    fn warp_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let (a, b) = B::warp_backward(
+            weights.into_primitive(),
+            transforms.into_primitive(),
+            points.into_primitive(),
+            grad.into_primitive(),
+            grid,
+        );
+        (constant::<B, C>(a), constant::<B, C>(b))
+    }
+
+    fn hash_encode(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: HashGrid,
+    ) -> FloatTensor<Self> {
+        let inputs = [table.node(), points.node()];
+        let (table, points) = (table.into_primitive(), points.into_primitive());
+        match HashBackward.prepare::<C>(inputs).compute_bound().stateful() {
+            OpsKind::Tracked(prep) => {
+                let output = B::hash_encode(table.clone(), points.clone(), grid.clone());
+                prep.finish((table, points, grid), output)
+            }
+            OpsKind::UnTracked(prep) => prep.finish(B::hash_encode(table, points, grid)),
+        }
+    }
+
+    fn hash_encode_backward(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: HashGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let (a, b) = B::hash_encode_backward(
+            table.into_primitive(),
+            points.into_primitive(),
+            grad.into_primitive(),
+            grid,
+        );
+        (constant::<B, C>(a), constant::<B, C>(b))
+    }
+
+    fn adam_update(
+        param: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        moment_1: FloatTensor<Self>,
+        moment_2: FloatTensor<Self>,
+        rates: AdamRates,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let (a, b, c) = B::adam_update(
+            param.into_primitive(),
+            grad.into_primitive(),
+            moment_1.into_primitive(),
+            moment_2.into_primitive(),
+            rates,
+        );
+        (
+            constant::<B, C>(a),
+            constant::<B, C>(b),
+            constant::<B, C>(c),
+        )
+    }
+}
+
+/// A result that no gradient flows through: second derivatives are not offered.
+fn constant<B: Backend, C: CheckpointStrategy>(
+    tensor: FloatTensor<B>,
+) -> FloatTensor<Autodiff<B, C>> {
+    <Autodiff<B, C> as burn::backend::AutodiffBackend>::from_inner(tensor)
+}

@@ -1,0 +1,111 @@
+//! Multiresolution hash grid (Müller et al., Instant NGP, 2022): a point's features are
+//! trilinear look-ups in tables of growing resolution. Detail is stored where it is, so that
+//! the network behind it can be small.
+
+pub mod cpu;
+pub mod reference;
+
+use super::{AvatarOps, on_cpu};
+use burn::backend::Dispatch;
+use burn::tensor::Tensor;
+
+/// Where a level's entries stand and how they are found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Cells an axis.
+    pub cells: u32,
+    /// First row of the level in the table.
+    pub offset: usize,
+    /// Rows of the level.
+    pub rows: usize,
+    /// Whether nodes are numbered plainly (they fit) or hashed.
+    pub dense: bool,
+}
+
+/// Shape of a grid, and the box it covers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HashGrid {
+    /// Coarsest level first.
+    pub levels: Vec<Level>,
+    /// Numbers an entry: 1, 2, 4 or 8.
+    pub features: usize,
+    /// Smallest corner of the box, metres.
+    pub min: [f32; 3],
+    /// Side of the cube that starts at `min`, metres. One scale for all axes keeps cells cubic.
+    pub side: f32,
+}
+
+impl HashGrid {
+    /// Lays out `levels` from `base` cells an axis, each `growth` times finer, in tables of at
+    /// most `2^log2_rows` rows.
+    pub fn new(
+        levels: usize,
+        base: usize,
+        growth: f64,
+        log2_rows: u32,
+        features: usize,
+        min: [f32; 3],
+        side: f32,
+    ) -> Self {
+        let most = 1usize << log2_rows;
+        let mut offset = 0;
+        let levels = (0..levels)
+            .map(|l| {
+                let cells = (base as f64 * growth.powi(l as i32)).floor() as u32;
+                let nodes = (cells as usize + 1).saturating_pow(3);
+                let level = Level {
+                    cells,
+                    offset,
+                    rows: nodes.min(most),
+                    dense: nodes <= most,
+                };
+                offset += level.rows;
+                level
+            })
+            .collect();
+        Self {
+            levels,
+            features,
+            min,
+            side,
+        }
+    }
+
+    /// Rows of the whole table.
+    pub fn rows(&self) -> usize {
+        self.levels.iter().map(|level| level.rows).sum()
+    }
+
+    /// Numbers a point is encoded in.
+    pub fn width(&self) -> usize {
+        self.levels.len() * self.features
+    }
+}
+
+impl Level {
+    /// Row of a node, relative to the level's first. The primes are Instant NGP's.
+    #[inline(always)]
+    pub fn row(&self, [x, y, z]: [u32; 3]) -> usize {
+        if self.dense {
+            let n = self.cells + 1;
+            ((z * n + y) * n + x) as usize
+        } else {
+            let hash = x ^ y.wrapping_mul(2_654_435_761) ^ z.wrapping_mul(805_459_861);
+            hash as usize & (self.rows - 1)
+        }
+    }
+}
+
+/// Features of points: `table` `[rows, F]`, `points` `[N, 3]` metres → `[N, L F]`, coarsest
+/// level first. A point outside the box takes the nearest inside. Gradients flow to both.
+pub fn encode(table: Tensor<2>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {
+    if on_cpu(&points.device()) {
+        Tensor::from_dispatch(Dispatch::hash_encode(
+            table.into_dispatch(),
+            points.into_dispatch(),
+            grid.clone(),
+        ))
+    } else {
+        reference::encode(table, points, grid)
+    }
+}

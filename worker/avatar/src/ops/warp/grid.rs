@@ -1,0 +1,149 @@
+//! The grid of motion weights: its box, the cells of points in it, and the part of it where a
+//! bone weighs anything.
+
+use rayon::prelude::*;
+
+/// The canonical box that the motion weights fill, nodes at both ends of each axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WarpGrid {
+    /// Smallest corner, metres, x y z.
+    pub min: [f32; 3],
+    /// Largest corner, metres.
+    pub max: [f32; 3],
+    /// Nodes an axis, at least 2.
+    pub resolution: usize,
+    /// Cells whose nodes all weigh no more than this may be left out: what a bone adds there
+    /// is too little to matter. 0 leaves out nothing.
+    pub floor: f32,
+}
+
+impl WarpGrid {
+    /// Grid cells a metre, for each axis.
+    pub fn scale(&self) -> [f32; 3] {
+        std::array::from_fn(|a| (self.resolution - 1) as f32 / (self.max[a] - self.min[a]))
+    }
+}
+
+/// The box outside which a bone's weight is at most the grid's floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Support {
+    pub min: [f32; 3],
+    pub max: [f32; 3],
+}
+
+impl Support {
+    #[inline(always)]
+    pub fn contains(&self, p: [f32; 3]) -> bool {
+        // Also false for a NaN.
+        (0..3).all(|a| p[a] > self.min[a] && p[a] < self.max[a])
+    }
+}
+
+/// The support of each of the first `bones` volumes, canonical metres: one cell more on each
+/// side than the nodes above the floor.
+pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Support> {
+    let d = grid.resolution;
+    let scale = grid.scale();
+    weights
+        .par_chunks_exact(d * d * d)
+        .take(bones)
+        .map(|volume| {
+            let (mut low, mut high) = ([d; 3], [0usize; 3]);
+            for (row, line) in volume.chunks_exact(d).enumerate() {
+                let Some(first) = line.iter().position(|w| *w > grid.floor) else {
+                    continue;
+                };
+                let last = line.iter().rposition(|w| *w > grid.floor).unwrap_or(first);
+                for (a, (from, to)) in [(first, last), (row % d, row % d), (row / d, row / d)]
+                    .into_iter()
+                    .enumerate()
+                {
+                    low[a] = low[a].min(from);
+                    high[a] = high[a].max(to);
+                }
+            }
+            Support {
+                min: std::array::from_fn(|a| grid.min[a] + (low[a] as f32 - 1.0) / scale[a]),
+                max: std::array::from_fn(|a| grid.min[a] + (high[a] as f32 + 1.0) / scale[a]),
+            }
+        })
+        .collect()
+}
+
+/// A point inside one cell of the grid: its lowest node and the offset from it.
+pub(super) struct Cell {
+    low: [i32; 3],
+    part: [f32; 3],
+}
+
+impl Cell {
+    /// `None` beyond one cell outside the box, where every tap is zero.
+    #[inline(always)]
+    pub fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], d: i32) -> Option<Self> {
+        let mut low = [0i32; 3];
+        let mut part = [0f32; 3];
+        for a in 0..3 {
+            let g = (p[a] - min[a]) * scale[a];
+            if !(g > -1.0 && g < d as f32) {
+                return None;
+            }
+            // A floor for numbers above −1, without a call into the C library.
+            low[a] = (g + 1.0) as i32 - 1;
+            part[a] = g - low[a] as f32;
+        }
+        Some(Self { low, part })
+    }
+
+    /// The eight nodes inside the box, each with its share and the share's derivative by
+    /// the cell offset along x, y, z.
+    #[inline(always)]
+    pub fn taps(&self, d: i32, mut visit: impl FnMut(usize, f32, [f32; 3])) {
+        for corner in 0..8 {
+            let bit = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let node: [i32; 3] = std::array::from_fn(|a| self.low[a] + bit[a]);
+            if node.iter().any(|&i| i < 0 || i >= d) {
+                continue;
+            }
+            let u: [f32; 3] = std::array::from_fn(|a| {
+                if bit[a] == 1 {
+                    self.part[a]
+                } else {
+                    1.0 - self.part[a]
+                }
+            });
+            let s: [f32; 3] = std::array::from_fn(|a| if bit[a] == 1 { 1.0 } else { -1.0 });
+            let index = ((node[2] * d + node[1]) * d + node[0]) as usize;
+            visit(
+                index,
+                u[0] * u[1] * u[2],
+                [s[0] * u[1] * u[2], u[0] * s[1] * u[2], u[0] * u[1] * s[2]],
+            );
+        }
+    }
+
+    /// The volume's value here; nodes outside the box count as zero.
+    #[inline(always)]
+    pub fn sample(&self, volume: &[f32], d: i32) -> f32 {
+        let [i, j, k] = self.low;
+        if i >= 0 && j >= 0 && k >= 0 && i < d - 1 && j < d - 1 && k < d - 1 {
+            let (row, slab) = (d as usize, (d * d) as usize);
+            let cell =
+                &volume[k as usize * slab + j as usize * row + i as usize..][..slab + row + 2];
+            let [x, y, z] = self.part;
+            let line = |o: usize| cell[o] + x * (cell[o + 1] - cell[o]);
+            let plane = |o: usize| line(o) + y * (line(o + row) - line(o));
+            return plane(0) + z * (plane(slab) - plane(0));
+        }
+        let mut sum = 0.0;
+        self.taps(d, |index, share, _| sum += share * volume[index]);
+        sum
+    }
+}
+
+/// A bone's 3x4 transform applied to a point.
+#[inline(always)]
+pub(super) fn carry(t: &[f32], x: &[f32]) -> [f32; 3] {
+    std::array::from_fn(|r| {
+        t[4 * r] * x[0] + t[4 * r + 1] * x[1] + t[4 * r + 2] * x[2] + t[4 * r + 3]
+    })
+}

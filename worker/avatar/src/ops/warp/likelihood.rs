@@ -1,0 +1,105 @@
+//! Foreground likelihoods of samples along rays, without gradients: what decides which samples
+//! are evaluated at all.
+//!
+//! A bone's support is a box in canonical space, and a ray carried there by the bone is still a
+//! ray. One slab test therefore finds the few samples of a ray that a bone can weigh, instead
+//! of carrying every sample by every bone.
+
+use super::WarpGrid;
+use super::grid::{Cell, Support, supports};
+use rayon::prelude::*;
+
+/// Rays a task.
+const BLOCK: usize = 64;
+
+/// A ray and where its samples begin and end, in multiples of its direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Segment {
+    /// Metres, body frame.
+    pub origin: [f32; 3],
+    /// Any length.
+    pub direction: [f32; 3],
+    /// First stratum's start.
+    pub near: f32,
+    /// Last stratum's end.
+    pub far: f32,
+}
+
+/// Likelihoods `[R M]`, each in [0, 1], of the samples at `depths` `[R M]`: M on each segment,
+/// one in each of M equal strata. `weights` and `transforms` as for [`super::warp`].
+pub fn along_rays(
+    weights: &[f32],
+    transforms: &[f32],
+    segments: &[Segment],
+    depths: &[f32],
+    grid: &WarpGrid,
+) -> Vec<f32> {
+    let mut likelihoods = vec![0f32; depths.len()];
+    if segments.is_empty() || depths.is_empty() {
+        return likelihoods;
+    }
+    let per_ray = depths.len() / segments.len();
+    let d = grid.resolution as i32;
+    let voxels = grid.resolution.pow(3);
+    let (min, scale) = (grid.min, grid.scale());
+    let supports = supports(weights, transforms.len() / 12, grid);
+    let blocks = likelihoods
+        .par_chunks_mut(BLOCK * per_ray)
+        .zip(depths.par_chunks(BLOCK * per_ray))
+        .zip(segments.par_chunks(BLOCK));
+    blocks.for_each(|((likelihoods, depths), segments)| {
+        for ((bone, volume), support) in transforms
+            .chunks_exact(12)
+            .zip(weights.chunks_exact(voxels))
+            .zip(&supports)
+        {
+            let rays = likelihoods
+                .chunks_exact_mut(per_ray)
+                .zip(depths.chunks_exact(per_ray));
+            for ((likelihoods, depths), segment) in rays.zip(segments) {
+                let turn = |v: [f32; 3], r: usize| {
+                    bone[4 * r] * v[0] + bone[4 * r + 1] * v[1] + bone[4 * r + 2] * v[2]
+                };
+                let origin: [f32; 3] =
+                    std::array::from_fn(|r| turn(segment.origin, r) + bone[4 * r + 3]);
+                let direction: [f32; 3] = std::array::from_fn(|r| turn(segment.direction, r));
+                let Some((from, to)) = inside(support, origin, direction, segment) else {
+                    continue;
+                };
+                let strata = per_ray as f32 / (segment.far - segment.near);
+                let first = ((from - segment.near) * strata) as usize;
+                let last = (((to - segment.near) * strata) as usize + 1).min(per_ray);
+                for m in first.min(last)..last {
+                    let t = depths[m];
+                    let p = std::array::from_fn(|a| origin[a] + t * direction[a]);
+                    if let Some(cell) = Cell::of(p, min, scale, d) {
+                        likelihoods[m] += cell.sample(volume, d);
+                    }
+                }
+            }
+        }
+        for likelihood in likelihoods {
+            *likelihood = likelihood.clamp(0.0, 1.0);
+        }
+    });
+    likelihoods
+}
+
+/// The part of a segment inside a support.
+fn inside(
+    support: &Support,
+    origin: [f32; 3],
+    direction: [f32; 3],
+    segment: &Segment,
+) -> Option<(f32, f32)> {
+    let (mut from, mut to) = (segment.near, segment.far);
+    for a in 0..3 {
+        let (low, high) = (support.min[a] - origin[a], support.max[a] - origin[a]);
+        // Parallel to the slab: the quotients are ±∞, or NaN on its border, which min and max
+        // pass over.
+        let (one, other) = (low / direction[a], high / direction[a]);
+        from = from.max(one.min(other));
+        to = to.min(one.max(other));
+    }
+    (from < to).then_some((from, to))
+}

@@ -1,0 +1,69 @@
+//! Volume rendering (paper eq. 9): α = (1 − exp(−σ δ)) m, C = Σ T α c, and background where
+//! nothing was met. Transmittance is a sum of logarithms, whose gradient is finite where α = 1.
+
+use super::march::Samples;
+use burn::tensor::{IndexingUpdateOp, Int, Tensor, TensorData};
+
+/// Keeps the logarithm finite where a sample is opaque (HumanNeRF).
+const OPAQUE: f32 = 1e-10;
+
+/// What rays see.
+pub struct Composite {
+    /// `[R, 3]`, over black.
+    pub rgb: Tensor<2>,
+    /// `[R]` opacity.
+    pub alpha: Tensor<1>,
+    /// `[R]` Σ T α z, not divided by opacity, metres.
+    pub depth: Tensor<1>,
+}
+
+/// Composites live samples: `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]`.
+pub fn composite(
+    samples: &Samples,
+    rgb: Tensor<2>,
+    density: Tensor<1>,
+    likelihood: Tensor<1>,
+) -> Composite {
+    let device = rgb.device();
+    let (n, rays, per_ray) = (samples.live(), samples.rays, samples.per_ray);
+    let floats =
+        |values: &[f32]| Tensor::<1>::from_data(TensorData::new(values.to_vec(), [n]), &device);
+    let places = Tensor::<1, Int>::from_data(samples.places.as_slice(), &device);
+    let owners: Vec<i64> = samples
+        .places
+        .iter()
+        .map(|place| place / per_ray as i64)
+        .collect();
+    let owners = Tensor::<1, Int>::from_data(owners.as_slice(), &device);
+
+    let alpha = ((density * floats(&samples.steps)).neg().exp().neg() + 1.0) * likelihood;
+    let grid = Tensor::<1>::zeros([rays * per_ray], &device).select_assign(
+        0,
+        places.clone(),
+        alpha.clone(),
+        IndexingUpdateOp::Add,
+    );
+    let clear = (grid.reshape([rays, per_ray]).neg() + (1.0 + OPAQUE)).log();
+    // Exclusive: a sample is dimmed by those before it.
+    let before = clear.clone().cumsum(1) - clear;
+    let weight = before.reshape([rays * per_ray]).select(0, places).exp() * alpha;
+    let sum = |values: Tensor<1>| {
+        Tensor::<1>::zeros([rays], &device).select_assign(
+            0,
+            owners.clone(),
+            values,
+            IndexingUpdateOp::Add,
+        )
+    };
+    let colour = Tensor::<2>::zeros([rays, 3], &device).select_assign(
+        0,
+        owners.clone(),
+        rgb * weight.clone().unsqueeze_dim::<2>(1),
+        IndexingUpdateOp::Add,
+    );
+    Composite {
+        rgb: colour,
+        alpha: sum(weight.clone()),
+        depth: sum(weight * floats(&samples.depths)),
+    }
+}

@@ -1,0 +1,205 @@
+//! Whole frames: the part of the library that answers "how does this person look in this pose
+//! from there?".
+
+use super::composite::composite;
+use super::march::march;
+use super::rays::{BodyView, Ray};
+use crate::avatar::{Avatar, Posed};
+use crate::camera::{Camera, Pose};
+use crate::config::ModelConfig;
+use crate::motion::body::Body;
+use crate::skeleton::{Skeleton, SkeletonError};
+use burn::tensor::{ExecutionError, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+use thiserror::Error;
+
+/// Rays a batch: bounds the memory of a frame whatever its size.
+const RAYS_PER_BATCH: usize = 8192;
+
+/// Why a frame can't be rendered.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// The model has nobody there.
+    #[error("the model has no identity in slot {0}")]
+    NoSuchSlot(usize),
+    /// The pose is not of the identity's skeleton.
+    #[error("pose: {0}")]
+    Pose(#[from] SkeletonError),
+    /// A number of the request can't be computed with.
+    #[error("{0}: not a finite number")]
+    NotFinite(&'static str),
+    /// The device failed.
+    #[error("device: {0}")]
+    Device(String),
+}
+
+impl From<ExecutionError> for RenderError {
+    fn from(error: ExecutionError) -> Self {
+        Self::Device(format!("{error:?}"))
+    }
+}
+
+/// What to render.
+#[derive(Clone, Debug)]
+pub struct RenderView {
+    /// Whose appearance.
+    pub slot: usize,
+    /// In which pose.
+    pub pose: Pose,
+    /// Seen from where, and how large.
+    pub camera: Camera,
+    /// Linear rgb in [0, 1].
+    pub background: [f32; 3],
+}
+
+/// A rendered frame.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// `[H, W, 3]` in [0, 1], over the background.
+    pub rgb: Vec<f32>,
+    /// `[H, W]` opacity.
+    pub alpha: Vec<f32>,
+    /// `[H, W]` Σ T α z along the camera's axis, metres, not divided by opacity.
+    pub depth: Vec<f32>,
+}
+
+impl Rendered {
+    /// `[H, W, 3]`, rounded to 8 bits.
+    pub fn to_rgb8(&self) -> Vec<u8> {
+        self.rgb
+            .iter()
+            .map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
+            .collect()
+    }
+}
+
+/// A trained model, ready to render.
+pub struct Renderer {
+    config: ModelConfig,
+    avatar: Avatar,
+    bodies: Vec<Option<Body>>,
+    step: u64,
+}
+
+impl Renderer {
+    /// `bodies[slot]` on the avatar's device, without automatic differentiation.
+    pub(crate) fn new(
+        config: ModelConfig,
+        avatar: Avatar,
+        bodies: Vec<Option<Body>>,
+        step: u64,
+    ) -> Self {
+        Self {
+            config,
+            avatar,
+            bodies,
+            step,
+        }
+    }
+
+    /// The skeleton of the identity in `slot`.
+    pub fn skeleton(&self, slot: usize) -> Option<&Skeleton> {
+        self.bodies.get(slot)?.as_ref().map(|body| &body.skeleton)
+    }
+
+    /// Renders one view.
+    ///
+    /// # Errors
+    /// When the slot is empty, or the pose or camera is not one.
+    pub fn render(&self, view: &RenderView) -> Result<Rendered, RenderError> {
+        let body = self
+            .bodies
+            .get(view.slot)
+            .and_then(Option::as_ref)
+            .ok_or(RenderError::NoSuchSlot(view.slot))?;
+        body.skeleton.check_pose(&view.pose)?;
+        if !view
+            .camera
+            .k
+            .iter()
+            .flatten()
+            .chain(view.camera.e.iter().flatten())
+            .all(|v| v.is_finite())
+        {
+            return Err(RenderError::NotFinite("camera"));
+        }
+        let posed = self
+            .avatar
+            .pose(&self.config, body, view.slot, &view.pose, self.step);
+        let weights = read(posed.weights.clone())?;
+        let transforms = read(posed.transforms.clone())?;
+        let sight = BodyView::new(body, &view.pose, &view.camera);
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let pixel = |i: usize| sight.ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let mut frame = Rendered {
+            width,
+            height,
+            rgb: view.background.repeat(width * height),
+            alpha: vec![0.0; width * height],
+            depth: vec![0.0; width * height],
+        };
+        let hits: Vec<(usize, Ray)> = (0..width * height)
+            .filter_map(|i| Some((i, pixel(i)?)))
+            .collect();
+        for batch in hits.chunks(RAYS_PER_BATCH) {
+            self.render_batch(
+                body,
+                &posed,
+                (&weights, &transforms),
+                batch,
+                view.background,
+                &mut frame,
+            )?;
+        }
+        Ok(frame)
+    }
+
+    fn render_batch(
+        &self,
+        body: &Body,
+        posed: &Posed,
+        (weights, transforms): (&[f32], &[f32]),
+        batch: &[(usize, Ray)],
+        background: [f32; 3],
+        frame: &mut Rendered,
+    ) -> Result<(), RenderError> {
+        let rays: Vec<Option<Ray>> = batch.iter().map(|(_, ray)| Some(*ray)).collect();
+        let settings = &self.config.march;
+        let samples = march(
+            &rays,
+            settings.samples,
+            settings.epsilon,
+            None::<&mut ChaCha8Rng>,
+            weights,
+            transforms,
+            &body.grid,
+        );
+        if samples.live() == 0 {
+            return Ok(());
+        }
+        let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
+        let points = Tensor::<2>::from_data(points, &body.log_prior.device());
+        let (values, likelihood) = self.avatar.evaluate(&self.config, body, posed, points);
+        let seen = composite(&samples, values.rgb, values.density, likelihood);
+        let (rgb, alpha, depth) = (read(seen.rgb)?, read(seen.alpha)?, read(seen.depth)?);
+        for (ray, (pixel, _)) in batch.iter().enumerate() {
+            for c in 0..3 {
+                frame.rgb[3 * pixel + c] = rgb[3 * ray + c] + (1.0 - alpha[ray]) * background[c];
+            }
+            frame.alpha[*pixel] = alpha[ray];
+            frame.depth[*pixel] = depth[ray];
+        }
+        Ok(())
+    }
+}
+
+/// A tensor's numbers in host memory.
+pub(crate) fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, RenderError> {
+    tensor
+        .try_into_vec_as::<f32>()
+        .map_err(|error| RenderError::Device(format!("{error:?}")))
+}

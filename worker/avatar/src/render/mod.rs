@@ -1,0 +1,9 @@
+//! From a camera to pixels: rays through the body's box, samples along them, fields at the
+//! samples that can matter, and compositing.
+
+pub mod composite;
+pub mod frame;
+pub mod march;
+pub mod rays;
+
+pub use frame::{RenderError, RenderView, Rendered, Renderer};

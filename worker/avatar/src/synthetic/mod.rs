@@ -1,0 +1,120 @@
+//! Made-up people: textured, clothed, moving, and seen from wherever one likes.
+//!
+//! A capture whose truth is known from every side, in poses that no camera filmed, and that
+//! anyone may copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
+//! belongs to a place on a bone, and shading to the unposed body, so that what one sees
+//! depends on neither light nor viewer, as the model assumes.
+
+mod body;
+mod build;
+mod cast;
+mod motion;
+mod outfit;
+mod raycast;
+
+use crate::camera::{Camera, Pose};
+use crate::capture::FrameImage;
+use crate::skeleton::{Skeleton, Vec3};
+use build::Capsule;
+use outfit::Outfit;
+use yoto_proto::pose_track::{self, PoseTrack};
+
+/// Frames a second of a synthetic capture.
+const FPS: f64 = 15.0;
+/// What cameras look at: the middle of a standing person with arms raised, metres.
+const TARGET: Vec3 = [0.0, 0.98, 0.0];
+/// How much of the world an image shows at the target, metres from top to bottom.
+const VIEW_HEIGHT: f64 = 2.3;
+const UP: Vec3 = [0.0, 1.0, 0.0];
+
+/// One made-up person.
+#[derive(Clone, Debug)]
+pub struct SyntheticPerson {
+    name: String,
+    skeleton: Skeleton,
+    capsules: Vec<Capsule>,
+    outfit: Outfit,
+    gait: motion::Gait,
+}
+
+impl SyntheticPerson {
+    /// `n` people who differ in build, clothes, colours and gait. The same seed gives the
+    /// same people, and a larger `n` only adds to them.
+    pub fn cast(n: usize, seed: u64) -> Vec<Self> {
+        cast::cast(n, seed)
+    }
+
+    /// A name that no other person of the cast has.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The 24 SMPL joints in this person's proportions: y up, metres, T-pose on the floor
+    /// (y = 0), facing +z, left hand at +x.
+    pub fn skeleton(&self) -> pose_track::Skeleton {
+        self.skeleton.to_track()
+    }
+
+    /// What `camera` sees of the person in `pose`: colours premultiplied by coverage, over
+    /// black.
+    pub fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
+        let body = body::PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, pose);
+        raycast::render(&body, camera)
+    }
+
+    /// `frames` poses to be filmed: walking on the spot through two whole turns, waving and
+    /// raising the arms, so that one camera sees every side.
+    pub fn motion(&self, frames: usize) -> Vec<Pose> {
+        self.gait.filmed(&self.skeleton, frames)
+    }
+
+    /// `frames` poses that [`SyntheticPerson::motion`] does not hold: jumping jacks, then
+    /// squats.
+    pub fn unseen_motion(&self, frames: usize) -> Vec<Pose> {
+        self.gait.unseen(&self.skeleton, frames)
+    }
+
+    /// The camera that films: 3.2 m in front, images of `size` x `size` pixels.
+    pub fn train_camera(size: u32) -> Camera {
+        camera_at(0.0, 1.15, size)
+    }
+
+    /// Four cameras around the person, raised a little, none where the filming one stands.
+    pub fn held_out_cameras(size: u32) -> Vec<Camera> {
+        [60.0, 150.0, 240.0, 330.0]
+            .into_iter()
+            .map(|degrees: f64| camera_at(degrees.to_radians(), 1.5, size))
+            .collect()
+    }
+
+    /// A film of [`SyntheticPerson::motion`] by [`SyntheticPerson::train_camera`].
+    pub fn capture(&self, frames: usize, size: u32) -> (PoseTrack, Vec<FrameImage>) {
+        let camera = Self::train_camera(size);
+        let poses = self.motion(frames);
+        let images = poses
+            .iter()
+            .map(|pose| self.render(pose, &camera))
+            .collect();
+        let track = PoseTrack {
+            skeleton: self.skeleton(),
+            image_size: [size, size],
+            fps: FPS,
+            frames: (0..)
+                .zip(&poses)
+                .map(|(index, pose)| camera.to_frame(index, pose))
+                .collect(),
+        };
+        (track, images)
+    }
+}
+
+/// A camera 3.2 m from the target's axis, `angle` radians to the left of the person's front.
+fn camera_at(angle: f64, height: f64, size: u32) -> Camera {
+    const DISTANCE: f64 = 3.2;
+    let eye = [DISTANCE * angle.sin(), height, DISTANCE * angle.cos()];
+    let focal = f64::from(size) * DISTANCE / VIEW_HEIGHT;
+    Camera::look_at(eye, TARGET, UP, focal, size, size)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,165 @@
+//! What is kept of a training: weights, optimiser and state, each in a file of its own.
+//! Weights and state are enough to render.
+
+use super::TrainError;
+use crate::avatar::Avatar;
+use crate::config::ModelConfig;
+use crate::motion::body::Body;
+use crate::render::Renderer;
+use crate::skeleton::Skeleton;
+use burn::optim::ModuleOptimizer;
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use yoto_proto::manifest::files;
+
+/// Version of [`State`] written by this program.
+const VERSION: u32 = 1;
+
+/// `state.json`: all that is not a tensor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Format version.
+    pub version: u32,
+    /// Sizes, rates and thresholds.
+    pub config: ModelConfig,
+    /// Joints of the skeletons.
+    pub joints: usize,
+    /// Of the initial weights and all drawing since.
+    pub seed: u64,
+    /// Steps taken over the model's life.
+    pub step: u64,
+    /// Seconds spent in steps over the model's life.
+    pub train_seconds: f64,
+    /// What the guard multiplies the rate by.
+    pub rate_scale: f64,
+    /// Steps not taken.
+    pub skipped_steps: u64,
+    /// Returns to an earlier state.
+    pub rollbacks: u64,
+    /// Skeleton of each slot.
+    pub slots: Vec<Option<Skeleton>>,
+}
+
+fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
+    TrainError::File {
+        file: path.display().to_string(),
+        message: error.to_string(),
+    }
+}
+
+impl State {
+    /// Version, and the present moment of a training.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn new(
+        config: ModelConfig,
+        joints: usize,
+        seed: u64,
+        step: u64,
+        train_seconds: f64,
+        slots: Vec<Option<Skeleton>>,
+    ) -> Self {
+        Self {
+            version: VERSION,
+            config,
+            joints,
+            seed,
+            step,
+            train_seconds,
+            rate_scale: 1.0,
+            skipped_steps: 0,
+            rollbacks: 0,
+            slots,
+        }
+    }
+
+    /// Reads `state.json` of a checkpoint's folder.
+    ///
+    /// # Errors
+    /// When it is missing, no state, or of another version.
+    pub fn read(dir: &Path) -> Result<Self, TrainError> {
+        let path = dir.join(files::STATE);
+        let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
+        let state: Self = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
+        if state.version != VERSION {
+            return Err(failed(
+                &path,
+                format!("version {}, this program reads {VERSION}", state.version),
+            ));
+        }
+        state.config.check()?;
+        Ok(state)
+    }
+}
+
+/// Writes a checkpoint's files into `dir`.
+pub(super) fn save(
+    dir: &Path,
+    state: &State,
+    avatar: &Avatar,
+    optimiser: &ModuleOptimizer,
+) -> Result<(), TrainError> {
+    let path = dir.join(files::WEIGHTS);
+    let mut store = SafetensorsStore::from_file(&path).overwrite(true);
+    avatar.save_into(&mut store).map_err(|e| failed(&path, e))?;
+    let path = dir.join(files::OPTIMISER);
+    // Burn refuses to write over a file.
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            return Err(failed(&path, error));
+        }
+        _ => {}
+    }
+    optimiser.save(&path).map_err(|e| failed(&path, e))?;
+    let path = dir.join(files::STATE);
+    let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
+    std::fs::write(&path, json).map_err(|e| failed(&path, e))
+}
+
+/// The model of a state, with the weights in `dir`.
+pub(super) fn load_avatar(
+    dir: &Path,
+    state: &State,
+    device: &Device,
+) -> Result<Avatar, TrainError> {
+    let path = dir.join(files::WEIGHTS);
+    let mut avatar = Avatar::new(
+        &state.config,
+        state.slots.len(),
+        state.joints,
+        state.seed,
+        device,
+    );
+    let mut store = SafetensorsStore::from_file(&path);
+    avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
+    Ok(avatar)
+}
+
+/// The optimiser in `dir`.
+pub(super) fn load_optimiser(
+    dir: &Path,
+    fresh: ModuleOptimizer,
+) -> Result<ModuleOptimizer, TrainError> {
+    let path = dir.join(files::OPTIMISER);
+    fresh.load(&path).map_err(|e| failed(&path, e))
+}
+
+impl Renderer {
+    /// Reads weights and state from a checkpoint's folder.
+    ///
+    /// # Errors
+    /// When either is missing or not what the other says.
+    pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
+        let device = device.clone().inner();
+        let state = State::read(dir)?;
+        let avatar = load_avatar(dir, &state, &device)?;
+        let body = |skeleton: &Option<Skeleton>| {
+            skeleton
+                .clone()
+                .map(|skeleton| Body::new(skeleton, &state.config, &device))
+        };
+        let bodies = state.slots.iter().map(body).collect();
+        Ok(Self::new(state.config, avatar, bodies, state.step))
+    }
+}

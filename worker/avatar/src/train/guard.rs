@@ -1,0 +1,202 @@
+//! Watches loss and gradients: a step that is not finite is not taken, and after several in a
+//! row the model goes back to its last good state with a lower rate.
+
+use crate::avatar::Avatar;
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::{GradientsParams, ModuleOptimizer};
+use burn::tensor::Tensor;
+
+/// Steps between kept states.
+const KEEP_EVERY: u64 = 200;
+/// Bad steps in a row that end the present course.
+const BAD_IN_A_ROW: u32 = 5;
+/// What the rate is multiplied by at each return.
+const RATE_FACTOR: f64 = 0.5;
+/// Returns after which training gives up.
+const MAX_ROLLBACKS: u64 = 8;
+
+/// A model, its optimiser, and the share of the planned rate it is trained with.
+pub(super) struct Course {
+    pub avatar: Avatar,
+    pub optimiser: ModuleOptimizer,
+    pub rate_scale: f64,
+}
+
+/// See the module's page.
+pub(super) struct Guard {
+    kept: Option<(Avatar, ModuleOptimizer)>,
+    bad: u32,
+    pub skipped: u64,
+    pub rollbacks: u64,
+}
+
+/// What became of a step.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Taken,
+    Skipped,
+    RolledBack,
+    GivenUp,
+}
+
+impl Guard {
+    pub fn new(skipped: u64, rollbacks: u64) -> Self {
+        Self {
+            kept: None,
+            bad: 0,
+            skipped,
+            rollbacks,
+        }
+    }
+
+    /// Takes the step when loss and gradients are finite.
+    pub fn step(
+        &mut self,
+        course: &mut Course,
+        loss: f32,
+        grads: GradientsParams,
+        rate: f64,
+        step: u64,
+    ) -> Verdict {
+        if loss.is_finite() && gradients_finite(&course.avatar, &grads) {
+            self.bad = 0;
+            if step.is_multiple_of(KEEP_EVERY) || self.kept.is_none() {
+                self.kept = Some((course.avatar.clone(), course.optimiser.clone()));
+            }
+            let avatar = course.avatar.clone();
+            course.avatar = course
+                .optimiser
+                .step(rate * course.rate_scale, avatar, grads);
+            return Verdict::Taken;
+        }
+        self.skipped += 1;
+        self.bad += 1;
+        if self.bad < BAD_IN_A_ROW {
+            return Verdict::Skipped;
+        }
+        self.bad = 0;
+        self.rollbacks += 1;
+        if self.rollbacks > MAX_ROLLBACKS {
+            return Verdict::GivenUp;
+        }
+        if let Some((avatar, optimiser)) = &self.kept {
+            course.avatar = avatar.clone();
+            course.optimiser = optimiser.clone();
+        }
+        course.rate_scale *= RATE_FACTOR;
+        Verdict::RolledBack
+    }
+}
+
+struct FiniteCheck<'a> {
+    grads: &'a GradientsParams,
+    finite: bool,
+}
+
+impl ModuleVisitor for FiniteCheck<'_> {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(grad) = self.grads.get::<D>(param.id) {
+            // A sum is finite only when every term is; overflow of finite terms also counts.
+            self.finite &= grad.abs().sum().into_scalar::<f32>().is_finite();
+        }
+    }
+}
+
+fn gradients_finite(avatar: &Avatar, grads: &GradientsParams) -> bool {
+    let mut check = FiniteCheck {
+        grads,
+        finite: true,
+    };
+    avatar.visit(&mut check);
+    check.finite
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::ModelConfig;
+    use crate::train::optimiser::optimiser;
+    use burn::tensor::Device;
+
+    struct Sum(Option<Tensor<1>>);
+
+    impl ModuleVisitor for Sum {
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            let sum = param.val().sum();
+            self.0 = Some(match self.0.take() {
+                Some(total) => total + sum,
+                None => sum,
+            });
+        }
+    }
+
+    fn total(avatar: &Avatar) -> Tensor<1> {
+        let mut sum = Sum(None);
+        avatar.visit(&mut sum);
+        sum.0.expect("an avatar has parameters")
+    }
+
+    fn number(tensor: Tensor<1>) -> f32 {
+        tensor.into_scalar()
+    }
+
+    #[test]
+    fn bad_steps_are_skipped_counted_and_end_in_a_return() {
+        let config = ModelConfig::named("draft", "yoto").expect("a tier");
+        let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
+        let mut course = Course {
+            avatar,
+            optimiser: optimiser(&config.optimise),
+            rate_scale: 1.0,
+        };
+        let mut guard = Guard::new(0, 0);
+        let step = |course: &mut Course, guard: &mut Guard, factor: f32, at: u64| {
+            let loss = total(&course.avatar) * factor;
+            let grads = GradientsParams::from_grads(loss.backward(), &course.avatar);
+            guard.step(course, 1.0, grads, 1.0, at)
+        };
+        let start = number(total(&course.avatar));
+        assert_eq!(step(&mut course, &mut guard, 1.0, 0), Verdict::Taken);
+        assert_eq!(step(&mut course, &mut guard, 1.0, 1), Verdict::Taken);
+        let moved = number(total(&course.avatar));
+        assert!(moved < start);
+        for bad in [f32::NAN, f32::INFINITY, f32::NAN, f32::NAN] {
+            assert_eq!(step(&mut course, &mut guard, bad, 2), Verdict::Skipped);
+            assert_eq!(
+                number(total(&course.avatar)),
+                moved,
+                "a skipped step changes nothing"
+            );
+        }
+        assert_eq!(
+            step(&mut course, &mut guard, f32::NAN, 2),
+            Verdict::RolledBack
+        );
+        assert_eq!(
+            (guard.skipped, guard.rollbacks, course.rate_scale),
+            (5, 1, RATE_FACTOR)
+        );
+        assert_eq!(
+            number(total(&course.avatar)),
+            start,
+            "back at the kept state"
+        );
+        assert_eq!(step(&mut course, &mut guard, 1.0, 2), Verdict::Taken);
+    }
+
+    #[test]
+    fn a_loss_that_is_not_finite_is_enough() {
+        let config = ModelConfig::named("draft", "yoto").expect("a tier");
+        let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
+        let mut course = Course {
+            avatar,
+            optimiser: optimiser(&config.optimise),
+            rate_scale: 1.0,
+        };
+        let grads = GradientsParams::from_grads(total(&course.avatar).backward(), &course.avatar);
+        assert_eq!(
+            Guard::new(0, 0).step(&mut course, f32::NAN, grads, 1.0, 0),
+            Verdict::Skipped
+        );
+    }
+}

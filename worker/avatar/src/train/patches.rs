@@ -1,0 +1,67 @@
+//! Patches of a frame: where a step looks (model.md §8).
+
+use super::people::TrainFrame;
+use crate::motion::body::Body;
+use crate::render::rays::{BodyView, Ray};
+use rand::RngExt;
+
+/// Share of the patches that are centred on the person; the rest on the box around.
+const ON_PERSON: f64 = 0.8;
+/// Tries at finding a pixel in the box but off the person.
+const TRIES: usize = 32;
+
+/// Rays of a step, and what they should see.
+pub(super) struct Batch {
+    /// `[P S²]`.
+    pub rays: Vec<Option<Ray>>,
+    /// `[P, S², 3]`, over `background`.
+    pub truth: Vec<f32>,
+    pub background: [f32; 3],
+}
+
+/// Draws `count` patches of `size`² pixels, cut so that they lie in the image, and a random
+/// background, which makes the model tell dark cloth from nothing.
+pub(super) fn draw(
+    frame: &TrainFrame,
+    body: &Body,
+    count: usize,
+    size: usize,
+    rng: &mut impl RngExt,
+) -> Batch {
+    let (width, height) = (frame.image.width, frame.image.height);
+    let sight = BodyView::new(body, &frame.pose, &frame.camera);
+    let ray = |x: usize, y: usize| sight.ray(x as f64 + 0.5, y as f64 + 0.5);
+    let background: [f32; 3] = std::array::from_fn(|_| rng.random());
+    let mut batch = Batch {
+        rays: Vec::with_capacity(count * size * size),
+        truth: Vec::with_capacity(count * size * size * 3),
+        background,
+    };
+    for _ in 0..count {
+        let on_person = !frame.covered.is_empty() && rng.random_bool(ON_PERSON);
+        let mut centre = None;
+        if !on_person {
+            centre = (0..TRIES)
+                .map(|_| rng.random_range(0..width * height))
+                .find(|p| frame.image.mask[*p] == 0 && ray(p % width, p / width).is_some());
+        }
+        let centre = centre.unwrap_or_else(|| match frame.covered.len() {
+            0 => rng.random_range(0..width * height),
+            n => frame.covered[rng.random_range(0..n)] as usize,
+        });
+        let start = |c: usize, side: usize| c.saturating_sub(size / 2).min(side - size);
+        let (x0, y0) = (start(centre % width, width), start(centre / width, height));
+        for i in 0..size * size {
+            let (x, y) = (x0 + i % size, y0 + i / size);
+            let p = y * width + x;
+            batch.rays.push(ray(x, y));
+            let clear = 1.0 - f32::from(frame.image.mask[p]) / 255.0;
+            batch
+                .truth
+                .extend((0..3).map(|c| {
+                    f32::from(frame.image.rgb[3 * p + c]) / 255.0 + clear * background[c]
+                }));
+        }
+    }
+    batch
+}

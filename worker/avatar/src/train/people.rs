@@ -1,0 +1,128 @@
+//! The people a model is trained on: their bodies, and their frames at training size.
+
+use super::TrainError;
+use crate::camera::{Camera, Pose};
+use crate::capture::{FrameImage, Shard};
+use crate::config::ModelConfig;
+use crate::motion::body::Body;
+use crate::skeleton::Skeleton;
+use burn::tensor::Device;
+use std::sync::Arc;
+
+/// One identity's training data.
+#[derive(Clone)]
+pub struct Person {
+    /// Identity slot in the model.
+    pub slot: usize,
+    /// For messages.
+    pub name: String,
+    /// Frames and pose track.
+    pub shard: Arc<Shard>,
+}
+
+/// A frame to learn from.
+pub(super) struct TrainFrame {
+    pub pose: Pose,
+    pub camera: Camera,
+    pub image: FrameImage,
+    /// Indices of the pixels with the person in them.
+    pub covered: Vec<u32>,
+}
+
+/// A person made ready.
+pub(super) struct Trainee {
+    pub slot: usize,
+    pub body: Body,
+    pub frames: Vec<TrainFrame>,
+    /// Kept out of training, to see how it does.
+    pub held_out: Vec<TrainFrame>,
+}
+
+impl Trainee {
+    /// Frames are brought to `image_size` (0: as stored); every `holdout_every`-th is kept out.
+    pub fn new(
+        person: &Person,
+        config: &ModelConfig,
+        image_size: u32,
+        holdout_every: usize,
+        device: &Device,
+    ) -> Result<Self, TrainError> {
+        let skeleton_error = |source| TrainError::Skeleton {
+            name: person.name.clone(),
+            source,
+        };
+        let track = &person.shard.track;
+        let skeleton = Skeleton::from_track(&track.skeleton).map_err(skeleton_error)?;
+        let (mut frames, mut held_out) = (Vec::new(), Vec::new());
+        for (i, frame) in track.frames.iter().enumerate() {
+            let view = |error: crate::camera::ViewError| {
+                TrainError::People(format!("{} frame {}: {error}", person.name, frame.index))
+            };
+            let pose = Pose::from_frame(frame).map_err(view)?;
+            skeleton.check_pose(&pose).map_err(skeleton_error)?;
+            let camera = Camera::from_frame(frame, track.image_size)
+                .map_err(view)?
+                .scaled_to(image_size);
+            let image = person.shard.image(i).resized(image_size);
+            let covered = image
+                .mask
+                .iter()
+                .enumerate()
+                .filter(|(_, m)| **m > 0)
+                .map(|(p, _)| p as u32)
+                .collect();
+            // The middle of each run is kept out, so that one frame alone is trained on.
+            let keep_out = holdout_every > 0 && i % holdout_every == holdout_every / 2;
+            if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
+                pose,
+                camera,
+                image,
+                covered,
+            });
+        }
+        if frames.is_empty() {
+            return Err(TrainError::People(format!(
+                "{}: no frames to train on",
+                person.name
+            )));
+        }
+        Ok(Self {
+            slot: person.slot,
+            body: Body::new(skeleton, config, device),
+            frames,
+            held_out,
+        })
+    }
+}
+
+/// Checks that the people fit one model with `slots` slots: same joint trees, one slot each.
+pub(super) fn check_people(people: &[Person]) -> Result<(usize, usize), TrainError> {
+    let first = people
+        .first()
+        .ok_or_else(|| TrainError::People("nobody to train on".into()))?;
+    let tree = |person: &Person| {
+        (
+            person.shard.track.skeleton.names.clone(),
+            person.shard.track.skeleton.parents.clone(),
+        )
+    };
+    let mut slots: Vec<usize> = people.iter().map(|p| p.slot).collect();
+    slots.sort_unstable();
+    if slots.windows(2).any(|pair| pair[0] == pair[1]) {
+        return Err(TrainError::People("two people in one slot".into()));
+    }
+    if let Some(other) = people.iter().find(|p| tree(p) != tree(first)) {
+        return Err(TrainError::People(format!(
+            "{} and {} have different joint trees: one model has one tree",
+            first.name, other.name
+        )));
+    }
+    let joints = first.shard.track.joints();
+    if joints < 2 {
+        return Err(TrainError::People(format!(
+            "{}: a body needs at least 2 joints",
+            first.name
+        )));
+    }
+    Ok((slots.last().map_or(0, |s| s + 1), joints))
+}

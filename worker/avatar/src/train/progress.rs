@@ -1,0 +1,32 @@
+//! What a trainer tells while it trains. A plain value: whoever asks decides how to show it.
+
+/// A moment of a training.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrainProgress {
+    /// Steps taken over the model's life.
+    pub step: u64,
+    /// Steps at the end of the budget; 0 while the budget is in seconds.
+    pub total_steps: u64,
+    /// Share of the budget that is used, 0 to 1.
+    pub fraction: f64,
+    /// Over the last few seconds.
+    pub steps_per_second: f64,
+    /// Smoothed.
+    pub loss: f64,
+    /// Of held-out frames, dB, once measured.
+    pub psnr: Option<f64>,
+    /// Of held-out frames, once measured.
+    pub ssim: Option<f64>,
+    /// Of the budget.
+    pub seconds_left: f64,
+    /// Steps not taken because loss or gradients were not finite.
+    pub skipped_steps: u64,
+    /// Returns to an earlier state.
+    pub rollbacks: u64,
+    /// Share of samples that the networks saw, smoothed.
+    pub live_fraction: f64,
+    /// E.g. "mse+ssim".
+    pub objective: &'static str,
+    /// Seconds spent in steps in this budget.
+    pub train_seconds: f64,
+}

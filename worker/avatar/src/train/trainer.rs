@@ -1,0 +1,441 @@
+//! The training loop's state: one call, one step.
+
+use super::checkpoint::{self, State};
+use super::guard::{Course, Guard, Verdict};
+use super::optimiser::optimiser;
+use super::patches::{self, Batch};
+use super::people::{Person, Trainee, check_people};
+use super::{TrainError, TrainProgress};
+use crate::avatar::Avatar;
+use crate::config::ModelConfig;
+use crate::evaluate::metrics::{psnr, ssim};
+use crate::loss::Objective;
+use crate::motion::body::Body;
+use crate::render::composite::composite;
+use crate::render::frame::read;
+use crate::render::march::march;
+use crate::render::{RenderView, Renderer};
+use crate::skeleton::Skeleton;
+use burn::module::Module;
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::path::Path;
+use std::time::Instant;
+
+/// Steps over which the rate rises from 0, so that Adam's moments settle first.
+const WARM_UP: u64 = 50;
+/// Weight of the newest value in smoothed figures.
+const SMOOTHING: f64 = 0.02;
+/// Held-out frames a person that are rendered to see how training does.
+const VALIDATION_FRAMES: usize = 2;
+
+/// How long to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// Seconds spent in steps.
+    Seconds(f64),
+    /// Steps.
+    Steps(u64),
+}
+
+/// How to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainOptions {
+    /// How long; the learning rate falls over it.
+    pub budget: Budget,
+    /// Seconds of the budget that were spent before.
+    pub used_seconds: f64,
+    /// Steps of the budget that were taken before.
+    pub used_steps: u64,
+    /// Of the initial weights and all drawing.
+    pub seed: u64,
+    /// Longest image side, pixels; 0 keeps the capture's.
+    pub image_size: u32,
+    /// Every n-th frame is kept out of training for validation; 0: none.
+    pub holdout_every: usize,
+}
+
+/// A training under way.
+pub struct Trainer {
+    config: ModelConfig,
+    options: TrainOptions,
+    trainees: Vec<Trainee>,
+    slots: Vec<Option<Skeleton>>,
+    joints: usize,
+    course: Course,
+    guard: Guard,
+    objective: Objective,
+    patch_size: usize,
+    device: Device,
+    /// Over the model's life.
+    step: u64,
+    seconds: f64,
+    /// Within this budget.
+    budget_steps: u64,
+    budget_seconds: f64,
+    progress: TrainProgress,
+}
+
+impl Trainer {
+    /// Starts a model for `people` on `device`.
+    ///
+    /// # Errors
+    /// When the people don't fit one model.
+    pub fn new(
+        config: ModelConfig,
+        options: TrainOptions,
+        people: Vec<Person>,
+        device: &Device,
+    ) -> Result<Self, TrainError> {
+        config.check()?;
+        let (slots, joints) = check_people(&people)?;
+        let device = device.clone().inner().autodiff();
+        let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
+        let state = State::new(
+            config.clone(),
+            joints,
+            options.seed,
+            0,
+            0.0,
+            vec![None; slots],
+        );
+        let course = Course {
+            avatar,
+            optimiser: optimiser(&config.optimise),
+            rate_scale: 1.0,
+        };
+        Self::assemble(state, options, &people, course, device)
+    }
+
+    /// Goes on with what [`Self::save`] wrote into `dir`. The seed is the checkpoint's.
+    ///
+    /// # Errors
+    /// When the files are missing or torn, or the people don't fit the model.
+    pub fn resume(
+        dir: &Path,
+        options: TrainOptions,
+        people: Vec<Person>,
+        device: &Device,
+    ) -> Result<Self, TrainError> {
+        let state = State::read(dir)?;
+        let (slots, joints) = check_people(&people)?;
+        if slots > state.slots.len() || joints != state.joints {
+            return Err(TrainError::People(format!(
+                "the checkpoint has {} slots and {} joints, the people need {slots} and {joints}",
+                state.slots.len(),
+                state.joints
+            )));
+        }
+        let device = device.clone().inner().autodiff();
+        let course = Course {
+            avatar: checkpoint::load_avatar(dir, &state, &device)?,
+            optimiser: checkpoint::load_optimiser(dir, optimiser(&state.config.optimise))?,
+            rate_scale: state.rate_scale,
+        };
+        Self::assemble(state, options, &people, course, device)
+    }
+
+    fn assemble(
+        state: State,
+        options: TrainOptions,
+        people: &[Person],
+        course: Course,
+        device: Device,
+    ) -> Result<Self, TrainError> {
+        let mut slots = state.slots;
+        let mut trainees = Vec::with_capacity(people.len());
+        for person in people {
+            let trainee = Trainee::new(
+                person,
+                &state.config,
+                options.image_size,
+                options.holdout_every,
+                &device,
+            )?;
+            slots[person.slot] = Some(trainee.body.skeleton.clone());
+            trainees.push(trainee);
+        }
+        let smallest = trainees
+            .iter()
+            .flat_map(|t| &t.frames)
+            .map(|f| f.image.width.min(f.image.height))
+            .min();
+        let patch_size = (state.config.optimise.patch_size as usize).min(smallest.unwrap_or(1));
+        let objective = Objective::new(state.config.optimise.ssim_weight, patch_size, &device);
+        let progress = TrainProgress {
+            objective: objective.name(),
+            ..TrainProgress::default()
+        };
+        Ok(Self {
+            config: state.config,
+            options: TrainOptions {
+                seed: state.seed,
+                ..options
+            },
+            trainees,
+            slots,
+            joints: state.joints,
+            course,
+            guard: Guard::new(state.skipped_steps, state.rollbacks),
+            objective,
+            patch_size,
+            device,
+            step: state.step,
+            seconds: state.train_seconds,
+            budget_steps: options.used_steps,
+            budget_seconds: options.used_seconds,
+            progress,
+        })
+    }
+
+    /// Share of the budget that is used, 0 to 1.
+    fn fraction(&self) -> f64 {
+        let share = match self.options.budget {
+            Budget::Seconds(seconds) => self.budget_seconds / seconds.max(f64::MIN_POSITIVE),
+            Budget::Steps(steps) => self.budget_steps as f64 / steps.max(1) as f64,
+        };
+        share.min(1.0)
+    }
+
+    /// Whether the budget is used up.
+    pub fn finished(&self) -> bool {
+        self.fraction() >= 1.0
+    }
+
+    /// Takes one step.
+    ///
+    /// # Errors
+    /// When the device fails, or training diverged for good.
+    pub fn step(&mut self) -> Result<(), TrainError> {
+        let start = Instant::now();
+        let mut rng = step_stream(self.options.seed, self.step);
+        // One random frame of a random identity, uniform over frames as in the paper.
+        let total: usize = self.trainees.iter().map(|t| t.frames.len()).sum();
+        let mut pick = rng.random_range(0..total);
+        let mut chosen = &self.trainees[0];
+        for trainee in &self.trainees {
+            chosen = trainee;
+            if pick < trainee.frames.len() {
+                break;
+            }
+            pick -= trainee.frames.len();
+        }
+        let frame = &chosen.frames[pick];
+        let batch = patches::draw(
+            frame,
+            &chosen.body,
+            self.config.optimise.patches,
+            self.patch_size,
+            &mut rng,
+        );
+        let (loss, live) = self.loss(chosen, frame, &batch, &mut rng)?;
+        self.progress.live_fraction =
+            smoothed(self.progress.live_fraction, live, self.progress.step);
+        if let Some(loss) = loss {
+            self.descend(loss)?;
+        }
+        self.step += 1;
+        self.budget_steps += 1;
+        let seconds = start.elapsed().as_secs_f64();
+        self.seconds += seconds;
+        self.budget_seconds += seconds;
+        let rate = 1.0 / seconds.max(1e-6);
+        self.progress.steps_per_second =
+            smoothed(self.progress.steps_per_second, rate, self.progress.step);
+        self.progress.step = self.step;
+        Ok(())
+    }
+
+    /// The loss of a batch, and the share of live samples; no loss when no ray meets the body.
+    fn loss(
+        &self,
+        trainee: &Trainee,
+        frame: &super::people::TrainFrame,
+        batch: &Batch,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<(Option<Tensor<1>>, f64), TrainError> {
+        let (avatar, config, body) = (&self.course.avatar, &self.config, &trainee.body);
+        let posed = avatar.pose(config, body, trainee.slot, &frame.pose, self.step);
+        let (weights, transforms) = (
+            read(posed.weights.clone())?,
+            read(posed.transforms.clone())?,
+        );
+        let samples = march(
+            &batch.rays,
+            config.march.samples,
+            config.march.epsilon,
+            Some(rng),
+            &weights,
+            &transforms,
+            &body.grid,
+        );
+        if samples.live() == 0 {
+            return Ok((None, 0.0));
+        }
+        let live = samples.live_fraction();
+        let points = Tensor::from_data(
+            TensorData::new(samples.points.clone(), [samples.live(), 3]),
+            &self.device,
+        );
+        let (values, likelihood) = avatar.evaluate(config, body, &posed, points);
+        let seen = composite(&samples, values.rgb, values.density, likelihood);
+        let background = Tensor::<1>::from_floats(batch.background, &self.device).unsqueeze::<2>();
+        let clear = (seen.alpha.neg() + 1.0).unsqueeze_dim::<2>(1);
+        let shape = [
+            config.optimise.patches,
+            self.patch_size * self.patch_size,
+            3,
+        ];
+        let predicted = (seen.rgb + clear * background).reshape(shape);
+        let truth =
+            Tensor::<3>::from_data(TensorData::new(batch.truth.clone(), shape), &self.device);
+        Ok((Some(self.objective.loss(predicted, truth)), live))
+    }
+
+    fn descend(&mut self, loss: Tensor<1>) -> Result<(), TrainError> {
+        let value = read(loss.clone())?.first().copied().unwrap_or(f32::NAN);
+        let grads = GradientsParams::from_grads(loss.backward(), &self.course.avatar);
+        let warm = ((self.step + 1) as f64 / WARM_UP as f64).min(1.0);
+        let rate = warm * self.config.optimise.final_rate.powf(self.fraction());
+        match self
+            .guard
+            .step(&mut self.course, value, grads, rate, self.step)
+        {
+            Verdict::Taken => {
+                self.progress.loss =
+                    smoothed(self.progress.loss, f64::from(value), self.progress.step)
+            }
+            Verdict::Skipped => tracing::warn!(
+                step = self.step,
+                "loss or gradients not finite: step skipped"
+            ),
+            Verdict::RolledBack => {
+                tracing::warn!(step = self.step, "back to the last good state, rate halved")
+            }
+            Verdict::GivenUp => {
+                return Err(TrainError::Diverged {
+                    step: self.step,
+                    rollbacks: self.guard.rollbacks,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// How it goes.
+    pub fn progress(&self) -> TrainProgress {
+        let fraction = self.fraction();
+        let (total_steps, seconds_left) = match self.options.budget {
+            Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
+            Budget::Steps(steps) => {
+                let left = steps.saturating_sub(self.budget_steps);
+                (
+                    self.step + left,
+                    left as f64 / self.progress.steps_per_second.max(1e-6),
+                )
+            }
+        };
+        TrainProgress {
+            step: self.step,
+            total_steps,
+            fraction,
+            seconds_left,
+            skipped_steps: self.guard.skipped,
+            rollbacks: self.guard.rollbacks,
+            train_seconds: self.budget_seconds,
+            ..self.progress.clone()
+        }
+    }
+
+    /// Renders held-out frames and notes PSNR and SSIM, means over the people. Its time is not
+    /// training time.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn validate(&mut self) -> Result<(), TrainError> {
+        let renderer = self.renderer();
+        let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, 0.0, 0usize);
+        for trainee in &self.trainees {
+            for frame in trainee.held_out.iter().take(VALIDATION_FRAMES) {
+                let view = RenderView {
+                    slot: trainee.slot,
+                    pose: frame.pose.clone(),
+                    camera: frame.camera.clone(),
+                    background: [0.0; 3],
+                };
+                let rendered = renderer.render(&view)?;
+                let truth: Vec<f32> = frame
+                    .image
+                    .rgb
+                    .iter()
+                    .map(|v| f32::from(*v) / 255.0)
+                    .collect();
+                psnr_sum += psnr(&rendered.rgb, &truth);
+                ssim_sum += ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
+                images += 1;
+            }
+        }
+        if images > 0 {
+            self.progress.psnr = Some(psnr_sum / images as f64);
+            self.progress.ssim = Some(ssim_sum / images as f64);
+        }
+        Ok(())
+    }
+
+    /// Writes weights, optimiser and state into `dir`.
+    ///
+    /// # Errors
+    /// When a file can't be written.
+    pub fn save(&self, dir: &Path) -> Result<(), TrainError> {
+        let state = State {
+            rate_scale: self.course.rate_scale,
+            skipped_steps: self.guard.skipped,
+            rollbacks: self.guard.rollbacks,
+            ..State::new(
+                self.config.clone(),
+                self.joints,
+                self.options.seed,
+                self.step,
+                self.seconds,
+                self.slots.clone(),
+            )
+        };
+        checkpoint::save(dir, &state, &self.course.avatar, &self.course.optimiser)
+    }
+
+    /// The model as it stands, for rendering.
+    pub fn renderer(&self) -> Renderer {
+        let device = self.device.clone().inner();
+        let body = |slot: &Option<Skeleton>| {
+            slot.clone()
+                .map(|skeleton| Body::new(skeleton, &self.config, &device))
+        };
+        let bodies = self.slots.iter().map(body).collect();
+        Renderer::new(
+            self.config.clone(),
+            self.course.avatar.valid(),
+            bodies,
+            self.step,
+        )
+    }
+
+    /// Numbers that are learned.
+    pub fn parameters(&self) -> u64 {
+        self.course.avatar.num_params() as u64
+    }
+}
+
+/// Draws of a step depend on the seed and its number alone, so that a resumed training draws
+/// what an uninterrupted one would have.
+fn step_stream(seed: u64, step: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(step);
+    rng
+}
+
+fn smoothed(old: f64, new: f64, steps: u64) -> f64 {
+    let weight = SMOOTHING.max(1.0 / (steps + 1) as f64);
+    old + weight * (new - old)
+}

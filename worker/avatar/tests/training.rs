@@ -1,0 +1,243 @@
+//! Training as a whole: it learns, it goes on where it stopped, and what it leaves out of the
+//! computation does not show.
+
+use burn::tensor::Device;
+use safetensors::SafeTensors;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use yoto_avatar::camera::Pose;
+use yoto_avatar::capture::{Shard, ShardBuilder};
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::render::{RenderView, Renderer};
+use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_avatar::train::{Budget, Person, TrainError, TrainOptions, Trainer};
+use yoto_proto::manifest::files;
+
+const SIZE: u32 = 48;
+
+fn shard(person: &SyntheticPerson) -> Shard {
+    let (track, images) = person.capture(12, SIZE);
+    let mut builder = ShardBuilder::new(track);
+    for image in &images {
+        builder.push(image).expect("a synthetic frame is valid");
+    }
+    builder.finish().expect("all frames are there")
+}
+
+fn people(count: usize) -> Vec<Person> {
+    let cast = SyntheticPerson::cast(count, 7);
+    cast.iter()
+        .enumerate()
+        .map(|(slot, person)| Person {
+            slot,
+            name: person.name().into(),
+            shard: Arc::new(shard(person)),
+        })
+        .collect()
+}
+
+/// The smallest tier, with everything that starts later started at once.
+fn config(variant: &str) -> ModelConfig {
+    let mut config = ModelConfig::named("draft", variant).expect("a tier");
+    config.correction.kick_in = 4;
+    config.non_rigid.kick_in = 4;
+    config.non_rigid.full_at = 12;
+    config.optimise.patches = 4;
+    config
+}
+
+fn options(steps: u64, used_steps: u64) -> TrainOptions {
+    TrainOptions {
+        budget: Budget::Steps(steps),
+        used_seconds: 0.0,
+        used_steps,
+        seed: 11,
+        image_size: 0,
+        holdout_every: 6,
+    }
+}
+
+fn run(trainer: &mut Trainer, steps: usize) {
+    for _ in 0..steps {
+        trainer.step().expect("a step");
+    }
+}
+
+#[test]
+fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
+    let device = Device::flex();
+    let (first, resumed, straight) = (tempdir(), tempdir(), tempdir());
+    let mut trainer =
+        Trainer::new(config("yoto"), options(20, 0), people(2), &device).expect("starts");
+    run(&mut trainer, 10);
+    trainer.save(first.path()).expect("saves");
+    run(&mut trainer, 10);
+    assert!(trainer.finished());
+    trainer.save(straight.path()).expect("saves");
+
+    let mut again =
+        Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
+    assert_eq!(again.progress().step, 10);
+    run(&mut again, 10);
+    again.save(resumed.path()).expect("saves");
+    let weights = |dir: &tempfile::TempDir| {
+        let bytes = std::fs::read(dir.path().join(files::WEIGHTS)).expect("written");
+        let file = SafeTensors::deserialize(&bytes).expect("safetensors");
+        file.iter()
+            .map(|(name, tensor)| (name.to_string(), tensor.data().to_vec()))
+            .collect::<BTreeMap<_, _>>()
+    };
+    let (before, uninterrupted, again) = (weights(&first), weights(&straight), weights(&resumed));
+    for (name, bytes) in &uninterrupted {
+        assert!(again[name] == *bytes, "{name} differs");
+    }
+    assert!(before != uninterrupted, "ten steps changed nothing");
+}
+
+#[test]
+fn every_variant_learns() {
+    for (variant, count) in [
+        ("yoto", 2),
+        ("no-pose-condition", 2),
+        ("no-identity", 2),
+        ("humannerf", 1),
+    ] {
+        let mut trainer = Trainer::new(
+            config(variant),
+            options(160, 0),
+            people(count),
+            &Device::flex(),
+        )
+        .expect("starts");
+        trainer.validate().expect("validates");
+        let before = trainer.progress().psnr.expect("held-out frames");
+        run(&mut trainer, 160);
+        trainer.validate().expect("validates");
+        let progress = trainer.progress();
+        let after = progress.psnr.expect("held-out frames");
+        assert!(
+            after > before + 1.5,
+            "{variant}: {before:.2} dB before, {after:.2} dB after"
+        );
+        assert_eq!(
+            (progress.skipped_steps, progress.rollbacks),
+            (0, 0),
+            "{variant}"
+        );
+        assert!(
+            progress.live_fraction > 0.01 && progress.live_fraction < 0.9,
+            "{variant}: {}",
+            progress.live_fraction
+        );
+    }
+}
+
+#[test]
+fn samples_that_are_left_out_do_not_show() {
+    let device = Device::flex();
+    let dir = tempdir();
+    let mut trainer =
+        Trainer::new(config("yoto"), options(60, 0), people(1), &device).expect("starts");
+    run(&mut trainer, 60);
+    trainer.save(dir.path()).expect("saves");
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let view = RenderView {
+        slot: 0,
+        pose: person.unseen_motion(4)[2].clone(),
+        camera: SyntheticPerson::held_out_cameras(SIZE)[1].clone(),
+        background: [0.2, 0.5, 0.9],
+    };
+    let skipping = Renderer::load(dir.path(), &device)
+        .expect("loads")
+        .render(&view)
+        .expect("renders");
+    let state = dir.path().join(files::STATE);
+    let text = std::fs::read_to_string(&state).expect("written");
+    let exact = text.replace("\"epsilon\": 0.0001", "\"epsilon\": 0.0");
+    assert_ne!(text, exact, "the threshold stands in the state");
+    std::fs::write(&state, exact).expect("writes");
+    let all = Renderer::load(dir.path(), &device)
+        .expect("loads")
+        .render(&view)
+        .expect("renders");
+    let worst = skipping
+        .rgb
+        .iter()
+        .zip(&all.rgb)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f32::max);
+    assert!(worst < 2e-3, "largest difference {worst:e}");
+    assert!(skipping.alpha.iter().any(|a| *a > 0.3), "nobody to be seen");
+}
+
+#[test]
+fn what_is_rendered_is_the_identity_that_was_asked_for() {
+    let mut trainer =
+        Trainer::new(config("yoto"), options(200, 0), people(2), &Device::flex()).expect("starts");
+    run(&mut trainer, 200);
+    let renderer = trainer.renderer();
+    let cast = SyntheticPerson::cast(2, 7);
+    let camera = SyntheticPerson::train_camera(SIZE);
+    let pose: Pose = cast[0].motion(12)[3].clone();
+    let truth: Vec<f32> = cast[0]
+        .render(&pose, &camera)
+        .rgb
+        .iter()
+        .map(|v| f32::from(*v) / 255.0)
+        .collect();
+    let seen = |slot| {
+        let view = RenderView {
+            slot,
+            pose: pose.clone(),
+            camera: camera.clone(),
+            background: [0.0; 3],
+        };
+        psnr(&renderer.render(&view).expect("renders").rgb, &truth)
+    };
+    assert!(
+        seen(0) > seen(1) + 1.0,
+        "slot 0: {:.2} dB, slot 1: {:.2} dB",
+        seen(0),
+        seen(1)
+    );
+    let nobody = RenderView {
+        slot: 2,
+        pose: pose.clone(),
+        camera,
+        background: [0.0; 3],
+    };
+    assert!(
+        renderer
+            .render(&nobody)
+            .is_err_and(|e| e.to_string().contains("slot 2"))
+    );
+}
+
+#[test]
+fn torn_checkpoints_and_strange_people_are_named() {
+    let device = Device::flex();
+    let dir = tempdir();
+    let mut trainer =
+        Trainer::new(config("yoto"), options(4, 0), people(1), &device).expect("starts");
+    run(&mut trainer, 1);
+    trainer.save(dir.path()).expect("saves");
+    let two = Trainer::resume(dir.path(), options(4, 1), people(2), &device)
+        .err()
+        .expect("one slot, two people");
+    assert!(two.to_string().contains("1 slots"), "{two}");
+    std::fs::write(dir.path().join(files::WEIGHTS), b"torn").expect("writes");
+    let torn = Renderer::load(dir.path(), &device).err().expect("torn");
+    assert!(
+        matches!(&torn, TrainError::File { file, .. } if file.ends_with(files::WEIGHTS)),
+        "{torn}"
+    );
+    let nobody = Trainer::new(config("yoto"), options(4, 0), Vec::new(), &device)
+        .err()
+        .expect("nobody");
+    assert!(nobody.to_string().contains("nobody"));
+}
+
+fn tempdir() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}

@@ -1,0 +1,130 @@
+//! The one thing that the lease's keeper and the job share: whether the job may go on.
+
+use std::time::Instant;
+use tokio::sync::watch;
+
+/// Why a job has to stop, from the mildest to the most urgent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum StopReason {
+    /// The worker was told to exit: save, then give the job back.
+    ShuttingDown,
+    /// The user cancelled the job: save, then say so.
+    Cancelled,
+    /// Another worker may hold the job by now: write nothing more.
+    LeaseLost,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct State {
+    stop: Option<StopReason>,
+    deadline: Instant,
+}
+
+/// Whether a leased job may go on.
+///
+/// The deadline stands here, and not only in the heartbeat's task, so that a process that
+/// was paused past its lease finds out before its next write, whichever thread runs first.
+#[derive(Debug)]
+pub struct JobControl {
+    state: watch::Sender<State>,
+}
+
+impl JobControl {
+    /// A job whose lease runs out at `deadline`, by this machine's monotonic clock.
+    pub fn new(deadline: Instant) -> Self {
+        let state = State {
+            stop: None,
+            deadline,
+        };
+        Self {
+            state: watch::Sender::new(state),
+        }
+    }
+
+    /// Tells the job to stop. A more urgent reason replaces a milder one, never the reverse.
+    pub fn stop(&self, reason: StopReason) {
+        self.state.send_if_modified(|state| {
+            let news = state.stop < Some(reason);
+            if news {
+                state.stop = Some(reason);
+            }
+            news
+        });
+    }
+
+    /// The lease now lasts until `deadline`. A lost lease stays lost.
+    pub fn renew(&self, deadline: Instant) {
+        if self.stopped() != Some(StopReason::LeaseLost) {
+            self.state
+                .send_modify(|state| state.deadline = deadline.max(state.deadline));
+        }
+    }
+
+    /// When the lease runs out.
+    pub fn deadline(&self) -> Instant {
+        self.state.borrow().deadline
+    }
+
+    /// Why the job must stop, if it must.
+    pub fn stopped(&self) -> Option<StopReason> {
+        let state = *self.state.borrow();
+        if Instant::now() >= state.deadline {
+            return Some(StopReason::LeaseLost);
+        }
+        state.stop
+    }
+
+    /// Returns once the lease is lost.
+    pub async fn lease_lost(&self) {
+        let mut changes = self.state.subscribe();
+        loop {
+            let deadline = changes.borrow_and_update().deadline;
+            if self.stopped() == Some(StopReason::LeaseLost) {
+                return;
+            }
+            tokio::select! {
+                () = tokio::time::sleep_until(deadline.into()) => {}
+                // The sender is `self`, which outlives this wait.
+                _ = changes.changed() => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    fn leased_for(time: Duration) -> JobControl {
+        JobControl::new(Instant::now() + time)
+    }
+
+    #[test]
+    fn a_more_urgent_reason_wins_in_either_order() {
+        let control = leased_for(Duration::from_secs(60));
+        assert_eq!(control.stopped(), None);
+        control.stop(StopReason::Cancelled);
+        control.stop(StopReason::ShuttingDown);
+        assert_eq!(control.stopped(), Some(StopReason::Cancelled));
+        control.stop(StopReason::LeaseLost);
+        assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
+    }
+
+    #[test]
+    fn a_lease_that_ran_out_is_lost_without_anyone_telling_and_for_good() {
+        let control = leased_for(Duration::ZERO);
+        assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
+        control.renew(Instant::now() + Duration::from_secs(60));
+        assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
+    }
+
+    #[tokio::test]
+    async fn waiting_for_the_loss_follows_renewals() {
+        let control = leased_for(Duration::from_millis(50));
+        let renewed = Instant::now() + Duration::from_millis(200);
+        control.renew(renewed);
+        control.lease_lost().await;
+        assert!(Instant::now() >= renewed);
+    }
+}

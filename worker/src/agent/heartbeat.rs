@@ -1,0 +1,93 @@
+//! Keeping a lease: renewals with the latest progress, until the lease is lost.
+
+use super::{
+    answer,
+    control::{JobControl, StopReason},
+};
+use crate::retry::is_stale_lease;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::{
+    sync::watch,
+    time::{sleep, timeout},
+};
+use tonic::{Status, transport::Channel};
+use yoto_proto::v1::{
+    HeartbeatRequest, HeartbeatResponse, Progress, worker_service_client::WorkerServiceClient,
+};
+
+/// Renewals that fit into one lease: two may be lost without harm.
+const RENEWALS: u32 = 3;
+
+/// The task that keeps one lease.
+pub(super) struct Heartbeat {
+    pub(super) client: WorkerServiceClient<Channel>,
+    pub(super) job: String,
+    pub(super) token: u64,
+    pub(super) control: Arc<JobControl>,
+    pub(super) latest: watch::Receiver<Progress>,
+    /// Shortest pause between two heartbeats.
+    pub(super) every: Duration,
+}
+
+impl Heartbeat {
+    /// Renews until the lease is lost; then the job knows, and this returns.
+    pub(super) async fn keep(mut self, mut lease: Duration) {
+        let mut answered = true;
+        loop {
+            self.wait(lease / RENEWALS, answered).await;
+            let sent = Instant::now();
+            let left = self.control.deadline().saturating_duration_since(sent);
+            if left.is_zero() {
+                return self.lost("it ran out before the coordinator could be reached");
+            }
+            // One unanswered call must leave time for another.
+            answered = match timeout(left.min(lease / RENEWALS), self.renew()).await {
+                Ok(Ok(renewed)) => {
+                    // Counted from before the call, hence never longer than the coordinator's.
+                    lease = Duration::try_from_secs_f64(renewed.lease_seconds).unwrap_or(lease);
+                    self.control.renew(sent + lease);
+                    if renewed.cancel {
+                        self.control.stop(StopReason::Cancelled);
+                    }
+                    true
+                }
+                Ok(Err(status)) if is_stale_lease(status.code()) => {
+                    return self.lost(status.message());
+                }
+                Ok(Err(status)) => {
+                    tracing::debug!(job = self.job, %status, "a heartbeat failed, trying again");
+                    false
+                }
+                Err(_) => false,
+            };
+        }
+    }
+
+    /// Waits for the next heartbeat: for new progress, but no longer than `longest`, and not
+    /// at all for progress after one that failed.
+    async fn wait(&mut self, longest: Duration, answered: bool) {
+        let shortest = self.every.min(longest);
+        sleep(shortest).await;
+        if answered {
+            // An error means that the job has ended and only its report is outstanding.
+            let _ = timeout(longest - shortest, self.latest.changed()).await;
+        }
+    }
+
+    async fn renew(&mut self) -> Result<HeartbeatResponse, Status> {
+        let request = HeartbeatRequest {
+            job: self.job.clone(),
+            token: self.token,
+            progress: Some(self.latest.borrow_and_update().clone()),
+        };
+        answer(self.client.heartbeat(request)).await
+    }
+
+    fn lost(&self, why: &str) {
+        tracing::warn!(job = self.job, token = self.token, why, "the lease is lost");
+        self.control.stop(StopReason::LeaseLost);
+    }
+}

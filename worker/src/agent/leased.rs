@@ -1,0 +1,186 @@
+//! One leased job from its lease to its report.
+
+use super::{
+    Worker,
+    control::{JobControl, StopReason},
+    heartbeat::Heartbeat,
+    report::report,
+};
+use crate::jobs::{self, JobContext, JobFailure};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::{
+    runtime::Handle,
+    sync::{oneshot, watch},
+    time::{sleep, timeout},
+};
+use tokio_util::sync::CancellationToken;
+use yoto_proto::v1::{JobResult, Lease, Progress};
+
+/// Backpropagation recurses through the graph; the default stack of a thread is tight.
+const STACK_BYTES: usize = 16 << 20;
+/// How long a finished job's report may still take when the worker shuts down.
+const REPORT_GRACE: Duration = Duration::from_secs(3);
+
+type Outcome = Result<JobResult, JobFailure>;
+
+/// A job while this worker holds its lease.
+pub(super) struct Leased<'a> {
+    worker: &'a Worker,
+    lease: Lease,
+    job: String,
+    duration: Duration,
+    control: Arc<JobControl>,
+}
+
+impl<'a> Leased<'a> {
+    /// `asked` is when the lease was asked for: it can't have begun earlier, so a deadline
+    /// counted from there is never late.
+    pub(super) fn new(worker: &'a Worker, lease: Lease, asked: Instant) -> Self {
+        let duration = Duration::try_from_secs_f64(lease.lease_seconds).unwrap_or_default();
+        Self {
+            worker,
+            job: lease
+                .job
+                .as_ref()
+                .map(|job| job.name.clone())
+                .unwrap_or_default(),
+            duration,
+            control: Arc::new(JobControl::new(asked + duration)),
+            lease,
+        }
+    }
+
+    /// Runs the job and reports how it ended, unless the lease is lost meanwhile.
+    pub(super) async fn run(self, stopping: &CancellationToken) {
+        let (job, token) = (self.job.clone(), self.lease.token);
+        tracing::info!(job, token, "job leased");
+        let (progress, latest) = watch::channel(Progress::default());
+        let heartbeat = Heartbeat {
+            client: self.worker.client.clone(),
+            job: job.clone(),
+            token,
+            control: self.control.clone(),
+            latest,
+            every: self.worker.progress,
+        };
+        let keeper = tokio::spawn(heartbeat.keep(self.duration));
+        let outcome = self.outcome(progress, stopping).await;
+        let ended = if let Err(failure) = &outcome {
+            format!("{failure:?}")
+        } else {
+            "done".into()
+        };
+        let client = self.worker.client.clone();
+        tokio::select! {
+            biased;
+            () = self.control.lease_lost() => {
+                tracing::warn!(job, token, ended, "the lease is lost: the outcome is dropped");
+            }
+            () = report(client, &job, token, outcome) => tracing::info!(job, token, ended, "job ended"),
+            () = async { stopping.cancelled().await; sleep(REPORT_GRACE).await } => {
+                tracing::warn!(job, token, ended, "shutting down before the outcome could be reported");
+            }
+        }
+        // Whoever still computes for this lease must write nothing more.
+        self.control.stop(StopReason::LeaseLost);
+        keeper.abort();
+    }
+
+    /// Waits for the job; once the worker is stopping, for the drain time at most.
+    async fn outcome(
+        &self,
+        progress: watch::Sender<Progress>,
+        stopping: &CancellationToken,
+    ) -> Outcome {
+        let mut thread = self.start(progress)?;
+        let outcome = tokio::select! {
+            outcome = &mut thread => outcome,
+            () = stopping.cancelled() => {
+                self.control.stop(StopReason::ShuttingDown);
+                match timeout(self.worker.drain, &mut thread).await {
+                    Ok(outcome) => outcome,
+                    Err(_) => {
+                        tracing::warn!(job = self.job, "the job did not stop in time and is given back as it is");
+                        return Err(JobFailure::Requeue);
+                    }
+                }
+            }
+        };
+        // The thread always answers, even after a panic.
+        outcome.unwrap_or_else(|_| Err(internal("the job's thread ended without an answer".into())))
+    }
+
+    /// Starts the job on a thread of its own. Not the runtime's blocking pool: a runtime
+    /// waits for that at exit, and a job that hangs would hang the process.
+    fn start(
+        &self,
+        progress: watch::Sender<Progress>,
+    ) -> Result<oneshot::Receiver<Outcome>, JobFailure> {
+        let context = JobContext {
+            job: self.job.clone(),
+            token: self.lease.token,
+            device: self.worker.device.clone(),
+            control: self.control.clone(),
+            objects: self.worker.objects.clone(),
+            client: self.worker.client.clone(),
+            progress,
+            runtime: Handle::current(),
+        };
+        let lease = self.lease.clone();
+        let (answer, outcome) = oneshot::channel();
+        std::thread::Builder::new()
+            .name(format!("{} #{}", self.job, self.lease.token))
+            .stack_size(STACK_BYTES)
+            .spawn(move || {
+                // Nobody waits any more when the drain time is over.
+                let _ = answer.send(guarded(|| jobs::run(&context, &lease)));
+            })
+            .map_err(|error| JobFailure::failed("INTERNAL", "starting the job's thread", &error))?;
+        Ok(outcome)
+    }
+}
+
+/// Runs `job`; a panic becomes a failure with its message.
+fn guarded(job: impl FnOnce() -> Outcome) -> Outcome {
+    catch_unwind(AssertUnwindSafe(job)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+        let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+        Err(internal(format!(
+            "the job panicked: {}",
+            text.unwrap_or_else(|| "no message".into())
+        )))
+    })
+}
+
+fn internal(message: String) -> JobFailure {
+    JobFailure::Failed {
+        code: "INTERNAL",
+        message,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_a_failure_with_its_message() {
+        let index = 4;
+        let plain = guarded(|| panic!("no such slot"));
+        let formatted = guarded(|| panic!("index {index}"));
+        for (outcome, message) in [(plain, "no such slot"), (formatted, "index 4")] {
+            let Err(JobFailure::Failed {
+                code,
+                message: found,
+            }) = outcome
+            else {
+                panic!("a failure");
+            };
+            assert!(code == "INTERNAL" && found.contains(message), "{found}");
+        }
+    }
+}

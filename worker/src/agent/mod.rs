@@ -1,0 +1,261 @@
+//! The worker's life: register, lease, run, report, and leave in order.
+//!
+//! One job at a time. The lease is kept by [`heartbeat`] on a task of its own while the job
+//! computes on a thread of its own; [`control`] is all that they share.
+
+pub mod control;
+mod heartbeat;
+mod leased;
+mod report;
+
+use crate::{
+    device::PickedDevice,
+    jobs::KINDS,
+    objects::{Objects, ObjectsError},
+    retry::{Backoff, is_transient},
+};
+use leased::Leased;
+use std::{
+    future::Future,
+    time::{Duration, Instant},
+};
+use thiserror::Error;
+use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
+use tonic::{Code, Status, transport::Channel};
+use yoto_proto::v1::{
+    Lease, LeaseJobRequest, RegisterWorkerRequest, worker_service_client::WorkerServiceClient,
+};
+
+/// Longest wait for one answer before asking again.
+const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// Largest answer: a lease names every file of a capture of 100,000 frames.
+const MAX_ANSWER_BYTES: usize = 128 << 20;
+
+/// How a worker behaves; the default suits both shapes of the service.
+#[derive(Debug, Clone)]
+pub struct WorkerConfig {
+    /// What people call this worker.
+    pub display_name: String,
+    /// First pause between two questions for work, seconds; it doubles while there is none.
+    pub poll_seconds: f64,
+    /// Longest pause between two questions for work, seconds.
+    pub idle_poll_seconds: f64,
+    /// Shortest pause between two heartbeats that carry new progress, seconds.
+    pub progress_seconds: f64,
+    /// How long a running job may take to save and stop when the worker shuts down, seconds.
+    pub drain_seconds: f64,
+}
+
+impl Default for WorkerConfig {
+    fn default() -> Self {
+        Self {
+            display_name: "worker".into(),
+            poll_seconds: 0.2,
+            idle_poll_seconds: 2.0,
+            progress_seconds: 0.5,
+            drain_seconds: 10.0,
+        }
+    }
+}
+
+/// Why a worker can't start or go on.
+#[derive(Debug, Error)]
+pub enum WorkerError {
+    /// The object store does not open.
+    #[error(transparent)]
+    Objects(#[from] ObjectsError),
+    /// The coordinator refuses this worker.
+    #[error("the coordinator refuses this worker: {0}")]
+    Refused(#[source] Box<Status>),
+    /// A pause in the configuration is no length of time.
+    #[error("{field} is {value}: not a number of seconds")]
+    Config {
+        /// The setting.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// A worker, ready to [`run`](Self::run).
+pub struct Worker {
+    client: WorkerServiceClient<Channel>,
+    objects: Objects,
+    device: PickedDevice,
+    display_name: String,
+    poll: Duration,
+    idle_poll: Duration,
+    progress: Duration,
+    drain: Duration,
+}
+
+impl Worker {
+    /// A worker that asks the coordinator behind `channel` for work, reads and writes
+    /// objects at `objects_url` (`file:///…`), and computes on `device`.
+    ///
+    /// # Errors
+    /// When the object store does not open or a setting makes no sense.
+    pub fn new(
+        channel: Channel,
+        objects_url: &str,
+        device: PickedDevice,
+        config: WorkerConfig,
+    ) -> Result<Self, WorkerError> {
+        Ok(Self {
+            client: WorkerServiceClient::new(channel).max_decoding_message_size(MAX_ANSWER_BYTES),
+            objects: Objects::from_url(objects_url)?,
+            device,
+            display_name: config.display_name,
+            poll: seconds("poll_seconds", config.poll_seconds)?,
+            idle_poll: seconds("idle_poll_seconds", config.idle_poll_seconds)?,
+            progress: seconds("progress_seconds", config.progress_seconds)?,
+            drain: seconds("drain_seconds", config.drain_seconds)?,
+        })
+    }
+
+    /// Leases and runs jobs until `shutdown` comes, then lets a running job save, gives it
+    /// back, and returns within the drain time and a few seconds.
+    ///
+    /// # Errors
+    /// When the coordinator refuses this worker; that it can't be reached is no error.
+    pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<(), WorkerError> {
+        let stopping = CancellationToken::new();
+        let work = self.work(&stopping);
+        tokio::pin!(work);
+        tokio::select! {
+            ended = &mut work => return ended,
+            () = shutdown => stopping.cancel(),
+        }
+        work.await
+    }
+
+    async fn work(&self, stopping: &CancellationToken) -> Result<(), WorkerError> {
+        let mut name = String::new();
+        let mut idle = Backoff::new(self.poll, self.idle_poll);
+        while !stopping.is_cancelled() {
+            if name.is_empty() {
+                match self.register(stopping).await? {
+                    Some(given) => name = given,
+                    None => break,
+                }
+            }
+            // Not raced against shutdown: a lease whose answer nobody reads blocks its job.
+            let asked = Instant::now();
+            match self.lease(&name).await {
+                Ok(Some(lease)) => {
+                    Leased::new(self, lease, asked).run(stopping).await;
+                    idle.reset();
+                    continue;
+                }
+                Ok(None) => {}
+                // The coordinator lost its memory of this worker.
+                Err(status) if status.code() == Code::NotFound => name.clear(),
+                Err(status) if is_transient(status.code()) => {
+                    tracing::debug!(%status, "asking for work failed, trying again");
+                }
+                Err(status) => return Err(WorkerError::Refused(Box::new(status))),
+            }
+            pause(idle.pause(), stopping).await;
+        }
+        Ok(())
+    }
+
+    /// This worker's name, once the coordinator gave it one; none when shutdown comes first.
+    async fn register(&self, stopping: &CancellationToken) -> Result<Option<String>, WorkerError> {
+        let request = RegisterWorkerRequest {
+            display_name: self.display_name.clone(),
+            device: Some(self.device.info.clone()),
+            kinds: KINDS.iter().map(|&kind| kind.into()).collect(),
+        };
+        let mut backoff = Backoff::new(self.poll, self.idle_poll);
+        let mut told = false;
+        while !stopping.is_cancelled() {
+            let mut client = self.client.clone();
+            match answer(client.register_worker(request.clone())).await {
+                Ok(registered) => {
+                    tracing::info!(
+                        worker = registered.worker,
+                        device = self.device.info.adapter,
+                        "registered"
+                    );
+                    return Ok(Some(registered.worker));
+                }
+                Err(status) if is_transient(status.code()) => {
+                    if !told {
+                        tracing::warn!(%status, "the coordinator can't be reached, trying until it can");
+                        told = true;
+                    }
+                }
+                Err(status) => return Err(WorkerError::Refused(Box::new(status))),
+            }
+            pause(backoff.pause(), stopping).await;
+        }
+        Ok(None)
+    }
+
+    async fn lease(&self, worker: &str) -> Result<Option<Lease>, Status> {
+        let mut client = self.client.clone();
+        let request = LeaseJobRequest {
+            worker: worker.into(),
+        };
+        Ok(answer(client.lease_job(request)).await?.lease)
+    }
+}
+
+/// The answer of one call, or DEADLINE_EXCEEDED when it takes too long.
+async fn answer<T>(
+    call: impl Future<Output = Result<tonic::Response<T>, Status>>,
+) -> Result<T, Status> {
+    match timeout(CALL_TIMEOUT, call).await {
+        Ok(answered) => answered.map(tonic::Response::into_inner),
+        Err(_) => Err(Status::deadline_exceeded(
+            "the coordinator did not answer in time",
+        )),
+    }
+}
+
+async fn pause(time: Duration, stopping: &CancellationToken) {
+    tokio::select! {
+        () = stopping.cancelled() => {}
+        () = sleep(time) => {}
+    }
+}
+
+fn seconds(field: &'static str, value: f64) -> Result<Duration, WorkerError> {
+    Duration::try_from_secs_f64(value).map_err(|_| WorkerError::Config { field, value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tonic::transport::Endpoint;
+
+    fn worker(config: WorkerConfig) -> Result<Worker, WorkerError> {
+        let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
+        Worker::new(channel, "memory:///", crate::device::pick(), config)
+    }
+
+    #[tokio::test]
+    async fn shutdown_ends_a_worker_that_never_reached_its_coordinator() {
+        let worker = worker(WorkerConfig::default()).expect("a worker");
+        let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+        let running = tokio::spawn(worker.run(async { drop(stopped.await) }));
+        stop.send(()).expect("still running");
+        let ended = timeout(Duration::from_secs(30), running).await;
+        ended
+            .expect("in time")
+            .expect("no panic")
+            .expect("no error");
+    }
+
+    #[tokio::test]
+    async fn a_pause_that_is_no_time_is_named() {
+        let config = WorkerConfig {
+            drain_seconds: f64::NAN,
+            ..WorkerConfig::default()
+        };
+        let error = worker(config).err().expect("refused");
+        assert!(error.to_string().contains("drain_seconds"), "{error}");
+    }
+}

@@ -1,0 +1,58 @@
+//! The CPU, by Burn's Flex backend.
+
+use super::PickedDevice;
+use burn::tensor::Device;
+use std::fs;
+use yoto_proto::v1::WorkerDevice;
+
+/// The CPU, e.g. "AMD EPYC 9654, 2 threads (AVX-512)".
+pub(super) fn pick() -> PickedDevice {
+    let model =
+        field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.into());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let plural = if threads == 1 { "" } else { "s" };
+    let vectors = vectors().map_or_else(String::new, |name| format!(" ({name})"));
+    PickedDevice {
+        device: Device::flex(),
+        info: WorkerDevice {
+            backend: "cpu".into(),
+            adapter: format!("{model}, {threads} thread{plural}{vectors}"),
+            gpu: false,
+            memory_bytes: memory_bytes().unwrap_or(0),
+        },
+    }
+}
+
+/// The first value of `name` in a `name: value` file of the kernel.
+fn field(file: &str, name: &str) -> Option<String> {
+    let text = fs::read_to_string(file).ok()?;
+    let line = text.lines().find(|line| line.starts_with(name))?;
+    let value = line.split_once(':')?.1.trim();
+    (!value.is_empty()).then(|| value.to_owned())
+}
+
+fn memory_bytes() -> Option<u64> {
+    let kib: u64 = field("/proc/meminfo", "MemTotal")?
+        .strip_suffix("kB")?
+        .trim()
+        .parse()
+        .ok()?;
+    Some(kib * 1024)
+}
+
+/// The widest vector instructions at hand; they decide the speed of training.
+#[cfg(target_arch = "x86_64")]
+fn vectors() -> Option<&'static str> {
+    if std::arch::is_x86_feature_detected!("avx512f") {
+        Some("AVX-512")
+    } else if std::arch::is_x86_feature_detected!("avx2") {
+        Some("AVX2")
+    } else {
+        Some("SSE2")
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn vectors() -> Option<&'static str> {
+    None
+}

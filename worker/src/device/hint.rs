@@ -1,0 +1,93 @@
+//! Telling the user of a CPU build that the machine has a GPU.
+
+use std::{fs, path::Path};
+
+/// One line on how to build with GPU support, when this build has none and a GPU is visible.
+pub fn hint_without_gpu_support() -> Option<String> {
+    if cfg!(feature = "gpu") {
+        return None;
+    }
+    hint(Path::new("/"))
+}
+
+fn hint(root: &Path) -> Option<String> {
+    let vendor = gpu_vendor(root)?;
+    Some(format!(
+        "this machine has a GPU ({vendor}), but this build computes on the CPU; \
+         for the GPU: cargo run --features gpu --bin yoto -- …"
+    ))
+}
+
+/// Whose GPU stands under `root`, a file system's root.
+fn gpu_vendor(root: &Path) -> Option<&'static str> {
+    if ["proc/driver/nvidia/version", "dev/nvidia0"]
+        .iter()
+        .any(|file| root.join(file).exists())
+    {
+        return Some("NVIDIA");
+    }
+    let drm = fs::read_dir(root.join("sys/class/drm")).ok()?;
+    let names: Vec<String> = drm
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    // A card without a render node drives a screen but computes nothing.
+    if !names.iter().any(|name| name.starts_with("renderD")) {
+        return None;
+    }
+    names
+        .iter()
+        .filter(|name| name.starts_with("card"))
+        .find_map(|card| {
+            let vendor =
+                fs::read_to_string(root.join("sys/class/drm").join(card).join("device/vendor"));
+            match vendor.ok()?.trim() {
+                "0x10de" => Some("NVIDIA"),
+                "0x1002" => Some("AMD"),
+                "0x8086" => Some("Intel"),
+                _ => None,
+            }
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn machine(files: &[(&str, &str)]) -> tempfile::TempDir {
+        let root = tempfile::tempdir().expect("a folder");
+        for (file, content) in files {
+            let path = root.path().join(file);
+            fs::create_dir_all(path.parent().expect("inside the root")).expect("folders");
+            fs::write(path, content).expect("a file");
+        }
+        root
+    }
+
+    #[test]
+    fn each_vendor_is_seen_and_told_how_to_build() {
+        let card = "sys/class/drm/card0/device/vendor";
+        let node = ("sys/class/drm/renderD128/dev", "226:128");
+        for (files, vendor) in [
+            (vec![("dev/nvidia0", "")], "NVIDIA"),
+            (vec![("proc/driver/nvidia/version", "")], "NVIDIA"),
+            (vec![(card, "0x1002\n"), node], "AMD"),
+            (vec![(card, "0x8086\n"), node], "Intel"),
+        ] {
+            let line = hint(machine(&files).path()).expect("a GPU");
+            assert!(
+                line.contains(vendor) && line.contains("--features gpu"),
+                "{line}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_gpu_no_hint() {
+        let card = "sys/class/drm/card0/device/vendor";
+        let node = ("sys/class/drm/renderD128/dev", "226:128");
+        for files in [vec![], vec![(card, "0x1002")], vec![(card, "0x1af4"), node]] {
+            assert_eq!(hint(machine(&files).path()), None, "{files:?}");
+        }
+    }
+}

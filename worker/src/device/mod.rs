@@ -1,0 +1,66 @@
+//! What this machine computes on, found at run time and named for people.
+//!
+//! A GPU is taken only when it is one: software Vulkan is slower than the CPU code it would
+//! replace, so it never counts. A build without GPU support says how to get it.
+
+mod cpu;
+mod hint;
+#[cfg(feature = "gpu")]
+mod vulkan;
+
+pub use hint::hint_without_gpu_support;
+
+use burn::tensor::Device;
+use std::sync::OnceLock;
+use yoto_proto::v1::WorkerDevice;
+
+/// A device to compute on, and what to call it.
+#[derive(Debug, Clone)]
+pub struct PickedDevice {
+    /// Without autodiff; training adds it.
+    pub device: Device,
+    /// What the coordinator and reports are told.
+    pub info: WorkerDevice,
+}
+
+/// The best device of this machine: a discrete, integrated or virtual GPU when the build
+/// supports one and its driver opens it, else the CPU.
+///
+/// The answer is kept, since a GPU's runtime can be opened only once a process.
+pub fn pick() -> PickedDevice {
+    static PICKED: OnceLock<PickedDevice> = OnceLock::new();
+    PICKED
+        .get_or_init(|| {
+            #[cfg(feature = "gpu")]
+            if let Some(gpu) = vulkan::pick() {
+                return gpu;
+            }
+            cpu::pick()
+        })
+        .clone()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cpu_is_named_and_never_called_a_gpu() {
+        let picked = cpu::pick();
+        assert_eq!(picked.info.backend, "cpu");
+        assert!(!picked.info.gpu);
+        assert!(
+            picked.info.adapter.contains("thread"),
+            "{}",
+            picked.info.adapter
+        );
+    }
+
+    #[test]
+    fn picking_twice_gives_the_same_device() {
+        let (first, second) = (pick(), pick());
+        assert_eq!(first.device, second.device);
+        assert_eq!(first.info, second.info);
+        assert!(!first.device.is_autodiff());
+    }
+}

@@ -1,0 +1,53 @@
+//! GPUs over Vulkan, by Burn's wgpu backend.
+
+use super::PickedDevice;
+use burn::tensor::{Device, DeviceKind, DeviceType, wgpu::WgpuBackend};
+use yoto_proto::v1::WorkerDevice;
+
+/// The first real GPU that opens: discrete before integrated before virtual.
+pub(super) fn pick() -> Option<PickedDevice> {
+    let found = Device::enumerate(DeviceType::Vulkan).into_vec();
+    candidates(found.len())
+        // Comparing needs no driver call, and software Vulkan is of kind `Cpu`: not among these.
+        .filter(|kind| found.contains(&Device::vulkan(kind.clone())))
+        .find_map(open)
+}
+
+/// Every kind of GPU that `adapters` adapters could be, best first.
+fn candidates(adapters: usize) -> impl Iterator<Item = DeviceKind> {
+    let kinds: [fn(usize) -> DeviceKind; 3] = [
+        DeviceKind::DiscreteGpu,
+        DeviceKind::IntegratedGpu,
+        DeviceKind::VirtualGpu,
+    ];
+    kinds
+        .into_iter()
+        .flat_map(move |kind| (0..adapters).map(kind))
+}
+
+/// Opens the adapter; one whose driver refuses is logged and passed over.
+fn open(kind: DeviceKind) -> Option<PickedDevice> {
+    let options = Device::wgpu_options()
+        .graphics_api(WgpuBackend::Vulkan)
+        .device_kind(kind.clone());
+    let device = match options.init() {
+        Ok(device) => device,
+        Err(error) => {
+            tracing::warn!(?kind, %error, "a GPU was found but does not open");
+            return None;
+        }
+    };
+    let adapter = device
+        .identity()
+        .map_or_else(|| format!("{kind:?}"), |identity| identity.name);
+    Some(PickedDevice {
+        device,
+        info: WorkerDevice {
+            backend: "vulkan".into(),
+            adapter,
+            gpu: true,
+            // Vulkan through wgpu does not tell.
+            memory_bytes: 0,
+        },
+    })
+}

@@ -1,0 +1,154 @@
+//! Checkpoints between a local folder and the object store.
+//!
+//! Data objects first, then the manifest with their checksums, then the coordinator's row:
+//! a checkpoint that a row names is whole, and one that was damaged since is noticed.
+
+use super::{JobContext, JobFailure, context::id};
+use std::{fs, path::Path};
+use tempfile::TempDir;
+use yoto_proto::{
+    keys,
+    manifest::{self, Manifest, ManifestObject, files},
+    names::{self, Collection},
+    v1::{Checkpoint, ObjectRef},
+};
+
+/// A checkpoint's files on this machine.
+pub(crate) struct Downloaded {
+    /// Holds the files under their names in [`files`].
+    pub(crate) folder: TempDir,
+    pub(crate) manifest: Manifest,
+}
+
+/// Where a training stands when it is saved.
+pub(crate) struct Saved<'a> {
+    /// `models/{id}`.
+    pub(crate) model: &'a str,
+    pub(crate) step: u64,
+    pub(crate) job_seconds: f64,
+    pub(crate) job_steps: u64,
+    /// Held-out, dB.
+    pub(crate) psnr: Option<f64>,
+}
+
+/// Downloads `wanted` of the first of `checkpoints` (newest first) that is whole.
+///
+/// A torn one is logged and the next tried; `None` when none is whole. A store that can't
+/// answer is a failure instead, since the newest checkpoint may be perfectly well.
+pub(crate) fn newest_whole(
+    context: &JobContext,
+    checkpoints: &[Checkpoint],
+    wanted: &[&str],
+) -> Result<Option<Downloaded>, JobFailure> {
+    for checkpoint in checkpoints {
+        match download(context, checkpoint, wanted)? {
+            Ok(downloaded) => return Ok(Some(downloaded)),
+            Err(reason) => {
+                tracing::warn!(
+                    job = context.job,
+                    checkpoint = checkpoint.name,
+                    reason,
+                    "a checkpoint is torn"
+                );
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// Downloads one checkpoint; the inner error says how it is torn.
+fn download(
+    context: &JobContext,
+    checkpoint: &Checkpoint,
+    wanted: &[&str],
+) -> Result<Result<Downloaded, String>, JobFailure> {
+    let Some(object) = &checkpoint.manifest else {
+        return Ok(Err("it has no manifest".into()));
+    };
+    let manifest: Manifest = match fetch(context, object)? {
+        Ok(bytes) => match serde_json::from_slice(&bytes) {
+            Ok(manifest) => manifest,
+            Err(error) => return Ok(Err(format!("{}: {error}", object.key))),
+        },
+        Err(reason) => return Ok(Err(reason)),
+    };
+    let folder = TempDir::new().map_err(|error| local(&error))?;
+    for &file in wanted {
+        let Some(entry) = manifest.object(file) else {
+            return Ok(Err(format!("its manifest names no {file}")));
+        };
+        let object = ObjectRef {
+            key: entry.key.clone(),
+            bytes: entry.bytes,
+            sha256: entry.sha256.clone(),
+        };
+        match fetch(context, &object)? {
+            Ok(bytes) => {
+                fs::write(folder.path().join(file), bytes).map_err(|error| local(&error))?
+            }
+            Err(reason) => return Ok(Err(reason)),
+        }
+    }
+    Ok(Ok(Downloaded { folder, manifest }))
+}
+
+fn fetch(
+    context: &JobContext,
+    object: &ObjectRef,
+) -> Result<Result<bytes::Bytes, String>, JobFailure> {
+    match context.get(object)? {
+        Ok(bytes) => Ok(Ok(bytes)),
+        Err(error) if error.is_torn() => Ok(Err(error.to_string())),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Uploads the checkpoint in `folder` and makes it the model's newest; its size in bytes.
+pub(crate) fn publish(
+    context: &JobContext,
+    folder: &Path,
+    saved: &Saved<'_>,
+) -> Result<u64, JobFailure> {
+    let model_id = id(Collection::Models, saved.model)?;
+    let prefix = keys::checkpoint(model_id, context.job_id()?, context.token, saved.step);
+    let mut objects = Vec::new();
+    for file in [files::WEIGHTS, files::OPTIMISER, files::STATE] {
+        let bytes = fs::read(folder.join(file)).map_err(|error| local(&error))?;
+        let object = context.put(&format!("{prefix}/{file}"), bytes)?;
+        objects.push(ManifestObject {
+            file: file.into(),
+            key: object.key,
+            bytes: object.bytes,
+            sha256: object.sha256,
+        });
+    }
+    let manifest = Manifest {
+        version: manifest::VERSION,
+        model: saved.model.into(),
+        step: saved.step,
+        job: context.job.clone(),
+        job_seconds: saved.job_seconds,
+        job_steps: saved.job_steps,
+        objects,
+    };
+    let json = serde_json::to_vec_pretty(&manifest).map_err(|error| {
+        JobFailure::failed("INTERNAL", "writing a checkpoint's manifest", &error)
+    })?;
+    let object = context.put(&format!("{prefix}/{}", files::MANIFEST), json)?;
+    context.publish(Checkpoint {
+        name: names::checkpoint(saved.model, saved.step),
+        step: saved.step,
+        manifest: Some(object),
+        bytes: manifest.bytes(),
+        psnr: saved.psnr,
+        create_time: None,
+    })?;
+    Ok(manifest.bytes())
+}
+
+fn local(error: &std::io::Error) -> JobFailure {
+    JobFailure::failed("INTERNAL", "the worker's temporary folder", error)
+}
+
+#[cfg(test)]
+mod tests;

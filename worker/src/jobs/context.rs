@@ -1,0 +1,145 @@
+//! Everything a job may touch, as blocking calls: it runs on a thread of its own, so that
+//! tensor work never holds up the heartbeats.
+
+use super::JobFailure;
+use crate::{
+    agent::control::{JobControl, StopReason},
+    device::PickedDevice,
+    objects::{Objects, ObjectsError},
+    retry::{Backoff, is_stale_lease, is_transient},
+};
+use bytes::Bytes;
+use std::{future::Future, sync::Arc, time::Duration};
+use tokio::{runtime::Handle, sync::watch, time::timeout};
+use tonic::transport::Channel;
+use yoto_proto::{
+    names::{Collection, NameError},
+    v1::{
+        Checkpoint, ObjectRef, Progress, PublishCheckpointRequest,
+        worker_service_client::WorkerServiceClient,
+    },
+};
+
+/// Longest wait for one answer of the coordinator before asking again.
+const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// A leased job's hold on the world.
+pub struct JobContext {
+    /// `jobs/{id}`.
+    pub job: String,
+    /// The lease's fencing token.
+    pub token: u64,
+    /// What to compute on.
+    pub device: PickedDevice,
+    /// Whether the job may go on.
+    pub control: Arc<JobControl>,
+    pub(crate) objects: Objects,
+    pub(crate) client: WorkerServiceClient<Channel>,
+    pub(crate) progress: watch::Sender<Progress>,
+    pub(crate) runtime: Handle,
+}
+
+impl JobContext {
+    /// The job's id, as object keys carry it.
+    ///
+    /// # Errors
+    /// When the coordinator sent something else than `jobs/{id}`.
+    pub fn job_id(&self) -> Result<&str, JobFailure> {
+        id(Collection::Jobs, &self.job)
+    }
+
+    /// Goes on, or says why not.
+    ///
+    /// # Errors
+    /// The failure that the stop amounts to.
+    pub fn check(&self) -> Result<(), JobFailure> {
+        self.control
+            .stopped()
+            .map_or(Ok(()), |reason| Err(reason.into()))
+    }
+
+    /// Replaces the progress that the next heartbeat carries.
+    pub fn report(&self, progress: Progress) {
+        let device = self.device.info.adapter.clone();
+        self.progress.send_replace(Progress { device, ..progress });
+    }
+
+    /// Reports that `done` of `total` pieces of `phase` are finished.
+    pub fn report_pieces(&self, phase: &str, done: usize, total: usize) {
+        self.report(Progress {
+            phase: phase.into(),
+            step: done as u64,
+            total_steps: total as u64,
+            fraction: done as f64 / total.max(1) as f64,
+            ..Progress::default()
+        });
+    }
+
+    /// An object's bytes, verified.
+    ///
+    /// # Errors
+    /// As [`Objects::get`]; a lost lease ends the wait.
+    pub fn get(&self, object: &ObjectRef) -> Result<Result<Bytes, ObjectsError>, JobFailure> {
+        self.unless_lost(self.objects.get(object))
+    }
+
+    /// Writes an object.
+    ///
+    /// # Errors
+    /// As [`Objects::put`]; a lost lease ends the wait.
+    pub fn put(&self, key: &str, bytes: Vec<u8>) -> Result<ObjectRef, JobFailure> {
+        Ok(self.unless_lost(self.objects.put(key, bytes.into()))??)
+    }
+
+    /// Makes `checkpoint` the model's newest, asking again until the coordinator answers.
+    ///
+    /// # Errors
+    /// [`JobFailure::LeaseLost`] when the token is stale or the lease runs out, or the
+    /// coordinator's refusal.
+    pub fn publish(&self, checkpoint: Checkpoint) -> Result<(), JobFailure> {
+        let request = PublishCheckpointRequest {
+            job: self.job.clone(),
+            token: self.token,
+            checkpoint: Some(checkpoint),
+        };
+        self.unless_lost(async {
+            let mut backoff = Backoff::new(Duration::from_millis(200), Duration::from_secs(2));
+            loop {
+                let mut client = self.client.clone();
+                match timeout(CALL_TIMEOUT, client.publish_checkpoint(request.clone())).await {
+                    Ok(Ok(_)) => return Ok(()),
+                    Ok(Err(status)) if is_stale_lease(status.code()) => {
+                        self.control.stop(StopReason::LeaseLost);
+                        return Err(JobFailure::LeaseLost);
+                    }
+                    Ok(Err(status)) if !is_transient(status.code()) => {
+                        return Err(JobFailure::failed(
+                            "INTERNAL",
+                            "publishing a checkpoint",
+                            &status,
+                        ));
+                    }
+                    Ok(Err(_)) | Err(_) => tokio::time::sleep(backoff.pause()).await,
+                }
+            }
+        })?
+    }
+
+    /// Waits for `work`, but not beyond the lease.
+    fn unless_lost<T>(&self, work: impl Future<Output = T>) -> Result<T, JobFailure> {
+        self.runtime.block_on(async {
+            tokio::select! {
+                biased;
+                () = self.control.lease_lost() => Err(JobFailure::LeaseLost),
+                done = work => Ok(done),
+            }
+        })
+    }
+}
+
+/// The id inside a resource name that the coordinator sent.
+pub(crate) fn id(collection: Collection, name: &str) -> Result<&str, JobFailure> {
+    collection.parse(name).map_err(|error: NameError| {
+        JobFailure::failed("INTERNAL", "the coordinator's answer", &error)
+    })
+}

@@ -1,0 +1,144 @@
+//! Rendering pictures of one person: given views, an orbit around a frozen moment, or
+//! somebody else's motion.
+
+mod motion;
+mod orbit;
+mod request;
+mod views;
+
+use super::{JobContext, JobFailure, checkpoint, shard};
+use crate::media::{animation::Animation, picture};
+use request::Request;
+use std::time::{Duration, Instant};
+use yoto_avatar::render::{RenderView, Renderer};
+use yoto_proto::{
+    keys,
+    manifest::files,
+    v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
+};
+
+/// The animated file's name.
+const ANIMATION: &str = "animation.png";
+
+/// Renders every view that the request asks for.
+///
+/// # Errors
+/// Bad requests, a model without a whole checkpoint, and faults of the store.
+pub fn run(
+    context: &JobContext,
+    spec: &RenderSpec,
+    inputs: &Inputs,
+) -> Result<RenderResult, JobFailure> {
+    let request = Request::new(spec, inputs)?;
+    context.report_pieces("loading", 0, 1);
+    let wanted = [files::WEIGHTS, files::STATE];
+    let found =
+        checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?.ok_or_else(|| {
+            JobFailure::Failed {
+                code: "NO_CHECKPOINT",
+                message: format!(
+                    "{} has no whole checkpoint to render: train it first",
+                    spec.model
+                ),
+            }
+        })?;
+    let renderer = Renderer::load(found.folder.path(), &context.device.device)
+        .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;
+    let views = expand(context, &request, &renderer, inputs)?;
+    draw(context, &request, &renderer, &views)
+}
+
+/// The views that the request stands for.
+fn expand(
+    context: &JobContext,
+    request: &Request<'_>,
+    renderer: &Renderer,
+    inputs: &Inputs,
+) -> Result<Vec<RenderView>, JobFailure> {
+    let skeleton = renderer
+        .skeleton(request.slot)
+        .ok_or_else(|| JobFailure::Failed {
+            code: "NO_CHECKPOINT",
+            message: format!(
+                "the newest checkpoint of {} does not know {} yet: train it again",
+                request.spec.model, request.spec.subject
+            ),
+        })?;
+    let stage = views::Stage {
+        slot: request.slot,
+        background: request.background,
+        joints: skeleton.parents.len(),
+    };
+    match request.what {
+        What::Views(list) => stage.listed(list),
+        What::Orbit(orbit) => {
+            let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
+            orbit::views(&stage, orbit, &shard.track)
+        }
+        What::Motion(transfer) => {
+            let (_, shard) = shard::fetch(context, inputs, &transfer.driver)?;
+            motion::views(&stage, transfer, &shard.track, skeleton)
+        }
+    }
+}
+
+/// Renders and stores each view, and the animation of all of them when asked for.
+fn draw(
+    context: &JobContext,
+    request: &Request<'_>,
+    renderer: &Renderer,
+    views: &[RenderView],
+) -> Result<RenderResult, JobFailure> {
+    let job = context.job_id()?;
+    let store = |file: String, bytes| {
+        let object = context.put(&keys::render(job, context.token, &file), bytes)?;
+        Ok::<_, JobFailure>(RenderedFile {
+            file,
+            object: Some(object),
+        })
+    };
+    let mut animated = Vec::new();
+    let mut animation = match views.first() {
+        Some(first) if request.spec.animate => {
+            request::same_size(views)?;
+            let (width, height) = (first.camera.width, first.camera.height);
+            Some(Animation::new(
+                &mut animated,
+                width,
+                height,
+                views.len() as u32,
+                request.fps,
+            )?)
+        }
+        _ => None,
+    };
+    let mut rendered = Vec::new();
+    let mut spent = Duration::ZERO;
+    for (done, view) in views.iter().enumerate() {
+        context.check()?;
+        context.report_pieces("rendering", done, views.len());
+        let began = Instant::now();
+        let image = renderer.render(view).map_err(|error| {
+            JobFailure::failed("INTERNAL", &format!("rendering view {done}"), &error)
+        })?;
+        let rgb = image.to_rgb8();
+        spent += began.elapsed();
+        if let Some(animation) = &mut animation {
+            animation.push(&rgb)?;
+        }
+        let (width, height) = (view.camera.width, view.camera.height);
+        rendered.push(store(
+            format!("{done:06}.png"),
+            picture::png(width, height, &rgb)?,
+        )?);
+    }
+    if animation.map(Animation::finish).transpose()?.is_some() {
+        rendered.push(store(ANIMATION.into(), animated)?);
+    }
+    context.report_pieces("rendering", views.len(), views.len());
+    Ok(RenderResult {
+        files: rendered,
+        seconds_per_frame: spent.as_secs_f64() / views.len().max(1) as f64,
+        device: context.device.info.adapter.clone(),
+    })
+}

@@ -1,0 +1,110 @@
+//! The motion of one person on the body of another, seen by the driver's own camera.
+
+use super::{
+    RenderView,
+    views::{Stage, capture_camera, find_place, pose},
+};
+use crate::jobs::JobFailure;
+use yoto_avatar::{
+    camera::Camera,
+    skeleton::{Skeleton, retarget},
+};
+use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
+
+/// Every `frame_step`-th frame (0 means 1) of the driver's `track` from `first_frame` on,
+/// `frame_count` of them (0 means all that are left), with `body` in the driver's poses.
+pub(super) fn views(
+    stage: &Stage,
+    transfer: &MotionTransfer,
+    track: &PoseTrack,
+    body: &Skeleton,
+) -> Result<Vec<RenderView>, JobFailure> {
+    let first = find_place(track, transfer.first_frame, "motion.first_frame")?;
+    let step = transfer.frame_step.max(1) as usize;
+    let left = (track.frames.len() - first).div_ceil(step);
+    let count = match transfer.frame_count as usize {
+        0 => left,
+        count if count <= left => count,
+        count => {
+            let message = format!(
+                "{count} frames, but the driver's capture has {left} from frame {} on in steps of {step}",
+                transfer.first_frame
+            );
+            return Err(JobFailure::invalid("render", "motion.frame_count", message));
+        }
+    };
+    let driver = Skeleton::from_track(&track.skeleton)
+        .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
+    let frames = track.frames.iter().skip(first).step_by(step).take(count);
+    frames
+        .map(|frame| {
+            let pose = retarget(&driver, body, &pose(frame)?).map_err(|error| {
+                JobFailure::failed(
+                    "RETARGET",
+                    &format!("the driver's frame {}", frame.index),
+                    &error,
+                )
+            })?;
+            stage.view(pose, sized(&capture_camera(track, frame)?, transfer.size))
+        })
+        .collect()
+}
+
+/// `camera` with `size` pixels on its longest side, larger than the capture's if asked for.
+fn sized(camera: &Camera, size: u32) -> Camera {
+    let zoom = f64::from(size) / f64::from(camera.width.max(camera.height));
+    let side = |pixels: u32| ((f64::from(pixels) * zoom).round() as u32).max(1);
+    camera.resized(side(camera.width), side(camera.height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::render::views::tests::{STAGE, track};
+
+    fn transfer(first_frame: u32, frame_count: u32, frame_step: u32) -> MotionTransfer {
+        MotionTransfer {
+            driver: "subjects/b".into(),
+            first_frame,
+            frame_count,
+            frame_step,
+            size: 32,
+        }
+    }
+
+    fn body() -> Skeleton {
+        Skeleton::from_track(&track().skeleton).expect("a skeleton")
+    }
+
+    #[test]
+    fn the_driver_s_poses_and_cameras_come_in_order() {
+        let track = track();
+        let views = views(&STAGE, &transfer(6, 2, 2), &track, &body()).expect("views");
+        assert_eq!(views.len(), 2);
+        for (view, frame) in views.iter().zip([&track.frames[1], &track.frames[3]]) {
+            assert_eq!(view.pose.rotations, pose(frame).expect("a pose").rotations);
+            assert_eq!((view.camera.width, view.camera.height), (32, 24));
+            assert!((view.camera.k[0][0] - frame.k[0][0] / 2.0).abs() < 1e-9);
+            assert_eq!(view.camera.e, frame.e);
+        }
+    }
+
+    #[test]
+    fn nothing_said_means_every_frame_that_is_left() {
+        let all = views(&STAGE, &transfer(5, 0, 0), &track(), &body()).expect("views");
+        assert_eq!(all.len(), track().frames.len());
+    }
+
+    #[test]
+    fn more_than_the_capture_has_is_refused() {
+        for (asked, field) in [
+            (transfer(6, 4, 1), "motion.frame_count"),
+            (transfer(0, 1, 1), "motion.first_frame"),
+        ] {
+            let Err(JobFailure::Invalid(found)) = views(&STAGE, &asked, &track(), &body()) else {
+                panic!("refused");
+            };
+            assert_eq!(found[0].field, field);
+        }
+    }
+}

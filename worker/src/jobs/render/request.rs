@@ -1,0 +1,252 @@
+//! The request's numbers, checked before a checkpoint is downloaded.
+
+use super::RenderView;
+use crate::{jobs::JobFailure, media::animation::MAX_FPS};
+use std::ops::RangeInclusive;
+use yoto_proto::{
+    pose_track::violation,
+    v1::{Inputs, RenderSpec, Violation, render_spec::What},
+};
+
+/// Sides of a picture, pixels.
+pub(super) const SIDES: RangeInclusive<u32> = 8..=4096;
+/// Pictures of one job.
+pub(super) const VIEWS: RangeInclusive<u32> = 1..=10_000;
+/// Frames a second of an animation unless the request says.
+const FPS: f32 = 15.0;
+
+/// A request that passed.
+#[derive(Debug)]
+pub(super) struct Request<'a> {
+    pub(super) spec: &'a RenderSpec,
+    pub(super) what: &'a What,
+    pub(super) slot: usize,
+    pub(super) background: [f32; 3],
+    pub(super) fps: f32,
+}
+
+impl<'a> Request<'a> {
+    pub(super) fn new(spec: &'a RenderSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
+        let Some(what) = &spec.what else {
+            return Err(JobFailure::invalid(
+                "render",
+                "what",
+                "views, an orbit or a motion is needed",
+            ));
+        };
+        let violations = check(spec, what);
+        if !violations.is_empty() {
+            return Err(JobFailure::Invalid(violations));
+        }
+        let slots = inputs.model.iter().flat_map(|model| &model.slots);
+        let slot = slots
+            .into_iter()
+            .find(|slot| slot.subject == spec.subject)
+            .ok_or_else(|| {
+                JobFailure::invalid(
+                    "render",
+                    "subject",
+                    format!("{} has no slot in {}", spec.subject, spec.model),
+                )
+            })?;
+        Ok(Self {
+            spec,
+            what,
+            slot: slot.slot as usize,
+            background: spec.background.as_slice().try_into().unwrap_or([0.0; 3]),
+            fps: if spec.fps == 0.0 { FPS } else { spec.fps },
+        })
+    }
+}
+
+/// What is wrong with the numbers, by field.
+fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
+    let mut found = Vec::new();
+    let mut need = |good: bool, field: &str, message: String| {
+        if !good {
+            found.push(violation("OUT_OF_RANGE", "render", None, field, message));
+        }
+    };
+    let counted = |count: u32| {
+        format!(
+            "{count} pictures: {} to {} are allowed",
+            VIEWS.start(),
+            VIEWS.end()
+        )
+    };
+    let sized = |side: u32| {
+        format!(
+            "{side} pixels: {} to {} are allowed",
+            SIDES.start(),
+            SIDES.end()
+        )
+    };
+    match what {
+        What::Views(list) => {
+            let count = u32::try_from(list.views.len()).unwrap_or(u32::MAX);
+            need(VIEWS.contains(&count), "views", counted(count));
+        }
+        What::Orbit(orbit) => {
+            need(
+                VIEWS.contains(&orbit.views),
+                "orbit.views",
+                counted(orbit.views),
+            );
+            need(SIDES.contains(&orbit.size), "orbit.size", sized(orbit.size));
+        }
+        What::Motion(motion) => {
+            // 0 stands for every frame that is left.
+            let count = motion.frame_count;
+            need(
+                count == 0 || VIEWS.contains(&count),
+                "motion.frame_count",
+                counted(count),
+            );
+            need(
+                SIDES.contains(&motion.size),
+                "motion.size",
+                sized(motion.size),
+            );
+        }
+    }
+    let colour = &spec.background;
+    let visible = colour.iter().all(|value| (0.0..=1.0).contains(value));
+    need(
+        visible && [0, 3].contains(&colour.len()),
+        "background",
+        format!("{colour:?}: nothing, or three numbers from 0 to 1"),
+    );
+    let fps = spec.fps;
+    need(
+        (0.0..=MAX_FPS).contains(&fps),
+        "fps",
+        format!("{fps} is not between 0 and {MAX_FPS}"),
+    );
+    found
+}
+
+/// An animation has one size.
+pub(super) fn same_size(views: &[RenderView]) -> Result<(), JobFailure> {
+    let size = |view: &RenderView| (view.camera.width, view.camera.height);
+    match views.iter().position(|view| size(view) != size(&views[0])) {
+        None => Ok(()),
+        Some(odd) => Err(JobFailure::invalid(
+            "render",
+            &format!("views[{odd}].camera"),
+            "every view of an animation must have the size of the first",
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_proto::v1::{IdentitySlot, Model, MotionTransfer, Orbit, ViewList};
+
+    fn orbit(views: u32, size: u32) -> RenderSpec {
+        RenderSpec {
+            subject: "subjects/a".into(),
+            what: Some(What::Orbit(Orbit {
+                frame: 0,
+                views,
+                size,
+            })),
+            ..RenderSpec::default()
+        }
+    }
+
+    fn inputs() -> Inputs {
+        let slot = IdentitySlot {
+            slot: 4,
+            subject: "subjects/a".into(),
+        };
+        let model = Model {
+            slots: vec![slot],
+            ..Model::default()
+        };
+        Inputs {
+            model: Some(model),
+            ..Inputs::default()
+        }
+    }
+
+    fn fields(spec: &RenderSpec) -> Vec<String> {
+        match Request::new(spec, &inputs()) {
+            Err(JobFailure::Invalid(found)) => found.into_iter().map(|v| v.field).collect(),
+            Err(other) => panic!("{other:?}"),
+            Ok(_) => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_good_request_gets_its_slot_and_defaults() {
+        let spec = orbit(12, 128);
+        let inputs = inputs();
+        let request = Request::new(&spec, &inputs).expect("good");
+        assert_eq!(
+            (request.slot, request.background, request.fps),
+            (4, [0.0; 3], 15.0)
+        );
+    }
+
+    #[test]
+    fn each_bad_number_is_named() {
+        assert_eq!(fields(&orbit(0, 7)), ["orbit.views", "orbit.size"]);
+        assert_eq!(fields(&orbit(10_001, 4097)), ["orbit.views", "orbit.size"]);
+        let motion = MotionTransfer {
+            frame_count: 10_001,
+            size: 128,
+            ..MotionTransfer::default()
+        };
+        assert_eq!(
+            fields(&RenderSpec {
+                what: Some(What::Motion(motion)),
+                ..orbit(1, 8)
+            }),
+            ["motion.frame_count"]
+        );
+        let none = Some(What::Views(ViewList::default()));
+        assert_eq!(
+            fields(&RenderSpec {
+                what: none,
+                ..orbit(1, 8)
+            }),
+            ["views"]
+        );
+        assert_eq!(
+            fields(&RenderSpec {
+                what: None,
+                ..orbit(1, 8)
+            }),
+            ["what"]
+        );
+        assert_eq!(
+            fields(&RenderSpec {
+                background: vec![1.0, 0.5],
+                ..orbit(1, 8)
+            }),
+            ["background"]
+        );
+        assert_eq!(
+            fields(&RenderSpec {
+                background: vec![f32::NAN; 3],
+                ..orbit(1, 8)
+            }),
+            ["background"]
+        );
+        assert_eq!(
+            fields(&RenderSpec {
+                fps: -1.0,
+                ..orbit(1, 8)
+            }),
+            ["fps"]
+        );
+        assert_eq!(
+            fields(&RenderSpec {
+                subject: "subjects/b".into(),
+                ..orbit(1, 8)
+            }),
+            ["subject"]
+        );
+    }
+}

@@ -1,0 +1,28 @@
+//! A job's context without a coordinator: objects in memory, and a lease that lasts.
+
+use super::JobContext;
+use crate::{agent::control::JobControl, device, objects::Objects};
+use object_store::memory::InMemory;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::{runtime::Handle, sync::watch};
+use tonic::transport::Endpoint;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+
+/// The context of `jobs/test` under token 3. Call it inside a runtime.
+pub(crate) fn context() -> JobContext {
+    // Nothing listens there: a test that calls the coordinator fails.
+    let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
+    JobContext {
+        job: "jobs/test".into(),
+        token: 3,
+        device: device::pick(),
+        control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
+        objects: Objects::from_store(Arc::new(InMemory::new())),
+        client: WorkerServiceClient::new(channel),
+        progress: watch::Sender::default(),
+        runtime: Handle::current(),
+    }
+}

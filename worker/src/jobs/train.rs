@@ -1,0 +1,105 @@
+//! Training one model on everybody with a slot in it, from its newest whole checkpoint.
+//!
+//! The network's life is longer than a job: a job adds its own budget to whatever the model
+//! learned before, and a job that is leased again goes on with what is left of its budget.
+
+mod plan;
+mod session;
+
+use super::{JobContext, JobFailure, checkpoint};
+use plan::Plan;
+use session::Session;
+use yoto_avatar::{
+    config::ModelConfig,
+    train::{TrainError, Trainer},
+};
+use yoto_proto::{
+    manifest::files,
+    v1::{Inputs, Progress, TrainResult, TrainSpec},
+};
+
+/// Trains until the budget is used up, and publishes the last checkpoint.
+///
+/// # Errors
+/// Bad requests, missing captures, faults of the store, and divergence. A cancelled or
+/// interrupted training publishes a checkpoint before it ends.
+pub fn run(
+    context: &JobContext,
+    spec: &TrainSpec,
+    inputs: &Inputs,
+) -> Result<TrainResult, JobFailure> {
+    let plan = Plan::new(spec, inputs)?;
+    let mut session = start(context, &plan, inputs)?;
+    match session.train() {
+        Ok(()) => session.finish(),
+        Err(stopped @ (JobFailure::Cancelled | JobFailure::Requeue)) => {
+            match session.checkpoint() {
+                Err(JobFailure::LeaseLost) => Err(JobFailure::LeaseLost),
+                Err(failure) => {
+                    tracing::warn!(
+                        job = context.job,
+                        ?failure,
+                        "the last checkpoint could not be written"
+                    );
+                    Err(stopped)
+                }
+                Ok(()) => Err(stopped),
+            }
+        }
+        Err(failure) => Err(failure),
+    }
+}
+
+/// Loads the people, then the newest whole checkpoint or a new network.
+fn start<'a>(
+    context: &'a JobContext,
+    plan: &'a Plan,
+    inputs: &Inputs,
+) -> Result<Session<'a>, JobFailure> {
+    let people = plan.people(context, inputs)?;
+    context.report(Progress {
+        phase: "starting".into(),
+        ..Progress::default()
+    });
+    let wanted = [files::WEIGHTS, files::OPTIMISER, files::STATE];
+    let before = checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?;
+    let options = plan.options(&context.job, before.as_ref().map(|found| &found.manifest));
+    let used = (options.used_seconds, options.used_steps);
+    let device = &context.device.device;
+    let published = before
+        .as_ref()
+        .map(|found| (found.manifest.step, found.manifest.bytes()));
+    let trainer = match before {
+        Some(found) => {
+            tracing::info!(
+                job = context.job,
+                step = found.manifest.step,
+                "training resumes"
+            );
+            Trainer::resume(found.folder.path(), options, people, device)
+        }
+        None => {
+            if !inputs.checkpoints.is_empty() {
+                tracing::error!(
+                    job = context.job,
+                    model = plan.model.name,
+                    "every checkpoint is torn: training starts over"
+                );
+            }
+            let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
+                .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
+            Trainer::new(config, options, people, device)
+        }
+    }
+    .map_err(|error| failure("starting the training", &error))?;
+    Ok(Session::new(context, plan, trainer, used, published))
+}
+
+/// What the coordinator hears of an error of the trainer.
+fn failure(doing: &str, error: &TrainError) -> JobFailure {
+    let code = match error {
+        TrainError::Diverged { .. } => "DIVERGED",
+        _ => "TRAINING",
+    };
+    JobFailure::failed(code, doing, error)
+}

@@ -1,0 +1,229 @@
+//! What a train job was asked for, checked, and the people it trains on.
+
+use crate::jobs::{JobContext, JobFailure, shard};
+use std::time::Duration;
+use yoto_avatar::train::{Budget, Person, TrainOptions};
+use yoto_proto::{
+    manifest::Manifest,
+    pose_track::{MAX_SIDE, violation},
+    v1::{Inputs, Model, TrainSpec, Violation},
+};
+
+/// Every n-th frame is never trained on and measures PSNR and SSIM instead: 1 in 20 leaves
+/// enough of a short capture to train on.
+const HOLDOUT_EVERY: usize = 20;
+/// Smallest side worth training at, pixels.
+const MIN_SIDE: u32 = 8;
+/// Longest budget, seconds: a year. Anything longer is a unit error.
+const MAX_SECONDS: f64 = 366.0 * 86_400.0;
+/// Seconds between checkpoints unless the job says.
+const CHECKPOINT_SECONDS: f64 = 30.0;
+
+/// A checked train job.
+pub(super) struct Plan {
+    pub(super) model: Model,
+    pub(super) checkpoint_every: Duration,
+    spec: TrainSpec,
+}
+
+impl Plan {
+    pub(super) fn new(spec: &TrainSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
+        let violations = check(spec);
+        if !violations.is_empty() {
+            return Err(JobFailure::Invalid(violations));
+        }
+        let model = inputs.model.clone().ok_or_else(|| {
+            JobFailure::invalid(
+                "train",
+                "model",
+                format!("there is no model {}", spec.model),
+            )
+        })?;
+        if model.slots.is_empty() {
+            return Err(JobFailure::invalid(
+                "train",
+                "model",
+                format!("nobody has a slot in {}", model.name),
+            ));
+        }
+        let seconds = if spec.checkpoint_seconds == 0.0 {
+            CHECKPOINT_SECONDS
+        } else {
+            spec.checkpoint_seconds
+        };
+        Ok(Self {
+            model,
+            checkpoint_every: Duration::from_secs_f64(seconds),
+            spec: spec.clone(),
+        })
+    }
+
+    /// The options of a training that goes on after `before`, whose budget counts when the
+    /// same job spent it.
+    pub(super) fn options(&self, job: &str, before: Option<&Manifest>) -> TrainOptions {
+        let own = before.filter(|manifest| manifest.job == job);
+        TrainOptions {
+            budget: if self.spec.steps > 0 {
+                Budget::Steps(self.spec.steps)
+            } else {
+                Budget::Seconds(self.spec.seconds)
+            },
+            seed: self.spec.seed,
+            image_size: self.spec.image_size,
+            holdout_every: HOLDOUT_EVERY,
+            used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
+            used_steps: own.map_or(0, |manifest| manifest.job_steps),
+        }
+    }
+
+    /// Everybody with a slot, with their frames.
+    pub(super) fn people(
+        &self,
+        context: &JobContext,
+        inputs: &Inputs,
+    ) -> Result<Vec<Person>, JobFailure> {
+        let mut people = Vec::new();
+        for (done, slot) in self.model.slots.iter().enumerate() {
+            context.check()?;
+            context.report_pieces("loading", done, self.model.slots.len());
+            let (name, shard) = shard::fetch(context, inputs, &slot.subject)?;
+            people.push(Person {
+                slot: slot.slot as usize,
+                name,
+                shard,
+            });
+        }
+        Ok(people)
+    }
+}
+
+fn check(spec: &TrainSpec) -> Vec<Violation> {
+    let mut found = Vec::new();
+    let mut add = |field: &str, message: String| {
+        found.push(violation("OUT_OF_RANGE", "train", None, field, message));
+    };
+    let TrainSpec {
+        seconds,
+        steps,
+        image_size,
+        checkpoint_seconds,
+        ..
+    } = *spec;
+    if !(0.0..=MAX_SECONDS).contains(&seconds) {
+        add(
+            "seconds",
+            format!("{seconds} is not between 0 and {MAX_SECONDS}"),
+        );
+    } else if seconds == 0.0 && steps == 0 {
+        add(
+            "seconds",
+            "a budget in seconds or in steps is needed".into(),
+        );
+    }
+    if image_size != 0 && !(MIN_SIDE..=MAX_SIDE).contains(&image_size) {
+        add(
+            "image_size",
+            format!("{image_size} pixels: 0, or {MIN_SIDE} to {MAX_SIDE}"),
+        );
+    }
+    if !(0.0..=MAX_SECONDS).contains(&checkpoint_seconds) {
+        add(
+            "checkpoint_seconds",
+            format!("{checkpoint_seconds} is not between 0 and {MAX_SECONDS}"),
+        );
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_bad_number_is_named() {
+        let good = TrainSpec {
+            seconds: 150.0,
+            ..TrainSpec::default()
+        };
+        assert_eq!(check(&good), []);
+        assert_eq!(
+            check(&TrainSpec {
+                steps: 5,
+                ..TrainSpec::default()
+            }),
+            []
+        );
+        for (spec, field) in [
+            (
+                TrainSpec {
+                    seconds: f64::NAN,
+                    ..good.clone()
+                },
+                "seconds",
+            ),
+            (
+                TrainSpec {
+                    seconds: -1.0,
+                    ..good.clone()
+                },
+                "seconds",
+            ),
+            (
+                TrainSpec {
+                    seconds: 0.0,
+                    ..good.clone()
+                },
+                "seconds",
+            ),
+            (
+                TrainSpec {
+                    image_size: 7,
+                    ..good.clone()
+                },
+                "image_size",
+            ),
+            (
+                TrainSpec {
+                    checkpoint_seconds: f64::INFINITY,
+                    ..good.clone()
+                },
+                "checkpoint_seconds",
+            ),
+        ] {
+            let fields: Vec<String> = check(&spec).into_iter().map(|v| v.field).collect();
+            assert_eq!(fields, [field]);
+        }
+    }
+
+    #[test]
+    fn only_its_own_job_counts_against_the_budget() {
+        let inputs = Inputs {
+            model: Some(Model {
+                slots: vec![Default::default()],
+                ..Model::default()
+            }),
+            ..Inputs::default()
+        };
+        let spec = TrainSpec {
+            seconds: 60.0,
+            ..TrainSpec::default()
+        };
+        let plan = Plan::new(&spec, &inputs).expect("a plan");
+        let before = Manifest {
+            version: 1,
+            model: "models/m".into(),
+            step: 900,
+            job: "jobs/a".into(),
+            job_seconds: 20.0,
+            job_steps: 300,
+            objects: Vec::new(),
+        };
+        let used = |job, before| {
+            let options = plan.options(job, before);
+            (options.used_seconds, options.used_steps)
+        };
+        assert_eq!(used("jobs/a", Some(&before)), (20.0, 300));
+        assert_eq!(used("jobs/b", Some(&before)), (0.0, 0));
+        assert_eq!(used("jobs/a", None), (0.0, 0));
+    }
+}

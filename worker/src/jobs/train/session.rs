@@ -1,0 +1,200 @@
+//! The training loop of one lease: step, report, validate, checkpoint.
+
+use super::{failure, plan::Plan};
+use crate::jobs::{
+    JobContext, JobFailure,
+    checkpoint::{Saved, publish},
+};
+use std::time::{Duration, Instant};
+use yoto_avatar::train::Trainer;
+use yoto_proto::{
+    names,
+    v1::{Progress, TrainResult},
+};
+
+/// Pause between two progress messages.
+const REPORT_EVERY: Duration = Duration::from_millis(250);
+/// Validations over the whole budget.
+const VALIDATIONS: f64 = 8.0;
+
+/// One lease's part of a training.
+pub(super) struct Session<'a> {
+    context: &'a JobContext,
+    plan: &'a Plan,
+    trainer: Trainer,
+    /// Seconds and steps that earlier leases of this job trained.
+    used: (f64, u64),
+    /// The trainer's own counts when this lease began.
+    began: (f64, u64),
+    next_validation: f64,
+    /// Step and bytes of the model's newest checkpoint.
+    published: Option<(u64, u64)>,
+}
+
+impl<'a> Session<'a> {
+    pub(super) fn new(
+        context: &'a JobContext,
+        plan: &'a Plan,
+        trainer: Trainer,
+        used: (f64, u64),
+        published: Option<(u64, u64)>,
+    ) -> Self {
+        let progress = trainer.progress();
+        Self {
+            context,
+            plan,
+            used,
+            began: (progress.train_seconds, progress.step),
+            next_validation: validation_after(progress.fraction),
+            trainer,
+            published,
+        }
+    }
+
+    /// Trains until the budget is used up or the job has to stop.
+    pub(super) fn train(&mut self) -> Result<(), JobFailure> {
+        let mut reported = Instant::now();
+        let mut saved = Instant::now();
+        self.report("training");
+        while !self.trainer.finished() {
+            self.context.check()?;
+            self.trainer
+                .step()
+                .map_err(|error| failure("a training step", &error))?;
+            if reported.elapsed() >= REPORT_EVERY {
+                self.report("training");
+                reported = Instant::now();
+            }
+            if self.trainer.progress().fraction >= self.next_validation {
+                self.validate()?;
+            }
+            if saved.elapsed() >= self.plan.checkpoint_every {
+                match self.checkpoint() {
+                    Err(JobFailure::LeaseLost) => return Err(JobFailure::LeaseLost),
+                    // Training is worth going on with: the next one may reach the store.
+                    Err(failure) => {
+                        tracing::warn!(
+                            job = self.context.job,
+                            ?failure,
+                            "a checkpoint could not be written"
+                        );
+                    }
+                    Ok(()) => {}
+                }
+                saved = Instant::now();
+            }
+        }
+        Ok(())
+    }
+
+    /// Measures once more, publishes the last checkpoint, and says what came out.
+    pub(super) fn finish(mut self) -> Result<TrainResult, JobFailure> {
+        self.validate()?;
+        self.checkpoint()?;
+        let progress = self.trainer.progress();
+        let (seconds, _) = self.spent();
+        let (step, bytes) = self.published.unwrap_or((progress.step, 0));
+        Ok(TrainResult {
+            checkpoint: names::checkpoint(&self.plan.model.name, step),
+            steps: progress.step,
+            train_seconds: seconds,
+            parameters: self.trainer.parameters(),
+            checkpoint_bytes: bytes,
+            device: self.context.device.info.adapter.clone(),
+        })
+    }
+
+    /// Publishes a checkpoint, unless the newest one is of this very step.
+    pub(super) fn checkpoint(&mut self) -> Result<(), JobFailure> {
+        let progress = self.trainer.progress();
+        if self
+            .published
+            .is_some_and(|(step, _)| step == progress.step)
+        {
+            return Ok(());
+        }
+        self.report("saving");
+        let folder = tempfile::tempdir().map_err(|error| {
+            JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
+        })?;
+        self.trainer
+            .save(folder.path())
+            .map_err(|error| failure("saving a checkpoint", &error))?;
+        let (job_seconds, job_steps) = self.spent();
+        let saved = Saved {
+            model: &self.plan.model.name,
+            step: progress.step,
+            job_seconds,
+            job_steps,
+            // Two equal pictures have an infinite PSNR, which no catalogue takes.
+            psnr: progress.psnr.filter(|psnr| psnr.is_finite()),
+        };
+        let bytes = publish(self.context, folder.path(), &saved)?;
+        self.published = Some((progress.step, bytes));
+        tracing::info!(
+            job = self.context.job,
+            step = progress.step,
+            bytes,
+            "checkpoint published"
+        );
+        self.report("training");
+        Ok(())
+    }
+
+    fn validate(&mut self) -> Result<(), JobFailure> {
+        self.report("evaluating");
+        self.trainer
+            .validate()
+            .map_err(|error| failure("evaluating held-out frames", &error))?;
+        self.next_validation = validation_after(self.trainer.progress().fraction);
+        self.report("training");
+        Ok(())
+    }
+
+    /// Seconds and steps of this job, over all its leases.
+    fn spent(&self) -> (f64, u64) {
+        let progress = self.trainer.progress();
+        let seconds = (progress.train_seconds - self.began.0).max(0.0);
+        let steps = progress.step.saturating_sub(self.began.1);
+        (self.used.0 + seconds, self.used.1 + steps)
+    }
+
+    fn report(&self, phase: &str) {
+        let now = self.trainer.progress();
+        self.context.report(Progress {
+            phase: phase.into(),
+            step: now.step,
+            total_steps: now.total_steps,
+            fraction: now.fraction,
+            steps_per_second: now.steps_per_second,
+            loss: now.loss,
+            psnr: now.psnr,
+            ssim: now.ssim,
+            seconds_left: now.seconds_left,
+            skipped_steps: now.skipped_steps,
+            rollbacks: now.rollbacks,
+            live_fraction: now.live_fraction,
+            objective: now.objective.into(),
+            device: String::new(),
+            train_seconds: self.spent().0,
+        });
+    }
+}
+
+/// The share of the budget at which the next validation is due.
+fn validation_after(fraction: f64) -> f64 {
+    ((fraction * VALIDATIONS).floor() + 1.0) / VALIDATIONS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_validations_fit_a_budget() {
+        assert_eq!(validation_after(0.0), 0.125);
+        assert_eq!(validation_after(0.13), 0.25);
+        assert_eq!(validation_after(0.99), 1.0);
+        assert!(validation_after(1.0) > 1.0, "the last one is finish's");
+    }
+}

@@ -1,0 +1,16 @@
+//! The worker: leases jobs from the coordinator, runs them, and hands back what came out.
+//!
+//! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] do the work on a thread
+//! of their own and never touch the network except through their
+//! [`JobContext`](jobs::JobContext); [`device`] finds what this machine computes on;
+//! [`media`] encodes pictures; [`objects`] reads and writes the object store.
+
+pub mod agent;
+pub mod device;
+pub mod jobs;
+pub mod media;
+pub mod objects;
+mod retry;
+
+pub use agent::{Worker, WorkerConfig, WorkerError};
+pub use device::{PickedDevice, hint_without_gpu_support, pick};

@@ -1,0 +1,43 @@
+//! Pictures out: single PNGs and animations. Uploaded frames are decoded by
+//! `yoto_avatar::capture`, which owns their format.
+
+pub mod animation;
+pub mod picture;
+
+use thiserror::Error;
+
+/// Why a picture could not be encoded.
+#[derive(Debug, Error)]
+pub enum MediaError {
+    /// The pixels don't fit the picture's size.
+    #[error("{found} bytes of pixels for a {width}x{height} rgb picture, which needs {expected}")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// Bytes needed.
+        expected: usize,
+        /// Bytes given.
+        found: usize,
+    },
+    /// No animation plays at this rate.
+    #[error("{0} frames a second is not between 0 and {max}", max = animation::MAX_FPS)]
+    Fps(f32),
+    /// The encoder refused.
+    #[error("a PNG could not be written")]
+    Encode(#[from] png::EncodingError),
+}
+
+fn check_size(width: u32, height: u32, rgb: &[u8]) -> Result<(), MediaError> {
+    let expected = width as usize * height as usize * 3;
+    if rgb.len() == expected {
+        return Ok(());
+    }
+    Err(MediaError::Size {
+        width,
+        height,
+        expected,
+        found: rgb.len(),
+    })
+}
