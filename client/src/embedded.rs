@@ -77,6 +77,7 @@ type Outcome<E> = Result<(), E>;
 pub struct Embedded {
     connector: InMemoryConnector,
     address: Option<SocketAddr>,
+    objects: String,
     device: String,
     /// Ends the network side and the worker.
     drain: CancellationToken,
@@ -122,6 +123,7 @@ impl Embedded {
             worker: None,
             connector,
             address,
+            objects: objects.clone(),
             device: "no device: this process only coordinates".to_owned(),
             drain,
             stop,
@@ -154,6 +156,11 @@ impl Embedded {
     /// Where other processes reach the service.
     pub fn address(&self) -> Option<SocketAddr> {
         self.address
+    }
+
+    /// The object store, for workers in other processes.
+    pub fn objects_url(&self) -> &str {
+        &self.objects
     }
 
     /// What the worker computes on.

@@ -6,7 +6,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use yoto_proto::v1::{Job, Progress, job};
 
-/// Pause between plain lines.
+/// Pause between plain lines; what ends sooner has only its last line.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 /// Steps of the bar; a job's fraction is a share of them.
 const BAR: u64 = 1000;
@@ -16,7 +16,7 @@ const BAR: u64 = 1000;
 pub struct ProgressDisplay {
     label: String,
     bar: Option<ProgressBar>,
-    last_line: Option<(Instant, String)>,
+    last_line: Instant,
 }
 
 impl ProgressDisplay {
@@ -38,7 +38,7 @@ impl ProgressDisplay {
         Self {
             label,
             bar,
-            last_line: None,
+            last_line: Instant::now(),
         }
     }
 
@@ -54,16 +54,16 @@ impl ProgressDisplay {
                     0 => String::new(),
                     lost => format!(" (its worker was lost {lost} times)"),
                 };
-                self.show(0.0, "queued", &format!("queued, {place}{lost}"));
+                self.show(0.0, &format!("queued, {place}{lost}"));
             }
             (_, Some(progress)) => self.progress(progress),
-            (_, None) => self.show(0.0, "running", "running"),
+            (_, None) => self.show(0.0, "running"),
         }
     }
 
     /// Shows progress.
     pub fn progress(&mut self, progress: &Progress) {
-        self.show(progress.fraction, &progress.phase, &describe(progress));
+        self.show(progress.fraction, &describe(progress));
     }
 
     /// Shows bytes sent of bytes in all.
@@ -75,7 +75,6 @@ impl ProgressDisplay {
         };
         self.show(
             fraction,
-            "uploading",
             &format!(
                 "uploading {:.1} of {:.1} MB",
                 sent as f64 / 1e6,
@@ -92,23 +91,16 @@ impl ProgressDisplay {
         eprintln!("{}: {outcome}", self.label);
     }
 
-    fn show(&mut self, fraction: f64, phase: &str, text: &str) {
+    fn show(&mut self, fraction: f64, text: &str) {
         if let Some(bar) = &self.bar {
             bar.set_position((fraction.clamp(0.0, 1.0) * BAR as f64) as u64);
             bar.set_message(text.to_owned());
             return;
         }
-        let due = match &self.last_line {
-            Some((at, last_phase)) => at.elapsed() >= LINE_EVERY || last_phase != phase,
-            None => true,
-        };
-        if due {
-            eprintln!(
-                "{}: {:3.0}% {text}",
-                self.label,
-                100.0 * fraction.clamp(0.0, 1.0)
-            );
-            self.last_line = Some((Instant::now(), phase.to_owned()));
+        if self.last_line.elapsed() >= LINE_EVERY {
+            let percent = 100.0 * fraction.clamp(0.0, 1.0);
+            eprintln!("{}: {percent:3.0}% {text}", self.label);
+            self.last_line = Instant::now();
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Where logs go and how much of them: stderr, by `RUST_LOG`.
 
+use std::io::IsTerminal;
 use tracing_subscriber::EnvFilter;
 
 /// Starts logging at `default_level` unless `RUST_LOG` says otherwise.
@@ -8,7 +9,8 @@ pub(super) fn init(default_level: &str, json: bool) {
         EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default_level));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr);
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
     // A second initialisation, as in a process that embeds the commands, keeps the first.
     let _ = if json {
         subscriber.json().try_init()

@@ -17,6 +17,8 @@ mod serve;
 mod subject;
 mod table;
 mod train;
+#[cfg(feature = "embedded")]
+mod worker;
 
 use crate::api::{ClientError, DEFAULT_SERVER, YotoClient};
 use anyhow::Context;
@@ -48,6 +50,8 @@ pub struct Cli {
 enum Command {
     #[cfg(feature = "embedded")]
     Serve(serve::Serve),
+    #[cfg(feature = "embedded")]
+    Worker(worker::WorkerCommand),
     #[cfg(feature = "embedded")]
     Demo(demo::Demo),
     Subject(subject::SubjectCommand),
@@ -92,6 +96,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "embedded")]
         Command::Serve(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
+        Command::Worker(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
         Command::Demo(command) => runtime.block_on(command.run()),
         Command::Subject(command) => runtime.block_on(command.run()),
         Command::Model(command) => runtime.block_on(command.run()),
@@ -110,7 +116,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
 fn default_level(command: &Command) -> &'static str {
     match command {
         #[cfg(feature = "embedded")]
-        Command::Serve(_) => "info",
+        Command::Serve(_) | Command::Worker(_) => "info",
         _ => "warn",
     }
 }
@@ -153,6 +159,7 @@ mod tests {
     fn what_a_newcomer_types_parses() {
         let in_process = [
             "yoto serve --data d --listen 127.0.0.1:0 --no-worker",
+            "yoto worker --objects file:///d/objects/ --name w",
             "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
             "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
         ];

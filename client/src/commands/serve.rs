@@ -50,6 +50,7 @@ impl Serve {
             .with_context(|| format!("starting the service in {}", self.data.display()))?;
         if let Some(address) = service.address() {
             eprintln!("yoto serves http://{address} from {}", self.data.display());
+            eprintln!("objects at {}", service.objects_url());
         }
         if !self.no_worker {
             eprintln!("computing on {}", service.device());
@@ -78,7 +79,7 @@ fn check_exposure(listen: SocketAddr, insecure: bool) -> anyhow::Result<()> {
 }
 
 /// Returns at SIGTERM or ctrl-c.
-async fn asked_to_stop() -> std::io::Result<()> {
+pub(super) async fn asked_to_stop() -> std::io::Result<()> {
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};

@@ -76,13 +76,16 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
 pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
-    eprintln!("filming {subjects} people at {size}x{size}");
+    let data = fresh_service_folder(&options.out)?;
+    eprintln!(
+        "filming {subjects} {} at {size}x{size}",
+        if subjects == 1 { "person" } else { "people" }
+    );
     let actors = tokio::task::spawn_blocking(move || people::film(subjects, size, seed)).await??;
     for actor in &actors {
         actor.write_capture(&capture_folder(&options.out, &actor.name))?;
     }
 
-    let data = fresh_service_folder(&options.out)?;
     let mut service = Embedded::start(EmbeddedOptions {
         data,
         listen: None,

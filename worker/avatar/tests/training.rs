@@ -76,11 +76,6 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     assert!(trainer.finished());
     trainer.save(straight.path()).expect("saves");
 
-    let mut again =
-        Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
-    assert_eq!(again.progress().step, 10);
-    run(&mut again, 10);
-    again.save(resumed.path()).expect("saves");
     let weights = |dir: &tempfile::TempDir| {
         let bytes = std::fs::read(dir.path().join(files::WEIGHTS)).expect("written");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
@@ -88,7 +83,15 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
             .map(|(name, tensor)| (name.to_string(), tensor.data().to_vec()))
             .collect::<BTreeMap<_, _>>()
     };
-    let (before, uninterrupted, again) = (weights(&first), weights(&straight), weights(&resumed));
+    let mut again =
+        Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
+    // A checkpoint's folder may be a temporary one.
+    let before = weights(&first);
+    drop(first);
+    assert_eq!(again.progress().step, 10);
+    run(&mut again, 10);
+    again.save(resumed.path()).expect("saves");
+    let (uninterrupted, again) = (weights(&straight), weights(&resumed));
     for (name, bytes) in &uninterrupted {
         assert!(again[name] == *bytes, "{name} differs");
     }
@@ -215,6 +218,32 @@ fn what_is_rendered_is_the_identity_that_was_asked_for() {
 }
 
 #[test]
+fn a_model_takes_in_another_person_without_losing_the_first() {
+    let device = Device::flex();
+    let dir = tempdir();
+    let mut trainer =
+        Trainer::new(config("yoto"), options(150, 0), people(1), &device).expect("starts");
+    run(&mut trainer, 150);
+    trainer.save(dir.path()).expect("saves");
+    let grown = Trainer::resume(dir.path(), options(300, 0), people(2), &device).expect("grows");
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let camera = SyntheticPerson::train_camera(SIZE);
+    let view = |slot| RenderView {
+        slot,
+        pose: person.motion(12)[3].clone(),
+        camera: camera.clone(),
+        background: [0.0; 3],
+    };
+    let before = trainer.renderer().render(&view(0)).expect("renders");
+    let after = grown.renderer().render(&view(0)).expect("renders");
+    assert_eq!(before.rgb, after.rgb, "the first person looks as before");
+    assert!(
+        grown.renderer().render(&view(1)).is_ok(),
+        "the second has a slot"
+    );
+}
+
+#[test]
 fn torn_checkpoints_and_strange_people_are_named() {
     let device = Device::flex();
     let dir = tempdir();
@@ -222,10 +251,6 @@ fn torn_checkpoints_and_strange_people_are_named() {
         Trainer::new(config("yoto"), options(4, 0), people(1), &device).expect("starts");
     run(&mut trainer, 1);
     trainer.save(dir.path()).expect("saves");
-    let two = Trainer::resume(dir.path(), options(4, 1), people(2), &device)
-        .err()
-        .expect("one slot, two people");
-    assert!(two.to_string().contains("1 slots"), "{two}");
     std::fs::write(dir.path().join(files::WEIGHTS), b"torn").expect("writes");
     let torn = Renderer::load(dir.path(), &device).err().expect("torn");
     assert!(

@@ -67,15 +67,15 @@ impl BodyView {
         let direction: [f64; 3] =
             std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * in_camera[i]).sum());
         let (mut near, mut far) = (0f64, f64::INFINITY);
-        for a in 0..3 {
+        for (a, along) in direction.into_iter().enumerate() {
             let (low, high) = (self.low[a] - self.origin[a], self.high[a] - self.origin[a]);
-            if direction[a].abs() < PARALLEL {
+            if along.abs() < PARALLEL {
                 if low > 0.0 || high < 0.0 {
                     return None;
                 }
                 continue;
             }
-            let (one, other) = (low / direction[a], high / direction[a]);
+            let (one, other) = (low / along, high / along);
             near = near.max(one.min(other));
             far = far.min(one.max(other));
         }

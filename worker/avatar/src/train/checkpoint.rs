@@ -9,7 +9,7 @@ use crate::render::Renderer;
 use crate::skeleton::Skeleton;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
-use burn::tensor::Device;
+use burn::tensor::{Bytes, Device};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use yoto_proto::manifest::files;
@@ -117,32 +117,34 @@ pub(super) fn save(
     std::fs::write(&path, json).map_err(|e| failed(&path, e))
 }
 
-/// The model of a state, with the weights in `dir`.
+/// The model of a state with the weights in `dir`, grown to `slots` identities when it has
+/// fewer.
 pub(super) fn load_avatar(
     dir: &Path,
     state: &State,
+    slots: usize,
     device: &Device,
 ) -> Result<Avatar, TrainError> {
     let path = dir.join(files::WEIGHTS);
-    let mut avatar = Avatar::new(
-        &state.config,
-        state.slots.len(),
-        state.joints,
-        state.seed,
-        device,
-    );
-    let mut store = SafetensorsStore::from_file(&path);
+    let grown = slots.max(state.slots.len());
+    let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
+    // Only identities that are new may be missing from the file.
+    let mut store = SafetensorsStore::from_file(&path).allow_partial(grown > state.slots.len());
     avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
     Ok(avatar)
 }
 
-/// The optimiser in `dir`.
+/// The optimiser in `dir`. Read into memory at once: Burn's own `load` reads when a tensor is
+/// first used, by which time a caller's folder may be gone.
 pub(super) fn load_optimiser(
     dir: &Path,
     fresh: ModuleOptimizer,
 ) -> Result<ModuleOptimizer, TrainError> {
     let path = dir.join(files::OPTIMISER);
-    fresh.load(&path).map_err(|e| failed(&path, e))
+    let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
+    fresh
+        .from_bytes(Bytes::from_bytes_vec(bytes))
+        .map_err(|e| failed(&path, e))
 }
 
 impl Renderer {
@@ -153,7 +155,7 @@ impl Renderer {
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let device = device.clone().inner();
         let state = State::read(dir)?;
-        let avatar = load_avatar(dir, &state, &device)?;
+        let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {
             skeleton
                 .clone()

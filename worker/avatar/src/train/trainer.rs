@@ -109,7 +109,8 @@ impl Trainer {
         Self::assemble(state, options, &people, course, device)
     }
 
-    /// Goes on with what [`Self::save`] wrote into `dir`. The seed is the checkpoint's.
+    /// Goes on with what [`Self::save`] wrote into `dir`. The seed is the checkpoint's. People in
+    /// slots that the checkpoint has not start with fresh codes, tables and residuals.
     ///
     /// # Errors
     /// When the files are missing or torn, or the people don't fit the model.
@@ -121,16 +122,15 @@ impl Trainer {
     ) -> Result<Self, TrainError> {
         let state = State::read(dir)?;
         let (slots, joints) = check_people(&people)?;
-        if slots > state.slots.len() || joints != state.joints {
+        if joints != state.joints {
             return Err(TrainError::People(format!(
-                "the checkpoint has {} slots and {} joints, the people need {slots} and {joints}",
-                state.slots.len(),
+                "the checkpoint's skeletons have {} joints, the people's have {joints}",
                 state.joints
             )));
         }
         let device = device.clone().inner().autodiff();
         let course = Course {
-            avatar: checkpoint::load_avatar(dir, &state, &device)?,
+            avatar: checkpoint::load_avatar(dir, &state, slots, &device)?,
             optimiser: checkpoint::load_optimiser(dir, optimiser(&state.config.optimise))?,
             rate_scale: state.rate_scale,
         };
@@ -145,6 +145,12 @@ impl Trainer {
         device: Device,
     ) -> Result<Self, TrainError> {
         let mut slots = state.slots;
+        let needed = people
+            .iter()
+            .map(|person| person.slot + 1)
+            .max()
+            .unwrap_or(0);
+        slots.resize(slots.len().max(needed), None);
         let mut trainees = Vec::with_capacity(people.len());
         for person in people {
             let trainee = Trainee::new(

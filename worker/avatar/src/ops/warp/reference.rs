@@ -45,7 +45,7 @@ pub fn warp(
             index = index + node.clamp(0.0, (d - 1) as f32).mul_scalar(stride as f32);
         }
         let index: Tensor<2, Int> = index.int();
-        let value = weights.clone().slice([0..bones]).gather(1, index);
+        let value = weights.clone().narrow(0, 0, bones).gather(1, index);
         sampled = sampled + value * share * inside;
     }
     let sum = sampled.clone().sum_dim(0);

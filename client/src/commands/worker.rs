@@ -1,0 +1,59 @@
+//! `yoto worker`: a worker in a process of its own, for a coordinator elsewhere.
+
+use super::serve::asked_to_stop;
+use anyhow::Context;
+use clap::Args;
+use tonic::transport::Endpoint;
+use yoto_worker::{Worker, WorkerConfig};
+
+const AFTER_HELP: &str = "\
+The worker pulls jobs from the service and reads and writes the object store by itself,
+so it needs the service's address and the store's URL (`yoto serve` prints both).
+
+SIGTERM or ctrl-c: a training job saves a checkpoint and goes back to the queue.
+
+Examples:
+  yoto serve --no-worker
+  yoto worker --objects file:///srv/yoto/objects/
+  yoto worker --server http://10.0.0.5:50051 --objects file:///mnt/yoto/objects/ --name gpu-1";
+
+/// Run jobs for a service that runs in another process.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct WorkerCommand {
+    #[command(flatten)]
+    server: super::Server,
+    /// Object store that the service uses.
+    #[arg(long, value_name = "URL")]
+    objects: String,
+    /// What people call this worker.
+    #[arg(long, value_name = "NAME", default_value = "worker")]
+    name: String,
+}
+
+impl WorkerCommand {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let channel = Endpoint::from_shared(self.server.server.clone())
+            .with_context(|| format!("the service's address {}", self.server.server))?
+            .connect_lazy();
+        // Opening a GPU takes a while and may block.
+        let picked = tokio::task::spawn_blocking(yoto_worker::pick)
+            .await
+            .context("finding a device")?;
+        eprintln!("computing on {}", picked.info.adapter);
+        if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+            eprintln!("{hint}");
+        }
+        let config = WorkerConfig {
+            display_name: self.name,
+            ..WorkerConfig::default()
+        };
+        let worker = Worker::new(channel, &self.objects, picked, config)?;
+        let stop = async {
+            if let Err(error) = asked_to_stop().await {
+                tracing::error!(%error, "can't listen for signals: stopping");
+            }
+        };
+        worker.run(stop).await.context("working")
+    }
+}

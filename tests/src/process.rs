@@ -1,0 +1,179 @@
+//! Real `yoto` processes, killed when the test ends, however it ends.
+
+use anyhow::{Context, bail, ensure};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+/// How long anything may take before a test calls it stuck. Generous: machines are shared,
+/// and no test measures speed.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A running process with its standard error.
+pub struct Process {
+    child: Child,
+    lines: mpsc::Receiver<String>,
+    seen: Vec<String>,
+}
+
+impl Process {
+    /// Starts `program` with `arguments`.
+    ///
+    /// # Errors
+    /// When it can't be started.
+    pub fn start(program: &str, arguments: &[&str]) -> anyhow::Result<Self> {
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .with_context(|| format!("starting {program} {arguments:?}"))?;
+        let stderr = child.stderr.take().context("its standard error")?;
+        let (send, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+                // The test may have stopped listening.
+                let _ = send.send(line);
+            }
+        });
+        Ok(Self {
+            child,
+            lines,
+            seen: Vec::new(),
+        })
+    }
+
+    /// Waits for a line that holds `needle`, and returns it.
+    ///
+    /// # Errors
+    /// When the process ends or stays silent first; with all that it said.
+    pub fn line_with(&mut self, needle: &str) -> anyhow::Result<String> {
+        if let Some(line) = self.seen.iter().find(|line| line.contains(needle)) {
+            return Ok(line.clone());
+        }
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let Ok(line) = self.lines.recv_timeout(left) else {
+                bail!("no line with '{needle}' among:\n{}", self.seen.join("\n"));
+            };
+            self.seen.push(line.clone());
+            if line.contains(needle) {
+                return Ok(line);
+            }
+        }
+    }
+
+    /// Kills it at once, as a crash or the system would (SIGKILL).
+    ///
+    /// # Errors
+    /// When it can't be.
+    pub fn kill(&mut self) -> anyhow::Result<()> {
+        self.child.kill().context("killing")?;
+        self.child.wait().context("waiting for its end")?;
+        Ok(())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself; there is nobody to tell.
+        let _ = self.kill();
+    }
+}
+
+/// Runs `program` to its end.
+///
+/// # Errors
+/// When it can't be started.
+pub fn output(program: &str, arguments: &[&str]) -> anyhow::Result<Output> {
+    Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .with_context(|| format!("running {program} {arguments:?}"))
+}
+
+/// Runs `program` and wants it to succeed; returns what it printed.
+///
+/// # Errors
+/// When it fails, with what it said.
+pub fn succeed(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
+    let output = output(program, arguments)?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    ensure!(
+        output.status.success(),
+        "{arguments:?}: {}\n{said}",
+        output.status
+    );
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// Runs `program` and wants it to fail; returns what it complained.
+///
+/// # Errors
+/// When it succeeds.
+pub fn fail(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
+    let output = output(program, arguments)?;
+    ensure!(!output.status.success(), "{arguments:?} succeeded");
+    Ok(String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// A coordinator on a free port, without a worker of its own unless asked for.
+pub struct Service {
+    /// The process.
+    pub process: Process,
+    /// `http://127.0.0.1:…`.
+    pub address: String,
+    /// `file:///…`.
+    pub objects: String,
+}
+
+impl Service {
+    /// Starts `yoto serve` on `data`.
+    ///
+    /// # Errors
+    /// When it does not come up.
+    pub fn start(yoto: &str, data: &Path, with_worker: bool) -> anyhow::Result<Self> {
+        let data = data.to_str().context("a plain path")?;
+        let mut arguments = vec!["serve", "--data", data, "--listen", "127.0.0.1:0"];
+        if !with_worker {
+            arguments.push("--no-worker");
+        }
+        let mut process = Process::start(yoto, &arguments)?;
+        let after = |line: String, word: &str| {
+            let rest = line.split_once(word).map(|(_, rest)| rest.to_owned());
+            rest.and_then(|rest| rest.split_whitespace().next().map(str::to_owned))
+                .context("its address")
+        };
+        let address = after(process.line_with("serves http://")?, "serves ")?;
+        let objects = after(process.line_with("objects at ")?, "objects at ")?;
+        Ok(Self {
+            process,
+            address,
+            objects,
+        })
+    }
+
+    /// Starts a worker process for it.
+    ///
+    /// # Errors
+    /// When it can't be started.
+    pub fn worker(&self, yoto: &str, name: &str) -> anyhow::Result<Process> {
+        Process::start(
+            yoto,
+            &[
+                "worker",
+                "--server",
+                &self.address,
+                "--objects",
+                &self.objects,
+                "--name",
+                name,
+            ],
+        )
+    }
+}
