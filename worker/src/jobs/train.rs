@@ -79,12 +79,16 @@ fn start<'a>(
             Trainer::resume(found.folder.path(), options, people, device)
         }
         None => {
+            // Starting over would put a stranger in the place of what users trained.
             if !inputs.checkpoints.is_empty() {
-                tracing::error!(
-                    job = context.job,
-                    model = plan.model.name,
-                    "every checkpoint is torn: training starts over"
-                );
+                return Err(JobFailure::Failed {
+                    code: "CHECKPOINTS_TORN",
+                    message: format!(
+                        "none of the {} newest checkpoints of {} is whole",
+                        inputs.checkpoints.len(),
+                        plan.model.name
+                    ),
+                });
             }
             let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
                 .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;

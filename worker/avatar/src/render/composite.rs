@@ -43,7 +43,8 @@ pub fn composite(
         alpha.clone(),
         IndexingUpdateOp::Add,
     );
-    let clear = (grid.reshape([rays, per_ray]).neg() + (1.0 + OPAQUE)).log();
+    // In two sums: 1 + 1e-10 is 1 in f32, and the logarithm of an opaque sample would be −∞.
+    let clear = (grid.reshape([rays, per_ray]).neg() + 1.0 + OPAQUE).log();
     // Exclusive: a sample is dimmed by those before it.
     let before = clear.clone().cumsum(1) - clear;
     let weight = before.reshape([rays * per_ray]).select(0, places).exp() * alpha;
@@ -65,5 +66,41 @@ pub fn composite(
         rgb: colour,
         alpha: sum(weight.clone()),
         depth: sum(weight * floats(&samples.depths)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+
+    #[test]
+    fn opaque_samples_hide_what_is_behind_and_keep_gradients_finite() {
+        let device = Device::flex().autodiff();
+        let samples = Samples {
+            rays: 1,
+            per_ray: 3,
+            points: vec![0.0; 9],
+            steps: vec![1.0; 3],
+            depths: vec![1.0, 2.0, 3.0],
+            places: vec![0, 1, 2],
+        };
+        let density = Tensor::<1>::from_floats([0.0, 1e10, 1e10], &device).require_grad();
+        let rgb =
+            Tensor::<2>::from_floats([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], &device);
+        let seen = composite(&samples, rgb, density.clone(), Tensor::ones([3], &device));
+        let colour: Vec<f32> = seen.rgb.clone().try_into_vec_as().expect("f32");
+        assert_eq!(colour, [0.0, 1.0, 0.0]);
+        let grads = (seen.rgb.sum() + seen.depth.sum()).backward();
+        let gradient: Vec<f32> = density
+            .grad(&grads)
+            .expect("tracked")
+            .try_into_vec_as()
+            .expect("f32");
+        assert!(gradient.iter().all(|g| g.is_finite()), "{gradient:?}");
+        assert!(
+            gradient[0].abs() > 0.1,
+            "the clear sample feels what it would hide"
+        );
     }
 }
