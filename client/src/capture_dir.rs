@@ -3,6 +3,11 @@
 //! The pose track is read and checked, and every image it names is looked for, before a
 //! byte is sent: a wrong unit should cost its author a second, not an upload.
 //!
+//! `yoto_avatar::capture::CaptureFolder` reads the same folders, and decodes them; it comes
+//! with the whole model. A client without the feature `embedded` only uploads and is built
+//! without a tensor library, so this small reader stands beside it. A test holds the two to
+//! the same files.
+//!
 //! ```text
 //! DIR/poses.json
 //! DIR/frames/000000.png …   or DIR/train/frames/…   (8-bit colour over black)
@@ -14,7 +19,7 @@ use std::path::Path;
 use yoto_proto::pose_track::{FILE, PoseTrack, violation};
 
 /// Where a capture's images may stand, below its folder.
-const IMAGE_FOLDERS: [&str; 2] = ["", "train"];
+const IMAGE_FOLDERS: [&str; 2] = ["train", ""];
 /// Missing files named at most; a wrong folder misses all of them.
 const MAX_MISSING: usize = 20;
 
@@ -148,6 +153,33 @@ mod tests {
                 .expect("exists")
                 .len();
             assert_eq!(capture.bytes, json + 4 * 5);
+        }
+    }
+
+    #[cfg(feature = "embedded")]
+    #[test]
+    fn the_model_reads_the_same_files() {
+        use std::collections::BTreeSet;
+        use yoto_avatar::capture::CaptureFolder;
+        let dir = tempfile::tempdir().expect("temporary folder");
+        // A folder with both layouts, as one that was unpacked over another.
+        for below in ["", "train"] {
+            write_capture(dir.path(), below, |_| {});
+            let capture = CaptureDir::open(dir.path()).expect("a good capture");
+            let ours: BTreeSet<_> = capture
+                .files
+                .into_iter()
+                .map(|file| {
+                    let disk = match file.source {
+                        FileSource::Disk(path) => path,
+                        FileSource::Memory(_) => dir.path().join(FILE),
+                    };
+                    (file.path, disk)
+                })
+                .collect();
+            let folder = CaptureFolder::open(dir.path()).expect("a good capture");
+            let theirs = folder.files().into_iter().map(|it| (it.relative, it.path));
+            assert_eq!(ours, theirs.collect(), "after {below:?}");
         }
     }
 

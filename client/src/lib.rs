@@ -19,6 +19,8 @@ pub mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
+mod npz;
+#[cfg(feature = "embedded")]
 pub mod pictures;
 #[cfg(feature = "embedded")]
 pub mod quality;

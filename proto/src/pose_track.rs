@@ -15,6 +15,8 @@ pub const MAX_FRAMES: usize = 100_000;
 pub const MAX_JOINTS: usize = 256;
 /// Longest image side, pixels.
 pub const MAX_SIDE: u32 = 8192;
+/// Pixels of all frames together, at most: what they decode to must fit somewhere.
+pub const MAX_PIXELS: u64 = 1 << 34;
 /// Farthest a person or camera may stand from the origin, metres. Farther is a unit error.
 pub const MAX_METRES: f64 = 1e4;
 /// Most violations reported of one capture; a wrong unit repeats in every frame.
@@ -198,6 +200,15 @@ impl PoseTrack {
             );
             return report.0;
         }
+        let pixels = self.frames.len() as u64 * u64::from(width) * u64::from(height);
+        if pixels > MAX_PIXELS {
+            report.add(
+                "OUT_OF_RANGE",
+                None,
+                "image_size",
+                format!("{pixels} pixels in all frames: at most {MAX_PIXELS} are allowed"),
+            );
+        }
         let mut seen = std::collections::HashSet::new();
         for frame in &self.frames {
             if !seen.insert(frame.index) {
@@ -368,6 +379,18 @@ mod tests {
             ),
             (|t| t.skeleton.names.clear(), "poses.json: skeleton.names"),
             (|t| t.image_size = [0, 9], "poses.json: image_size"),
+            (
+                |t| {
+                    t.image_size = [8192, 8192];
+                    t.frames = (0..300)
+                        .map(|index| Frame {
+                            index,
+                            ..t.frames[0].clone()
+                        })
+                        .collect();
+                },
+                "poses.json: image_size: 20132659200 pixels",
+            ),
             (|t| t.fps = f64::INFINITY, "poses.json: fps"),
             (|t| t.frames.clear(), "poses.json: frames: 0"),
         ];

@@ -31,7 +31,10 @@ pub const VARIANTS: &[(&str, &str)] = &[
         "no-pose-condition",
         "the identity code alone in place of the pose-conditioned code",
     ),
-    ("no-identity", "one code shared by everybody"),
+    (
+        "no-identity",
+        "one code, table and set of motion weights shared by everybody",
+    ),
     ("humannerf", "one subject a model, no codes"),
 ];
 

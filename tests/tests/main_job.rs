@@ -72,6 +72,7 @@ fn the_demo_leaves_pictures_and_figures() -> anyhow::Result<()> {
             .as_str()
             .is_some_and(|device| !device.is_empty())
     );
+    assert_eq!(report["objective"].as_str(), Some("mse+ssim"));
     for picture in ["contact-sheet.png", "motion-transfer.png"] {
         image::open(out.join(picture)).with_context(|| picture.to_owned())?;
     }
@@ -127,10 +128,7 @@ fn quality_measures_views_and_poses_along_the_way() -> anyhow::Result<()> {
             .iter()
             .map(|point| number(point, "/seconds"))
             .collect();
-        assert!(
-            seconds.is_sorted() && seconds.last().is_some_and(|last| *last < 5.0),
-            "{seconds:?}"
-        );
+        assert!(seconds.is_sorted() && seconds[0] > 0.0, "{seconds:?}");
         assert!(number(&curve[curve.len() - 1], "/step") > number(&curve[0], "/step"));
         assert!(number(&report["subjects"][0], &format!("/{split}/psnr")) > 5.0);
     }

@@ -8,7 +8,9 @@ use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_client::api::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{HeartbeatRequest, Job, PublishCheckpointRequest, TrainSpec, job_result};
+use yoto_proto::v1::{
+    CompleteJobRequest, HeartbeatRequest, Job, PublishCheckpointRequest, TrainSpec, job_result,
+};
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};
 
@@ -110,20 +112,18 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         "{orphan:?}"
     );
 
-    let _second = service.worker(YOTO, "second")?;
-    let resumed = until(&client, &job, "the second worker trains", |job| {
-        let training = job
-            .progress
-            .as_ref()
-            .is_some_and(|p| p.phase == "training" && p.step > 0);
-        job.lease == 2 && training && job.progress != orphan.progress
-    })
-    .await?;
-    let step = resumed.progress.context("progress")?.step;
+    let mut second = service.worker(YOTO, "second")?;
+    let line = second.line_with("training resumes")?;
+    let step: u64 = line
+        .split_once("step=")
+        .and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok())
+        .with_context(|| format!("a step in '{line}'"))?;
     assert!(
         step >= kept,
         "went on at step {step}, a checkpoint of step {kept} was there"
     );
+    let resumed = client.get_job(&job).await?;
+    assert_eq!((resumed.lease, resumed.worker == orphan.worker), (2, false));
 
     // The dead worker comes back to life and speaks.
     let mut late = WorkerServiceClient::connect(service.address.clone()).await?;
@@ -147,6 +147,17 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         .publish_checkpoint(publish)
         .await
         .expect_err("a late checkpoint");
+    assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
+
+    let complete = CompleteJobRequest {
+        job: job.clone(),
+        token: 1,
+        result: None,
+    };
+    let refused = late
+        .complete_job(complete)
+        .await
+        .expect_err("a late result");
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
 
     let ended = until(&client, &job, "it succeeded", |job| {

@@ -14,10 +14,10 @@ use url::Url;
 use yoto_proto::{sha256_hex, v1::ObjectRef};
 
 /// Attempts at one read or write before its fault is reported.
-const ATTEMPTS: u32 = 5;
+const ATTEMPTS: u32 = 8;
 /// Pause after the first fault; it doubles up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
-const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 
 /// A handle on the object store; clones share it.
 #[derive(Debug, Clone)]

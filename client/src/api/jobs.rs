@@ -3,8 +3,8 @@
 use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, GetJobRequest, IngestSpec, Job, JobSpec, ListJobsRequest,
-    RenderSpec, TrainSpec, job, job_spec,
+    CancelJobRequest, CreateJobRequest, EvaluateSpec, GetJobRequest, IngestSpec, Job, JobSpec,
+    ListJobsRequest, RenderSpec, TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -36,6 +36,14 @@ impl YotoClient {
     /// As [`create_job`](Self::create_job).
     pub async fn train(&self, spec: TrainSpec) -> Result<Job, ClientError> {
         self.create_job(job_spec::Kind::Train(spec)).await
+    }
+
+    /// Queues an evaluation.
+    ///
+    /// # Errors
+    /// As [`create_job`](Self::create_job); e.g. for a model without a checkpoint.
+    pub async fn evaluate(&self, spec: EvaluateSpec) -> Result<Job, ClientError> {
+        self.create_job(job_spec::Kind::Evaluate(spec)).await
     }
 
     /// The job `name` as it stands.
@@ -82,7 +90,7 @@ impl YotoClient {
     /// Asks for a job's end. A running one goes on until its worker has heard of it.
     ///
     /// # Errors
-    /// [`ClientError::Refused`], e.g. when it has ended already.
+    /// [`ClientError::Refused`], e.g. when there is no such job.
     pub async fn cancel_job(&self, name: &str) -> Result<Job, ClientError> {
         let answer = self
             .job_service()
@@ -132,5 +140,6 @@ fn kind_with_article(kind: &job_spec::Kind) -> &'static str {
         job_spec::Kind::Ingest(IngestSpec { .. }) => "an ingest",
         job_spec::Kind::Train(TrainSpec { .. }) => "a train",
         job_spec::Kind::Render(RenderSpec { .. }) => "a render",
+        job_spec::Kind::Evaluate(EvaluateSpec { .. }) => "an evaluate",
     }
 }

@@ -20,6 +20,7 @@ pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};
 pub use watch::JobWatch;
 
+use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
 
 /// Where `yoto serve` listens unless told otherwise.
@@ -44,8 +45,11 @@ impl YotoClient {
             server: server.to_owned(),
             source,
         };
-        let endpoint = Endpoint::from_shared(server.to_owned()).map_err(connect_error)?;
-        let channel = endpoint.connect().await.map_err(connect_error)?;
+        let channel = endpoint(server)
+            .map_err(connect_error)?
+            .connect()
+            .await
+            .map_err(connect_error)?;
         Ok(Self::new(channel))
     }
 
@@ -54,6 +58,19 @@ impl YotoClient {
     pub fn new(channel: Channel) -> Self {
         Self { channel }
     }
+}
+
+/// The connection to `server`, with keep-alives: a peer that vanished without a word (a sleeping
+/// laptop, a dropped NAT entry) is noticed, and watches can connect anew.
+///
+/// # Errors
+/// When `server` is no URL.
+pub fn endpoint(server: &str) -> Result<Endpoint, tonic::transport::Error> {
+    Ok(Endpoint::from_shared(server.to_owned())?
+        .connect_timeout(Duration::from_secs(10))
+        .http2_keep_alive_interval(Duration::from_secs(20))
+        .keep_alive_timeout(Duration::from_secs(10))
+        .keep_alive_while_idle(true))
 }
 
 /// Makes a repeated delivery of a create request harmless.

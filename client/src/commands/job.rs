@@ -1,6 +1,6 @@
 //! `yoto job`: what the service is doing, and stopping it.
 
-use super::{Server, table, train};
+use super::{Server, evaluate, table, train};
 use crate::progress::{ProgressDisplay, describe};
 use clap::{Args, Subcommand};
 use yoto_proto::v1::{Job, job, job_result, job_spec};
@@ -109,6 +109,7 @@ fn outcome(job: &Job) -> String {
                 it.device
             )
         }
+        Some(job_result::Kind::Evaluate(it)) => evaluate::summary(it),
         None => job.state().as_str_name().to_owned(),
     }
 }
@@ -143,6 +144,7 @@ fn about(job: &Job) -> (&'static str, String) {
         Some(job_spec::Kind::Render(spec)) => {
             ("render", format!("{} by {}", spec.subject, spec.model))
         }
+        Some(job_spec::Kind::Evaluate(spec)) => ("evaluate", spec.model.clone()),
         None => ("unknown", String::new()),
     }
 }

@@ -4,14 +4,26 @@
 //! status non-zero.
 
 #[cfg(feature = "embedded")]
+mod ablation;
+#[cfg(feature = "embedded")]
 mod demo;
+mod evaluate;
 mod job;
 mod logs;
 mod model;
 #[cfg(feature = "embedded")]
+mod model_import;
+#[cfg(feature = "embedded")]
+mod model_info;
+#[cfg(feature = "embedded")]
+mod paper_table;
+#[cfg(feature = "embedded")]
 mod quality;
 mod render;
+#[cfg(feature = "embedded")]
+mod render_frame;
 mod render_what;
+mod scores;
 #[cfg(feature = "embedded")]
 mod serve;
 mod subject;
@@ -60,7 +72,12 @@ enum Command {
     Job(job::JobCommand),
     Render(render::Render),
     #[cfg(feature = "embedded")]
+    RenderFrame(render_frame::RenderFrame),
+    Evaluate(evaluate::Evaluate),
+    #[cfg(feature = "embedded")]
     Quality(quality::Quality),
+    #[cfg(feature = "embedded")]
+    Ablation(ablation::AblationCommand),
 }
 
 /// Which service a client command talks to.
@@ -105,7 +122,12 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
+        Command::RenderFrame(command) => command.run(),
+        Command::Evaluate(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
         Command::Quality(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::Ablation(command) => command.run(),
     };
     // A computation that outlives its job must not keep the process from ending.
     runtime.shutdown_background();
@@ -162,6 +184,14 @@ mod tests {
             "yoto worker --objects file:///d/objects/ --name w",
             "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
             "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
+            "yoto model info checkpoints/5",
+            "yoto model import-humannerf c.tar --canonical-joints j.pkl --out m",
+            "yoto render-frame --model m --capture a --camera cam00 --frame 3 --numerics reference --out f.npz",
+            "yoto evaluate --model-dir d --capture a --capture b --protocol zju-step30 --table",
+            "yoto evaluate --model-dir d --capture a --size 64 --pictures 6",
+            "yoto evaluate duo --table",
+            "yoto ablation --capture a b --seconds 60 --out o",
+            "yoto ablation --capture a --capture b --steps 50 --tier draft --seed 3 --pictures 4 --out o",
         ];
         let over_the_api = [
             "yoto subject add ada --capture c --consent signed --no-wait",
@@ -173,6 +203,8 @@ mod tests {
             "yoto job list",
             "yoto job watch jobs/1",
             "yoto job cancel 1",
+            "yoto evaluate duo",
+            "yoto evaluate duo --subjects ada,bob --protocol held-out --size 128",
             "yoto render duo --subject ada --orbit 3 --views 12 --out o --animate",
             "yoto render duo --subject ada --motion bob --frames 0..60:2 --out o",
             "yoto render duo --subject ada --view-list v.json --size 256 --out o",
@@ -198,6 +230,15 @@ mod tests {
             "yoto render duo --subject ada --orbit 3 --frames 0..9 --out o",
             "yoto demo --subjects 0",
             "yoto quality --out r.json",
+            "yoto evaluate",
+            "yoto evaluate duo --protocol best",
+            "yoto evaluate duo --size 8",
+            "yoto evaluate duo --model-dir d --capture a",
+            "yoto evaluate duo --capture a",
+            "yoto evaluate --model-dir d",
+            "yoto evaluate --model-dir d --capture a --subjects ada",
+            "yoto ablation --out o",
+            "yoto ablation --capture a --out o --seconds 5 --steps 5",
         ] {
             assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
         }

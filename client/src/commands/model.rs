@@ -4,7 +4,7 @@ use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
 use clap::{Args, Subcommand};
 use yoto_proto::tiers;
-use yoto_proto::v1::Model;
+use yoto_proto::v1::{Model, subject};
 
 const CREATE_HELP: &str = "\
 Examples:
@@ -33,6 +33,14 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Print a model's parts with their parameters and bytes.
+    #[cfg(feature = "embedded")]
+    #[command(after_help = super::model_info::AFTER_HELP)]
+    Info(super::model_info::Info),
+    /// Make a model of a checkpoint of the released HumanNeRF program.
+    #[cfg(feature = "embedded")]
+    #[command(name = "import-humannerf", after_help = super::model_import::AFTER_HELP)]
+    ImportHumanNerf(super::model_import::ImportHumanNerf),
 }
 
 #[derive(Debug, Args)]
@@ -84,6 +92,10 @@ impl ModelCommand {
                 Ok(())
             }
             Action::List { server } => list(&server.connect().await?).await,
+            #[cfg(feature = "embedded")]
+            Action::Info(info) => info.run().await,
+            #[cfg(feature = "embedded")]
+            Action::ImportHumanNerf(import) => import.run(),
         }
     }
 }
@@ -108,7 +120,14 @@ pub(super) async fn create_with(
     }
     let mut people = Vec::new();
     for subject in subjects {
-        people.push(client.find_subject(subject).await?);
+        let person = client.find_subject(subject).await?;
+        if person.state() != subject::State::Ready {
+            return Err(ClientError::Name(format!(
+                "{subject} is {}: only a person whose capture is READY can be trained",
+                person.state().as_str_name()
+            )));
+        }
+        people.push(person);
     }
     let model = client
         .create_model(name, &shape.tier, &shape.variant)

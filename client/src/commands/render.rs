@@ -108,17 +108,14 @@ impl Render {
         }
         if let Some(driver) = &self.motion {
             let driver = client.find_subject(driver).await?;
-            let range = match self.frames {
-                Some(range) => range,
-                None => whole_capture(client, &driver.captures, &driver.display_name).await?,
-            };
-            return Ok(render_spec::What::Motion(MotionTransfer {
+            let transfer = MotionTransfer {
                 driver: driver.name,
-                first_frame: range.first,
-                frame_count: range.count(),
-                frame_step: range.step,
+                first_frame: self.frames.map(|range| range.first),
+                frame_count: self.frames.map_or(0, |range| range.count()),
+                frame_step: self.frames.map_or(1, |range| range.step),
                 size: self.size,
-            }));
+            };
+            return Ok(render_spec::What::Motion(transfer));
         }
         let path = self
             .view_list
@@ -126,22 +123,4 @@ impl Render {
             .context("nothing to render: give --orbit, --motion or --view-list")?;
         Ok(render_spec::What::Views(read_views(path)?))
     }
-}
-
-/// All frames of a person's newest capture.
-async fn whole_capture(
-    client: &YotoClient,
-    captures: &[String],
-    person: &str,
-) -> anyhow::Result<FrameRange> {
-    let newest = captures
-        .last()
-        .with_context(|| format!("{person} has no capture to take a motion from"))?;
-    let frames = client.get_capture(newest).await?.frames;
-    anyhow::ensure!(frames > 0, "the capture of {person} is not ingested yet");
-    Ok(FrameRange {
-        first: 0,
-        end: frames,
-        step: 1,
-    })
 }

@@ -1,12 +1,13 @@
 //! `yoto subject`: people and the captures of them.
 
 use super::{Server, table};
+use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
-use yoto_proto::v1::{job_result, subject};
+use yoto_proto::v1::{Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
 Layout of the capture folder:
@@ -69,10 +70,29 @@ impl SubjectCommand {
 }
 
 impl Add {
+    /// A new subject, or the one of this name that an earlier upload left without a good capture.
+    async fn subject(&self, client: &YotoClient) -> anyhow::Result<Subject> {
+        let known = client.list_subjects().await?;
+        match known.into_iter().find(|s| s.display_name == self.name) {
+            None => Ok(client.create_subject(&self.name, &self.consent).await?),
+            Some(subject) => {
+                let state = subject.state();
+                anyhow::ensure!(
+                    matches!(state, subject::State::Uploading | subject::State::Rejected),
+                    "there is a person called '{}' already ({}, {})",
+                    self.name,
+                    subject.name,
+                    state.as_str_name()
+                );
+                Ok(subject)
+            }
+        }
+    }
+
     async fn run(self) -> anyhow::Result<()> {
         let capture = CaptureDir::open(&self.capture)?;
         let client = self.server.connect().await?;
-        let subject = client.create_subject(&self.name, &self.consent).await?;
+        let subject = self.subject(&client).await?;
 
         let mut display = ProgressDisplay::new(self.name.clone());
         let (mut sent, total) = (0, capture.bytes);

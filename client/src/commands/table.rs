@@ -1,6 +1,6 @@
 //! Plain tables on stdout, and the arguments several commands share.
 
-use yoto_proto::tiers;
+use yoto_proto::{protocols, tiers};
 
 /// Rows of equal length as aligned columns under a header.
 pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -38,6 +38,11 @@ pub(super) fn tier(text: &str) -> Result<String, String> {
 /// Parses a variant's name.
 pub(super) fn variant(text: &str) -> Result<String, String> {
     named(text, tiers::VARIANTS)
+}
+
+/// Parses an evaluation protocol's name.
+pub(super) fn protocol(text: &str) -> Result<String, String> {
+    named(text, protocols::PROTOCOLS)
 }
 
 fn named(text: &str, table: &[(&str, &str)]) -> Result<String, String> {

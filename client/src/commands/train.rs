@@ -37,7 +37,7 @@ pub(super) struct Train {
     /// Budget in steps, in place of seconds.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Seed of everything random.
+    /// Seed of everything random; a model that was trained before keeps its own.
     #[arg(long, default_value_t = 7)]
     seed: u64,
     /// Longest side images are trained at, pixels; 0 keeps the captures' own.

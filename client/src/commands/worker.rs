@@ -1,9 +1,9 @@
 //! `yoto worker`: a worker in a process of its own, for a coordinator elsewhere.
 
 use super::serve::asked_to_stop;
+use crate::api::endpoint;
 use anyhow::Context;
 use clap::Args;
-use tonic::transport::Endpoint;
 use yoto_worker::{Worker, WorkerConfig};
 
 const AFTER_HELP: &str = "\
@@ -33,7 +33,7 @@ pub(super) struct WorkerCommand {
 
 impl WorkerCommand {
     pub(super) async fn run(self) -> anyhow::Result<()> {
-        let channel = Endpoint::from_shared(self.server.server.clone())
+        let channel = endpoint(&self.server.server)
             .with_context(|| format!("the service's address {}", self.server.server))?
             .connect_lazy();
         // Opening a GPU takes a while and may block.

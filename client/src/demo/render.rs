@@ -117,7 +117,7 @@ impl Studio<'_> {
     ) -> anyhow::Result<Vec<RgbImage>> {
         let what = render_spec::What::Motion(MotionTransfer {
             driver: moves.name.clone(),
-            first_frame: 0,
+            first_frame: None,
             frame_count: MOTION_FRAMES,
             frame_step: MOTION_STEP,
             size: self.size,

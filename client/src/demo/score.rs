@@ -2,9 +2,10 @@
 
 use super::people::{Actor, HeldOut};
 use super::render::HeldOutRenders;
-use crate::pictures;
-use crate::report::{Mean, Report, Score, Settings, SplitScores, SubjectScore, compare};
+use crate::report::{Report, Score, Settings, SplitScores, SubjectScore};
+use anyhow::Context;
 use image::RgbImage;
+use yoto_avatar::evaluate::{Mean, compare};
 use yoto_proto::v1::TrainResult;
 
 /// Each actor's figures.
@@ -30,9 +31,10 @@ pub(super) fn subjects(
 fn split(name: &str, views: &[HeldOut], renders: &[RgbImage]) -> anyhow::Result<Score> {
     let mut mean = Mean::default();
     for (index, (view, render)) in views.iter().zip(renders).enumerate() {
-        let what = format!("view {index} of {name}");
-        let truth = pictures::rgb(&what, view.truth.width, view.truth.height, &view.truth.rgb)?;
-        mean.add(&compare(&what, &truth, &view.truth.mask, render)?);
+        let size = (render.width() as usize, render.height() as usize);
+        let score = compare(&view.truth, render.as_raw(), size)
+            .with_context(|| format!("view {index} of {name}"))?;
+        mean.add(&score);
     }
     Ok(mean.score())
 }
@@ -54,6 +56,7 @@ pub(super) fn report(
         parameters: trained.parameters,
         checkpoint_bytes: trained.checkpoint_bytes,
         device: trained.device,
+        objective: trained.objective,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
         curve: None,

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::camera::{Camera, Pose};
 use yoto_avatar::capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
-
-/// Pictures of each capture and split that a point of the curve is measured on. All of
-/// them would take longer than the training between two points.
-pub(super) const SUBSET: usize = 6;
+use yoto_avatar::evaluate::Protocol;
+use yoto_avatar::evaluate::protocol::Pictures;
+use yoto_avatar::train::Person;
 
 /// The two kinds of pictures that training never sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +19,22 @@ pub(super) enum Split {
 }
 
 impl Split {
+    /// The splits that a protocol measures.
+    pub(super) fn of(protocol: &Protocol) -> &'static [Self] {
+        match protocol.pictures {
+            Pictures::Views => &[Self::NovelView],
+            Pictures::ViewsAndPoses => &[Self::NovelView, Self::NovelPose],
+        }
+    }
+
+    /// What to call it.
+    pub(super) fn title(self) -> &'static str {
+        match self {
+            Self::NovelView => "held-out views",
+            Self::NovelPose => "held-out poses",
+        }
+    }
+
     /// The folder of its pictures.
     pub(super) fn folder(self) -> &'static str {
         match self {
@@ -48,13 +63,18 @@ pub(super) struct View {
     pub truth: FrameImage,
 }
 
-/// Reads the captures in `folders`, held-out pictures brought down to `size` pixels.
-pub(super) fn read_all(folders: &[PathBuf], size: u32) -> anyhow::Result<Vec<Recording>> {
+/// Reads the captures in `folders`, with the held-out pictures that `protocol` takes brought
+/// down to its size, or to `size` pixels where it has none.
+pub(super) fn read_all(
+    folders: &[PathBuf],
+    size: u32,
+    protocol: &Protocol,
+) -> anyhow::Result<Vec<Recording>> {
     let mut recordings: Vec<Recording> = Vec::new();
     for folder in folders {
         eprintln!("reading {}", folder.display());
-        let recording =
-            read(folder, size).with_context(|| format!("the capture {}", folder.display()))?;
+        let recording = read(folder, protocol.size(size), protocol)
+            .with_context(|| format!("the capture {}", folder.display()))?;
         ensure!(
             recordings.iter().all(|other| other.name != recording.name),
             "two captures are called {}; figures of people of one name can't be told apart",
@@ -65,7 +85,7 @@ pub(super) fn read_all(folders: &[PathBuf], size: u32) -> anyhow::Result<Vec<Rec
     Ok(recordings)
 }
 
-fn read(path: &Path, size: u32) -> anyhow::Result<Recording> {
+fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording> {
     let folder = CaptureFolder::open(path)?;
     let view = |held_out: &HeldOutView| -> anyhow::Result<View> {
         Ok(View {
@@ -76,24 +96,27 @@ fn read(path: &Path, size: u32) -> anyhow::Result<Recording> {
         })
     };
     let views = |held_out: &[HeldOutView]| {
-        held_out
-            .iter()
-            .map(view)
-            .collect::<anyhow::Result<Vec<View>>>()
+        let taken = held_out.iter().filter(|view| protocol.takes(view.frame));
+        taken.map(view).collect::<anyhow::Result<Vec<View>>>()
     };
     let recording = Recording {
         name: name_of(path)?,
         shard: Arc::new(folder.shard()?),
         novel_view: views(folder.held_out_views())?,
-        novel_pose: views(folder.held_out_poses())?,
+        novel_pose: match protocol.pictures {
+            Pictures::Views => Vec::new(),
+            Pictures::ViewsAndPoses => views(folder.held_out_poses())?,
+        },
     };
-    for (split, views) in [
-        ("eval", &recording.novel_view),
-        ("eval_pose", &recording.novel_pose),
-    ] {
+    for split in Split::of(protocol) {
+        let field = match split {
+            Split::NovelView => "eval",
+            Split::NovelPose => "eval_pose",
+        };
         ensure!(
-            !views.is_empty(),
-            "poses.json: {split}: it names no held-out picture to measure on"
+            !recording.split(*split).is_empty(),
+            "poses.json: {field}: it names no held-out picture to measure on by {}",
+            protocol.name
         );
     }
     Ok(recording)
@@ -115,17 +138,26 @@ impl Recording {
         }
     }
 
-    /// The pictures that points of the curve are measured on, the same at every point.
-    pub(super) fn subset(&self, split: Split) -> impl Iterator<Item = &View> {
+    /// At most `wanted` pictures of a split, always the same.
+    pub(super) fn subset(&self, split: Split, wanted: usize) -> impl Iterator<Item = &View> {
         let views = self.split(split);
-        subset_of(views.len()).filter_map(|index| views.get(index))
+        subset_of(views.len(), wanted).filter_map(|index| views.get(index))
+    }
+
+    /// This person in `slot` of a model to be trained.
+    pub(super) fn person(&self, slot: usize) -> Person {
+        Person {
+            slot,
+            name: self.name.clone(),
+            shard: Arc::clone(&self.shard),
+        }
     }
 }
 
-/// [`SUBSET`] of `count` indices, apart enough for all cameras to be among them, and
+/// `wanted` of `count` indices, apart enough for all cameras to be among them, and
 /// shifted each time so that not every camera shows its first frame.
-fn subset_of(count: usize) -> impl Iterator<Item = usize> {
-    let chosen = SUBSET.min(count);
+fn subset_of(count: usize, wanted: usize) -> impl Iterator<Item = usize> {
+    let chosen = wanted.min(count);
     let stride = count / chosen.max(1);
     (0..chosen).map(move |index| index * stride + index * stride / chosen.max(1))
 }
@@ -137,7 +169,7 @@ mod tests {
     #[test]
     fn the_subset_takes_every_camera_at_another_frame() {
         // Six cameras of twenty frames, one camera after the other.
-        let chosen: Vec<(usize, usize)> = subset_of(120)
+        let chosen: Vec<(usize, usize)> = subset_of(120, 6)
             .map(|index| (index / 20, index % 20))
             .collect();
         assert_eq!(chosen, [(0, 0), (1, 3), (2, 6), (3, 10), (4, 13), (5, 16)]);
@@ -145,17 +177,17 @@ mod tests {
 
     #[test]
     fn small_splits_are_taken_whole() {
-        for count in 0..=SUBSET {
+        for count in 0..=6 {
             assert_eq!(
-                subset_of(count).collect::<Vec<_>>(),
+                subset_of(count, 6).collect::<Vec<_>>(),
                 (0..count).collect::<Vec<_>>()
             );
         }
         for count in 0..500 {
-            let chosen: std::collections::BTreeSet<usize> = subset_of(count).collect();
+            let chosen: std::collections::BTreeSet<usize> = subset_of(count, 6).collect();
             assert_eq!(
                 chosen.len(),
-                SUBSET.min(count),
+                6.min(count),
                 "{count}: no picture counts twice"
             );
             assert!(chosen.iter().all(|&index| index < count));

@@ -4,22 +4,28 @@
 //! This is the yardstick of the model's quality, so it is kept plain: the same captures,
 //! size, seconds and seed give comparable figures from one version to the next.
 
+pub mod ablation;
 mod captures;
-mod evaluate;
+mod measure;
+pub mod model_dir;
 
 use crate::progress::ProgressDisplay;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use anyhow::{Context, ensure};
 use captures::{Recording, Split};
-use evaluate::Examiner;
 use std::path::PathBuf;
-use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::train::{Budget, Person, TrainOptions, TrainProgress, Trainer};
+use yoto_avatar::evaluate::{Examiner, LpipsMetric, Protocol};
+use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
+use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::v1::Progress;
+use yoto_worker::PickedDevice;
 
 /// Measurements over the budget.
 const CURVE_POINTS: f64 = 10.0;
+/// Pictures of each capture and split that a point of the curve is measured on. All of
+/// them would take longer than the training between two points.
+const CURVE_PICTURES: usize = 6;
 
 /// What to train on, and how.
 #[derive(Debug, Clone)]
@@ -47,36 +53,53 @@ pub struct QualityOptions {
 /// variant that nobody knows, training that diverges.
 pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
     let config = ModelConfig::named(&options.tier, &options.variant)?;
-    let recordings = captures::read_all(&options.captures, options.size)?;
+    let protocol = Protocol::named(HELD_OUT)?;
+    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
+    let picked = pick_device();
+    let people = recordings.iter().enumerate();
+    let people = people.map(|(slot, recording)| recording.person(slot));
+    let budget = Budget::Seconds(options.seconds);
+    let train_options = train_options(budget, options.size, options.seed);
+    let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
+    let curve = train(&mut trainer, &recordings, protocol)?;
+    finish(options, &trainer, &recordings, protocol, curve, &picked)
+}
+
+/// What to compute on, told to whoever watches.
+fn pick_device() -> PickedDevice {
     let picked = yoto_worker::pick();
     eprintln!("computing on {}", picked.info.adapter);
     if let Some(hint) = yoto_worker::hint_without_gpu_support() {
         eprintln!("{hint}");
     }
-    let person = |(slot, recording): (usize, &Recording)| Person {
-        slot,
-        name: recording.name.clone(),
-        shard: Arc::clone(&recording.shard),
-    };
-    let people = recordings.iter().enumerate().map(person).collect();
-    let train_options = TrainOptions {
-        budget: Budget::Seconds(options.seconds),
+    picked
+}
+
+/// The networks of LPIPS, where the environment names their weights.
+fn lpips(picked: &PickedDevice) -> anyhow::Result<Option<LpipsMetric>> {
+    LpipsMetric::from_environment(&picked.device).context("loading the weights of LPIPS")
+}
+
+/// Held-out views and poses stand beside the training frames, so all of these train.
+fn train_options(budget: Budget, image_size: u32, seed: u64) -> TrainOptions {
+    TrainOptions {
+        budget,
         used_seconds: 0.0,
         used_steps: 0,
-        seed: options.seed,
-        image_size: options.size,
-        // Held-out views and poses stand beside the training frames, so all of these train.
+        seed,
+        image_size,
         holdout_every: 0,
-    };
-    let mut trainer = Trainer::new(config, train_options, people, &picked.device)?;
-    let curve = train(&mut trainer, &recordings)?;
-    finish(options, &trainer, &recordings, curve, picked.info.adapter)
+    }
 }
 
 /// Trains until the budget is used up, measuring in between.
-fn train(trainer: &mut Trainer, recordings: &[Recording]) -> anyhow::Result<Curve> {
+fn train(
+    trainer: &mut Trainer,
+    recordings: &[Recording],
+    protocol: &'static Protocol,
+) -> anyhow::Result<Curve> {
     let mut curve = Curve {
-        pictures_per_capture: captures::SUBSET,
+        pictures_per_capture: CURVE_PICTURES,
         ..Curve::default()
     };
     let mut display = ProgressDisplay::new("training");
@@ -88,9 +111,9 @@ fn train(trainer: &mut Trainer, recordings: &[Recording]) -> anyhow::Result<Curv
         display.progress(&shown(&progress, "training", psnr));
         if progress.fraction >= next_point || trainer.finished() {
             display.progress(&shown(&progress, "evaluating", psnr));
-            let examiner = Examiner::new(trainer.renderer(), recordings);
+            let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<CurvePoint> {
-                let score = examiner.subset(split)?;
+                let score = measure::subset(&examiner, recordings, split, CURVE_PICTURES)?;
                 Ok(CurvePoint {
                     seconds: progress.train_seconds,
                     step: progress.step,
@@ -114,10 +137,11 @@ fn finish(
     options: &QualityOptions,
     trainer: &Trainer,
     recordings: &[Recording],
+    protocol: &'static Protocol,
     curve: Curve,
-    device: String,
+    picked: &PickedDevice,
 ) -> anyhow::Result<Report> {
-    let examiner = Examiner::new(trainer.renderer(), recordings);
+    let examiner = Examiner::new(trainer.renderer(), protocol, lpips(picked)?);
     let mut display = ProgressDisplay::new("evaluating");
     let total: usize = recordings
         .iter()
@@ -126,16 +150,26 @@ fn finish(
     let (mut done, mut seconds, mut subjects) = (0, 0.0, Vec::new());
     for (slot, recording) in recordings.iter().enumerate() {
         let mut examine = |split| {
-            let pictures = options.pictures.as_deref();
-            examiner.all(slot, split, pictures, |spent| {
-                done += 1;
-                seconds += spent;
-                display.progress(&Progress {
-                    phase: format!("{}, picture {done} of {total}", recording.name),
-                    fraction: done as f64 / total as f64,
-                    ..Progress::default()
-                });
-            })
+            measure::person(
+                &examiner,
+                slot,
+                recording,
+                split,
+                usize::MAX,
+                |view, examined| {
+                    if let Some(folder) = &options.pictures {
+                        measure::write_pair(folder, recording, split, view, examined)?;
+                    }
+                    done += 1;
+                    seconds += examined.seconds;
+                    display.progress(&Progress {
+                        phase: format!("{}, picture {done} of {total}", recording.name),
+                        fraction: done as f64 / total as f64,
+                        ..Progress::default()
+                    });
+                    Ok(())
+                },
+            )
         };
         let (novel_view, novel_pose) = (examine(Split::NovelView)?, examine(Split::NovelPose)?);
         subjects.push(SubjectScore {
@@ -157,7 +191,8 @@ fn finish(
         steps_per_second: progress.step as f64 / progress.train_seconds.max(f64::EPSILON),
         parameters: trainer.parameters(),
         checkpoint_bytes: checkpoint_bytes(trainer)?,
-        device,
+        device: picked.info.adapter.clone(),
+        objective: progress.objective.into(),
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {
             tier: options.tier.clone(),

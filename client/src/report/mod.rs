@@ -2,9 +2,7 @@
 //!
 //! `yoto demo` and `yoto quality` write the same fields, so that one reader serves both.
 
-mod score;
-
-pub use score::{Mean, PictureScore, compare};
+pub use yoto_avatar::evaluate::Score;
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -28,6 +26,8 @@ pub struct Report {
     pub checkpoint_bytes: u64,
     /// What it ran on.
     pub device: String,
+    /// What was minimised, e.g. "lpips+mse", or the fallback without LPIPS weights.
+    pub objective: String,
     /// Seconds to render a frame at the evaluated size.
     pub render_seconds_per_frame: f64,
     /// With what it ran.
@@ -71,21 +71,6 @@ pub struct SplitScores {
     pub novel_pose: Score,
 }
 
-/// Means over the pictures of a split.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Score {
-    /// Over the whole picture, dB.
-    pub psnr: f64,
-    /// Inside the bounding box of the person's mask, dB.
-    pub psnr_mask_box: f64,
-    /// Over the whole picture, at most 1.
-    pub ssim: f64,
-    /// PSNR of an all-black picture, dB.
-    pub black_psnr: f64,
-    /// How many pictures.
-    pub pictures: usize,
-}
-
 /// Quality over training time.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Curve {
@@ -116,24 +101,8 @@ impl SplitScores {
     /// The mean over people, each counting the same.
     pub fn mean(subjects: &[SubjectScore]) -> Self {
         let mean = |split: fn(&SplitScores) -> &Score| {
-            let count = subjects.len().max(1) as f64;
-            let over = |value: fn(&Score) -> f64| {
-                subjects
-                    .iter()
-                    .map(|subject| value(split(&subject.scores)))
-                    .sum::<f64>()
-                    / count
-            };
-            Score {
-                psnr: over(|score| score.psnr),
-                psnr_mask_box: over(|score| score.psnr_mask_box),
-                ssim: over(|score| score.ssim),
-                black_psnr: over(|score| score.black_psnr),
-                pictures: subjects
-                    .iter()
-                    .map(|subject| split(&subject.scores).pictures)
-                    .sum(),
-            }
+            let scores: Vec<Score> = subjects.iter().map(|it| *split(&it.scores)).collect();
+            Score::mean(&scores)
         };
         Self {
             novel_view: mean(|scores| &scores.novel_view),
@@ -189,10 +158,11 @@ impl Report {
             lines.push(row("mean", &self.mean));
         }
         lines.push(format!(
-            "{} steps in {:.0} s ({:.1} steps/s) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s a rendered frame",
+            "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s a rendered frame",
             self.steps,
             self.train_seconds,
             self.steps_per_second,
+            self.objective,
             self.device,
             self.parameters as f64 / 1e6,
             self.checkpoint_bytes as f64 / 1e6,
@@ -211,6 +181,9 @@ mod tests {
             psnr,
             psnr_mask_box: psnr - 5.0,
             ssim: 0.9,
+            ssim_uniform: 0.91,
+            ssim_inflated: 0.93,
+            lpips: None,
             black_psnr: 18.0,
             pictures: 8,
         }
@@ -235,6 +208,7 @@ mod tests {
             parameters: 1_500_000,
             checkpoint_bytes: 18_000_000,
             device: "cpu".into(),
+            objective: "mse+ssim".into(),
             render_seconds_per_frame: 0.8,
             settings: Settings {
                 tier: "fast".into(),

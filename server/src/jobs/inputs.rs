@@ -4,8 +4,8 @@ use crate::{context::Context, error::RequestError, objects::upload, store::Store
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{
-        IngestSpec, InputFile, Inputs, JobSpec, RenderSpec, SubjectShard, TrainSpec, job_spec,
-        render_spec::What,
+        EvaluateSpec, IngestSpec, InputFile, Inputs, JobSpec, RenderSpec, SubjectShard, TrainSpec,
+        job_spec, render_spec::What,
     },
 };
 
@@ -18,6 +18,7 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
         Some(job_spec::Kind::Ingest(ingest)) => ingest_inputs(context, ingest).await,
         Some(job_spec::Kind::Train(train)) => train_inputs(context, train).await,
         Some(job_spec::Kind::Render(render)) => render_inputs(context, render).await,
+        Some(job_spec::Kind::Evaluate(evaluate)) => evaluate_inputs(context, evaluate).await,
         None => Err(unreadable("the job says no kind").into()),
     }
 }
@@ -59,6 +60,28 @@ async fn render_inputs(context: &Context, render: &RenderSpec) -> Result<Inputs,
         && motion.driver != render.subject
     {
         shards.push(shard(context, &motion.driver).await?);
+    }
+    let checkpoints = context.store.checkpoints(id, CHECKPOINTS).await?;
+    Ok(Inputs {
+        model: Some(model),
+        shards,
+        checkpoints,
+        ..Inputs::default()
+    })
+}
+
+async fn evaluate_inputs(
+    context: &Context,
+    evaluate: &EvaluateSpec,
+) -> Result<Inputs, RequestError> {
+    let id = parse(Collection::Models, &evaluate.model)?;
+    let model = context.store.model(id).await?;
+    let everybody = evaluate.subjects.is_empty();
+    let mut shards = Vec::new();
+    for slot in &model.slots {
+        if everybody || evaluate.subjects.contains(&slot.subject) {
+            shards.push(shard(context, &slot.subject).await?);
+        }
     }
     let checkpoints = context.store.checkpoints(id, CHECKPOINTS).await?;
     Ok(Inputs {

@@ -12,7 +12,7 @@ use crate::{
 };
 use yoto_proto::{
     names::Collection,
-    v1::{Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec, render_spec::What},
+    v1::{EvaluateSpec, Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec, render_spec::What},
 };
 
 /// Checks a job and queues it.
@@ -28,6 +28,7 @@ pub async fn create(
     match &spec.kind {
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
+        Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await?,
         Some(job_spec::Kind::Ingest(_)) => {
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
@@ -73,19 +74,43 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     spec::check_render(render)?;
     let model = model(context, "spec.render.model", &render.model).await?;
     require_shard(context, "spec.render.subject", &render.subject).await?;
-    if !model
-        .slots
-        .iter()
-        .any(|slot| slot.subject == render.subject)
-    {
-        let message = format!("{} has no slot in {}", render.subject, model.name);
-        return Err(RequestError::precondition("NO_SLOT", message));
-    }
+    require_slot(&model, &render.subject)?;
     if let Some(What::Motion(motion)) = &render.what {
         require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
     }
-    let model_id = parse(Collection::Models, "spec.render.model", &render.model)?;
-    if context.store.checkpoints(model_id, 1).await?.is_empty() {
+    require_checkpoint(context, "spec.render.model", &model).await
+}
+
+async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {
+    spec::check_evaluate(evaluate)?;
+    let model = model(context, "spec.evaluate.model", &evaluate.model).await?;
+    for (i, subject) in evaluate.subjects.iter().enumerate() {
+        require_shard(context, &format!("spec.evaluate.subjects[{i}]"), subject).await?;
+        require_slot(&model, subject)?;
+    }
+    for slot in &model.slots {
+        if evaluate.subjects.is_empty() {
+            require_shard(context, "spec.evaluate.model", &slot.subject).await?;
+        }
+    }
+    require_checkpoint(context, "spec.evaluate.model", &model).await
+}
+
+fn require_slot(model: &Model, subject: &str) -> Result<(), RequestError> {
+    if model.slots.iter().any(|slot| slot.subject == subject) {
+        return Ok(());
+    }
+    let message = format!("{subject} has no slot in {}", model.name);
+    Err(RequestError::precondition("NO_SLOT", message))
+}
+
+async fn require_checkpoint(
+    context: &Context,
+    field: &str,
+    model: &Model,
+) -> Result<(), RequestError> {
+    let id = parse(Collection::Models, field, &model.name)?;
+    if context.store.checkpoints(id, 1).await?.is_empty() {
         let message = format!("{} has no checkpoint; train it first", model.name);
         return Err(RequestError::precondition("NO_CHECKPOINT", message));
     }

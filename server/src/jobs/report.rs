@@ -13,8 +13,8 @@ use yoto_proto::{
     keys,
     names::{self, Collection},
     v1::{
-        Checkpoint, IngestResult, JobResult, JobSpec, ObjectRef, Progress, RenderResult,
-        TrainResult, job, job_result, job_spec,
+        Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
+        Progress, RenderResult, Scores, job, job_result, job_spec,
     },
 };
 
@@ -89,10 +89,14 @@ pub async fn complete(
             check_ingest(context, lease, &spec.capture, result).await?;
         }
         (Some(job_spec::Kind::Train(spec)), Some(job_result::Kind::Train(result))) => {
-            check_train(context, &spec.model, result).await?;
+            let field = "result.train.checkpoint";
+            check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
         }
         (Some(job_spec::Kind::Render(_)), Some(job_result::Kind::Render(result))) => {
             check_render(context, lease, result).await?;
+        }
+        (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
+            check_evaluate(context, spec, result).await?;
         }
         _ => return Err(RequestError::invalid("result", "is not of the job's kind")),
     }
@@ -156,21 +160,60 @@ async fn check_ingest(
     Ok(())
 }
 
-async fn check_train(
+/// The result speaks of a checkpoint that the model has.
+async fn check_checkpoint(
     context: &Context,
     model: &str,
-    result: &TrainResult,
+    field: &str,
+    name: &str,
 ) -> Result<(), RequestError> {
     let model_id = parse(Collection::Models, "job", model)?;
     let checkpoints = context.store.checkpoints(model_id, u32::MAX).await?;
-    if checkpoints
-        .iter()
-        .any(|checkpoint| checkpoint.name == result.checkpoint)
-    {
+    if checkpoints.iter().any(|checkpoint| checkpoint.name == name) {
         return Ok(());
     }
-    let message = format!("'{}' was not published", result.checkpoint);
-    Err(RequestError::invalid("result.train.checkpoint", message))
+    let message = format!("'{name}' was not published");
+    Err(RequestError::invalid(field, message))
+}
+
+/// Figures of those who were asked for, all of them numbers.
+async fn check_evaluate(
+    context: &Context,
+    spec: &EvaluateSpec,
+    result: &EvaluateResult,
+) -> Result<(), RequestError> {
+    let field = "result.evaluate.checkpoint";
+    check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
+    let measured = |subject: &String| result.subjects.iter().any(|it| it.subject == *subject);
+    if result.subjects.is_empty() || !spec.subjects.iter().all(measured) {
+        let message = "lacks figures of a subject that was asked for";
+        return Err(RequestError::invalid("result.evaluate.subjects", message));
+    }
+    for (i, subject) in result.subjects.iter().enumerate() {
+        let field = format!("result.evaluate.subjects[{i}].scores");
+        check_scores(&field, subject.scores.as_ref())?;
+    }
+    check_scores("result.evaluate.mean", result.mean.as_ref())
+}
+
+fn check_scores(field: &str, scores: Option<&Scores>) -> Result<(), RequestError> {
+    let Some(scores) = scores else {
+        return Err(RequestError::invalid(field, "is missing"));
+    };
+    let figures = [
+        scores.psnr,
+        scores.psnr_mask_box,
+        scores.ssim,
+        scores.ssim_uniform,
+        scores.ssim_inflated,
+        scores.lpips.unwrap_or_default(),
+        scores.black_psnr,
+    ];
+    if scores.pictures == 0 || figures.iter().any(|figure| !figure.is_finite()) {
+        let message = "holds no pictures, or figures that are no numbers";
+        return Err(RequestError::invalid(field, message));
+    }
+    Ok(())
 }
 
 async fn check_render(

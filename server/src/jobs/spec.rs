@@ -5,9 +5,10 @@ use crate::error::RequestError;
 use prost::Message;
 use yoto_proto::{
     pose_track::{MAX_JOINTS, MAX_SIDE},
+    protocols,
     v1::{
-        BodyPose, Camera, JobSpec, MotionTransfer, Orbit, RenderSpec, TrainSpec, View,
-        render_spec::What,
+        BodyPose, Camera, EvaluateSpec, JobSpec, MotionTransfer, Orbit, RenderSpec, TrainSpec,
+        View, render_spec::What,
     },
 };
 
@@ -15,10 +16,14 @@ use yoto_proto::{
 const MAX_SPEC_BYTES: usize = 8 << 20;
 /// Longest side of a rendered picture, pixels.
 const MAX_RENDER_SIDE: u32 = 4096;
+/// Shortest side that SSIM can be measured at, pixels.
+const MIN_EVALUATE_SIDE: u32 = 16;
 /// Most pictures of one render job.
 const MAX_PICTURES: u32 = 10_000;
 /// Fastest animation, frames a second.
 const MAX_FPS: f32 = 120.0;
+/// Shortest pause between two checkpoints of a training, seconds: each is written whole.
+const MIN_CHECKPOINT_SECONDS: f64 = 0.1;
 /// Longest training budget: 90 days.
 const MAX_TRAIN_SECONDS: f64 = 90.0 * 86_400.0;
 
@@ -63,9 +68,16 @@ pub fn check_train(train: &TrainSpec) -> Checked {
         || format!("{} is above {MAX_SIDE}", train.image_size),
     )?;
     ensure(
-        train.checkpoint_seconds.is_finite() && train.checkpoint_seconds >= 0.0,
+        train.checkpoint_seconds == 0.0
+            || (train.checkpoint_seconds.is_finite()
+                && train.checkpoint_seconds >= MIN_CHECKPOINT_SECONDS),
         "spec.train.checkpoint_seconds",
-        || format!("{} is not a time", train.checkpoint_seconds),
+        || {
+            format!(
+                "{} is neither 0 nor at least {MIN_CHECKPOINT_SECONDS}",
+                train.checkpoint_seconds
+            )
+        },
     )
 }
 
@@ -100,7 +112,10 @@ pub fn check_render(render: &RenderSpec) -> Checked {
             size,
             ..
         })) => {
-            check_count("spec.render.motion.frame_count", u64::from(*frame_count))?;
+            // 0 stands for all that are left; the worker, which knows how many, bounds them.
+            if *frame_count > 0 {
+                check_count("spec.render.motion.frame_count", u64::from(*frame_count))?;
+            }
             ensure(*frame_step > 0, "spec.render.motion.frame_step", || {
                 "a step of 0 never gets to the next frame".into()
             })?;
@@ -111,6 +126,48 @@ pub fn check_render(render: &RenderSpec) -> Checked {
             "says nothing to render",
         )),
     }
+}
+
+/// Protocol and size of an evaluation, and nobody named twice.
+pub fn check_evaluate(evaluate: &EvaluateSpec) -> Checked {
+    let protocol = evaluate.protocol.as_str();
+    ensure(
+        protocol.is_empty() || protocols::is_protocol(protocol),
+        "spec.evaluate.protocol",
+        || {
+            let known = yoto_proto::tiers::listed(protocols::PROTOCOLS);
+            format!("there is no protocol '{protocol}'; protocols: {known}")
+        },
+    )?;
+    ensure(
+        matches!(protocol, "" | protocols::HELD_OUT),
+        "spec.evaluate.protocol",
+        || {
+            format!(
+                "'{protocol}' compares with what further cameras saw, which the service does not \
+                 store; measure with a capture folder at hand, or by '{}'",
+                protocols::HELD_OUT
+            )
+        },
+    )?;
+    let size = evaluate.image_size;
+    ensure(
+        size == 0 || (MIN_EVALUATE_SIDE..=MAX_RENDER_SIDE).contains(&size),
+        "spec.evaluate.image_size",
+        || format!("{size} is neither 0 nor {MIN_EVALUATE_SIDE} to {MAX_RENDER_SIDE} pixels"),
+    )?;
+    for (i, subject) in evaluate.subjects.iter().enumerate() {
+        ensure(
+            !evaluate
+                .subjects
+                .iter()
+                .take(i)
+                .any(|other| other == subject),
+            &format!("spec.evaluate.subjects[{i}]"),
+            || format!("{subject} is named twice"),
+        )?;
+    }
+    Ok(())
 }
 
 fn check_count(field: &str, count: u64) -> Checked {
@@ -220,6 +277,40 @@ mod tests {
         broken.pose.as_mut().expect("has one").rotations[1] = f32::NAN;
         assert!(check_render(&views(vec![broken])).is_err());
         assert!(check_render(&views(Vec::new())).is_err());
+    }
+
+    #[test]
+    fn an_evaluation_is_one_that_the_service_can_do() {
+        let with = |change: fn(&mut EvaluateSpec)| {
+            let mut spec = EvaluateSpec::default();
+            change(&mut spec);
+            check_evaluate(&spec).map_err(|error| error.to_string())
+        };
+        assert_eq!(with(|_| {}), Ok(()));
+        assert_eq!(with(|spec| spec.protocol = "held-out".into()), Ok(()));
+        type Change = fn(&mut EvaluateSpec);
+        let cases: [(Change, &str); 4] = [
+            (
+                |spec| spec.protocol = "zju".into(),
+                "spec.evaluate.protocol: there is no",
+            ),
+            (
+                |spec| spec.protocol = "zju-all".into(),
+                "spec.evaluate.protocol: 'zju-all' compares",
+            ),
+            (
+                |spec| spec.image_size = 8,
+                "spec.evaluate.image_size: 8 is neither",
+            ),
+            (
+                |spec| spec.subjects = vec!["subjects/a".into(); 2],
+                "spec.evaluate.subjects[1]: subjects/a is named twice",
+            ),
+        ];
+        for (change, expected) in cases {
+            let error = with(change).expect_err(expected);
+            assert!(error.starts_with(expected), "{error}");
+        }
     }
 
     #[test]

@@ -161,6 +161,8 @@ pub enum JobKind {
     Train,
     /// Renders pictures.
     Render,
+    /// Measures a model.
+    Evaluate,
 }
 
 impl JobKind {
@@ -170,12 +172,13 @@ impl JobKind {
             Self::Ingest => "ingest",
             Self::Train => "train",
             Self::Render => "render",
+            Self::Evaluate => "evaluate",
         }
     }
 
     /// The kind called `name`.
     pub fn parse(name: &str) -> Option<Self> {
-        [Self::Ingest, Self::Train, Self::Render]
+        [Self::Ingest, Self::Train, Self::Render, Self::Evaluate]
             .into_iter()
             .find(|kind| kind.as_str() == name)
     }
@@ -186,6 +189,7 @@ impl JobKind {
             job_spec::Kind::Ingest(_) => Self::Ingest,
             job_spec::Kind::Train(_) => Self::Train,
             job_spec::Kind::Render(_) => Self::Render,
+            job_spec::Kind::Evaluate(_) => Self::Evaluate,
         })
     }
 }

@@ -1,7 +1,7 @@
 //! The whole model: everybody's shared networks and each identity's own numbers.
 
 use crate::camera::Pose;
-use crate::config::{Encoding, ModelConfig, Variant};
+use crate::config::{Encoding, ModelConfig, Numerics, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
 use crate::identity::pose_condition::PoseCondition;
@@ -9,6 +9,7 @@ use crate::init::Initial;
 use crate::motion::body::{Body, hash_grid};
 use crate::motion::correction::PoseCorrection;
 use crate::motion::posed;
+use crate::motion::released;
 use crate::motion::weights::MotionWeights;
 use crate::ops::warp;
 use burn::module::{Module, Param};
@@ -21,12 +22,28 @@ const CODE_DEVIATION: f64 = 0.01;
 #[derive(Module, Debug)]
 pub struct Avatar {
     /// One `[code_width]` an identity; a single one that all share, or none, by variant.
-    codes: Vec<Param<Tensor<1>>>,
-    motion: MotionWeights,
-    correction: PoseCorrection,
-    condition: Option<PoseCondition>,
-    non_rigid: NonRigid,
-    canonical: Canonical,
+    pub codes: Vec<Param<Tensor<1>>>,
+    /// Who moves a point.
+    pub motion: MotionWeights,
+    /// What estimated poses are wrong by.
+    pub correction: PoseCorrection,
+    /// The code in the light of the pose; absent in variants without it.
+    pub condition: Option<PoseCondition>,
+    /// Motion beyond the bones'.
+    pub non_rigid: NonRigid,
+    /// Colour and density.
+    pub canonical: Canonical,
+}
+
+/// How large a part of a model is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PartCount {
+    /// First component of the parameters' paths, e.g. `non_rigid`.
+    pub part: String,
+    /// Numbers.
+    pub parameters: u64,
+    /// What they take in memory or in the weights' file.
+    pub bytes: u64,
 }
 
 /// An identity in a pose at a moment of the training: what a step computes once a frame.
@@ -53,10 +70,15 @@ impl Avatar {
         device: &Device,
     ) -> Self {
         let init = Initial::new(device, seed);
+        // Without identities, nothing that is learned may tell people apart: not the code, and
+        // not a table or residual of their own either.
+        let identities = match config.variant {
+            Variant::NoIdentity => slots.min(1),
+            _ => slots,
+        };
         let codes = match config.variant {
             Variant::HumanNerf => 0,
-            Variant::NoIdentity => 1,
-            Variant::Yoto | Variant::NoPoseCondition => slots,
+            _ => identities,
         };
         let code_width = if codes > 0 { config.code_width } else { 0 };
         let rows = rows(&config.canonical.encoding);
@@ -70,12 +92,12 @@ impl Avatar {
                     )
                 })
                 .collect(),
-            motion: MotionWeights::new(&init, slots, joints + 1, config.motion.resolution.pow(3)),
+            motion: MotionWeights::new(&init, &config.motion, identities, joints + 1),
             correction: PoseCorrection::new(&init, &config.correction, joints),
             condition: matches!(config.variant, Variant::Yoto | Variant::NoIdentity)
                 .then(|| PoseCondition::new(&init, &config.condition, config.code_width)),
             non_rigid: NonRigid::new(&init, &config.non_rigid, 3 * (joints - 1), code_width),
-            canonical: Canonical::new(&init, &config.canonical, slots, code_width, rows),
+            canonical: Canonical::new(&init, &config.canonical, identities, code_width, rows),
         }
     }
 
@@ -89,17 +111,25 @@ impl Avatar {
         pose: &Pose,
         step: u64,
     ) -> Posed {
-        let vector = posed::pose_vector(body, pose);
-        let transforms = if step >= config.correction.kick_in {
-            posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
-        } else {
-            posed::transforms(body, pose)
+        let slot = match config.variant {
+            Variant::NoIdentity => 0,
+            _ => slot,
         };
-        let code = match config.variant {
-            Variant::NoIdentity => self.codes.first(),
-            _ => self.codes.get(slot),
-        }
-        .map(|code| code.val());
+        let mut vector = posed::pose_vector(body, pose);
+        let corrected = step >= config.correction.kick_in;
+        let transforms = match config.numerics {
+            Numerics::Sound if corrected => {
+                posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
+            }
+            Numerics::Sound => posed::transforms(body, pose),
+            Numerics::Reference => {
+                vector = vector + released::POSE_SHIFT;
+                let correction =
+                    corrected.then(|| released::rodrigues(self.correction.vectors(vector.clone())));
+                released::transforms(body, pose, correction)
+            }
+        };
+        let code = self.codes.get(slot).map(|code| code.val());
         let conditioned = match (&self.condition, &code) {
             (Some(condition), Some(code)) => Some(condition.forward(
                 &config.condition,
@@ -136,21 +166,64 @@ impl Avatar {
         );
         let likelihood = warped.clone().slice([0..n, 3..4]).reshape([n]);
         let canonical = warped.slice([0..n, 0..3]);
-        let moved = self.non_rigid.forward(
-            &config.non_rigid,
-            canonical,
-            posed.pose.clone(),
-            posed.conditioned.clone(),
-            posed.step,
-        );
-        let values = self.canonical.forward(
+        (self.fields(config, body, posed, canonical), likelihood)
+    }
+
+    /// Colour and density at `canonical` points `[N, 3]`, metres: what follows the warp.
+    pub fn fields(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        posed: &Posed,
+        canonical: Tensor<2>,
+    ) -> FieldValues {
+        let (pose, code) = (posed.pose.clone(), posed.conditioned.clone());
+        let moved = match config.numerics {
+            Numerics::Sound => {
+                self.non_rigid
+                    .forward(&config.non_rigid, canonical, pose, code, posed.step)
+            }
+            Numerics::Reference => self.non_rigid.forward_as_released(
+                &config.non_rigid,
+                canonical,
+                pose,
+                code,
+                posed.step,
+            ),
+        };
+        self.canonical.forward(
             &config.canonical,
             moved,
             posed.slot,
             body.hash.as_ref(),
             posed.code.clone(),
-        );
-        (values, likelihood)
+        )
+    }
+
+    /// Parameters and bytes of each part, in the order of the data's way through the model; a
+    /// part that the variant has not is absent.
+    pub fn part_counts(&self) -> Vec<PartCount> {
+        let codes: usize = self.codes.iter().map(|code| code.val().dims()[0]).sum();
+        let parts = [
+            ("motion", self.motion.num_params()),
+            ("correction", self.correction.num_params()),
+            ("codes", codes),
+            (
+                "condition",
+                self.condition.as_ref().map_or(0, Module::num_params),
+            ),
+            ("non_rigid", self.non_rigid.num_params()),
+            ("canonical", self.canonical.num_params()),
+        ];
+        parts
+            .into_iter()
+            .filter(|(_, parameters)| *parameters > 0)
+            .map(|(part, parameters)| PartCount {
+                part: part.to_owned(),
+                parameters: parameters as u64,
+                bytes: 4 * parameters as u64,
+            })
+            .collect()
     }
 }
 

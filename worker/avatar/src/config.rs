@@ -32,6 +32,9 @@ pub struct ModelConfig {
     pub tier: String,
     /// Which parts take part.
     pub variant: Variant,
+    /// How the released HumanNeRF program's unsound numerics are treated.
+    #[serde(default)]
+    pub numerics: Numerics,
     /// Numbers of an identity code (paper: 256).
     pub code_width: usize,
     /// Motion weights.
@@ -65,11 +68,56 @@ pub enum Variant {
     HumanNerf,
 }
 
-/// Motion weights, the `direct` form: learned logits on a grid.
+/// Which numerics a frame is rendered with. Training is always [`Numerics::Sound`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Numerics {
+    /// Bounded, with finite gradients (model.md marks each place).
+    #[default]
+    Sound,
+    /// As the released HumanNeRF program computes, to compare with it.
+    Reference,
+}
+
+/// Motion weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionConfig {
     /// Grid nodes an axis.
     pub resolution: usize,
+    /// Where the logits on the grid come from.
+    #[serde(default)]
+    pub form: MotionForm,
+}
+
+/// What makes the logits of the motion weights.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum MotionForm {
+    /// They are parameters themselves.
+    #[default]
+    Direct,
+    /// A convolutional decoder makes them of an embedding a person (HumanNeRF). Each of its
+    /// layers doubles the resolution, the last one included: two to the number of `channels`
+    /// plus one must be the grid's resolution.
+    Deconv {
+        /// Numbers of an identity's embedding (HumanNeRF: 256).
+        embedding: usize,
+        /// Width of the layer between embedding and first kernel (HumanNeRF: 1024).
+        hidden: usize,
+        /// Channels after each layer but the last (HumanNeRF: 512, 512, 256, 256).
+        channels: Vec<usize>,
+    },
+}
+
+impl MotionForm {
+    /// The decoder with HumanNeRF's sizes.
+    pub fn humannerf() -> Self {
+        Self::Deconv {
+            embedding: 256,
+            hidden: 1024,
+            channels: vec![512, 512, 256, 256],
+        }
+    }
 }
 
 /// Pose correction MLP (model.md §3).
@@ -128,6 +176,21 @@ pub struct CanonicalConfig {
     /// Density is this times softplus(raw − 1), 1/m. The paper's raw density is the density;
     /// small networks can't reach hundreds per metre quickly and get a factor.
     pub density_scale: f32,
+    /// What makes a density of the network's raw output.
+    #[serde(default)]
+    pub activation: DensityActivation,
+}
+
+/// From a raw output to a density. Weights are trained for one of them, so that it belongs to
+/// the model and not to [`Numerics`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DensityActivation {
+    /// softplus(raw − 1): alive everywhere.
+    #[default]
+    Softplus,
+    /// max(raw, 0), as HumanNeRF has it: a network that starts under 0 everywhere never learns.
+    Relu,
 }
 
 /// Encodings of a canonical point.
@@ -212,6 +275,11 @@ impl ModelConfig {
         Ok(config)
     }
 
+    /// HumanNeRF, for one person, at its released sizes.
+    pub fn humannerf() -> Self {
+        paper(Variant::HumanNerf)
+    }
+
     /// # Errors
     /// Names the first field that no model can be made with.
     pub fn check(&self) -> Result<(), ConfigError> {
@@ -223,6 +291,24 @@ impl ModelConfig {
         };
         if self.motion.resolution < 2 || self.motion.resolution > 256 {
             return fail("motion.resolution", "must be 2 to 256");
+        }
+        if let MotionForm::Deconv {
+            embedding,
+            hidden,
+            channels,
+        } = &self.motion.form
+        {
+            let doubled = 1usize.checked_shl(channels.len() as u32 + 1);
+            if doubled != Some(self.motion.resolution)
+                || *embedding == 0
+                || *hidden == 0
+                || channels.contains(&0)
+            {
+                return fail(
+                    "motion.form",
+                    "widths at least 1, and motion.resolution two to the number of channels plus one",
+                );
+            }
         }
         if !(1..=4096).contains(&self.code_width) {
             return fail("code_width", "must be 1 to 4096");
@@ -277,6 +363,16 @@ impl ModelConfig {
 }
 
 impl Variant {
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Yoto => "yoto",
+            Self::NoPoseCondition => "no-pose-condition",
+            Self::NoIdentity => "no-identity",
+            Self::HumanNerf => "humannerf",
+        }
+    }
+
     fn named(name: &str) -> Result<Self, ConfigError> {
         match name {
             "yoto" => Ok(Self::Yoto),
@@ -303,8 +399,12 @@ fn grid_tier(
     ModelConfig {
         tier: tier.into(),
         variant,
+        numerics: Numerics::Sound,
         code_width: 64,
-        motion: MotionConfig { resolution },
+        motion: MotionConfig {
+            resolution,
+            form: MotionForm::Direct,
+        },
         correction: CorrectionConfig {
             width: 64,
             depth: 2,
@@ -340,6 +440,7 @@ fn grid_tier(
                 inject: 1,
             },
             density_scale: 50.0,
+            activation: DensityActivation::Softplus,
         },
         march: MarchConfig {
             samples,
@@ -363,8 +464,12 @@ fn paper(variant: Variant) -> ModelConfig {
     ModelConfig {
         tier: "paper".into(),
         variant,
+        numerics: Numerics::Sound,
         code_width: 256,
-        motion: MotionConfig { resolution: 32 },
+        motion: MotionConfig {
+            resolution: 32,
+            form: MotionForm::humannerf(),
+        },
         correction: CorrectionConfig {
             width: 256,
             depth: 4,
@@ -394,6 +499,7 @@ fn paper(variant: Variant) -> ModelConfig {
                 inject: 5,
             },
             density_scale: 1.0,
+            activation: DensityActivation::Softplus,
         },
         march: MarchConfig {
             samples: 128,
@@ -404,8 +510,7 @@ fn paper(variant: Variant) -> ModelConfig {
             patch_size: 32,
             rate: 5e-4,
             table_rate: 5e-4,
-            // The direct logits replace a decoder whose millions of weights move together.
-            motion_rate: 5e-3,
+            motion_rate: 5e-5,
             slow_rate: 5e-5,
             // 0.1^(400 k / 500 k) over a whole run.
             final_rate: 0.158,
@@ -422,10 +527,8 @@ mod tests {
     fn every_listed_tier_and_variant_exists() {
         for (tier, _) in tiers::TIERS {
             for (variant, _) in tiers::VARIANTS {
-                assert!(
-                    ModelConfig::named(tier, variant).is_ok(),
-                    "{tier} {variant}"
-                );
+                let config = ModelConfig::named(tier, variant).expect("both are listed");
+                assert_eq!(config.variant.name(), *variant, "{tier}");
             }
         }
         assert_eq!(

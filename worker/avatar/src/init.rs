@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 /// Burn's optimiser files name parameters by id, so that the id must be the same in the process
 /// that goes on with a training: it comes from the tensor's path.
-fn id(path: &str) -> ParamId {
+pub fn id(path: &str) -> ParamId {
     let hash = Sha256::digest(path.as_bytes());
     ParamId::from(
         hash.iter()
@@ -53,6 +53,31 @@ impl<'a> Initial<'a> {
             tensor
         };
         Param::initialized(id(path), tensor)
+    }
+
+    /// Uniform in ±`bound`, the same numbers in all `phases` of a kernel whose stride is half its
+    /// size: `draw_shape` counts one phase, `place` says where in the tensor draw `i` of phase
+    /// `p` belongs. Without it a transposed convolution starts as a checkerboard.
+    pub fn phased<const D: usize>(
+        &self,
+        path: &str,
+        shape: [usize; D],
+        bound: f64,
+        phases: usize,
+        place: impl Fn(usize, usize) -> usize,
+    ) -> Param<Tensor<D>> {
+        let mut stream = self.stream(path);
+        let mut values = vec![0f32; shape.iter().product()];
+        for draw in 0..values.len() / phases.max(1) {
+            let value = ((stream.random::<f64>() * 2.0 - 1.0) * bound) as f32;
+            for phase in 0..phases {
+                if let Some(slot) = values.get_mut(place(draw, phase)) {
+                    *slot = value;
+                }
+            }
+        }
+        let mut values = values.into_iter();
+        self.filled(path, shape, || values.next().unwrap_or_default())
     }
 
     pub fn zeros<const D: usize>(&self, path: &str, shape: [usize; D]) -> Param<Tensor<D>> {

@@ -13,6 +13,7 @@ pub mod config;
 pub mod evaluate;
 pub mod field;
 pub mod identity;
+pub mod import;
 mod init;
 pub mod loss;
 pub mod motion;

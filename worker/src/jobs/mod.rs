@@ -4,6 +4,7 @@
 
 pub(crate) mod checkpoint;
 mod context;
+pub mod evaluate;
 mod failure;
 pub mod ingest;
 pub mod render;
@@ -18,7 +19,7 @@ pub use failure::JobFailure;
 use yoto_proto::v1::{JobResult, Lease, job_result, job_spec};
 
 /// The kinds that [`run`] knows, as a worker registers them.
-pub const KINDS: &[&str] = &["ingest", "train", "render"];
+pub const KINDS: &[&str] = &["ingest", "train", "render", "evaluate"];
 
 /// Runs the leased job to its end on the calling thread.
 ///
@@ -40,6 +41,9 @@ pub fn run(context: &JobContext, lease: &Lease) -> Result<JobResult, JobFailure>
         }
         Some(job_spec::Kind::Render(spec)) => {
             job_result::Kind::Render(render::run(context, spec, &inputs)?)
+        }
+        Some(job_spec::Kind::Evaluate(spec)) => {
+            job_result::Kind::Evaluate(evaluate::run(context, spec, &inputs)?)
         }
         None => {
             return Err(JobFailure::invalid(

@@ -7,6 +7,7 @@ mod plan;
 mod session;
 
 use super::{JobContext, JobFailure, checkpoint};
+pub(in crate::jobs) use plan::HOLDOUT_EVERY;
 use plan::Plan;
 use session::Session;
 use yoto_avatar::{

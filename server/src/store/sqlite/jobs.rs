@@ -75,6 +75,9 @@ pub async fn insert(conn: &mut SqliteConnection, spec: JobSpec) -> Result<String
         Some(job_spec::Kind::Render(render)) => {
             (JobKind::Render, Collection::Models, &render.model)
         }
+        Some(job_spec::Kind::Evaluate(evaluate)) => {
+            (JobKind::Evaluate, Collection::Models, &evaluate.model)
+        }
         None => return Err(unreadable("it says no kind".into())),
     };
     let target = collection

@@ -12,6 +12,8 @@ mod reaping;
 mod requests;
 mod rows;
 mod subjects;
+#[cfg(test)]
+mod upgrade_tests;
 mod workers;
 
 use super::{
@@ -40,13 +42,16 @@ const READERS: u32 = 4;
 /// The schema, step by step.
 fn migrations() -> Migrator {
     let init = include_str!("../../../../migrations/sqlite/0001_init.sql").into_sql_str();
-    Migrator::with_migrations(vec![Migration::new(
-        1,
-        "init".into(),
-        MigrationType::Simple,
-        init,
-        false,
-    )])
+    let evaluate =
+        include_str!("../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
+    let step = |version, name: &'static str, sql, own_transaction| {
+        let kind = MigrationType::Simple;
+        Migration::new(version, name.into(), kind, sql, own_transaction)
+    };
+    Migrator::with_migrations(vec![
+        step(1, "init", init, false),
+        step(2, "evaluate jobs", evaluate, true),
+    ])
 }
 
 /// See the module's documentation.

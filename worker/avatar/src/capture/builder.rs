@@ -5,6 +5,9 @@ use super::{CaptureError, FrameImage};
 use crate::evaluate::metrics::mask_box;
 use yoto_proto::pose_track::PoseTrack;
 
+/// Bytes of all crops together, at most: a trainer holds them in memory.
+const MAX_BYTES: usize = 8 << 30;
+
 /// Makes a [`Shard`] frame by frame, holding only the crops.
 #[derive(Debug)]
 pub struct ShardBuilder {
@@ -28,7 +31,7 @@ impl ShardBuilder {
     ///
     /// # Errors
     /// [`CaptureError::Shard`] when the image has not the track's size, its buffers not the
-    /// image's, or the track has no frame left.
+    /// image's, the track has no frame left, or all crops together are too large.
     pub fn push(&mut self, image: &FrameImage) -> Result<(), CaptureError> {
         let Self {
             header: Header { track, crops },
@@ -55,6 +58,13 @@ impl ShardBuilder {
             width: (found.x1 - found.x0) as u32,
             height: (found.y1 - found.y0) as u32,
         });
+        if pixels.len() + 4 * rect.width as usize * rect.height as usize > MAX_BYTES {
+            return Err(CaptureError::Shard(format!(
+                "frame {}: the cropped frames exceed {} GiB; send fewer or smaller ones",
+                frame.index,
+                MAX_BYTES >> 30
+            )));
+        }
         crops.push(Crop {
             rect,
             offset: pixels.len() as u64,

@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{self, PoseTrack};
 
+/// What the camera of the training frames is called.
+const TRAIN: &str = "train";
+
 /// What `poses.json` says beyond the pose track.
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct HeldOut {
@@ -88,6 +91,52 @@ impl HeldOut {
             let place = format!("line {} column {}", error.line(), error.column());
             at_fault(place, error.to_string())
         })
+    }
+
+    /// How the person stands in `frame`, trained on or not, and what the camera called `name`
+    /// sees of it. The camera of the training frames is `train`.
+    pub(super) fn find(
+        &self,
+        track: &PoseTrack,
+        name: &str,
+        frame: u32,
+    ) -> Result<(Pose, Camera), CaptureError> {
+        let trained = track.frames.iter().find(|f| f.index == frame);
+        let unseen = self.eval_pose.frames.iter().find(|f| f.index == frame);
+        let pose = match (trained, unseen) {
+            (Some(frame), _) => Pose::from_frame(frame),
+            (None, Some(frame)) => Pose::from_parts("pose", &frame.pose, frame.translation),
+            (None, None) => {
+                let message = format!("there is no frame {frame}, neither trained on nor held out");
+                return Err(at_fault("frames", message));
+            }
+        }
+        .map_err(|error| within(&format!("frame {frame}"), error))?;
+        if let (TRAIN, Some(frame)) = (name, trained) {
+            let camera = Camera::from_frame(frame, track.image_size)
+                .map_err(|error| within(&format!("frame {}", frame.index), error))?;
+            return Ok((pose, camera));
+        }
+        let eval = self.eval.get(name).map(|eval| &eval.matrices);
+        let eval_pose = self.eval_pose.cams.get(name);
+        let matrices = if trained.is_some() {
+            eval.or(eval_pose)
+        } else {
+            eval_pose.or(eval)
+        };
+        let matrices = matrices.ok_or_else(|| {
+            let known = self.eval.keys().chain(self.eval_pose.cams.keys());
+            let mut known: Vec<&str> = known.map(String::as_str).chain([TRAIN]).collect();
+            known.sort_unstable();
+            known.dedup();
+            let message = format!(
+                "no camera is called '{name}'; cameras: {}",
+                known.join(", ")
+            );
+            at_fault("eval", message)
+        })?;
+        let camera = camera_of("eval", name, matrices, track.image_size)?;
+        Ok((pose, camera))
     }
 
     /// Training poses seen by other cameras.

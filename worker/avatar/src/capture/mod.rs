@@ -10,12 +10,14 @@ mod folder;
 mod held_out;
 mod image;
 mod shard;
+mod view;
 
 pub use builder::ShardBuilder;
 pub use folder::{CaptureFolder, UploadFile};
 pub use held_out::HeldOutView;
 pub use image::FrameImage;
 pub use shard::{Rect, Shard};
+pub use view::CaptureView;
 
 use std::path::PathBuf;
 use yoto_proto::pose_track::describe;

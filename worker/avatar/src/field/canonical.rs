@@ -3,12 +3,12 @@
 
 use super::encoding::frequencies;
 use super::mlp::{Mlp, MlpShape};
-use crate::config::{CanonicalConfig, Encoding};
+use crate::config::{CanonicalConfig, DensityActivation, Encoding};
 use crate::init::Initial;
 use crate::ops::hash::{self, HashGrid};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
-use burn::tensor::activation::{sigmoid, softplus};
+use burn::tensor::activation::{relu, sigmoid, softplus};
 
 /// Colour and density over canonical space.
 #[derive(Module, Debug)]
@@ -99,11 +99,14 @@ impl Canonical {
             .collect();
         let raw = self.mlp.forward(encoded, &codes);
         let [n, _] = raw.dims();
+        let last = raw.clone().slice([0..n, 3..4]).reshape([n]);
+        let density = match config.activation {
+            DensityActivation::Softplus => softplus(last - 1.0, 1.0),
+            DensityActivation::Relu => relu(last),
+        };
         FieldValues {
-            rgb: sigmoid(raw.clone().slice([0..n, 0..3])),
-            // Softplus is alive everywhere: a ReLU that starts negative never learns (model.md §6).
-            density: softplus(raw.slice([0..n, 3..4]).reshape([n]) - 1.0, 1.0)
-                * config.density_scale,
+            rgb: sigmoid(raw.slice([0..n, 0..3])),
+            density: density * config.density_scale,
         }
     }
 }

@@ -56,8 +56,37 @@ impl NonRigid {
         if step < config.kick_in {
             return points;
         }
+        self.moved(config, points, pose, code, step)
+    }
+
+    /// The same as the released program has it: before the kick-in the network runs with closed
+    /// bands and a pose of zeros, and what it answers still moves the points.
+    pub fn forward_as_released(
+        &self,
+        config: &NonRigidConfig,
+        points: Tensor<2>,
+        pose: Tensor<1>,
+        code: Option<Tensor<1>>,
+        step: u64,
+    ) -> Tensor<2> {
+        let pose = if step < config.kick_in {
+            pose.zeros_like()
+        } else {
+            pose
+        };
+        self.moved(config, points, pose, code, step)
+    }
+
+    fn moved(
+        &self,
+        config: &NonRigidConfig,
+        points: Tensor<2>,
+        pose: Tensor<1>,
+        code: Option<Tensor<1>>,
+        step: u64,
+    ) -> Tensor<2> {
         let span = (config.full_at.saturating_sub(config.kick_in)).max(1) as f32;
-        let a = config.bands as f32 * (step - config.kick_in) as f32 / span;
+        let a = config.bands as f32 * step.saturating_sub(config.kick_in) as f32 / span;
         let encoded = frequencies(
             points.clone(),
             config.bands,

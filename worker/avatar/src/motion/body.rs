@@ -1,7 +1,7 @@
 //! What is fixed of one identity: its skeleton, canonical box, and prior.
 
 use super::prior::{canonical_grid, prior};
-use crate::config::{Encoding, ModelConfig};
+use crate::config::{Encoding, ModelConfig, Numerics};
 use crate::ops::hash::HashGrid;
 use crate::ops::warp::WarpGrid;
 use crate::skeleton::Skeleton;
@@ -29,7 +29,11 @@ impl Body {
         let grid = canonical_grid(&skeleton, config.motion.resolution, config.march.epsilon);
         let values: Vec<f32> = prior(&skeleton, &grid)
             .iter()
-            .map(|p| p.max(MIN_PRIOR).ln())
+            .map(|p| match config.numerics {
+                Numerics::Sound => p.max(MIN_PRIOR).ln(),
+                // Exactly nothing stays exactly nothing, whatever the logits.
+                Numerics::Reference => p.ln(),
+            })
             .collect();
         let shape = [skeleton.parents.len() + 1, config.motion.resolution.pow(3)];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);

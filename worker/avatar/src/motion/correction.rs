@@ -37,11 +37,14 @@ impl PoseCorrection {
 
     /// Pose vector `[3 (K − 1)]` → ΔR `[K − 1, 3, 3]`.
     pub fn forward(&self, pose: Tensor<1>) -> Tensor<3> {
+        rodrigues(self.vectors(pose))
+    }
+
+    /// Pose vector `[3 (K − 1)]` → axis-angle vectors of the corrections `[K − 1, 3]`, radians.
+    pub fn vectors(&self, pose: Tensor<1>) -> Tensor<2> {
         let [width] = pose.dims();
-        rodrigues(
-            self.mlp
-                .forward(pose.unsqueeze::<2>(), &[])
-                .reshape([width / 3, 3]),
-        )
+        self.mlp
+            .forward(pose.unsqueeze::<2>(), &[])
+            .reshape([width / 3, 3])
     }
 }

@@ -3,7 +3,9 @@
 
 pub mod body;
 pub mod correction;
+pub mod deconv;
 pub mod posed;
 pub mod prior;
+pub mod released;
 pub mod rotation;
 pub mod weights;

@@ -53,7 +53,7 @@ pub fn body_frame_joints(body: &Body, pose: &Pose) -> Vec<[f64; 3]> {
         .collect()
 }
 
-fn unrooted(pose: &Pose) -> Vec<[f64; 3]> {
+pub(super) fn unrooted(pose: &Pose) -> Vec<[f64; 3]> {
     let mut rotations: Vec<[f64; 3]> = pose.rotations.iter().map(|r| r.map(f64::from)).collect();
     if let Some(root) = rotations.first_mut() {
         *root = [0.0; 3];
@@ -87,8 +87,7 @@ pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
 /// with gradients to it.
 pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
-    let parents = &body.skeleton.parents;
-    let joints = parents.len();
+    let joints = body.skeleton.parents.len();
     let locals: Vec<f32> = unrooted(pose)[1..]
         .iter()
         .flat_map(|r| {
@@ -100,7 +99,15 @@ pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> 
         .collect();
     let locals = Tensor::<3>::from_data(TensorData::new(locals, [joints - 1, 3, 3]), &device);
     // Inverse local rotations (R ΔR)ᵀ.
-    let inverse = locals.matmul(correction).swap_dims(1, 2);
+    chain(body, locals.matmul(correction).swap_dims(1, 2))
+}
+
+/// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[K − 1, 3, 3]` of each local
+/// rotation but the root's, which does not turn.
+pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
+    let device = body.log_prior.device();
+    let parents = &body.skeleton.parents;
+    let joints = parents.len();
     let offset = |joint: usize, parent: usize| {
         let rest = &body.skeleton.rest;
         std::array::from_fn::<f32, 3, _>(|a| (rest[joint][a] - rest[parent][a]) as f32)

@@ -45,8 +45,11 @@ pub fn composite(
     );
     // In two sums: 1 + 1e-10 is 1 in f32, and the logarithm of an opaque sample would be −∞.
     let clear = (grid.reshape([rays, per_ray]).neg() + 1.0 + OPAQUE).log();
-    // Exclusive: a sample is dimmed by those before it.
-    let before = clear.clone().cumsum(1) - clear;
+    // Exclusive: a sample is dimmed by those before it. Its own term is never part of the sum:
+    // taking it off again would leave a rounding, which the gradient divides by 1 − α.
+    let nothing = Tensor::<2>::zeros([rays, 1], &device);
+    let earlier = clear.slice([0..rays, 0..per_ray - 1]);
+    let before = Tensor::cat(vec![nothing, earlier.cumsum(1)], 1);
     let weight = before.reshape([rays * per_ray]).select(0, places).exp() * alpha;
     let sum = |values: Tensor<1>| {
         Tensor::<1>::zeros([rays], &device).select_assign(
@@ -90,7 +93,11 @@ mod tests {
             Tensor::<2>::from_floats([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], &device);
         let seen = composite(&samples, rgb, density.clone(), Tensor::ones([3], &device));
         let colour: Vec<f32> = seen.rgb.clone().try_into_vec_as().expect("f32");
-        assert_eq!(colour, [0.0, 1.0, 0.0]);
+        // What is behind is dimmed to the 1e-10 that keeps the logarithm finite.
+        assert!(
+            colour[0] == 0.0 && colour[1] == 1.0 && colour[2] < 1e-9,
+            "{colour:?}"
+        );
         let grads = (seen.rgb.sum() + seen.depth.sum()).backward();
         let gradient: Vec<f32> = density
             .grad(&grads)

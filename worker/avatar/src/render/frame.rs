@@ -6,7 +6,7 @@ use super::march::march;
 use super::rays::{BodyView, Ray};
 use crate::avatar::{Avatar, Posed};
 use crate::camera::{Camera, Pose};
-use crate::config::ModelConfig;
+use crate::config::{ModelConfig, Numerics};
 use crate::motion::body::Body;
 use crate::skeleton::{Skeleton, SkeletonError};
 use burn::tensor::{ExecutionError, Tensor, TensorData};
@@ -15,6 +15,9 @@ use thiserror::Error;
 
 /// Rays a batch: bounds the memory of a frame whatever its size.
 const RAYS_PER_BATCH: usize = 8192;
+
+/// Iteration that the released program evaluates its networks at.
+const EVALUATION_ITERATION: u64 = 10_000_000;
 
 /// Why a frame can't be rendered.
 #[derive(Debug, Error)]
@@ -79,10 +82,12 @@ impl Rendered {
 
 /// A trained model, ready to render.
 pub struct Renderer {
-    config: ModelConfig,
-    avatar: Avatar,
+    pub(super) config: ModelConfig,
+    pub(super) avatar: Avatar,
     bodies: Vec<Option<Body>>,
     step: u64,
+    /// Training iteration that a frame with the released numerics is rendered at.
+    pub(super) iteration: u64,
 }
 
 impl Renderer {
@@ -98,7 +103,29 @@ impl Renderer {
             avatar,
             bodies,
             step,
+            iteration: EVALUATION_ITERATION,
         }
+    }
+
+    /// The same model with other numerics than its own configuration names.
+    pub fn with_numerics(mut self, numerics: Numerics) -> Self {
+        if self.config.numerics != numerics {
+            self.config.numerics = numerics;
+            // The prior's zeros and the grid's floor depend on them.
+            for body in self.bodies.iter_mut().flatten() {
+                let device = body.log_prior.device();
+                *body = Body::new(body.skeleton.clone(), &self.config, &device);
+            }
+        }
+        self
+    }
+
+    /// Frames with [`Numerics::Reference`] as at training `iteration`, which opens the non-rigid
+    /// bands and the corrections; without this call they are rendered as at iteration 10⁷, where
+    /// the released program renders whatever the checkpoint's iteration.
+    pub fn at_iteration(mut self, iteration: u64) -> Self {
+        self.iteration = iteration;
+        self
     }
 
     /// The skeleton of the identity in `slot`.
@@ -126,6 +153,9 @@ impl Renderer {
             .all(|v| v.is_finite())
         {
             return Err(RenderError::NotFinite("camera"));
+        }
+        if self.config.numerics == Numerics::Reference {
+            return self.render_as_released(body, view);
         }
         let posed = self
             .avatar

@@ -5,5 +5,6 @@ pub mod composite;
 pub mod frame;
 pub mod march;
 pub mod rays;
+mod released;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};

@@ -14,10 +14,11 @@ pub struct BodyView {
     /// Body frame to camera: rotation.
     rotation: [[f64; 3]; 3],
     /// Camera centre in the body frame, metres.
-    origin: [f64; 3],
+    pub(super) origin: [f64; 3],
     k: [[f64; 3]; 3],
-    low: [f64; 3],
-    high: [f64; 3],
+    /// Box around the posed joints, metres.
+    pub(super) low: [f64; 3],
+    pub(super) high: [f64; 3],
 }
 
 /// A ray's part inside the box. Distances are multiples of the direction, whose camera z is 1.
@@ -58,14 +59,18 @@ impl BodyView {
         }
     }
 
-    /// The ray through image position (`u`, `v`), pixels from the image's corner; `None` when
-    /// it misses the box.
-    pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
+    /// Where image position (`u`, `v`) looks, at camera z = 1.
+    pub(super) fn direction(&self, u: f64, v: f64) -> [f64; 3] {
         let y = (v - self.k[1][2]) / self.k[1][1];
         let x = (u - self.k[0][2] - self.k[0][1] * y) / self.k[0][0];
         let in_camera = [x, y, 1.0];
-        let direction: [f64; 3] =
-            std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * in_camera[i]).sum());
+        std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * in_camera[i]).sum())
+    }
+
+    /// The ray through image position (`u`, `v`), pixels from the image's corner; `None` when
+    /// it misses the box.
+    pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
+        let direction = self.direction(u, v);
         let (mut near, mut far) = (0f64, f64::INFINITY);
         for (a, along) in direction.into_iter().enumerate() {
             let (low, high) = (self.low[a] - self.origin[a], self.high[a] - self.origin[a]);

@@ -52,7 +52,7 @@ fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
 impl State {
     /// Version, and the present moment of a training.
     #[allow(clippy::too_many_arguments)]
-    pub(super) fn new(
+    pub(crate) fn new(
         config: ModelConfig,
         joints: usize,
         seed: u64,
@@ -100,9 +100,6 @@ pub(super) fn save(
     avatar: &Avatar,
     optimiser: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
-    let path = dir.join(files::WEIGHTS);
-    let mut store = SafetensorsStore::from_file(&path).overwrite(true);
-    avatar.save_into(&mut store).map_err(|e| failed(&path, e))?;
     let path = dir.join(files::OPTIMISER);
     // Burn refuses to write over a file.
     match std::fs::remove_file(&path) {
@@ -112,6 +109,14 @@ pub(super) fn save(
         _ => {}
     }
     optimiser.save(&path).map_err(|e| failed(&path, e))?;
+    save_model(dir, state, avatar)
+}
+
+/// Writes the files that rendering needs: weights and state.
+pub(crate) fn save_model(dir: &Path, state: &State, avatar: &Avatar) -> Result<(), TrainError> {
+    let path = dir.join(files::WEIGHTS);
+    let mut store = SafetensorsStore::from_file(&path).overwrite(true);
+    avatar.save_into(&mut store).map_err(|e| failed(&path, e))?;
     let path = dir.join(files::STATE);
     let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
     std::fs::write(&path, json).map_err(|e| failed(&path, e))

@@ -1,20 +1,26 @@
 //! Training: patches in, steps taken, watched and kept.
 
+pub mod batch;
 mod checkpoint;
 mod guard;
 mod optimiser;
+mod parts;
 mod patches;
 mod people;
 mod progress;
 mod trainer;
 
 pub use checkpoint::State;
-pub use people::Person;
+pub(crate) use checkpoint::save_model;
+pub use optimiser::optimiser;
+pub use parts::read_parts;
+pub use people::{Person, is_held_out};
 pub use progress::TrainProgress;
 pub use trainer::{Budget, TrainOptions, Trainer};
 
 use crate::capture::CaptureError;
 use crate::config::ConfigError;
+use crate::loss::lpips::LpipsError;
 use crate::render::RenderError;
 use crate::skeleton::SkeletonError;
 use thiserror::Error;
@@ -44,6 +50,9 @@ pub enum TrainError {
     /// The people don't fit one model.
     #[error("{0}")]
     People(String),
+    /// The objective's weights can't be used.
+    #[error("LPIPS: {0}")]
+    Lpips(#[from] LpipsError),
     /// A frame can't be rendered for validation.
     #[error(transparent)]
     Render(#[from] RenderError),

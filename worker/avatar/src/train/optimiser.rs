@@ -53,7 +53,7 @@ impl Optimizer for ScaledAdam {
 
 /// The optimiser of a model: stepped with a rate that goes from 1 down, each group times its
 /// own rate.
-pub(super) fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
+pub fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
     let group = |path: &str, scale: f64| (ParamGroup::from_predicate(path), ScaledAdam { scale });
     let groups = [
         group("canonical.tables", config.table_rate),

@@ -1,23 +1,15 @@
 //! Patches of a frame: where a step looks (model.md §8).
 
+use super::batch::Batch;
 use super::people::TrainFrame;
 use crate::motion::body::Body;
-use crate::render::rays::{BodyView, Ray};
+use crate::render::rays::BodyView;
 use rand::RngExt;
 
 /// Share of the patches that are centred on the person; the rest on the box around.
 const ON_PERSON: f64 = 0.8;
 /// Tries at finding a pixel in the box but off the person.
 const TRIES: usize = 32;
-
-/// Rays of a step, and what they should see.
-pub(super) struct Batch {
-    /// `[P S²]`.
-    pub rays: Vec<Option<Ray>>,
-    /// `[P, S², 3]`, over `background`.
-    pub truth: Vec<f32>,
-    pub background: [f32; 3],
-}
 
 /// Draws `count` patches of `size`² pixels, cut so that they lie in the image, and a random
 /// background, which makes the model tell dark cloth from nothing.
@@ -34,6 +26,7 @@ pub(super) fn draw(
     let background: [f32; 3] = std::array::from_fn(|_| rng.random());
     let mut batch = Batch {
         rays: Vec::with_capacity(count * size * size),
+        patch_size: size,
         truth: Vec::with_capacity(count * size * size * 3),
         background,
     };

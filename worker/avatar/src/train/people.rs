@@ -71,8 +71,7 @@ impl Trainee {
                 .filter(|(_, m)| **m > 0)
                 .map(|(p, _)| p as u32)
                 .collect();
-            // The middle of each run is kept out, so that one frame alone is trained on.
-            let keep_out = holdout_every > 0 && i % holdout_every == holdout_every / 2;
+            let keep_out = is_held_out(i, holdout_every);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
                 pose,
                 camera,
@@ -93,6 +92,12 @@ impl Trainee {
             held_out,
         })
     }
+}
+
+/// Whether the frame at `position` of a capture is kept out of training when every `every`-th
+/// is (0: none). The middle of each run is, so that one frame alone is trained on.
+pub fn is_held_out(position: usize, every: usize) -> bool {
+    every > 0 && position % every == every / 2
 }
 
 /// Checks that the people fit one model with `slots` slots: same joint trees, one slot each.

@@ -1,24 +1,23 @@
 //! The training loop's state: one call, one step.
 
+use super::batch::{Scene, outcome};
 use super::checkpoint::{self, State};
 use super::guard::{Course, Guard, Verdict};
 use super::optimiser::optimiser;
-use super::patches::{self, Batch};
+use super::patches;
 use super::people::{Person, Trainee, check_people};
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
-use crate::config::ModelConfig;
-use crate::evaluate::metrics::{psnr, ssim};
+use crate::config::{ConfigError, ModelConfig, Numerics};
+use crate::evaluate::{psnr, ssim};
 use crate::loss::Objective;
 use crate::motion::body::Body;
-use crate::render::composite::composite;
 use crate::render::frame::read;
-use crate::render::march::march;
 use crate::render::{RenderView, Renderer};
 use crate::skeleton::Skeleton;
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -144,6 +143,12 @@ impl Trainer {
         course: Course,
         device: Device,
     ) -> Result<Self, TrainError> {
+        if state.config.numerics == Numerics::Reference {
+            return Err(TrainError::Config(ConfigError::Field {
+                field: "numerics",
+                message: "a model trains with sound numerics; reference ones only render".into(),
+            }));
+        }
         let mut slots = state.slots;
         let needed = people
             .iter()
@@ -169,7 +174,8 @@ impl Trainer {
             .map(|f| f.image.width.min(f.image.height))
             .min();
         let patch_size = (state.config.optimise.patch_size as usize).min(smallest.unwrap_or(1));
-        let objective = Objective::new(state.config.optimise.ssim_weight, patch_size, &device);
+        let objective =
+            Objective::from_environment(state.config.optimise.ssim_weight, patch_size, &device)?;
         let progress = TrainProgress {
             objective: objective.name(),
             ..TrainProgress::default()
@@ -236,11 +242,26 @@ impl Trainer {
             self.patch_size,
             &mut rng,
         );
-        let (loss, live) = self.loss(chosen, frame, &batch, &mut rng)?;
+        let scene = Scene {
+            config: &self.config,
+            body: &chosen.body,
+            slot: chosen.slot,
+            pose: &frame.pose,
+            step: self.step,
+        };
+        let outcome = outcome(
+            &self.course.avatar,
+            &scene,
+            &batch,
+            &self.objective,
+            Some(&mut rng),
+        )?;
+        // Without an outcome no ray meets the body: there is nothing to learn.
+        let live = outcome.as_ref().map_or(0.0, |o| o.live_fraction);
         self.progress.live_fraction =
             smoothed(self.progress.live_fraction, live, self.progress.step);
-        if let Some(loss) = loss {
-            self.descend(loss)?;
+        if let Some(outcome) = outcome {
+            self.descend(outcome.loss)?;
         }
         self.step += 1;
         self.budget_steps += 1;
@@ -252,52 +273,6 @@ impl Trainer {
             smoothed(self.progress.steps_per_second, rate, self.progress.step);
         self.progress.step = self.step;
         Ok(())
-    }
-
-    /// The loss of a batch, and the share of live samples; no loss when no ray meets the body.
-    fn loss(
-        &self,
-        trainee: &Trainee,
-        frame: &super::people::TrainFrame,
-        batch: &Batch,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<(Option<Tensor<1>>, f64), TrainError> {
-        let (avatar, config, body) = (&self.course.avatar, &self.config, &trainee.body);
-        let posed = avatar.pose(config, body, trainee.slot, &frame.pose, self.step);
-        let (weights, transforms) = (
-            read(posed.weights.clone())?,
-            read(posed.transforms.clone())?,
-        );
-        let samples = march(
-            &batch.rays,
-            config.march.samples,
-            config.march.epsilon,
-            Some(rng),
-            &weights,
-            &transforms,
-            &body.grid,
-        );
-        if samples.live() == 0 {
-            return Ok((None, 0.0));
-        }
-        let live = samples.live_fraction();
-        let points = Tensor::from_data(
-            TensorData::new(samples.points.clone(), [samples.live(), 3]),
-            &self.device,
-        );
-        let (values, likelihood) = avatar.evaluate(config, body, &posed, points);
-        let seen = composite(&samples, values.rgb, values.density, likelihood);
-        let background = Tensor::<1>::from_floats(batch.background, &self.device).unsqueeze::<2>();
-        let clear = (seen.alpha.neg() + 1.0).unsqueeze_dim::<2>(1);
-        let shape = [
-            config.optimise.patches,
-            self.patch_size * self.patch_size,
-            3,
-        ];
-        let predicted = (seen.rgb + clear * background).reshape(shape);
-        let truth =
-            Tensor::<3>::from_data(TensorData::new(batch.truth.clone(), shape), &self.device);
-        Ok((Some(self.objective.loss(predicted, truth)), live))
     }
 
     fn descend(&mut self, loss: Tensor<1>) -> Result<(), TrainError> {

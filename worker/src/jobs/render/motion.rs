@@ -19,7 +19,10 @@ pub(super) fn views(
     track: &PoseTrack,
     body: &Skeleton,
 ) -> Result<Vec<RenderView>, JobFailure> {
-    let first = find_place(track, transfer.first_frame, "motion.first_frame")?;
+    let first = match transfer.first_frame {
+        Some(index) => find_place(track, index, "motion.first_frame")?,
+        None => 0,
+    };
     let step = transfer.frame_step.max(1) as usize;
     let left = (track.frames.len() - first).div_ceil(step);
     let count = match transfer.frame_count as usize {
@@ -28,7 +31,7 @@ pub(super) fn views(
         count => {
             let message = format!(
                 "{count} frames, but the driver's capture has {left} from frame {} on in steps of {step}",
-                transfer.first_frame
+                track.frames[first].index
             );
             return Err(JobFailure::invalid("render", "motion.frame_count", message));
         }
@@ -65,7 +68,7 @@ mod tests {
     fn transfer(first_frame: u32, frame_count: u32, frame_step: u32) -> MotionTransfer {
         MotionTransfer {
             driver: "subjects/b".into(),
-            first_frame,
+            first_frame: Some(first_frame),
             frame_count,
             frame_step,
             size: 32,

@@ -11,7 +11,7 @@ use yoto_proto::{
 
 /// Every n-th frame is never trained on and measures PSNR and SSIM instead: 1 in 20 leaves
 /// enough of a short capture to train on.
-const HOLDOUT_EVERY: usize = 20;
+pub(in crate::jobs) const HOLDOUT_EVERY: usize = 20;
 /// Smallest side worth training at, pixels.
 const MIN_SIDE: u32 = 8;
 /// Longest budget, seconds: a year. Anything longer is a unit error.

@@ -92,15 +92,16 @@ impl<'a> Session<'a> {
         self.validate()?;
         self.checkpoint()?;
         let progress = self.trainer.progress();
-        let (seconds, _) = self.spent();
+        let (seconds, steps) = self.spent();
         let (step, bytes) = self.published.unwrap_or((progress.step, 0));
         Ok(TrainResult {
             checkpoint: names::checkpoint(&self.plan.model.name, step),
-            steps: progress.step,
+            steps,
             train_seconds: seconds,
             parameters: self.trainer.parameters(),
             checkpoint_bytes: bytes,
             device: self.context.device.info.adapter.clone(),
+            objective: progress.objective.into(),
         })
     }
 

@@ -14,6 +14,15 @@ const BLOCK: usize = 512;
 
 /// `[N, 4]` as in [`super::warp`].
 pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
+    let mut output = unlimited(weights, transforms, points, grid);
+    for out in output.as_chunks_mut::<4>().0 {
+        out[3] = out[3].clamp(0.0, 1.0);
+    }
+    output
+}
+
+/// The same with the plain sum of the weights, which can exceed 1, in the last place.
+pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let (min, scale) = (grid.min, grid.scale());
@@ -47,7 +56,6 @@ pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpG
                 for value in &mut out[..3] {
                     *value /= divisor;
                 }
-                out[3] = out[3].clamp(0.0, 1.0);
             }
         });
     output

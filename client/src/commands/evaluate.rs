@@ -1,0 +1,173 @@
+//! `yoto evaluate`: how close a trained model comes to pictures it never saw.
+
+use super::Server;
+use super::scores::scores_table;
+use super::table;
+use crate::progress::ProgressDisplay;
+use anyhow::Context;
+use clap::Args;
+#[cfg(feature = "embedded")]
+use std::path::PathBuf;
+use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
+use yoto_proto::v1::{EvaluateResult, EvaluateSpec, Scores, job_result};
+
+const AFTER_HELP: &str = "\
+With a model's name the service measures, on frames of its people's captures that training
+leaves out: unseen poses, from the camera that was trained on. With --model-dir this process
+measures, on a capture folder's eval/ (other cameras) and eval_pose/ (other poses), as
+`yoto quality --help` lays them out.
+
+Examples:
+  yoto evaluate duo --table
+  yoto evaluate --model-dir out/models/yoto --capture data/ada --capture data/bob --table";
+
+/// Measure a trained model on pictures that training never saw.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Evaluate {
+    /// The trained model, by name.
+    #[cfg_attr(
+        feature = "embedded",
+        arg(required_unless_present = "model_dir", conflicts_with = "model_dir")
+    )]
+    #[cfg_attr(not(feature = "embedded"), arg(required = true))]
+    model: Option<String>,
+    /// Whom to measure, by name, separated by commas [default: everybody in the model].
+    #[arg(long, value_delimiter = ',', value_name = "A,B,…", requires = "model")]
+    #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
+    subjects: Vec<String>,
+    /// Which pictures are compared, and how.
+    #[arg(long, default_value = HELD_OUT, value_parser = table::protocol, long_help = protocol_help())]
+    protocol: String,
+    /// Longest side that pictures are compared at, pixels; 0 keeps the captures' own.
+    #[arg(long, value_name = "PX", default_value_t = 0, value_parser = size)]
+    size: u32,
+    /// Folder of a trained model (weights and state), measured in this process.
+    #[cfg(feature = "embedded")]
+    #[arg(long, value_name = "DIR", requires = "captures")]
+    model_dir: Option<PathBuf>,
+    /// Capture folder with held-out pictures; one for each of the model's slots, in order.
+    #[cfg(feature = "embedded")]
+    #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1.., requires = "model_dir", conflicts_with = "model")]
+    captures: Vec<PathBuf>,
+    /// Measure at most this many pictures of each kind and person [default: all].
+    #[cfg(feature = "embedded")]
+    #[arg(
+        long,
+        value_name = "N",
+        requires = "model_dir",
+        conflicts_with = "model"
+    )]
+    pictures: Option<std::num::NonZeroUsize>,
+    /// Also print the paper's table with these figures in it.
+    #[cfg(feature = "embedded")]
+    #[arg(long)]
+    table: bool,
+    #[command(flatten)]
+    server: Server,
+}
+
+fn protocol_help() -> String {
+    format!(
+        "Which pictures are compared, and how.{}",
+        table::explained(PROTOCOLS)
+    )
+}
+
+/// Parses a size at which SSIM can be measured, or 0.
+fn size(text: &str) -> Result<u32, String> {
+    match text.parse::<u32>() {
+        Ok(size @ (0 | 16..=4096)) => Ok(size),
+        _ => Err("0, or 16 to 4096 pixels".to_owned()),
+    }
+}
+
+impl Evaluate {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        #[cfg(feature = "embedded")]
+        if let Some(dir) = self.model_dir.clone() {
+            return self.here(dir);
+        }
+        let wanted = self.model.as_deref().context("which model?")?;
+        let client = self.server.connect().await?;
+        let model = client.find_model(wanted).await?;
+        let mut subjects = Vec::new();
+        for subject in &self.subjects {
+            subjects.push(client.find_subject(subject).await?.name);
+        }
+        let spec = EvaluateSpec {
+            model: model.name.clone(),
+            subjects,
+            protocol: self.protocol.clone(),
+            image_size: self.size,
+        };
+        let job = client.evaluate(spec).await?;
+        let mut display = ProgressDisplay::new(model.display_name.clone());
+        let job = client
+            .wait_for_job(&job.name, |job| display.job(job))
+            .await?;
+        let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
+            anyhow::bail!("{} has no figures", job.name);
+        };
+        display.finish(&summary(&result));
+        println!("{} by {}\n", result.checkpoint, result.protocol);
+        println!("{}", scores_table(&rows(&result)));
+        #[cfg(feature = "embedded")]
+        if self.table {
+            let row = super::paper_table::Row {
+                variant: model.variant,
+                scores: result.mean.into_iter().collect(),
+            };
+            let headings = ["held-out frames".to_owned()];
+            println!("\n{}", super::paper_table::paper_table(&headings, &[row]));
+        }
+        Ok(())
+    }
+
+    /// Measures a model folder in this process.
+    #[cfg(feature = "embedded")]
+    fn here(self, model_dir: PathBuf) -> anyhow::Result<()> {
+        use crate::quality::model_dir::{Measured, ModelDirOptions, run};
+        let measured: Measured = run(&ModelDirOptions {
+            model_dir,
+            captures: self.captures,
+            protocol: self.protocol,
+            size: self.size,
+            pictures: self
+                .pictures
+                .map_or(usize::MAX, std::num::NonZeroUsize::get),
+        })?;
+        println!("step {} by {}\n", measured.step, measured.protocol);
+        println!("{}", scores_table(&measured.rows));
+        if self.table {
+            let row = super::paper_table::Row {
+                variant: measured.variant,
+                scores: measured.means,
+            };
+            let table = super::paper_table::paper_table(&measured.headings, &[row]);
+            println!("\n{table}");
+        }
+        Ok(())
+    }
+}
+
+fn rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
+    let people = result.subjects.iter().filter_map(|it| {
+        let scores = it.scores?;
+        Some((it.display_name.clone(), scores))
+    });
+    let mean = result.mean.map(|scores| ("mean".to_owned(), scores));
+    people.chain(mean).collect()
+}
+
+/// `PSNR 27.13 dB, SSIM 0.9312 on 12 pictures of 2 people`.
+pub(super) fn summary(result: &EvaluateResult) -> String {
+    let mean = result.mean.unwrap_or_default();
+    format!(
+        "PSNR {:.2} dB, SSIM {:.4} on {} pictures of {} people",
+        mean.psnr,
+        mean.ssim,
+        mean.pictures,
+        result.subjects.len()
+    )
+}

@@ -1,0 +1,98 @@
+//! `yoto model info`: what a model consists of, and how large each part is.
+
+use super::{Server, table};
+use anyhow::Context;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use yoto_avatar::avatar::{Avatar, PartCount};
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::train::{State, read_parts};
+
+pub(super) const AFTER_HELP: &str = "\
+A folder is a checkpoint's or an imported model's. A model of the service is told with
+the sizes that its tier, variant and people give.
+
+Examples:
+  yoto model info checkpoints/000000002000
+  yoto model info duo";
+
+#[derive(Debug, Args)]
+pub(super) struct Info {
+    /// Folder with weights.safetensors and state.json, or a model of the service.
+    #[arg(value_name = "PATH|MODEL")]
+    model: String,
+    /// Joints of the people's skeletons, for a model of the service.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u16).range(2..=256))]
+    joints: u16,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl Info {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let path = PathBuf::from(&self.model);
+        if path.is_dir() {
+            return of_folder(&path);
+        }
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        let config = ModelConfig::named(&model.tier, &model.variant)
+            .with_context(|| format!("the model {}", model.name))?;
+        println!("model       {} ({})", model.display_name, model.name);
+        about(&config, model.slots.len());
+        for checkpoint in client.list_checkpoints(&model.name).await? {
+            println!(
+                "checkpoint  step {}, {} bytes",
+                checkpoint.step, checkpoint.bytes
+            );
+        }
+        let slots = model.slots.len().max(1);
+        let device = yoto_worker::pick().device;
+        let avatar = Avatar::new(&config, slots, usize::from(self.joints), 0, &device);
+        print_parts(&avatar.part_counts());
+        Ok(())
+    }
+}
+
+fn of_folder(path: &Path) -> anyhow::Result<()> {
+    let state = State::read(path)?;
+    let parts = read_parts(path)?;
+    println!("folder      {}", path.display());
+    about(&state.config, state.slots.iter().flatten().count());
+    println!("joints      {}", state.joints);
+    println!("steps       {}", state.step);
+    for entry in std::fs::read_dir(path).with_context(|| format!("{}", path.display()))? {
+        let entry = entry?;
+        let size = entry.metadata()?.len();
+        println!("file        {}: {size} bytes", entry.file_name().display());
+    }
+    print_parts(&parts);
+    Ok(())
+}
+
+fn about(config: &ModelConfig, people: usize) {
+    let name = |value: serde_json::Result<serde_json::Value>| {
+        let text = value.ok().and_then(|v| v.as_str().map(str::to_owned));
+        text.unwrap_or_else(|| "?".to_owned())
+    };
+    println!("tier        {}", config.tier);
+    println!("variant     {}", name(serde_json::to_value(config.variant)));
+    println!(
+        "numerics    {}",
+        name(serde_json::to_value(config.numerics))
+    );
+    println!("people      {people}");
+}
+
+fn print_parts(parts: &[PartCount]) {
+    let row = |part: &str, parameters: u64, bytes: u64| {
+        vec![part.to_owned(), parameters.to_string(), bytes.to_string()]
+    };
+    let mut rows: Vec<Vec<String>> = parts
+        .iter()
+        .map(|part| row(&part.part, part.parameters, part.bytes))
+        .collect();
+    let sum = |of: fn(&PartCount) -> u64| parts.iter().map(of).sum();
+    rows.push(row("total", sum(|p| p.parameters), sum(|p| p.bytes)));
+    println!("{}", table::table(&["PART", "PARAMETERS", "BYTES"], &rows));
+}

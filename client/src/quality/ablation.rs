@@ -1,0 +1,288 @@
+//! The paper's ablation on one's own captures: its four variants, trained on the same frames
+//! with the same seed and budget, and measured on the same held-out pictures.
+//!
+//! `humannerf` knows one person a model, so it trains as many models as there are captures.
+//! The budget is divided among them: each variant gets the same training in total, which is
+//! the comparison that an operator with a given machine and evening has to make.
+
+use super::captures::{self, Recording, Split};
+use super::{lpips, measure, pick_device, shown, train_options};
+use crate::progress::ProgressDisplay;
+use crate::report::{Score, SplitScores, SubjectScore};
+use anyhow::{Context, ensure};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use yoto_avatar::config::{ModelConfig, Variant};
+use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::train::{Budget, Trainer};
+use yoto_proto::protocols::HELD_OUT;
+use yoto_proto::tiers::VARIANTS;
+use yoto_proto::v1::Progress;
+use yoto_worker::PickedDevice;
+
+/// The file that holds everything an ablation found.
+pub const FILE: &str = "ablation.json";
+
+/// What to train on, and how.
+#[derive(Debug, Clone)]
+pub struct AblationOptions {
+    /// Capture folders, one a person.
+    pub captures: Vec<PathBuf>,
+    /// Longest side of the pictures, pixels.
+    pub size: u32,
+    /// Of each variant, over all of its models.
+    pub budget: Budget,
+    /// Quality tier.
+    pub tier: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// At most this many held-out pictures of each kind and person are measured.
+    pub pictures: usize,
+    /// Folder for `ablation.json` and the models.
+    pub out: PathBuf,
+}
+
+/// `ablation.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Ablation {
+    /// Names of the captures.
+    pub captures: Vec<String>,
+    /// Quality tier.
+    pub tier: String,
+    /// Longest image side trained and evaluated at, pixels.
+    pub size: u32,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Seconds of training a variant; absent when the budget is in steps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_seconds: Option<f64>,
+    /// Steps a variant; absent when the budget is in seconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_steps: Option<u64>,
+    /// What it ran on.
+    pub device: String,
+    /// The training objective, e.g. a fallback without LPIPS weights.
+    pub objective: String,
+    /// In the order of the paper.
+    pub variants: Vec<VariantScores>,
+}
+
+/// What one variant reached.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct VariantScores {
+    /// Its name.
+    pub variant: String,
+    /// Models trained: one for everybody, or one a person.
+    pub models: usize,
+    /// Steps over all models.
+    pub steps: u64,
+    /// Seconds of training over all models.
+    pub train_seconds: f64,
+    /// Trained numbers over all models.
+    pub parameters: u64,
+    /// Steps not taken because loss or gradients were not finite, over all models.
+    pub skipped_steps: u64,
+    /// One entry a person.
+    pub subjects: Vec<SubjectScore>,
+    /// Over the people, each counting the same.
+    pub mean: SplitScores,
+}
+
+/// Trains and measures all variants, and writes `ablation.json` and the models.
+///
+/// # Errors
+/// At the first thing that fails, saying what: a capture that can't be read, an unknown tier,
+/// fewer steps than models, training that diverges, a file that can't be written.
+pub fn run(options: &AblationOptions) -> anyhow::Result<Ablation> {
+    let protocol = Protocol::named(HELD_OUT)?;
+    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
+    let picked = pick_device();
+    let mut bench = Bench {
+        options,
+        protocol,
+        picked,
+        recordings,
+        objective: "",
+    };
+    let mut variants = Vec::new();
+    for (variant, _) in VARIANTS {
+        let scores = bench
+            .variant(variant)
+            .with_context(|| format!("the variant {variant}"))?;
+        variants.push(scores);
+    }
+    let (budget_seconds, budget_steps) = match options.budget {
+        Budget::Seconds(seconds) => (Some(seconds), None),
+        Budget::Steps(steps) => (None, Some(steps)),
+    };
+    let ablation = Ablation {
+        captures: bench.recordings.iter().map(|it| it.name.clone()).collect(),
+        tier: options.tier.clone(),
+        size: options.size,
+        seed: options.seed,
+        budget_seconds,
+        budget_steps,
+        device: bench.picked.info.adapter.clone(),
+        objective: bench.objective.to_owned(),
+        variants,
+    };
+    let path = options.out.join(FILE);
+    let json = serde_json::to_vec_pretty(&ablation).context("writing down the figures")?;
+    std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
+    Ok(ablation)
+}
+
+/// What stays the same from one variant to the next.
+struct Bench<'a> {
+    options: &'a AblationOptions,
+    protocol: &'static Protocol,
+    picked: PickedDevice,
+    recordings: Vec<Recording>,
+    objective: &'static str,
+}
+
+impl Bench<'_> {
+    fn variant(&mut self, variant: &str) -> anyhow::Result<VariantScores> {
+        let config = ModelConfig::named(&self.options.tier, variant)?;
+        let everybody: Vec<usize> = (0..self.recordings.len()).collect();
+        let groups: Vec<&[usize]> = if config.variant == Variant::HumanNerf {
+            everybody.chunks(1).collect()
+        } else {
+            vec![&everybody]
+        };
+        let budgets = divided(self.options.budget, groups.len())?;
+        let mut found = VariantScores {
+            variant: variant.to_owned(),
+            models: groups.len(),
+            steps: 0,
+            train_seconds: 0.0,
+            parameters: 0,
+            skipped_steps: 0,
+            mean: SplitScores::mean(&[]),
+            subjects: Vec::new(),
+        };
+        for (group, budget) in groups.into_iter().zip(budgets) {
+            let folder = match group {
+                [one] if found.models > 1 => Path::new(variant).join(&self.recordings[*one].name),
+                _ => PathBuf::from(variant),
+            };
+            self.model(config.clone(), group, budget, &folder, &mut found)?;
+        }
+        found.mean = SplitScores::mean(&found.subjects);
+        Ok(found)
+    }
+
+    /// Trains one model of the people in `group`, keeps it, and measures them.
+    fn model(
+        &mut self,
+        config: ModelConfig,
+        group: &[usize],
+        budget: Budget,
+        folder: &Path,
+        found: &mut VariantScores,
+    ) -> anyhow::Result<()> {
+        let people = group.iter().enumerate();
+        let people = people.map(|(slot, &at)| self.recordings[at].person(slot));
+        let options = train_options(budget, self.options.size, self.options.seed);
+        let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
+        let mut display = ProgressDisplay::new(folder.display().to_string());
+        while !trainer.finished() {
+            trainer.step().context("a training step")?;
+            display.progress(&shown(&trainer.progress(), "training", None));
+        }
+        let progress = trainer.progress();
+        found.steps += progress.step;
+        found.train_seconds += progress.train_seconds;
+        found.parameters += trainer.parameters();
+        found.skipped_steps += progress.skipped_steps;
+        self.objective = progress.objective;
+        self.keep(&trainer, folder)?;
+        let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(&self.picked)?);
+        for (slot, &at) in group.iter().enumerate() {
+            let subject = self.measure(&examiner, slot, at, &mut display)?;
+            found.subjects.push(subject);
+        }
+        display.finish(&format!("{} steps", progress.step));
+        Ok(())
+    }
+
+    fn keep(&self, trainer: &Trainer, folder: &Path) -> anyhow::Result<()> {
+        let folder = self.options.out.join("models").join(folder);
+        std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
+        trainer
+            .save(&folder)
+            .with_context(|| format!("saving the model in {}", folder.display()))
+    }
+
+    /// One person's figures, by a model that has them in `slot`.
+    fn measure(
+        &self,
+        examiner: &Examiner,
+        slot: usize,
+        at: usize,
+        display: &mut ProgressDisplay,
+    ) -> anyhow::Result<SubjectScore> {
+        let recording = &self.recordings[at];
+        let mut score = |split: Split| -> anyhow::Result<Score> {
+            let pictures = self.options.pictures;
+            let of = recording.subset(split, pictures).count();
+            let mut done = 0;
+            measure::person(examiner, slot, recording, split, pictures, |_, _| {
+                done += 1;
+                display.progress(&Progress {
+                    phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),
+                    fraction: done as f64 / of as f64,
+                    ..Progress::default()
+                });
+                Ok(())
+            })
+        };
+        let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
+        Ok(SubjectScore {
+            name: recording.name.clone(),
+            scores: SplitScores {
+                novel_view,
+                novel_pose,
+            },
+            black_image_psnr: novel_view.black_psnr,
+        })
+    }
+}
+
+/// A budget shared out among `models`; what can't be divided goes to the first ones.
+fn divided(budget: Budget, models: usize) -> anyhow::Result<Vec<Budget>> {
+    let count = models.max(1) as u64;
+    Ok(match budget {
+        Budget::Seconds(seconds) => vec![Budget::Seconds(seconds / count as f64); models],
+        Budget::Steps(steps) => {
+            ensure!(
+                steps >= count,
+                "{steps} steps can't be divided among {models} models"
+            );
+            let share = |model| steps / count + u64::from(model < steps % count);
+            (0..count).map(share).map(Budget::Steps).collect()
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_whole_budget_is_shared_out() {
+        let steps = |budget, models| -> Vec<u64> {
+            let shares = divided(Budget::Steps(budget), models).expect("enough");
+            let step = |share| match share {
+                Budget::Steps(steps) => steps,
+                Budget::Seconds(_) => 0,
+            };
+            shares.into_iter().map(step).collect()
+        };
+        assert_eq!(steps(10, 1), [10]);
+        assert_eq!(steps(11, 3), [4, 4, 3]);
+        assert!(divided(Budget::Steps(2), 3).is_err());
+        let shares = divided(Budget::Seconds(60.0), 3).expect("enough");
+        assert_eq!(shares, vec![Budget::Seconds(20.0); 3]);
+    }
+}

@@ -1,0 +1,85 @@
+//! Rendering held-out pictures and comparing them with what was really seen.
+
+use super::captures::{Recording, Split, View};
+use crate::pictures;
+use anyhow::Context;
+use image::{GenericImage, RgbImage};
+use std::path::Path;
+use yoto_avatar::evaluate::{Examined, Examiner, Mean, Score, Truth};
+
+/// The mean over a fixed subset of each capture, at most `count` pictures of each, by a model
+/// that has the recordings in its slots in their order.
+pub(super) fn subset(
+    examiner: &Examiner,
+    recordings: &[Recording],
+    split: Split,
+    count: usize,
+) -> anyhow::Result<Score> {
+    let mut mean = Mean::default();
+    for (slot, recording) in recordings.iter().enumerate() {
+        for view in recording.subset(split, count) {
+            mean.add(&examine(examiner, slot, view)?.score);
+        }
+    }
+    Ok(mean.score())
+}
+
+/// The mean over one person's pictures, at most `count` of them; `on_picture` hears the
+/// seconds each took to render.
+pub(super) fn person(
+    examiner: &Examiner,
+    slot: usize,
+    recording: &Recording,
+    split: Split,
+    count: usize,
+    mut on_picture: impl FnMut(&View, &Examined) -> anyhow::Result<()>,
+) -> anyhow::Result<Score> {
+    let mut mean = Mean::default();
+    for view in recording.subset(split, count) {
+        let examined = examine(examiner, slot, view)?;
+        mean.add(&examined.score);
+        on_picture(view, &examined)?;
+    }
+    Ok(mean.score())
+}
+
+fn examine(examiner: &Examiner, slot: usize, view: &View) -> anyhow::Result<Examined> {
+    let truth = Truth {
+        pose: &view.pose,
+        camera: &view.camera,
+        image: &view.truth,
+    };
+    examiner
+        .examine(slot, &truth)
+        .with_context(|| format!("measuring {}", view.label))
+}
+
+/// Writes a picture beside its render as `FOLDER/PERSON/SPLIT/LABEL.png`.
+pub(super) fn write_pair(
+    folder: &Path,
+    recording: &Recording,
+    split: Split,
+    view: &View,
+    examined: &Examined,
+) -> anyhow::Result<()> {
+    let (width, height) = (view.truth.width, view.truth.height);
+    let truth = pictures::rgb(&view.label, width, height, &examined.truth)?;
+    let render = pictures::rgb(&view.label, width, height, &examined.render)?;
+    let path = folder.join(&recording.name).join(split.folder());
+    let file = path.join(&view.label).with_extension("png");
+    Ok(pictures::write(&file, &side_by_side(&truth, &render))?)
+}
+
+/// Two pictures of one size.
+fn side_by_side(left: &RgbImage, right: &RgbImage) -> RgbImage {
+    let (width, height) = left.dimensions();
+    let mut pair = RgbImage::new(2 * width, height);
+    for (picture, x) in [(left, 0), (right, width)] {
+        let placed = pair.copy_from(picture, x, 0);
+        debug_assert!(
+            placed.is_ok(),
+            "both pictures were compared, so both have one size"
+        );
+    }
+    pair
+}

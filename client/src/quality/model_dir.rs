@@ -1,0 +1,140 @@
+//! Measuring a trained model that stands in a folder, without a service.
+
+use super::captures::{self, Recording, Split};
+use super::{lpips, measure, pick_device};
+use crate::progress::ProgressDisplay;
+use anyhow::{Context, ensure};
+use std::path::PathBuf;
+use yoto_avatar::evaluate::{Examiner, Protocol, Score};
+use yoto_avatar::render::Renderer;
+use yoto_avatar::skeleton::Skeleton;
+use yoto_avatar::train::State;
+use yoto_proto::v1::{Progress, Scores};
+
+/// How far a capture's rest joints may stand from those of its slot, metres: what numbers
+/// lose on their way through a file.
+const SAME_BODY: f64 = 1e-4;
+
+/// What to measure, and on what.
+#[derive(Debug, Clone)]
+pub struct ModelDirOptions {
+    /// Folder with a checkpoint's weights and state.
+    pub model_dir: PathBuf,
+    /// Capture folders, one for each of the model's slots, in their order.
+    pub captures: Vec<PathBuf>,
+    /// A protocol's name.
+    pub protocol: String,
+    /// Longest side that pictures are compared at, unless the protocol has its own, pixels;
+    /// 0 keeps the pictures'.
+    pub size: u32,
+    /// At most this many pictures of each kind and person.
+    pub pictures: usize,
+}
+
+/// Figures of a model.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// The model's variant.
+    pub variant: String,
+    /// Training steps behind it.
+    pub step: u64,
+    /// The protocol's name.
+    pub protocol: String,
+    /// `person, kind of pictures` with its figures; means last.
+    pub rows: Vec<(String, Scores)>,
+    /// The kinds of pictures.
+    pub headings: Vec<String>,
+    /// Means over the people, one for each heading.
+    pub means: Vec<Scores>,
+}
+
+/// Measures.
+///
+/// # Errors
+/// When model or captures can't be read or don't belong together, or the protocol is for
+/// looking at pictures only.
+pub fn run(options: &ModelDirOptions) -> anyhow::Result<Measured> {
+    let protocol = Protocol::named(&options.protocol)?;
+    ensure!(
+        protocol.figures,
+        "nothing was ever measured by '{}': its pictures are for looking at",
+        protocol.name
+    );
+    let dir = &options.model_dir;
+    let state = State::read(dir)
+        .with_context(|| format!("the model {} (is it a checkpoint's folder?)", dir.display()))?;
+    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
+    check_slots(&state.slots, &recordings)?;
+    let missing = protocol.missing(recordings.iter().map(|it| it.name.as_str()));
+    if !missing.is_empty() {
+        eprintln!(
+            "{} is of {} subjects; without {} the mean can't stand beside published ones",
+            protocol.name,
+            protocol.subjects.len(),
+            missing.join(", ")
+        );
+    }
+    let picked = pick_device();
+    let renderer = Renderer::load(dir, &picked.device)
+        .with_context(|| format!("the model {}", dir.display()))?;
+    let examiner = Examiner::new(renderer, protocol, lpips(&picked)?);
+    let (mut rows, mut headings, mut means) = (Vec::new(), Vec::new(), Vec::new());
+    let mut display = ProgressDisplay::new("evaluating");
+    for split in Split::of(protocol) {
+        let mut scores = Vec::new();
+        for (slot, recording) in recordings.iter().enumerate() {
+            let mut done = 0;
+            let of = recording.subset(*split, options.pictures).count();
+            let name = format!("{}, {}", recording.name, split.title());
+            let on_picture = |_: &_, _: &_| {
+                done += 1;
+                display.progress(&Progress {
+                    phase: format!("{name}, picture {done} of {of}"),
+                    fraction: done as f64 / of as f64,
+                    ..Progress::default()
+                });
+                Ok(())
+            };
+            let pictures = options.pictures;
+            let score = measure::person(&examiner, slot, recording, *split, pictures, on_picture)?;
+            rows.push((name, Scores::from(&score)));
+            scores.push(score);
+        }
+        headings.push(split.title().to_owned());
+        means.push(Scores::from(&Score::mean(&scores)));
+    }
+    display.finish(&format!("{} people", recordings.len()));
+    let mean_rows = headings.iter().zip(&means);
+    rows.extend(mean_rows.map(|(title, mean)| (format!("mean, {title}"), *mean)));
+    Ok(Measured {
+        variant: state.config.variant.name().to_owned(),
+        step: state.step,
+        protocol: protocol.name.to_owned(),
+        rows,
+        headings,
+        means,
+    })
+}
+
+/// Captures and slots must be of the same bodies; a mix-up would measure one person's looks
+/// on another and call the model bad.
+fn check_slots(slots: &[Option<Skeleton>], recordings: &[Recording]) -> anyhow::Result<()> {
+    for (slot, recording) in recordings.iter().enumerate() {
+        let name = &recording.name;
+        let body = slots
+            .get(slot)
+            .and_then(Option::as_ref)
+            .with_context(|| format!("the model has nobody in slot {slot}, for {name}"))?;
+        let theirs = Skeleton::from_track(&recording.shard.track.skeleton)
+            .with_context(|| format!("the skeleton of {name}"))?;
+        let apart =
+            |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > SAME_BODY);
+        let other = body.rest.iter().zip(&theirs.rest).any(|(a, b)| apart(a, b));
+        ensure!(
+            body.parents == theirs.parents && !other,
+            "slot {slot} of the model is not the body of {name}; give the captures in the order \
+             that the model was trained with"
+        );
+    }
+    Ok(())
+}

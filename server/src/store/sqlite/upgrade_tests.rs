@@ -1,0 +1,74 @@
+//! Databases of earlier schemas, opened by this program.
+
+use super::{SqliteStore, migrations};
+use crate::store::{JobKind, NewWorker, Store};
+use sqlx::{
+    Executor,
+    sqlite::{SqliteConnectOptions, SqlitePoolOptions},
+};
+use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
+
+/// A model with a checkpoint, trained by a job that ended, and a job that waits.
+const CONTENT: &str = "
+    INSERT INTO models (id, display_name, tier, variant) VALUES ('m', 'm', 'draft', 'yoto');
+    INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes)
+        VALUES ('w', 'w', 'cpu', 'cpu', 0, 0);
+    INSERT INTO worker_kinds VALUES ('w', 'train'), ('w', 'render');
+    INSERT INTO jobs (ord, id, kind, model, state, spec, lease, worker, end_time)
+        VALUES (7, 'trained', 'train', 'm', 'SUCCEEDED', x'', 3, 'w', 1.5);
+    INSERT INTO jobs (ord, id, kind, model, spec) VALUES (9, 'waits', 'train', 'm', x'');
+    INSERT INTO checkpoints
+        (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes)
+        VALUES ('m', 40, 'trained', 'k', 1, 's', 1);
+";
+
+#[tokio::test]
+async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("yoto.db");
+    let options = SqliteConnectOptions::new()
+        .filename(&path)
+        .foreign_keys(true)
+        .create_if_missing(true);
+    let pool = SqlitePoolOptions::new()
+        .max_connections(1)
+        .connect_with(options)
+        .await
+        .expect("opens");
+    migrations().run_to(1, &pool).await.expect("the old schema");
+    pool.execute(CONTENT).await.expect("writes");
+    pool.close().await;
+
+    let store = SqliteStore::open(&path).await.expect("upgrades");
+    let trained = store.job("trained").await.expect("is kept");
+    assert_eq!((trained.state(), trained.lease), (job::State::Succeeded, 3));
+    assert_eq!(trained.worker, "workers/w");
+    let checkpoints = store.checkpoints("m", 9).await.expect("are kept");
+    assert_eq!(checkpoints.len(), 1);
+    let spec = JobSpec {
+        kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
+            model: "models/m".into(),
+            ..EvaluateSpec::default()
+        })),
+    };
+    let evaluation = store.create_job(spec, None).await.expect("is queued");
+    assert_eq!(evaluation.queue_position, 1, "behind the job that waits");
+    let new = NewWorker {
+        display_name: "new".into(),
+        device: WorkerDevice::default(),
+        kinds: vec![JobKind::Evaluate],
+    };
+    let worker = store.register_worker(new).await.expect("registers");
+    let leased = store.lease_job(&worker, 60.0).await.expect("answers");
+    assert_eq!(leased.map(|job| job.name), Some(evaluation.name));
+    // What refers to the tables that were made anew is still guarded.
+    let error = store
+        .writer
+        .execute("DELETE FROM jobs WHERE id = 'trained'")
+        .await
+        .expect_err("a checkpoint refers to it");
+    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+    store.close().await;
+
+    SqliteStore::open(&path).await.expect("opens again");
+}

@@ -1,0 +1,140 @@
+//! Evaluate jobs: what they need, what they are given, and what a worker may answer.
+
+mod support;
+
+use support::{Service, assert_invalid, assert_refused};
+use tonic::Code;
+use yoto_proto::v1::{
+    EvaluateResult, EvaluateSpec, Job, Lease, Model, Scores, Subject, SubjectScores, job,
+    job_result, job_spec,
+};
+
+fn spec(model: &Model, subjects: &[&Subject]) -> job_spec::Kind {
+    job_spec::Kind::Evaluate(EvaluateSpec {
+        model: model.name.clone(),
+        subjects: subjects.iter().map(|it| it.name.clone()).collect(),
+        ..<_>::default()
+    })
+}
+
+fn result(checkpoint: &str, subject: &Subject) -> EvaluateResult {
+    let scores = Some(Scores {
+        pictures: 2,
+        psnr: 27.0,
+        ..<_>::default()
+    });
+    EvaluateResult {
+        protocol: "held-out".into(),
+        checkpoint: checkpoint.into(),
+        subjects: vec![SubjectScores {
+            subject: subject.name.clone(),
+            display_name: subject.display_name.clone(),
+            scores,
+        }],
+        mean: scores,
+        device: "cpu".into(),
+    }
+}
+
+/// A model of one subject with a checkpoint, whose training is still leased.
+async fn trained(service: &Service, subject: &Subject, worker: &str) -> (Model, String) {
+    let model = service.model_of(subject).await;
+    service.train(&model).await;
+    let training = service.lease(worker).await.expect("the training waits");
+    let checkpoint = service.publish(&training, 40).await.expect("publishes");
+    (model, checkpoint.name)
+}
+
+async fn queued(service: &Service, model: &Model, worker: &str) -> (Job, Lease) {
+    let job = service.create_job(spec(model, &[])).await.expect("queued");
+    let lease = service.lease(worker).await.expect("the evaluation waits");
+    (job, lease)
+}
+
+#[tokio::test]
+async fn an_evaluation_needs_a_checkpoint_and_subjects_of_the_model() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let bob = service.ready_subject("Bob").await;
+    let model = service.model_of(&ada).await;
+    let create = |kind| service.create_job(kind);
+    assert_refused(
+        create(spec(&model, &[])).await,
+        Code::FailedPrecondition,
+        "NO_CHECKPOINT",
+    );
+    assert_refused(
+        create(spec(&model, &[&bob])).await,
+        Code::FailedPrecondition,
+        "NO_SLOT",
+    );
+    let twice = create(spec(&model, &[&ada, &ada])).await;
+    assert_invalid(twice, "spec.evaluate.subjects[1]");
+    let mut other = EvaluateSpec {
+        model: model.name.clone(),
+        protocol: "zju-all".into(),
+        ..<_>::default()
+    };
+    let answer = create(job_spec::Kind::Evaluate(other.clone())).await;
+    assert_invalid(answer, "spec.evaluate.protocol");
+    other.protocol.clear();
+    other.image_size = 7;
+    let answer = create(job_spec::Kind::Evaluate(other)).await;
+    assert_invalid(answer, "spec.evaluate.image_size");
+}
+
+#[tokio::test]
+async fn a_worker_gets_model_shards_and_checkpoints_and_its_figures_are_kept() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let worker = service.worker(&["train", "evaluate"]).await;
+    let (model, checkpoint) = trained(&service, &ada, &worker).await;
+    let (job, lease) = queued(&service, &model, &worker).await;
+    let inputs = lease.inputs.clone().expect("has inputs");
+    assert_eq!(inputs.model.expect("a model").name, model.name);
+    assert_eq!(inputs.checkpoints.len(), 1);
+    assert_eq!(inputs.shards.len(), 1);
+    assert_eq!(inputs.shards[0].subject, ada.name);
+    let kept = result(&checkpoint, &ada);
+    let answer = job_result::Kind::Evaluate(kept.clone());
+    service.complete(&lease, answer).await.expect("completes");
+    let job = service.get_job(&job.name).await;
+    assert_eq!(job.state(), job::State::Succeeded);
+    let found = job.result.and_then(|it| it.kind);
+    assert_eq!(found, Some(job_result::Kind::Evaluate(kept)));
+}
+
+#[tokio::test]
+async fn figures_that_can_not_be_are_refused() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let worker = service.worker(&["train", "evaluate"]).await;
+    let (model, checkpoint) = trained(&service, &ada, &worker).await;
+    let (_, lease) = queued(&service, &model, &worker).await;
+    let good = result(&checkpoint, &ada);
+    type Change = fn(&mut EvaluateResult);
+    let cases: [(Change, &str); 5] = [
+        (|it| it.checkpoint += "9", "result.evaluate.checkpoint"),
+        (|it| it.subjects.clear(), "result.evaluate.subjects"),
+        (
+            |it| it.subjects[0].scores = None,
+            "result.evaluate.subjects[0].scores",
+        ),
+        (
+            |it| it.mean.as_mut().expect("has one").ssim = f64::NAN,
+            "result.evaluate.mean",
+        ),
+        (
+            |it| it.mean.as_mut().expect("has one").pictures = 0,
+            "result.evaluate.mean",
+        ),
+    ];
+    for (change, field) in cases {
+        let mut bad = good.clone();
+        change(&mut bad);
+        let answer = service.complete(&lease, job_result::Kind::Evaluate(bad));
+        assert_invalid(answer.await, field);
+    }
+    let answer = service.complete(&lease, job_result::Kind::Evaluate(good));
+    answer.await.expect("is good");
+}

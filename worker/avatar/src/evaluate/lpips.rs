@@ -1,0 +1,72 @@
+//! LPIPS of whole images. Published tables give it times 1000; here it is as it comes.
+
+use crate::loss::lpips::{Lpips, LpipsError, SMALLEST_SIDE};
+use burn::tensor::{Device, Tensor, TensorData};
+
+/// The metric, with its networks on a device.
+pub struct LpipsMetric {
+    lpips: Lpips,
+    device: Device,
+}
+
+impl LpipsMetric {
+    /// With the weights that the environment names
+    /// ([`VGG16_VARIABLE`](crate::loss::lpips::VGG16_VARIABLE),
+    /// [`HEADS_VARIABLE`](crate::loss::lpips::HEADS_VARIABLE)); none when it names none, and then
+    /// a report should say that LPIPS was not measured.
+    ///
+    /// # Errors
+    /// When one is named without the other, or a file is not what it should be.
+    pub fn from_environment(device: &Device) -> Result<Option<Self>, LpipsError> {
+        let device = device.clone().inner();
+        let lpips = Lpips::from_environment(&device)?;
+        Ok(lpips.map(|lpips| Self { lpips, device }))
+    }
+
+    /// With weights at hand; they must be on `device` without automatic differentiation.
+    pub fn new(lpips: Lpips, device: &Device) -> Self {
+        Self {
+            lpips,
+            device: device.clone().inner(),
+        }
+    }
+
+    /// Distance of two images `[height, width, 3]` with values in [0, 1]: 0 for the same image,
+    /// larger the more they differ to the eye.
+    ///
+    /// # Errors
+    /// When an image has not the numbers its size says, or is smaller than 16 pixels, or the
+    /// device fails.
+    pub fn distance(
+        &self,
+        a: &[f32],
+        b: &[f32],
+        width: usize,
+        height: usize,
+    ) -> Result<f64, LpipsError> {
+        if width < SMALLEST_SIDE || height < SMALLEST_SIDE {
+            return Err(LpipsError::TooSmall { width, height });
+        }
+        let image = |values: &[f32]| {
+            if values.len() != width * height * 3 {
+                return Err(LpipsError::ImageLength {
+                    width,
+                    height,
+                    found: values.len(),
+                });
+            }
+            let data = TensorData::new(values.to_vec(), [1, height, width, 3]);
+            let image = Tensor::<4>::from_data(data, &self.device);
+            Ok(image.permute([0, 3, 1, 2]) * 2.0 - 1.0)
+        };
+        let distance: Vec<f32> = self
+            .lpips
+            .distance(image(a)?, image(b)?)
+            .try_into_vec_as()
+            .map_err(|error| LpipsError::Device(format!("{error:?}")))?;
+        match distance.first() {
+            Some(distance) => Ok(f64::from(*distance)),
+            None => Err(LpipsError::Device("no distance came back".into())),
+        }
+    }
+}

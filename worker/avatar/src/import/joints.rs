@@ -1,0 +1,159 @@
+//! Where the canonical joints of a foreign model stand: a pickle of the released HumanNeRF
+//! program's data preparation, plain JSON, or the skeleton of a capture.
+
+use super::ImportError;
+use super::pickle::{self, Value};
+use crate::skeleton::Vec3;
+use serde_json::Value as Json;
+use std::path::Path;
+use yoto_proto::pose_track::MAX_METRES;
+
+/// Joints of SMPL, the only skeleton that the released program knows, each with its parent.
+pub(super) const SMPL: [(&str, Option<usize>); 24] = [
+    ("pelvis", None),
+    ("l_hip", Some(0)),
+    ("r_hip", Some(0)),
+    ("spine1", Some(0)),
+    ("l_knee", Some(1)),
+    ("r_knee", Some(2)),
+    ("spine2", Some(3)),
+    ("l_ankle", Some(4)),
+    ("r_ankle", Some(5)),
+    ("spine3", Some(6)),
+    ("l_foot", Some(7)),
+    ("r_foot", Some(8)),
+    ("neck", Some(9)),
+    ("l_collar", Some(9)),
+    ("r_collar", Some(9)),
+    ("head", Some(12)),
+    ("l_shoulder", Some(13)),
+    ("r_shoulder", Some(14)),
+    ("l_elbow", Some(16)),
+    ("r_elbow", Some(17)),
+    ("l_wrist", Some(18)),
+    ("r_wrist", Some(19)),
+    ("l_hand", Some(20)),
+    ("r_hand", Some(21)),
+];
+/// Largest file that is read, bytes: 24 joints take under a thousandth.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// The 24 canonical joints, metres, in the frame of the model: of a pickle `{"joints": [24][3]}`,
+/// of JSON in the same form or as a bare list, or of a capture's `poses.json`, whose pelvis is
+/// put at the origin as the released program's captures have it.
+///
+/// # Errors
+/// When the file is none of these, or its numbers are no positions.
+pub fn read_canonical_joints(path: &Path) -> Result<Vec<Vec3>, ImportError> {
+    let failed = |message: String| ImportError::file(path, message);
+    let size = std::fs::metadata(path)
+        .map_err(|e| failed(e.to_string()))?
+        .len();
+    if size > MAX_BYTES {
+        return Err(failed(format!("{size} bytes are too many for 24 joints")));
+    }
+    let bytes = std::fs::read(path).map_err(|e| failed(e.to_string()))?;
+    let joints = match bytes.first() {
+        Some(b'{' | b'[' | b' ' | b'\n' | b'\t' | b'\r') => from_json(&bytes),
+        _ => pickle::read(&bytes)
+            .map_err(|error| error.to_string())
+            .and_then(|value| from_pickle(&value)),
+    }
+    .map_err(failed)?;
+    if joints.len() != SMPL.len() {
+        return Err(failed(format!(
+            "joints: {} of them, {} are needed",
+            joints.len(),
+            SMPL.len()
+        )));
+    }
+    let plausible = |joint: &Vec3| joint.iter().all(|v| v.abs() <= MAX_METRES);
+    match joints.iter().position(|joint| !plausible(joint)) {
+        Some(at) => Err(failed(format!("joints[{at}]: not a position in metres"))),
+        None => Ok(joints),
+    }
+}
+
+fn from_json(bytes: &[u8]) -> Result<Vec<Vec3>, String> {
+    let json: Json = serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+    if let Some(skeleton) = json.get("skeleton") {
+        let parents: Vec<Option<usize>> = skeleton
+            .get("parents")
+            .and_then(Json::as_array)
+            .into_iter()
+            .flatten()
+            .map(|parent| parent.as_u64().map(|parent| parent as usize))
+            .collect();
+        if !parents.iter().eq(SMPL.iter().map(|(_, parent)| parent)) {
+            return Err("skeleton.parents: not the 24 joints of SMPL".into());
+        }
+        let mut joints = positions(skeleton.get("rest_joints"), "skeleton.rest_joints")?;
+        let root = joints.first().copied().unwrap_or_default();
+        for joint in &mut joints {
+            *joint = std::array::from_fn(|a| joint[a] - root[a]);
+        }
+        return Ok(joints);
+    }
+    positions(Some(json.get("joints").unwrap_or(&json)), "joints")
+}
+
+fn positions(json: Option<&Json>, field: &str) -> Result<Vec<Vec3>, String> {
+    json.and_then(|json| serde_json::from_value(json.clone()).ok())
+        .ok_or_else(|| format!("{field}: not a list of [x, y, z]"))
+}
+
+fn from_pickle(value: &Value) -> Result<Vec<Vec3>, String> {
+    let joints = value.get("joints").unwrap_or(value);
+    let (shape, numbers) = joints
+        .numbers()
+        .ok_or("joints: neither an array nor lists of numbers")?;
+    match shape[..] {
+        [_, 3] => Ok(numbers.as_chunks::<3>().0.to_vec()),
+        _ => Err(format!("joints: shape {shape:?}, [24, 3] is needed")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(name: &str, bytes: &[u8]) -> Result<Vec<Vec3>, ImportError> {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).expect("writes");
+        read_canonical_joints(&path)
+    }
+
+    fn list() -> Vec<Vec3> {
+        (0..24).map(|k| [f64::from(k), 0.5, -1.0]).collect()
+    }
+
+    #[test]
+    fn json_comes_in_three_forms() {
+        let bare = serde_json::to_vec(&list()).expect("json");
+        assert_eq!(read("a.json", &bare).expect("bare"), list());
+        let keyed = serde_json::to_vec(&serde_json::json!({"joints": list()})).expect("json");
+        assert_eq!(read("a.json", &keyed).expect("keyed"), list());
+        let parents: Vec<i64> = SMPL
+            .iter()
+            .map(|(_, p)| p.map_or(-1, |p| p as i64))
+            .collect();
+        let capture = serde_json::json!({"skeleton": {"parents": parents, "rest_joints": list()}});
+        let joints = read("poses.json", &serde_json::to_vec(&capture).expect("json"));
+        let joints = joints.expect("a capture");
+        assert_eq!((joints[0], joints[3]), ([0.0; 3], [3.0, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn what_is_no_list_of_24_is_refused() {
+        for (bytes, part) in [
+            (b"[[1,2,3]]".as_slice(), "1 of them, 24 are needed"),
+            (b"[[1,2]]", "not a list of [x, y, z]"),
+            (b"{\"skeleton\": {\"parents\": [-1]}}", "skeleton.parents"),
+            (b"", "ends"),
+        ] {
+            let error = read("a", bytes).expect_err(part).to_string();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Reads the data of a pickle and nothing else: numbers, texts, lists, dictionaries and numpy
+//! arrays. A pickle is a program that may call anything; this reader calls nothing. Where a file
+//! names a function, only the few that numpy's arrays are written with are understood, as data.
+
+mod machine;
+mod numpy;
+
+use thiserror::Error;
+
+/// Deepest nesting that is followed.
+const MAX_DEPTH: usize = 32;
+/// Most values that a file may unfold to: shared parts count each time.
+const MAX_VALUES: usize = 1 << 20;
+
+/// Why a pickle can't be read.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PickleError {
+    /// The file stops before its STOP.
+    #[error("the pickle ends too early")]
+    Truncated,
+    /// An instruction that this reader has not.
+    #[error("the pickle has instruction 0x{0:02x}, which is not plain data (protocols 2 to 5)")]
+    Instruction(u8),
+    /// A call of something that is no part of plain data.
+    #[error("the pickle calls {0}, which is not plain data")]
+    Call(String),
+    /// Instructions that don't fit each other, or numbers of a kind that is not known.
+    #[error("the pickle is malformed: {0}")]
+    Malformed(&'static str),
+    /// More than any list of joints can be.
+    #[error("the pickle is nested too deeply or unfolds to too much")]
+    TooLarge,
+}
+
+/// Plain data of a pickle.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    /// `None`, and all that is neither a number, text nor a collection.
+    Nothing,
+    /// A number or truth value.
+    Number(f64),
+    /// Text.
+    Text(String),
+    /// List or tuple.
+    List(Vec<Value>),
+    /// Keys and values.
+    Dict(Vec<(Value, Value)>),
+    /// A numpy array, rows first.
+    Array {
+        /// Extents.
+        shape: Vec<usize>,
+        /// Numbers.
+        values: Vec<f64>,
+    },
+}
+
+impl Value {
+    /// The value of a text key.
+    pub fn get(&self, key: &str) -> Option<&Value> {
+        let Self::Dict(entries) = self else {
+            return None;
+        };
+        entries
+            .iter()
+            .find(|(k, _)| matches!(k, Self::Text(text) if text == key))
+            .map(|(_, value)| value)
+    }
+
+    /// Shape and numbers of an array, or of lists in lists of equal lengths.
+    pub fn numbers(&self) -> Option<(Vec<usize>, Vec<f64>)> {
+        match self {
+            Self::Number(number) => Some((Vec::new(), vec![*number])),
+            Self::Array { shape, values } => Some((shape.clone(), values.clone())),
+            Self::List(items) => {
+                let mut inner: Option<Vec<usize>> = None;
+                let mut all = Vec::new();
+                for item in items {
+                    let (shape, values) = item.numbers()?;
+                    if inner.as_ref().is_some_and(|inner| *inner != shape) {
+                        return None;
+                    }
+                    inner = Some(shape);
+                    all.extend(values);
+                }
+                let mut shape = vec![items.len()];
+                shape.extend(inner.unwrap_or_default());
+                Some((shape, all))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The data in `bytes`.
+///
+/// # Errors
+/// When they are no pickle of plain data.
+pub(super) fn read(bytes: &[u8]) -> Result<Value, PickleError> {
+    machine::Machine::new(bytes).run()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        (0..hex.len() / 2)
+            .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).expect("hex"))
+            .collect()
+    }
+
+    /// `{"joints": numpy.arange(6, dtype="f4").reshape(2, 3)}` by numpy 2, protocol 4.
+    const ARRAY: &str = concat!(
+        "800495af000000000000007d948c066a6f696e7473948c166e756d70792e5f636f72652e",
+        "6d756c74696172726179948c0c5f7265636f6e7374727563749493948c056e756d707994",
+        "8c076e6461727261799493944b0085944301629487945294284b014b024b03869468058c",
+        "0564747970659493948c02663494898887945294284b038c013c944e4e4e4affffffff4a",
+        "ffffffff4b00749462894318000000000000803f00000040000040400000804000",
+        "00a04094749462732e",
+    );
+
+    #[test]
+    fn arrays_and_lists_are_numbers() {
+        let value = read(&bytes(ARRAY)).expect("a pickle");
+        let joints = value.get("joints").expect("the key");
+        let expected: Vec<f64> = (0..6).map(f64::from).collect();
+        assert_eq!(joints.numbers(), Some((vec![2, 3], expected)));
+        // [[1, 2.5], [3, 4]], protocol 2.
+        let lists = bytes("80025d7100285d7101284b01474004000000000000655d7102284b034b0465652e");
+        assert_eq!(
+            read(&lists).expect("lists").numbers(),
+            Some((vec![2, 2], vec![1.0, 2.5, 3.0, 4.0]))
+        );
+    }
+
+    #[test]
+    fn nothing_is_called() {
+        // os.system("true"), protocol 2.
+        let call = bytes("8002636f730a73797374656d0a580400000074727565855271002e");
+        assert_eq!(read(&call), Err(PickleError::Call("os.system".into())));
+    }
+
+    #[test]
+    fn broken_files_are_errors() {
+        let whole = bytes(ARRAY);
+        for end in 0..whole.len() {
+            assert!(read(&whole[..end]).is_err(), "{end}");
+        }
+        for at in 0..whole.len() {
+            let mut broken = whole.clone();
+            broken[at] ^= 0xff;
+            // Whatever it says, it must come back.
+            let _ = read(&broken);
+        }
+        // A list that holds itself.
+        assert_eq!(
+            read(&bytes("80025d71006800612e")),
+            Err(PickleError::TooLarge)
+        );
+    }
+}

@@ -1,0 +1,256 @@
+//! LPIPS 0.1 with a VGG16 backbone: how different two images look, as a loss and as a metric.
+//!
+//! The numbers are those of the `lpips` package for Python run with the same weights. What
+//! differs is the gradient where all channels of a feature are zero: not a number there,
+//! finite here.
+
+mod vgg;
+mod weights;
+
+use burn::tensor::{Device, Tensor};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+use vgg::{CHANNELS, Vgg16};
+use weights::WeightsFile;
+
+/// Environment variable with the path of torchvision's VGG16 weights.
+pub const VGG16_VARIABLE: &str = "YOTO_VGG16_WEIGHTS";
+/// Environment variable with the path of the LPIPS 0.1 linear weights for VGG.
+pub const HEADS_VARIABLE: &str = "YOTO_LPIPS_WEIGHTS";
+/// Smallest side of an image, pixels: four poolings by 2 must leave one.
+pub const SMALLEST_SIDE: usize = 16;
+
+/// What is subtracted from an image in [−1, 1], a channel.
+const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
+/// What it is then divided by.
+const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
+/// Added to the norm that features are divided by.
+const NORM_EPSILON: f64 = 1e-10;
+/// Squared norms are held over this, so that the root has a finite slope at zero. Its root is
+/// lost beside [`NORM_EPSILON`] in single precision: no value changes.
+const SQUARED_NORM_FLOOR: f64 = 1e-36;
+
+/// Why there is no LPIPS.
+#[derive(Debug, Error)]
+pub enum LpipsError {
+    /// One of the two files alone is of no use, and most likely a mistake.
+    #[error("{given} is set but {missing} is not: LPIPS needs both files of weights")]
+    OneOfTwo {
+        /// The variable with a path.
+        given: &'static str,
+        /// The variable without.
+        missing: &'static str,
+    },
+    /// The file is missing, or neither safetensors nor what PyTorch saves.
+    #[error("{file}: can't be read as weights: {message}", file = file.display())]
+    File {
+        /// Path.
+        file: PathBuf,
+        /// What is wrong.
+        message: String,
+    },
+    /// A tensor is not in its file.
+    #[error("{file}: there is no tensor '{tensor}', expected with shape {expected:?}", file = file.display())]
+    Missing {
+        /// Path.
+        file: PathBuf,
+        /// Its name.
+        tensor: String,
+        /// The shape it should have.
+        expected: Vec<usize>,
+    },
+    /// A tensor has another shape.
+    #[error("{file}: tensor '{tensor}' has shape {found:?}, expected {expected:?}", file = file.display())]
+    Shape {
+        /// Path.
+        file: PathBuf,
+        /// Its name.
+        tensor: String,
+        /// The shape it should have.
+        expected: Vec<usize>,
+        /// The shape it has.
+        found: Vec<usize>,
+    },
+    /// A tensor's numbers can't be used.
+    #[error("{file}: tensor '{tensor}': {message}", file = file.display())]
+    Values {
+        /// Path.
+        file: PathBuf,
+        /// Its name.
+        tensor: String,
+        /// What is wrong.
+        message: String,
+    },
+    /// The images are too small.
+    #[error(
+        "images of {width}x{height} pixels: LPIPS needs at least {SMALLEST_SIDE}x{SMALLEST_SIDE}"
+    )]
+    TooSmall {
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+    },
+    /// An image has not the numbers that its size says.
+    #[error("an image of {width}x{height} pixels has {found} numbers, not three a pixel")]
+    ImageLength {
+        /// Pixels across.
+        width: usize,
+        /// Pixels down.
+        height: usize,
+        /// Its numbers.
+        found: usize,
+    },
+    /// The device failed.
+    #[error("device: {0}")]
+    Device(String),
+}
+
+/// The frozen networks. Their weights are constants: gradients reach the images alone.
+pub struct Lpips {
+    backbone: Vgg16,
+    /// A weight a channel of each tapped layer, `[1, C, 1, 1]`.
+    heads: Vec<Tensor<4>>,
+    shift: Tensor<4>,
+    scale: Tensor<4>,
+}
+
+impl Lpips {
+    /// Reads torchvision's VGG16 (`features.0.weight`, …) and the linear heads
+    /// (`lin0.model.1.weight`, …); each file is safetensors if so named, else what
+    /// `torch.save` writes.
+    ///
+    /// # Errors
+    /// Names the file, and the tensor with its expected and found shape.
+    pub fn load(vgg16: &Path, heads: &Path, device: &Device) -> Result<Self, LpipsError> {
+        let backbone = Vgg16::load(&mut WeightsFile::open(vgg16)?, device)?;
+        let mut file = WeightsFile::open(heads)?;
+        let heads = CHANNELS
+            .iter()
+            .enumerate()
+            .map(|(layer, channels)| {
+                file.tensor(
+                    &format!("lin{layer}.model.1.weight"),
+                    [1, *channels, 1, 1],
+                    device,
+                )
+            })
+            .collect::<Result<_, _>>()?;
+        let channels =
+            |values: [f32; 3]| Tensor::<1>::from_floats(values, device).reshape([1, 3, 1, 1]);
+        Ok(Self {
+            backbone,
+            heads,
+            shift: channels(SHIFT),
+            scale: channels(SCALE),
+        })
+    }
+
+    /// [`Self::load`] with the paths in [`VGG16_VARIABLE`] and [`HEADS_VARIABLE`]; none when
+    /// neither is set.
+    ///
+    /// # Errors
+    /// When one is set without the other, or a file is not what it should be.
+    pub fn from_environment(device: &Device) -> Result<Option<Self>, LpipsError> {
+        let path = |variable| {
+            std::env::var_os(variable)
+                .filter(|value| !value.is_empty())
+                .map(PathBuf::from)
+        };
+        Self::from_paths(path(VGG16_VARIABLE), path(HEADS_VARIABLE), device)
+    }
+
+    /// [`Self::load`] when both paths are given; none when neither is.
+    ///
+    /// # Errors
+    /// When one is given without the other, or a file is not what it should be.
+    pub fn from_paths(
+        vgg16: Option<PathBuf>,
+        heads: Option<PathBuf>,
+        device: &Device,
+    ) -> Result<Option<Self>, LpipsError> {
+        match (vgg16, heads) {
+            (Some(vgg16), Some(heads)) => Self::load(&vgg16, &heads, device).map(Some),
+            (None, None) => Ok(None),
+            (Some(_), None) => Err(LpipsError::OneOfTwo {
+                given: VGG16_VARIABLE,
+                missing: HEADS_VARIABLE,
+            }),
+            (None, Some(_)) => Err(LpipsError::OneOfTwo {
+                given: HEADS_VARIABLE,
+                missing: VGG16_VARIABLE,
+            }),
+        }
+    }
+
+    /// Distances `[N]` of images `[N, 3, height, width]` with values in [−1, 1]; sides of at
+    /// least [`SMALLEST_SIDE`].
+    ///
+    /// # Panics
+    /// When the images' shapes differ or they are smaller than that.
+    pub fn distance(&self, a: Tensor<4>, b: Tensor<4>) -> Tensor<1> {
+        let [images, _, height, width] = a.dims();
+        assert!(
+            height >= SMALLEST_SIDE && width >= SMALLEST_SIDE,
+            "images of {width}x{height} pixels are too small for LPIPS"
+        );
+        let features = |image: Tensor<4>| {
+            let scaled = (image - self.shift.clone()) / self.scale.clone();
+            self.backbone.features(scaled)
+        };
+        let pairs = features(a).into_iter().zip(features(b));
+        pairs.zip(&self.heads).fold(
+            Tensor::zeros([images], &self.shift.device()),
+            |sum, ((a, b), head)| {
+                let difference = (unit(a) - unit(b)).square();
+                let weighted = (difference * head.clone()).sum_dim(1);
+                sum + weighted.mean_dims(&[2, 3]).reshape([images])
+            },
+        )
+    }
+}
+
+/// Features `[N, C, h, w]` over their norm across channels.
+fn unit(features: Tensor<4>) -> Tensor<4> {
+    let norm = features
+        .clone()
+        .square()
+        .sum_dim(1)
+        .clamp_min(SQUARED_NORM_FLOOR)
+        .sqrt();
+    features / (norm + NORM_EPSILON)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unit_features_are_the_packages_and_have_a_slope_at_zero() {
+        let device = Device::flex().autodiff();
+        // Places with no feature, with tiny ones and with ordinary ones.
+        let features: [f32; 8] = [0.0, 1e-15, 3e-10, 2.0, 0.0, 0.0, 4e-10, -1.0];
+        let input = Tensor::<1>::from_floats(features, &device)
+            .reshape([1, 2, 1, 4])
+            .require_grad();
+        let output = unit(input.clone());
+        let grads = output.clone().sum().backward();
+        let output: Vec<f32> = output.try_into_vec_as().expect("f32");
+        for (i, found) in output.iter().enumerate() {
+            let at = |i: usize| f64::from(features[i]);
+            let norm = at(i % 4).hypot(at(i % 4 + 4));
+            let expected = at(i) / (norm + 1e-10);
+            assert!(
+                (f64::from(*found) - expected).abs() <= 1e-6 * expected.abs(),
+                "{i}: {found} {expected}"
+            );
+        }
+        let slopes: Vec<f32> = input
+            .grad(&grads)
+            .expect("tracked")
+            .try_into_vec_as()
+            .expect("f32");
+        assert!(slopes.iter().all(|s| s.is_finite()), "{slopes:?}");
+        assert!(slopes[0] > 0.0, "{slopes:?}");
+    }
+}

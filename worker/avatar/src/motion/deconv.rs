@@ -1,0 +1,149 @@
+//! The `deconv` form of the motion weights (HumanNeRF): an embedding grows into a volume of
+//! logits through transposed convolutions. 63.6 of the paper's 65.3 million parameters are here.
+//!
+//! HumanNeRF has one embedding for its one person. A model of several shares the decoder and
+//! gives each identity an embedding of its own: the smallest extension with which one person
+//! still is HumanNeRF exactly, and the choice of this project, as the paper leaves it open.
+
+use crate::init::Initial;
+use burn::module::{Module, Param};
+use burn::tensor::Tensor;
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::module::conv_transpose3d;
+use burn::tensor::ops::ConvTransposeOptions;
+
+/// Nodes of a kernel along an axis; with stride 2 and padding 1 it doubles the resolution.
+const KERNEL: usize = 4;
+/// Steps between the inputs' places in the output.
+const STRIDE: usize = 2;
+/// Output nodes cut off on each side.
+const PADDING: usize = 1;
+/// Slope of the activation under 0.
+const SLOPE: f64 = 0.2;
+/// Deviation of the embeddings' start.
+const EMBEDDING_DEVIATION: f64 = 1.0;
+
+/// Embeddings, and what makes volumes of them.
+#[derive(Module, Debug)]
+pub struct Decoder {
+    /// One `[E]` an identity.
+    embeddings: Vec<Param<Tensor<1>>>,
+    /// `[E, H]`.
+    linear: Param<Tensor<2>>,
+    /// `[H]`.
+    bias: Param<Tensor<1>>,
+    /// `[in, out, 4, 4, 4]`, axes z, y, x.
+    kernels: Vec<Param<Tensor<5>>>,
+    /// `[out]`.
+    biases: Vec<Param<Tensor<1>>>,
+}
+
+impl Decoder {
+    /// A decoder to `output` channels by way of `widths`.
+    pub(crate) fn new(
+        init: &Initial,
+        embedding: usize,
+        hidden: usize,
+        widths: &[usize],
+        slots: usize,
+        output: usize,
+    ) -> Self {
+        let outputs: Vec<usize> = widths.iter().copied().chain([output]).collect();
+        let inputs = [hidden].into_iter().chain(widths.iter().copied());
+        // Xavier-uniform with ReLU's gain √2.
+        let bound = |fans: usize| 2f64.sqrt() * (6.0 / fans as f64).sqrt();
+        let kernel = |(layer, (input, &output)): (usize, (usize, &usize))| {
+            // An output node sees 2³ of the 4³ kernel nodes; all eight such phases start alike.
+            init.phased(
+                &format!("motion.decoder.kernels.{layer}"),
+                [input, output, KERNEL, KERNEL, KERNEL],
+                bound((input + output) * STRIDE.pow(3)),
+                STRIDE.pow(3),
+                phase_place,
+            )
+        };
+        Self {
+            embeddings: (0..slots)
+                .map(|slot| {
+                    init.normal(
+                        &format!("motion.decoder.embeddings.{slot}"),
+                        [embedding],
+                        EMBEDDING_DEVIATION,
+                    )
+                })
+                .collect(),
+            linear: init.uniform(
+                "motion.decoder.linear",
+                [embedding, hidden],
+                bound(embedding + hidden),
+            ),
+            bias: init.zeros("motion.decoder.bias", [hidden]),
+            kernels: inputs.zip(&outputs).enumerate().map(kernel).collect(),
+            biases: outputs
+                .iter()
+                .enumerate()
+                .map(|(layer, &output)| {
+                    init.zeros(&format!("motion.decoder.biases.{layer}"), [output])
+                })
+                .collect(),
+        }
+    }
+
+    /// Logits `[K + 1, D³]` (z, y, x with x fastest) of the identity in `slot`; `None` when there
+    /// is none.
+    pub fn forward(&self, slot: usize) -> Option<Tensor<2>> {
+        let embedding = self.embeddings.get(slot)?.val();
+        let hidden =
+            embedding.unsqueeze::<2>().matmul(self.linear.val()) + self.bias.val().unsqueeze::<2>();
+        let [_, width] = hidden.dims();
+        let mut volume = leaky_relu(hidden, SLOPE).reshape([1, width, 1, 1, 1]);
+        let last = self.kernels.len() - 1;
+        for (layer, (kernel, bias)) in self.kernels.iter().zip(&self.biases).enumerate() {
+            let options = ConvTransposeOptions::new([STRIDE; 3], [PADDING; 3], [0; 3], [1; 3], 1);
+            volume = conv_transpose3d(volume, kernel.val(), Some(bias.val()), options);
+            if layer < last {
+                volume = leaky_relu(volume, SLOPE);
+            }
+        }
+        let [_, channels, z, y, x] = volume.dims();
+        Some(volume.reshape([channels, z * y * x]))
+    }
+}
+
+/// Where in `[in, out, 4, 4, 4]` draw number `draw` of `[in, out, 2, 2, 2]` stands for `phase`.
+fn phase_place(draw: usize, phase: usize) -> usize {
+    let (kernel, node) = (draw / 8, draw % 8);
+    let along = |shift: usize| STRIDE * (node >> shift & 1) + (phase >> shift & 1);
+    ((kernel * KERNEL + along(2)) * KERNEL + along(1)) * KERNEL + along(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+
+    #[test]
+    fn every_node_of_a_kernel_is_drawn_once() {
+        let mut places: Vec<usize> = (0..16)
+            .flat_map(|draw| (0..8).map(move |phase| phase_place(draw, phase)))
+            .collect();
+        places.sort_unstable();
+        assert_eq!(places, (0..128).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_fresh_decoder_has_no_checkerboard() {
+        let device = Device::flex();
+        let decoder = Decoder::new(&Initial::new(&device, 5), 8, 16, &[8, 4], 2, 3);
+        let volume = decoder.forward(1).expect("slot 1");
+        assert_eq!(volume.dims(), [3, 512]);
+        let values: Vec<f32> = volume.try_into_vec_as().expect("f32");
+        // Alike phases make the volume piecewise constant away from its border: the two middle
+        // nodes along x agree.
+        let at = |z: usize, y: usize, x: usize| values[(z * 8 + y) * 8 + x];
+        assert!((at(3, 3, 3) - at(3, 3, 4)).abs() < 1e-5);
+        let other = decoder.forward(0).expect("slot 0");
+        let other: Vec<f32> = other.try_into_vec_as().expect("f32");
+        assert_ne!(values, other, "each identity has its own");
+    }
+}

@@ -1,0 +1,220 @@
+//! A frame as the released HumanNeRF program renders it (`numerics = "reference"`): its rays,
+//! its sample places, its compositing. It exists to be compared with that program and so keeps
+//! what is unsound there: a likelihood over 1, a last step of 10¹⁰ m, rays counted by plane hits.
+//!
+//! Compositing runs on the host: there are no gradients, and the networks take all the time.
+
+use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
+use super::rays::{BodyView, Ray};
+use crate::avatar::Posed;
+use crate::motion::body::Body;
+use crate::ops::warp::cpu::unlimited;
+use burn::tensor::{Tensor, TensorData};
+
+/// Rays a batch: bounds the memory of a frame whatever its size.
+const RAYS_PER_BATCH: usize = 1024;
+/// The ray test's box reaches this far beyond the frame's, metres.
+const TEST_MARGIN: f64 = 0.01;
+/// A plane hit this far outside the box still counts, metres.
+const HIT_TOLERANCE: f64 = 1e-6;
+/// Direction components nearer to 0 become this, whatever their sign.
+const LEAST_COMPONENT: f64 = 1e-5;
+/// Step of the last sample, in units of the ray's direction.
+const LAST_STEP: f32 = 1e10;
+/// Added to each factor of the transmittance.
+const CLEAR_GUARD: f32 = 1e-10;
+
+/// The ray through image position (`u`, `v`), when exactly two of its hits with the box's six
+/// planes lie on the box. Near and far are distances, also for hits behind the camera.
+fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
+    let low = sight.low.map(|c| c - TEST_MARGIN);
+    let high = sight.high.map(|c| c + TEST_MARGIN);
+    let direction = sight.direction(u, v).map(|d| {
+        if d.abs() < LEAST_COMPONENT {
+            LEAST_COMPONENT
+        } else {
+            d
+        }
+    });
+    let mut hits = Vec::with_capacity(6);
+    for planes in [low, high] {
+        for a in 0..3 {
+            let along = (planes[a] - sight.origin[a]) / direction[a];
+            let on_box = (0..3).all(|b| {
+                let p = sight.origin[b] + along * direction[b];
+                p >= low[b] - HIT_TOLERANCE && p <= high[b] + HIT_TOLERANCE
+            });
+            if on_box {
+                hits.push(along.abs());
+            }
+        }
+    }
+    let [one, other] = hits[..] else {
+        return None;
+    };
+    Some(Ray {
+        origin: sight.origin.map(|v| v as f32),
+        direction: direction.map(|v| v as f32),
+        near: one.min(other) as f32,
+        far: one.max(other) as f32,
+    })
+}
+
+/// `count` distances from near to far, both included.
+fn distances(ray: &Ray, count: usize) -> impl Iterator<Item = f32> {
+    let (near, far) = (ray.near, ray.far);
+    (0..count).map(move |m| {
+        let t = m as f32 / (count - 1) as f32;
+        near * (1.0 - t) + far * t
+    })
+}
+
+/// What one ray sees of its evaluated samples, near to far.
+struct Seen {
+    rgb: [f32; 3],
+    alpha: f32,
+    depth: f32,
+    /// Transmittance up to the next sample.
+    clear: f32,
+}
+
+impl Seen {
+    const NOTHING: Self = Self {
+        rgb: [0.0; 3],
+        alpha: 0.0,
+        depth: 0.0,
+        clear: 1.0,
+    };
+
+    fn add(&mut self, rgb: &[f32], alpha: f32, distance: f32) {
+        let weight = self.clear * alpha;
+        for (sum, value) in self.rgb.iter_mut().zip(rgb) {
+            *sum += weight * value;
+        }
+        self.alpha += weight;
+        self.depth += weight * distance;
+        self.clear *= 1.0 - alpha + CLEAR_GUARD;
+    }
+}
+
+impl Renderer {
+    /// `view` of `body`, which belongs to its slot.
+    pub(super) fn render_as_released(
+        &self,
+        body: &Body,
+        view: &RenderView,
+    ) -> Result<Rendered, RenderError> {
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let mut frame = Rendered {
+            width,
+            height,
+            rgb: view.background.repeat(width * height),
+            alpha: vec![0.0; width * height],
+            depth: vec![0.0; width * height],
+        };
+        let posed = self
+            .avatar
+            .pose(&self.config, body, view.slot, &view.pose, self.iteration);
+        let (weights, transforms) = (
+            read(posed.weights.clone())?,
+            read(posed.transforms.clone())?,
+        );
+        let sight = BodyView::new(body, &view.pose, &view.camera);
+        // Its pixel i is our i + 0.5 through a camera whose centre was moved by half a pixel.
+        let pixel = |i: usize| ray(&sight, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let hits: Vec<(usize, Ray)> = (0..width * height)
+            .filter_map(|i| Some((i, pixel(i)?)))
+            .collect();
+        for batch in hits.chunks(RAYS_PER_BATCH) {
+            let seen = self.look(body, &posed, (&weights, &transforms), batch)?;
+            for ((pixel, _), seen) in batch.iter().zip(seen) {
+                for (c, background) in view.background.iter().enumerate() {
+                    frame.rgb[3 * pixel + c] = seen.rgb[c] + (1.0 - seen.alpha) * background;
+                }
+                frame.alpha[*pixel] = seen.alpha;
+                frame.depth[*pixel] = seen.depth;
+            }
+        }
+        Ok(frame)
+    }
+
+    fn look(
+        &self,
+        body: &Body,
+        posed: &Posed,
+        (weights, transforms): (&[f32], &[f32]),
+        batch: &[(usize, Ray)],
+    ) -> Result<Vec<Seen>, RenderError> {
+        let per_ray = self.config.march.samples;
+        let points: Vec<f32> = batch
+            .iter()
+            .flat_map(|(_, ray)| {
+                distances(ray, per_ray)
+                    .flat_map(move |t| (0..3).map(move |a| ray.origin[a] + t * ray.direction[a]))
+            })
+            .collect();
+        let warped = unlimited(weights, transforms, &points, &body.grid);
+        // α is at most the sum of weights, whatever the networks say.
+        let live: Vec<&[f32; 4]> = warped
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .filter(|point| point[3] > self.config.march.epsilon)
+            .collect();
+        let mut seen: Vec<Seen> = batch.iter().map(|_| Seen::NOTHING).collect();
+        if live.is_empty() {
+            return Ok(seen);
+        }
+        let canonical: Vec<f32> = live.iter().flat_map(|p| p[..3].iter().copied()).collect();
+        let canonical = TensorData::new(canonical, [live.len(), 3]);
+        let canonical = Tensor::<2>::from_data(canonical, &body.log_prior.device());
+        let values = self.avatar.fields(&self.config, body, posed, canonical);
+        let (rgb, density) = (read(values.rgb)?, read(values.density)?);
+        let mut fields = rgb.chunks_exact(3).zip(density);
+        for (at, (seen, (_, ray))) in seen.iter_mut().zip(batch).enumerate() {
+            let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+            let distances: Vec<f32> = distances(ray, per_ray).collect();
+            let samples = &warped[4 * at * per_ray..4 * (at + 1) * per_ray];
+            for (m, point) in samples.as_chunks::<4>().0.iter().enumerate() {
+                if point[3] <= self.config.march.epsilon {
+                    continue;
+                }
+                let Some((rgb, density)) = fields.next() else {
+                    return Err(RenderError::Device("fewer values than points".into()));
+                };
+                let step = distances
+                    .get(m + 1)
+                    .map_or(LAST_STEP, |next| next - distances[m]);
+                let alpha = (1.0 - (-density * step * length).exp()) * point[3];
+                seen.add(rgb, alpha, distances[m]);
+            }
+        }
+        Ok(seen)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_stand_at_both_ends() {
+        let ray = Ray {
+            origin: [0.0; 3],
+            direction: [0.0, 0.0, 1.0],
+            near: 2.0,
+            far: 4.0,
+        };
+        let distances: Vec<f32> = distances(&ray, 5).collect();
+        assert_eq!(distances, [2.0, 2.5, 3.0, 3.5, 4.0]);
+    }
+
+    #[test]
+    fn what_stands_before_dims_what_stands_behind() {
+        let mut seen = Seen::NOTHING;
+        seen.add(&[1.0, 0.0, 0.0], 0.75, 2.0);
+        seen.add(&[0.0, 1.0, 0.0], 1.0, 4.0);
+        assert!((seen.rgb[0] - 0.75).abs() < 1e-6 && (seen.rgb[1] - 0.25).abs() < 1e-6);
+        assert!((seen.alpha - 1.0).abs() < 1e-6 && (seen.depth - 2.5).abs() < 1e-6);
+    }
+}

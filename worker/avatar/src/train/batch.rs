@@ -1,0 +1,100 @@
+//! The loss of a batch of rays: pose, march, fields, compositing, comparison. It is apart from
+//! the trainer, who draws the batches, so that the same loss can be taken of rays that stand
+//! still: that is how its gradients are checked.
+
+use crate::avatar::Avatar;
+use crate::camera::Pose;
+use crate::config::ModelConfig;
+use crate::loss::Objective;
+use crate::motion::body::Body;
+use crate::render::RenderError;
+use crate::render::composite::{Composite, composite};
+use crate::render::frame::read;
+use crate::render::march::march;
+use crate::render::rays::Ray;
+use burn::tensor::{Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+
+/// Rays of a step, and what they should see.
+pub struct Batch {
+    /// `[P S²]`, patch by patch, row by row; `None` misses the body's box.
+    pub rays: Vec<Option<Ray>>,
+    /// S: side of a patch, pixels.
+    pub patch_size: usize,
+    /// `[P, S², 3]`, over `background`.
+    pub truth: Vec<f32>,
+    /// What is seen where nobody is.
+    pub background: [f32; 3],
+}
+
+/// Whom a batch shows, how they stand, and when in the training.
+pub struct Scene<'a> {
+    /// Sizes and thresholds of the model.
+    pub config: &'a ModelConfig,
+    /// The identity's body.
+    pub body: &'a Body,
+    /// Its slot in the model.
+    pub slot: usize,
+    /// Its pose.
+    pub pose: &'a Pose,
+    /// Opens what starts later in the training.
+    pub step: u64,
+}
+
+/// What a model makes of a batch.
+pub struct Outcome {
+    /// `[1]`.
+    pub loss: Tensor<1>,
+    /// What its rays see.
+    pub seen: Composite,
+    /// Share of the samples that were evaluated.
+    pub live_fraction: f64,
+}
+
+/// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
+/// are jittered by `jitter`, or in the middle of their strata without.
+///
+/// # Errors
+/// When the device fails.
+pub fn outcome(
+    avatar: &Avatar,
+    scene: &Scene,
+    batch: &Batch,
+    objective: &Objective,
+    jitter: Option<&mut ChaCha8Rng>,
+) -> Result<Option<Outcome>, RenderError> {
+    let Scene { config, body, .. } = *scene;
+    let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.step);
+    let (weights, transforms) = (
+        read(posed.weights.clone())?,
+        read(posed.transforms.clone())?,
+    );
+    let samples = march(
+        &batch.rays,
+        config.march.samples,
+        config.march.epsilon,
+        jitter,
+        &weights,
+        &transforms,
+        &body.grid,
+    );
+    if samples.live() == 0 {
+        return Ok(None);
+    }
+    let device = posed.weights.device();
+    let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
+    let points = Tensor::from_data(points, &device);
+    let (values, likelihood) = avatar.evaluate(config, body, &posed, points);
+    let seen = composite(&samples, values.rgb, values.density, likelihood);
+    let background = Tensor::<1>::from_floats(batch.background, &device).unsqueeze::<2>();
+    let clear = (seen.alpha.clone().neg() + 1.0).unsqueeze_dim::<2>(1);
+    let area = (batch.patch_size * batch.patch_size).max(1);
+    let shape = [batch.rays.len() / area, area, 3];
+    let predicted = (seen.rgb.clone() + clear * background).reshape(shape);
+    let truth = Tensor::<3>::from_data(TensorData::new(batch.truth.clone(), shape), &device);
+    Ok(Some(Outcome {
+        loss: objective.loss(predicted, truth),
+        seen,
+        live_fraction: samples.live_fraction(),
+    }))
+}

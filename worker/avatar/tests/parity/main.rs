@@ -1,0 +1,13 @@
+//! Parity: each part of the model, and one whole training step, against the double-precision
+//! reference in `tests/reference`, values and gradients. `docs/parity.md` has the table that
+//! `cargo test --workspace --test parity -- --nocapture` prints.
+
+mod case;
+mod check;
+mod fields;
+mod kinematics;
+mod motion;
+mod optimise;
+mod rendering;
+mod small;
+mod step;

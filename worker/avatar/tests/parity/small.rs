@@ -1,0 +1,89 @@
+//! The small whole model of `tests/reference/model.py`, with the weights that it wrote.
+
+use crate::case::path;
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::Device;
+use yoto_avatar::avatar::Avatar;
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig};
+
+/// Joints of the small tree.
+const JOINTS: usize = 5;
+/// Identities of the small model.
+const SLOTS: usize = 2;
+/// The training step that the reference is at: bands half open.
+pub const STEP: u64 = 60;
+
+/// The Fourier encoding of the small model.
+pub const FOURIER: Encoding = Encoding::Fourier { bands: 4 };
+/// The hash grid of the small model: one dense level, then hashed ones.
+pub const HASH: Encoding = Encoding::Hash {
+    levels: 3,
+    base: 4,
+    growth: 1.6,
+    log2_rows: 7,
+    features: 2,
+};
+
+/// Where the gradients are taken.
+pub fn device() -> Device {
+    Device::flex().autodiff()
+}
+
+/// Sizes and rates. All samples are evaluated, so that nothing hangs on a threshold.
+pub fn config(encoding: Encoding) -> ModelConfig {
+    let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    config.code_width = 8;
+    config.motion.resolution = 10;
+    config.correction.width = 12;
+    config.correction.depth = 2;
+    config.correction.kick_in = 0;
+    config.condition.bands = 3;
+    config.non_rigid.bands = 3;
+    config.non_rigid.kick_in = 0;
+    config.non_rigid.full_at = 100;
+    config.non_rigid.layers = LayersConfig {
+        width: 16,
+        depth: 4,
+        skip: Some(2),
+        inject: 1,
+    };
+    config.canonical.encoding = encoding;
+    config.canonical.density_scale = 8.0;
+    config.canonical.layers = LayersConfig {
+        width: 16,
+        depth: 4,
+        skip: Some(2),
+        inject: 2,
+    };
+    config.march.samples = 12;
+    config.march.epsilon = 0.0;
+    config.optimise.rate = 2e-3;
+    config.optimise.table_rate = 1e-2;
+    config.optimise.motion_rate = 4e-3;
+    config.optimise.slow_rate = 5e-4;
+    config.optimise.ssim_weight = 0.1;
+    config.check().expect("a possible model");
+    config
+}
+
+/// The model with the reference's weights, read as any checkpoint's.
+pub fn avatar(config: &ModelConfig) -> Avatar {
+    let file = match config.canonical.encoding {
+        Encoding::Fourier { .. } => "model-fourier",
+        Encoding::Hash { .. } => "model-hash",
+    };
+    let mut avatar = Avatar::new(config, SLOTS, JOINTS, 0, &device());
+    avatar
+        .load_from(&mut SafetensorsStore::from_file(path(file)))
+        .expect("weights that fit");
+    avatar
+}
+
+/// The model with the weights in `file`, which need not be all.
+pub fn avatar_with(config: &ModelConfig, file: &str) -> Avatar {
+    let mut avatar = Avatar::new(config, SLOTS, JOINTS, 0, &device());
+    let mut store = SafetensorsStore::from_file(path(file)).allow_partial(true);
+    let loaded = avatar.load_from(&mut store).expect("weights that fit");
+    assert!(loaded.unused.is_empty(), "{:?}", loaded.unused);
+    avatar
+}

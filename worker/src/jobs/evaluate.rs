@@ -1,0 +1,272 @@
+//! Measuring a model: the frames that training keeps out of each capture, rendered and
+//! compared with what the camera saw.
+//!
+//! The service stores what one camera saw, so these frames show poses that were not trained
+//! on, from the camera that was. Figures of other cameras need a capture folder that has them.
+
+use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
+use yoto_avatar::{
+    camera::{Camera, Pose},
+    capture::{FrameImage, Shard},
+    evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
+    render::Renderer,
+    train::is_held_out,
+};
+use yoto_proto::{
+    manifest::files,
+    names,
+    protocols::HELD_OUT,
+    v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores},
+};
+
+/// Measures everybody that the job asks for.
+///
+/// # Errors
+/// Bad requests, a model without a whole checkpoint, captures too short to have a held-out
+/// frame, LPIPS weights that can't be read, and faults of the store.
+pub fn run(
+    context: &JobContext,
+    spec: &EvaluateSpec,
+    inputs: &Inputs,
+) -> Result<EvaluateResult, JobFailure> {
+    let protocol = protocol(spec)?;
+    let slots = slots(spec, inputs)?;
+    context.report_pieces("loading", 0, 1);
+    let wanted = [files::WEIGHTS, files::STATE];
+    let found =
+        checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?.ok_or_else(|| {
+            JobFailure::Failed {
+                code: "NO_CHECKPOINT",
+                message: format!(
+                    "{} has no whole checkpoint to measure: train it first",
+                    spec.model
+                ),
+            }
+        })?;
+    let device = &context.device.device;
+    let renderer = Renderer::load(found.folder.path(), device)
+        .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;
+    let lpips = LpipsMetric::from_environment(device)
+        .map_err(|error| JobFailure::failed("LPIPS", "loading the weights of LPIPS", &error))?;
+    let examiner = Examiner::new(renderer, protocol, lpips);
+    let mut pictures = Vec::new();
+    for slot in &slots {
+        context.check()?;
+        pictures.push(Pictures::fetch(context, inputs, slot, spec.image_size)?);
+    }
+    let scores = measure(context, &examiner, &pictures)?;
+    let result = |(pictures, score): (&Pictures, &Score)| SubjectScores {
+        subject: pictures.subject.clone(),
+        display_name: pictures.display_name.clone(),
+        scores: Some(score.into()),
+    };
+    Ok(EvaluateResult {
+        protocol: protocol.name.into(),
+        checkpoint: names::checkpoint(&spec.model, found.manifest.step),
+        subjects: pictures.iter().zip(&scores).map(result).collect(),
+        mean: Some((&Score::mean(&scores)).into()),
+        device: context.device.info.adapter.clone(),
+    })
+}
+
+/// The protocol of the request, if captures of one camera can serve it.
+fn protocol(spec: &EvaluateSpec) -> Result<&'static Protocol, JobFailure> {
+    let invalid = |message: String| JobFailure::invalid("evaluate", "protocol", message);
+    match spec.protocol.as_str() {
+        "" | HELD_OUT => Protocol::named(HELD_OUT).map_err(|error| invalid(error.to_string())),
+        other => Err(invalid(format!(
+            "'{other}' needs pictures of further cameras, which the service does not store"
+        ))),
+    }
+}
+
+/// Slots of the subjects to measure, in the model's order.
+fn slots<'a>(spec: &EvaluateSpec, inputs: &'a Inputs) -> Result<Vec<&'a IdentitySlot>, JobFailure> {
+    let all = inputs.model.iter().flat_map(|model| &model.slots);
+    let asked =
+        |slot: &&IdentitySlot| spec.subjects.is_empty() || spec.subjects.contains(&slot.subject);
+    let slots: Vec<_> = all.filter(asked).collect();
+    let strangers: Vec<&str> = spec
+        .subjects
+        .iter()
+        .filter(|subject| !slots.iter().any(|slot| slot.subject == **subject))
+        .map(String::as_str)
+        .collect();
+    if !strangers.is_empty() || slots.is_empty() {
+        let message = format!("no slot in {} for: {}", spec.model, strangers.join(", "));
+        return Err(JobFailure::invalid("evaluate", "subjects", message));
+    }
+    Ok(slots)
+}
+
+/// One person's held-out frames.
+struct Pictures {
+    slot: usize,
+    subject: String,
+    display_name: String,
+    frames: Vec<Picture>,
+}
+
+struct Picture {
+    index: u32,
+    pose: Pose,
+    camera: Camera,
+    image: FrameImage,
+}
+
+impl Pictures {
+    /// The frames that training keeps out of the subject's capture, at `size` pixels.
+    fn fetch(
+        context: &JobContext,
+        inputs: &Inputs,
+        slot: &IdentitySlot,
+        size: u32,
+    ) -> Result<Self, JobFailure> {
+        let (display_name, shard) = shard::fetch(context, inputs, &slot.subject)?;
+        let frames = held_out(&shard, size)?;
+        if frames.is_empty() {
+            return Err(JobFailure::Failed {
+                code: "NO_HELD_OUT",
+                message: format!(
+                    "the capture of {} has {} frames; {} are needed for one to be held out",
+                    slot.subject,
+                    shard.frames(),
+                    HOLDOUT_EVERY / 2 + 1
+                ),
+            });
+        }
+        Ok(Self {
+            slot: slot.slot as usize,
+            subject: slot.subject.clone(),
+            display_name,
+            frames,
+        })
+    }
+}
+
+fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
+    let track = &shard.track;
+    let frames = track.frames.iter().enumerate();
+    frames
+        .filter(|(position, _)| is_held_out(*position, HOLDOUT_EVERY))
+        .map(|(position, frame)| {
+            // An ingested capture was checked, so a fault in it is not the user's.
+            let fault = |error: yoto_avatar::camera::ViewError| {
+                let place = format!("the capture's frame {}", frame.index);
+                JobFailure::failed("INTERNAL", &place, &error)
+            };
+            Ok(Picture {
+                index: frame.index,
+                pose: Pose::from_frame(frame).map_err(fault)?,
+                camera: Camera::from_frame(frame, track.image_size)
+                    .map_err(fault)?
+                    .scaled_to(size),
+                image: shard.image(position).resized(size),
+            })
+        })
+        .collect()
+}
+
+/// Each person's mean.
+fn measure(
+    context: &JobContext,
+    examiner: &Examiner,
+    people: &[Pictures],
+) -> Result<Vec<Score>, JobFailure> {
+    let total = people.iter().map(|person| person.frames.len()).sum();
+    let mut done = 0;
+    let mut scores = Vec::new();
+    for person in people {
+        let mut mean = Mean::default();
+        for picture in &person.frames {
+            context.check()?;
+            context.report_pieces("evaluating", done, total);
+            let truth = Truth {
+                pose: &picture.pose,
+                camera: &picture.camera,
+                image: &picture.image,
+            };
+            let examined = examiner.examine(person.slot, &truth).map_err(|error| {
+                let place = format!("{}, frame {}", person.display_name, picture.index);
+                JobFailure::failed("EVALUATION", &place, &error)
+            })?;
+            mean.add(&examined.score);
+            done += 1;
+        }
+        scores.push(mean.score());
+    }
+    context.report_pieces("evaluating", total, total);
+    Ok(scores)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_avatar::{capture::ShardBuilder, synthetic::SyntheticPerson};
+    use yoto_proto::v1::Model;
+
+    fn inputs() -> Inputs {
+        let slot = |slot, subject: &str| IdentitySlot {
+            slot,
+            subject: subject.into(),
+        };
+        let model = Model {
+            name: "models/m".into(),
+            slots: vec![slot(0, "subjects/a"), slot(2, "subjects/b")],
+            ..Model::default()
+        };
+        Inputs {
+            model: Some(model),
+            ..Inputs::default()
+        }
+    }
+
+    #[test]
+    fn everybody_is_measured_unless_some_are_named() {
+        let of = |subjects: &[&str]| {
+            let spec = EvaluateSpec {
+                subjects: subjects.iter().map(|&name| name.into()).collect(),
+                ..EvaluateSpec::default()
+            };
+            let inputs = inputs();
+            let found = slots(&spec, &inputs);
+            found.map(|slots| slots.iter().map(|slot| slot.slot).collect::<Vec<_>>())
+        };
+        assert_eq!(of(&[]).expect("both"), [0, 2]);
+        assert_eq!(of(&["subjects/b"]).expect("one"), [2]);
+        let Err(JobFailure::Invalid(found)) = of(&["subjects/b", "subjects/x"]) else {
+            panic!("a stranger is refused");
+        };
+        assert!(found[0].message.ends_with("for: subjects/x"), "{found:?}");
+    }
+
+    #[test]
+    fn protocols_of_many_cameras_are_refused() {
+        let named = |name: &str| {
+            protocol(&EvaluateSpec {
+                protocol: name.into(),
+                ..EvaluateSpec::default()
+            })
+        };
+        assert_eq!(named("").expect("the default").name, "held-out");
+        assert!(matches!(named("zju-all"), Err(JobFailure::Invalid(_))));
+    }
+
+    #[test]
+    fn the_frames_are_those_that_training_keeps_out() {
+        let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(31, 24);
+        let mut builder = ShardBuilder::new(track);
+        for image in &images {
+            builder.push(image).expect("fits");
+        }
+        let shard = builder.finish().expect("complete");
+        let pictures = held_out(&shard, 16).expect("good frames");
+        let indices: Vec<u32> = pictures.iter().map(|picture| picture.index).collect();
+        let expected: Vec<u32> = [10, 30]
+            .map(|at: usize| shard.track.frames[at].index)
+            .into();
+        assert_eq!(indices, expected);
+        assert_eq!(pictures[0].image, images[10].resized(16));
+        assert_eq!(pictures[0].camera.width.max(pictures[0].camera.height), 16);
+    }
+}
