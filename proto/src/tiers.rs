@@ -5,20 +5,17 @@
 pub const TIERS: &[(&str, &str)] = &[
     (
         "draft",
-        "a first look within a minute: coarse surfaces, no fine texture",
+        "a first look: coarse surfaces, no fine texture, 32 samples a ray",
     ),
     (
         "fast",
-        "the default on a CPU: hash-grid detail, small networks, 48 samples a ray",
+        "the default on a CPU: hash-grid detail, small networks, 64 samples a ray",
     ),
     (
         "balanced",
-        "larger tables and networks, 96 samples a ray: sharper, about 4 times slower than fast",
+        "larger tables and networks, 96 samples a ray: sharper, and slower",
     ),
-    (
-        "paper",
-        "the sizes of the paper: made for GPUs, minutes a step on a CPU",
-    ),
+    ("paper", "the sizes of the paper: made for GPUs"),
 ];
 
 /// Model variants of the paper's ablation.
