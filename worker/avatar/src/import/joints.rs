@@ -4,37 +4,11 @@
 use super::ImportError;
 use super::pickle::{self, Value};
 use crate::skeleton::Vec3;
+pub(super) use crate::skeleton::smpl::JOINTS as SMPL;
 use serde_json::Value as Json;
 use std::path::Path;
 use yoto_proto::pose_track::MAX_METRES;
 
-/// Joints of SMPL, the only skeleton that the released program knows, each with its parent.
-pub(super) const SMPL: [(&str, Option<usize>); 24] = [
-    ("pelvis", None),
-    ("l_hip", Some(0)),
-    ("r_hip", Some(0)),
-    ("spine1", Some(0)),
-    ("l_knee", Some(1)),
-    ("r_knee", Some(2)),
-    ("spine2", Some(3)),
-    ("l_ankle", Some(4)),
-    ("r_ankle", Some(5)),
-    ("spine3", Some(6)),
-    ("l_foot", Some(7)),
-    ("r_foot", Some(8)),
-    ("neck", Some(9)),
-    ("l_collar", Some(9)),
-    ("r_collar", Some(9)),
-    ("head", Some(12)),
-    ("l_shoulder", Some(13)),
-    ("r_shoulder", Some(14)),
-    ("l_elbow", Some(16)),
-    ("r_elbow", Some(17)),
-    ("l_wrist", Some(18)),
-    ("r_wrist", Some(19)),
-    ("l_hand", Some(20)),
-    ("r_hand", Some(21)),
-];
 /// Largest file that is read, bytes: 24 joints take under a thousandth.
 const MAX_BYTES: u64 = 64 << 20;
 

@@ -6,6 +6,7 @@
 pub mod kinematics;
 mod pose;
 mod retarget;
+pub mod smpl;
 pub mod transform;
 
 pub use kinematics::Bounds;
