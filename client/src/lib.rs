@@ -15,6 +15,8 @@ pub mod commands;
 pub mod progress;
 
 #[cfg(feature = "embedded")]
+pub mod bench;
+#[cfg(feature = "embedded")]
 pub mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;

@@ -6,6 +6,8 @@
 #[cfg(feature = "embedded")]
 mod ablation;
 #[cfg(feature = "embedded")]
+mod bench;
+#[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
 mod job;
@@ -78,6 +80,8 @@ enum Command {
     Quality(quality::Quality),
     #[cfg(feature = "embedded")]
     Ablation(ablation::AblationCommand),
+    #[cfg(feature = "embedded")]
+    Bench(bench::Bench),
 }
 
 /// Which service a client command talks to.
@@ -128,6 +132,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Quality(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Ablation(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::Bench(command) => command.run(),
     };
     // A computation that outlives its job must not keep the process from ending.
     runtime.shutdown_background();
@@ -191,6 +197,8 @@ mod tests {
             "yoto evaluate --model-dir d --capture a --size 64 --pictures 6",
             "yoto evaluate duo --table",
             "yoto ablation --capture a b --seconds 60 --out o",
+            "yoto bench --paper-step --json step.json",
+            "yoto bench --step fast --steps 50 --settle 200 --people 3 --size 128",
             "yoto ablation --capture a --capture b --steps 50 --tier draft --seed 3 --pictures 4 --out o",
         ];
         let over_the_api = [
@@ -237,6 +245,9 @@ mod tests {
             "yoto evaluate duo --capture a",
             "yoto evaluate --model-dir d",
             "yoto evaluate --model-dir d --capture a --subjects ada",
+            "yoto bench",
+            "yoto bench --paper-step --step fast",
+            "yoto bench --step fastest",
             "yoto ablation --out o",
             "yoto ablation --capture a --out o --seconds 5 --steps 5",
         ] {

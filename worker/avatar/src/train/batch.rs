@@ -1,6 +1,9 @@
 //! The loss of a batch of rays: pose, march, fields, compositing, comparison. It is apart from
 //! the trainer, who draws the batches, so that the same loss can be taken of rays that stand
 //! still: that is how its gradients are checked.
+//!
+//! Each stage is a trace span, as is each of the trainer's: whoever wants to know where the time
+//! of a step goes listens to them (`yoto bench` does).
 
 use crate::avatar::Avatar;
 use crate::camera::Pose;
@@ -14,6 +17,7 @@ use crate::render::march::march;
 use crate::render::rays::Ray;
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
+use tracing::trace_span;
 
 /// Rays of a step, and what they should see.
 pub struct Batch {
@@ -49,6 +53,8 @@ pub struct Outcome {
     pub seen: Composite,
     /// Share of the samples that were evaluated.
     pub live_fraction: f64,
+    /// Samples that were evaluated.
+    pub live: usize,
 }
 
 /// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
@@ -64,27 +70,32 @@ pub fn outcome(
     jitter: Option<&mut ChaCha8Rng>,
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
-    let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.step);
-    let (weights, transforms) = (
-        read(posed.weights.clone())?,
-        read(posed.transforms.clone())?,
-    );
-    let samples = march(
-        &batch.rays,
-        config.march.samples,
-        config.march.epsilon,
-        jitter,
-        &weights,
-        &transforms,
-        &body.grid,
-    );
+    let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
+        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.step);
+        let weights = read(posed.weights.clone())?;
+        let transforms = read(posed.transforms.clone())?;
+        Ok::<_, RenderError>((posed, weights, transforms))
+    })?;
+    let samples = trace_span!("march").in_scope(|| {
+        march(
+            &batch.rays,
+            config.march.samples,
+            config.march.epsilon,
+            jitter,
+            &weights,
+            &transforms,
+            &body.grid,
+        )
+    });
     if samples.live() == 0 {
         return Ok(None);
     }
     let device = posed.weights.device();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &device);
-    let (values, likelihood) = avatar.evaluate(config, body, &posed, points);
+    let (values, likelihood) =
+        trace_span!("fields").in_scope(|| avatar.evaluate(config, body, &posed, points));
+    let _span = trace_span!("composite").entered();
     let seen = composite(&samples, values.rgb, values.density, likelihood);
     let background = Tensor::<1>::from_floats(batch.background, &device).unsqueeze::<2>();
     let clear = (seen.alpha.clone().neg() + 1.0).unsqueeze_dim::<2>(1);
@@ -96,5 +107,6 @@ pub fn outcome(
         loss: objective.loss(predicted, truth),
         seen,
         live_fraction: samples.live_fraction(),
+        live: samples.live(),
     }))
 }

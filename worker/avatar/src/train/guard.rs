@@ -5,6 +5,7 @@ use crate::avatar::Avatar;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::Tensor;
+use tracing::trace_span;
 
 /// Steps between kept states.
 const KEEP_EVERY: u64 = 200;
@@ -58,7 +59,10 @@ impl Guard {
         rate: f64,
         step: u64,
     ) -> Verdict {
-        if loss.is_finite() && gradients_finite(&course.avatar, &grads) {
+        let finite = trace_span!("guard")
+            .in_scope(|| loss.is_finite() && gradients_finite(&course.avatar, &grads));
+        if finite {
+            let _span = trace_span!("update").entered();
             self.bad = 0;
             if step.is_multiple_of(KEEP_EVERY) || self.kept.is_none() {
                 self.kept = Some((course.avatar.clone(), course.optimiser.clone()));

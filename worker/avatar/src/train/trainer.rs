@@ -22,6 +22,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 use std::time::Instant;
+use tracing::trace_span;
 
 /// Steps over which the rate rises from 0, so that Adam's moments settle first.
 const WARM_UP: u64 = 50;
@@ -75,6 +76,8 @@ pub struct Trainer {
     budget_steps: u64,
     budget_seconds: f64,
     progress: TrainProgress,
+    /// Samples evaluated in the last step.
+    live: usize,
 }
 
 impl Trainer {
@@ -199,6 +202,7 @@ impl Trainer {
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
+            live: 0,
         })
     }
 
@@ -235,13 +239,15 @@ impl Trainer {
             pick -= trainee.frames.len();
         }
         let frame = &chosen.frames[pick];
-        let batch = patches::draw(
-            frame,
-            &chosen.body,
-            self.config.optimise.patches,
-            self.patch_size,
-            &mut rng,
-        );
+        let batch = trace_span!("draw").in_scope(|| {
+            patches::draw(
+                frame,
+                &chosen.body,
+                self.config.optimise.patches,
+                self.patch_size,
+                &mut rng,
+            )
+        });
         let scene = Scene {
             config: &self.config,
             body: &chosen.body,
@@ -260,6 +266,7 @@ impl Trainer {
         let live = outcome.as_ref().map_or(0.0, |o| o.live_fraction);
         self.progress.live_fraction =
             smoothed(self.progress.live_fraction, live, self.progress.step);
+        self.live = outcome.as_ref().map_or(0, |o| o.live);
         if let Some(outcome) = outcome {
             self.descend(outcome.loss)?;
         }
@@ -277,7 +284,8 @@ impl Trainer {
 
     fn descend(&mut self, loss: Tensor<1>) -> Result<(), TrainError> {
         let value = read(loss.clone())?.first().copied().unwrap_or(f32::NAN);
-        let grads = GradientsParams::from_grads(loss.backward(), &self.course.avatar);
+        let grads = trace_span!("backward")
+            .in_scope(|| GradientsParams::from_grads(loss.backward(), &self.course.avatar));
         let warm = ((self.step + 1) as f64 / WARM_UP as f64).min(1.0);
         let rate = warm * self.config.optimise.final_rate.powf(self.fraction());
         match self
@@ -400,6 +408,12 @@ impl Trainer {
             bodies,
             self.step,
         )
+    }
+
+    /// Samples that the networks saw in the last step, of those that its rays placed.
+    pub fn samples(&self) -> (usize, usize) {
+        let rays = self.config.optimise.patches * self.patch_size.pow(2);
+        (self.live, rays * self.config.march.samples)
     }
 
     /// Numbers that are learned.

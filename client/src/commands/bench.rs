@@ -1,0 +1,104 @@
+//! `yoto bench`: how long a step of training takes on this machine, and where the time goes.
+
+use super::model::tier_help;
+use super::table;
+use crate::bench::{BenchOptions, BenchReport, StepTimes, run};
+use anyhow::Context;
+use clap::{Args, value_parser};
+use std::path::PathBuf;
+
+const AFTER_HELP: &str = "\
+Trains on made-up people, so that the same measurement can be run anywhere, with every part of
+the model at work. Run it on a machine with nothing else to do.
+
+Examples:
+  yoto bench --paper-step --json step.json
+  yoto bench --step fast --steps 50 --settle 200";
+
+/// Time a whole training step, stage by stage.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Bench {
+    /// The paper's sizes: 6144 rays of 128 samples. Short for --step paper.
+    #[arg(long, conflicts_with = "step", required_unless_present = "step")]
+    paper_step: bool,
+    /// Quality tier whose step is timed.
+    #[arg(long, value_name = "TIER", value_parser = table::tier, long_help = tier_help())]
+    step: Option<String>,
+    /// Steps that are timed.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u64).range(1..=100_000))]
+    steps: u64,
+    /// Steps taken before the clock starts.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u64).range(0..=1_000_000))]
+    settle: u64,
+    /// People in the model.
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = value_parser!(u8).range(1..=64))]
+    people: u8,
+    /// Side of their pictures, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Time a rendered frame of the same size, too.
+    #[arg(long)]
+    frame: bool,
+    /// Also write the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Bench {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let report = run(&BenchOptions {
+            tier: self.step.unwrap_or_else(|| "paper".into()),
+            people: self.people.into(),
+            size: self.size,
+            settle: self.settle,
+            steps: self.steps,
+            frame: self.frame,
+            seed: self.seed,
+        })?;
+        if let Some(path) = &self.json {
+            let json = serde_json::to_vec_pretty(&report)?;
+            std::fs::write(path, json).with_context(|| format!("writing {}", path.display()))?;
+        }
+        print!("{}", shown(&report));
+        Ok(())
+    }
+}
+
+fn shown(report: &BenchReport) -> String {
+    let head = format!(
+        "tier {}, {} parameters, objective {}; {} steps after {}\n",
+        report.tier, report.parameters, report.objective, report.steps, report.settle
+    );
+    head + &lines("f32", &report.f32)
+}
+
+fn lines(precision: &str, times: &StepTimes) -> String {
+    let mut text = format!("{precision}: {:.3} s a step\n", times.step_seconds);
+    let parts = times.stages.iter().chain(&times.operations);
+    for (name, seconds) in parts {
+        let inside = times.operations.contains_key(name);
+        let indent = if inside { "    " } else { "  " };
+        let share = 100.0 * seconds / times.step_seconds;
+        text += &format!("{indent}{name:<20} {seconds:>9.4} s {share:>5.1} %\n");
+    }
+    text += &format!(
+        "  samples {} placed, {:.0} evaluated ({:.1} %)\n",
+        times.samples,
+        times.live_samples,
+        100.0 * times.live_samples / times.samples.max(1) as f64
+    );
+    if let Some(seconds) = times.frame_seconds {
+        text += &format!("  frame {seconds:.3} s\n");
+    }
+    if let Some(bytes) = times.peak_bytes {
+        text += &format!(
+            "  peak memory {:.2} GiB\n",
+            bytes as f64 / (1u64 << 30) as f64
+        );
+    }
+    text
+}
