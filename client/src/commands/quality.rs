@@ -6,6 +6,7 @@ use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
+use yoto_avatar::train::Budget;
 
 const AFTER_HELP: &str = "\
 Trains one model on all the captures and measures it on pictures it never saw: held-out
@@ -32,8 +33,14 @@ pub(super) struct Quality {
     #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
     /// Seconds of training.
-    #[arg(long, value_name = "S", default_value = "300", value_parser = table::seconds)]
+    #[arg(long, value_name = "S", default_value = "300", value_parser = table::seconds, conflicts_with = "steps")]
     seconds: f64,
+    /// Steps of training, in place of seconds.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Measure at most this many pictures of each capture, of views and of poses.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    measure: Option<u32>,
     /// Quality tier: speed against detail.
     #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
     tier: String,
@@ -56,7 +63,11 @@ impl Quality {
         let options = QualityOptions {
             captures: self.captures,
             size: self.size,
-            seconds: self.seconds,
+            budget: match self.steps {
+                Some(steps) => Budget::Steps(steps),
+                None => Budget::Seconds(self.seconds),
+            },
+            measured: self.measure.map_or(usize::MAX, |count| count as usize),
             tier: self.tier,
             variant: self.variant,
             seed: self.seed,

@@ -12,7 +12,7 @@ pub mod model_dir;
 use crate::progress::ProgressDisplay;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use anyhow::{Context, ensure};
-use captures::{Recording, Split};
+use captures::{Recording, Split, View};
 use std::path::PathBuf;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::{Examiner, LpipsMetric, Protocol};
@@ -34,8 +34,10 @@ pub struct QualityOptions {
     pub captures: Vec<PathBuf>,
     /// Longest side of the pictures, pixels.
     pub size: u32,
-    /// Seconds of training.
-    pub seconds: f64,
+    /// How long to train.
+    pub budget: Budget,
+    /// Held-out pictures of each capture and split that are measured at the end, at most.
+    pub measured: usize,
     /// Quality tier.
     pub tier: String,
     /// Model variant.
@@ -58,8 +60,7 @@ pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
     let picked = pick_device();
     let people = recordings.iter().enumerate();
     let people = people.map(|(slot, recording)| recording.person(slot));
-    let budget = Budget::Seconds(options.seconds);
-    let train_options = train_options(budget, options.size, options.seed);
+    let train_options = train_options(options.budget, options.size, options.seed);
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
     let curve = train(&mut trainer, &recordings, protocol)?;
     finish(options, &trainer, &recordings, protocol, curve, &picked)
@@ -143,9 +144,10 @@ fn finish(
 ) -> anyhow::Result<Report> {
     let examiner = Examiner::new(trainer.renderer(), protocol, lpips(picked)?);
     let mut display = ProgressDisplay::new("evaluating");
+    let measured = |pictures: &[View]| pictures.len().min(options.measured);
     let total: usize = recordings
         .iter()
-        .map(|it| it.novel_view.len() + it.novel_pose.len())
+        .map(|it| measured(&it.novel_view) + measured(&it.novel_pose))
         .sum();
     let (mut done, mut seconds, mut subjects) = (0, 0.0, Vec::new());
     for (slot, recording) in recordings.iter().enumerate() {
@@ -155,7 +157,7 @@ fn finish(
                 slot,
                 recording,
                 split,
-                usize::MAX,
+                options.measured,
                 |view, examined| {
                     if let Some(folder) = &options.pictures {
                         measure::write_pair(folder, recording, split, view, examined)?;
