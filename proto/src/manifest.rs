@@ -14,6 +14,9 @@ pub mod files {
     pub const WEIGHTS: &str = "weights.safetensors";
     /// Adam moments; needed only to go on training.
     pub const OPTIMISER: &str = "optimiser.bpk";
+    /// Where each identity's canonical space is empty; speeds rendering and training up.
+    /// Checkpoints may lack it.
+    pub const OCCUPANCY: &str = "occupancy.safetensors";
     /// Configuration, step and schedule state as JSON.
     pub const STATE: &str = "state.json";
     /// The manifest itself.

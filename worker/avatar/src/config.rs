@@ -234,6 +234,16 @@ pub struct MarchConfig {
     pub samples: usize,
     /// A sample with a foreground likelihood under this is not evaluated.
     pub epsilon: f32,
+    /// A ray ends where less light than this comes through; 0: none does.
+    #[serde(default)]
+    pub min_transmittance: f32,
+    /// Cells of a person's occupancy grid on the box's longest side; 0: no grid.
+    #[serde(default)]
+    pub occupancy_cells: usize,
+    /// A cell is empty when the longest step through its density is less opaque than this, and
+    /// so are its neighbours; 0: no grid.
+    #[serde(default)]
+    pub occupancy_alpha: f32,
 }
 
 /// Optimisation (model.md §8).
@@ -355,6 +365,15 @@ impl ModelConfig {
         if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
             return fail("march", "at least 2 samples, epsilon in [0, 1)");
         }
+        if !(0.0..1.0).contains(&self.march.min_transmittance) {
+            return fail("march.min_transmittance", "must be in [0, 1)");
+        }
+        if self.march.occupancy_cells > 512 || !(0.0..1.0).contains(&self.march.occupancy_alpha) {
+            return fail(
+                "march.occupancy",
+                "at most 512 cells, occupancy_alpha in [0, 1)",
+            );
+        }
         if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
             return fail("optimise", "at least one patch of one pixel");
         }
@@ -445,6 +464,9 @@ fn grid_tier(
         march: MarchConfig {
             samples,
             epsilon: 1e-4,
+            min_transmittance: 1e-3,
+            occupancy_cells: 64,
+            occupancy_alpha: 2e-3,
         },
         optimise: OptimiseConfig {
             patches: 8,
@@ -504,6 +526,9 @@ fn paper(variant: Variant) -> ModelConfig {
         march: MarchConfig {
             samples: 128,
             epsilon: 1e-4,
+            min_transmittance: 1e-3,
+            occupancy_cells: 64,
+            occupancy_alpha: 2e-3,
         },
         optimise: OptimiseConfig {
             patches: 6,

@@ -126,10 +126,10 @@ fn densities_and_steps() {
                 let samples = Samples {
                     rays: 2,
                     per_ray: 3,
-                    points: vec![0.0; 9],
                     steps: vec![step; 3],
                     depths: vec![1.0, 2.0, 3.0],
                     places: vec![0, 1, 2],
+                    ..Samples::default()
                 };
                 let leaf = |v: Vec<f32>| {
                     let n = v.len();
@@ -142,6 +142,7 @@ fn densities_and_steps() {
                 );
                 let seen = composite(
                     &samples,
+                    0.0,
                     rgb.clone().reshape([3, 3]),
                     sigma.clone(),
                     m.clone(),

@@ -145,6 +145,7 @@ fn config(encoding: Encoding) -> ModelConfig {
     config.march.samples = 16;
     // All samples take part, or a move could change which.
     config.march.epsilon = 0.0;
+    config.march.min_transmittance = 0.0;
     config.check().expect("a possible model");
     config
 }
@@ -194,6 +195,7 @@ impl Bench {
             slot: 0,
             pose: &self.pose,
             step: 10,
+            occupancy: None,
         };
         let objective = Objective::without_lpips(0.0, SIDE, device);
         outcome(avatar, &scene, &self.batch, &objective, None)

@@ -73,7 +73,10 @@ fn download(
         Err(reason) => return Ok(Err(reason)),
     };
     let folder = TempDir::new().map_err(|error| local(&error))?;
-    for &file in wanted {
+    // Checkpoints of before there were occupancy grids are whole without one.
+    let optional = [files::OCCUPANCY].into_iter();
+    let optional = optional.filter(|file| manifest.object(file).is_some());
+    for file in wanted.iter().copied().chain(optional) {
         let Some(entry) = manifest.object(file) else {
             return Ok(Err(format!("its manifest names no {file}")));
         };
@@ -112,7 +115,12 @@ pub(crate) fn publish(
     let model_id = id(Collection::Models, saved.model)?;
     let prefix = keys::checkpoint(model_id, context.job_id()?, context.token, saved.step);
     let mut objects = Vec::new();
-    for file in [files::WEIGHTS, files::OPTIMISER, files::STATE] {
+    for file in [
+        files::WEIGHTS,
+        files::OPTIMISER,
+        files::OCCUPANCY,
+        files::STATE,
+    ] {
         let bytes = fs::read(folder.join(file)).map_err(|error| local(&error))?;
         let object = context.put(&format!("{prefix}/{file}"), bytes)?;
         objects.push(ManifestObject {

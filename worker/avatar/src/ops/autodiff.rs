@@ -1,5 +1,6 @@
 //! Connects the operations' hand-written backward forms to Burn's automatic differentiation.
 
+use super::composite::{self, RaySamples};
 use super::{AvatarOps, adam::AdamRates, hash::HashGrid, warp::WarpGrid};
 use burn::backend::{
     Autodiff, Backend,
@@ -92,6 +93,36 @@ impl<B: Backend + AvatarOps, C: CheckpointStrategy> AvatarOps for Autodiff<B, C>
             grid,
         );
         (constant::<B, C>(a), constant::<B, C>(b))
+    }
+
+    fn composite(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> FloatTensor<Self> {
+        composite::tracked::<B, C>(rgb, density, likelihood, samples)
+    }
+
+    fn composite_backward(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> composite::Three<Self> {
+        let (a, b, c) = B::composite_backward(
+            rgb.into_primitive(),
+            density.into_primitive(),
+            likelihood.into_primitive(),
+            grad.into_primitive(),
+            samples,
+        );
+        (
+            constant::<B, C>(a),
+            constant::<B, C>(b),
+            constant::<B, C>(c),
+        )
     }
 
     fn hash_encode(

@@ -1,6 +1,6 @@
 //! Unwraps the Flex backend's tensors into slices for the `cpu` forms.
 
-use super::{AvatarOps, adam, hash, warp};
+use super::{AvatarOps, adam, composite, hash, warp};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;
@@ -53,6 +53,25 @@ impl AvatarOps for Flex {
             tensor(to_weights, [rows, voxels]),
             tensor(to_transforms, [bones, 12]),
         )
+    }
+
+    fn composite(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        samples: composite::RaySamples,
+    ) -> FloatTensor<Self> {
+        composite::flex(rgb, density, likelihood, &samples)
+    }
+
+    fn composite_backward(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        samples: composite::RaySamples,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        composite::flex_backward(rgb, density, likelihood, grad, &samples)
     }
 
     fn hash_encode(

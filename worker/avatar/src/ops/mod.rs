@@ -6,6 +6,7 @@
 
 pub mod adam;
 mod autodiff;
+pub mod composite;
 mod flex;
 pub mod hash;
 pub mod warp;
@@ -13,8 +14,8 @@ pub mod warp;
 use burn::backend::{Backend, backend_extension, tensor::FloatTensor};
 use burn::tensor::Device;
 
-/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`] and
-/// [`adam`] instead: they choose the form for the tensor's device.
+/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`],
+/// [`composite`](mod@composite) and [`adam`] instead: they choose the form for the tensor's device.
 #[backend_extension(Autodiff, Flex)]
 pub trait AvatarOps: Backend {
     /// Forward of [`warp::warp`].
@@ -32,6 +33,21 @@ pub trait AvatarOps: Backend {
         grad: FloatTensor<Self>,
         grid: warp::WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
+    /// Forward of [`composite::composite`].
+    fn composite(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        samples: composite::RaySamples,
+    ) -> FloatTensor<Self>;
+    /// Gradients of [`composite::composite`] to rgb, density and likelihood.
+    fn composite_backward(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        samples: composite::RaySamples,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
     /// Forward of [`hash::encode`].
     fn hash_encode(
         table: FloatTensor<Self>,

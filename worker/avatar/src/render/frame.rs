@@ -1,13 +1,14 @@
 //! Whole frames: the part of the library that answers "how does this person look in this pose
 //! from there?".
 
-use super::composite::composite;
-use super::march::march;
+use super::march::{SampleCounts, Volume, march};
+use super::occupancy::Occupancy;
 use super::rays::{BodyView, Ray};
 use crate::avatar::{Avatar, Posed};
 use crate::camera::{Camera, Pose};
 use crate::config::{ModelConfig, Numerics};
 use crate::motion::body::Body;
+use crate::ops::composite::{Light, cpu::opacity};
 use crate::skeleton::{Skeleton, SkeletonError};
 use burn::tensor::{ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
@@ -15,6 +16,9 @@ use thiserror::Error;
 
 /// Rays a batch: bounds the memory of a frame whatever its size.
 const RAYS_PER_BATCH: usize = 8192;
+
+/// Live samples of a ray that are evaluated at first; each further wave takes twice as many.
+const FIRST_WAVE: usize = 8;
 
 /// Iteration that the released program evaluates its networks at.
 const EVALUATION_ITERATION: u64 = 10_000_000;
@@ -68,6 +72,8 @@ pub struct Rendered {
     pub alpha: Vec<f32>,
     /// `[H, W]` Σ T α z along the camera's axis, metres, not divided by opacity.
     pub depth: Vec<f32>,
+    /// How many samples came how far, on rays that meet the body's box.
+    pub counts: SampleCounts,
 }
 
 impl Rendered {
@@ -85,6 +91,8 @@ pub struct Renderer {
     pub(super) config: ModelConfig,
     pub(super) avatar: Avatar,
     bodies: Vec<Option<Body>>,
+    /// By slot.
+    occupancy: Vec<Option<Occupancy>>,
     step: u64,
     /// Training iteration that a frame with the released numerics is rendered at.
     pub(super) iteration: u64,
@@ -96,12 +104,14 @@ impl Renderer {
         config: ModelConfig,
         avatar: Avatar,
         bodies: Vec<Option<Body>>,
+        occupancy: Vec<Option<Occupancy>>,
         step: u64,
     ) -> Self {
         Self {
             config,
             avatar,
             bodies,
+            occupancy,
             step,
             iteration: EVALUATION_ITERATION,
         }
@@ -171,58 +181,88 @@ impl Renderer {
             rgb: view.background.repeat(width * height),
             alpha: vec![0.0; width * height],
             depth: vec![0.0; width * height],
+            counts: SampleCounts::default(),
+        };
+        let volume = Volume {
+            weights: &weights,
+            transforms: &transforms,
+            grid: &body.grid,
+            occupancy: self.occupancy.get(view.slot).and_then(Option::as_ref),
+            step: None,
         };
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
         for batch in hits.chunks(RAYS_PER_BATCH) {
-            self.render_batch(
-                body,
-                &posed,
-                (&weights, &transforms),
-                batch,
-                view.background,
-                &mut frame,
-            )?;
+            self.render_batch(body, &posed, &volume, batch, view.background, &mut frame)?;
         }
         Ok(frame)
     }
 
+    /// Renders some rays front to back in waves, so that what is hidden behind what is opaque
+    /// is never evaluated.
     fn render_batch(
         &self,
         body: &Body,
         posed: &Posed,
-        (weights, transforms): (&[f32], &[f32]),
+        volume: &Volume,
         batch: &[(usize, Ray)],
         background: [f32; 3],
         frame: &mut Rendered,
     ) -> Result<(), RenderError> {
         let rays: Vec<Option<Ray>> = batch.iter().map(|(_, ray)| Some(*ray)).collect();
         let settings = &self.config.march;
-        let samples = march(
-            &rays,
-            settings.samples,
-            settings.epsilon,
-            None::<&mut ChaCha8Rng>,
-            weights,
-            transforms,
-            &body.grid,
-        );
-        if samples.live() == 0 {
-            return Ok(());
-        }
-        let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
-        let points = Tensor::<2>::from_data(points, &body.log_prior.device());
-        let (values, likelihood) = self.avatar.evaluate(&self.config, body, posed, points);
-        let seen = composite(&samples, values.rgb, values.density, likelihood);
-        let (rgb, alpha, depth) = (read(seen.rgb)?, read(seen.alpha)?, read(seen.depth)?);
-        for (ray, (pixel, _)) in batch.iter().enumerate() {
-            for c in 0..3 {
-                frame.rgb[3 * pixel + c] = rgb[3 * ray + c] + (1.0 - alpha[ray]) * background[c];
+        let samples = march(&rays, settings, None::<&mut ChaCha8Rng>, volume);
+        let mut counts = SampleCounts {
+            evaluated: 0,
+            ..samples.counts()
+        };
+        let ends = &samples.starts()[1..];
+        let mut next = samples.starts();
+        let mut lights = vec![Light::START; rays.len()];
+        let mut active: Vec<usize> = (0..rays.len()).filter(|&r| next[r] < ends[r]).collect();
+        let mut wave = match settings.min_transmittance > 0.0 {
+            true => FIRST_WAVE,
+            false => usize::MAX,
+        };
+        let device = body.log_prior.device();
+        while !active.is_empty() {
+            let mut points = Vec::with_capacity(3 * wave.min(samples.per_ray) * active.len());
+            for &ray in &active {
+                let last = ends[ray].min(next[ray].saturating_add(wave));
+                points.extend_from_slice(&samples.canonical[3 * next[ray]..3 * last]);
             }
-            frame.alpha[*pixel] = alpha[ray];
-            frame.depth[*pixel] = depth[ray];
+            let count = points.len() / 3;
+            counts.evaluated += count as u64;
+            let points = Tensor::<2>::from_data(TensorData::new(points, [count, 3]), &device);
+            let values = self.avatar.fields(&self.config, body, posed, points);
+            let (rgb, density) = (read(values.rgb)?, read(values.density)?);
+            let mut fields = rgb.as_chunks::<3>().0.iter().zip(&density);
+            for &ray in &active {
+                let last = ends[ray].min(next[ray].saturating_add(wave));
+                let light = &mut lights[ray];
+                // Also takes the values of the samples that turn out to be hidden.
+                for (i, (rgb, density)) in (next[ray]..last).zip(fields.by_ref()) {
+                    if light.clear >= settings.min_transmittance {
+                        let alpha = opacity(*density, samples.steps[i], samples.likelihoods[i]);
+                        light.add(rgb, alpha, samples.depths[i]);
+                    }
+                }
+                next[ray] = last;
+            }
+            active.retain(|&ray| {
+                next[ray] < ends[ray] && lights[ray].clear >= settings.min_transmittance
+            });
+            wave = wave.saturating_mul(2);
         }
+        for (light, (pixel, _)) in lights.iter().zip(batch) {
+            for c in 0..3 {
+                frame.rgb[3 * pixel + c] = light.rgb[c] + (1.0 - light.alpha) * background[c];
+            }
+            frame.alpha[*pixel] = light.alpha;
+            frame.depth[*pixel] = light.depth;
+        }
+        frame.counts += counts;
         Ok(())
     }
 }

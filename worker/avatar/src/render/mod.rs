@@ -4,7 +4,9 @@
 pub mod composite;
 pub mod frame;
 pub mod march;
+pub mod occupancy;
 pub mod rays;
 mod released;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
+pub use march::SampleCounts;

@@ -5,6 +5,7 @@
 //! Compositing runs on the host: there are no gradients, and the networks take all the time.
 
 use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
+use super::march::SampleCounts;
 use super::rays::{BodyView, Ray};
 use crate::avatar::Posed;
 use crate::motion::body::Body;
@@ -111,6 +112,7 @@ impl Renderer {
             rgb: view.background.repeat(width * height),
             alpha: vec![0.0; width * height],
             depth: vec![0.0; width * height],
+            counts: SampleCounts::default(),
         };
         let posed = self
             .avatar
@@ -126,7 +128,8 @@ impl Renderer {
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
         for batch in hits.chunks(RAYS_PER_BATCH) {
-            let seen = self.look(body, &posed, (&weights, &transforms), batch)?;
+            let (seen, counts) = self.look(body, &posed, (&weights, &transforms), batch)?;
+            frame.counts += counts;
             for ((pixel, _), seen) in batch.iter().zip(seen) {
                 for (c, background) in view.background.iter().enumerate() {
                     frame.rgb[3 * pixel + c] = seen.rgb[c] + (1.0 - seen.alpha) * background;
@@ -144,7 +147,7 @@ impl Renderer {
         posed: &Posed,
         (weights, transforms): (&[f32], &[f32]),
         batch: &[(usize, Ray)],
-    ) -> Result<Vec<Seen>, RenderError> {
+    ) -> Result<(Vec<Seen>, SampleCounts), RenderError> {
         let per_ray = self.config.march.samples;
         let points: Vec<f32> = batch
             .iter()
@@ -162,8 +165,15 @@ impl Renderer {
             .filter(|point| point[3] > self.config.march.epsilon)
             .collect();
         let mut seen: Vec<Seen> = batch.iter().map(|_| Seen::NOTHING).collect();
+        let counts = SampleCounts {
+            rays: batch.len() as u64,
+            placed: (batch.len() * per_ray) as u64,
+            likely: live.len() as u64,
+            occupied: live.len() as u64,
+            evaluated: live.len() as u64,
+        };
         if live.is_empty() {
-            return Ok(seen);
+            return Ok((seen, counts));
         }
         let canonical: Vec<f32> = live.iter().flat_map(|p| p[..3].iter().copied()).collect();
         let canonical = TensorData::new(canonical, [live.len(), 3]);
@@ -189,7 +199,7 @@ impl Renderer {
                 seen.add(rgb, alpha, distances[m]);
             }
         }
-        Ok(seen)
+        Ok((seen, counts))
     }
 }
 

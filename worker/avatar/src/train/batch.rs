@@ -13,7 +13,8 @@ use crate::motion::body::Body;
 use crate::render::RenderError;
 use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
-use crate::render::march::march;
+use crate::render::march::{SampleCounts, Volume, march};
+use crate::render::occupancy::Occupancy;
 use crate::render::rays::Ray;
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
@@ -43,6 +44,16 @@ pub struct Scene<'a> {
     pub pose: &'a Pose,
     /// Opens what starts later in the training.
     pub step: u64,
+    /// Where its canonical space is known to be empty.
+    pub occupancy: Option<&'a Occupancy>,
+}
+
+/// Densities that were met, for the occupancy grid to learn from.
+pub struct Met {
+    /// `[n, 3]`, canonical metres.
+    pub points: Vec<f32>,
+    /// `[n]`, 1/m.
+    pub densities: Vec<f32>,
 }
 
 /// What a model makes of a batch.
@@ -51,10 +62,10 @@ pub struct Outcome {
     pub loss: Tensor<1>,
     /// What its rays see.
     pub seen: Composite,
-    /// Share of the samples that were evaluated.
-    pub live_fraction: f64,
-    /// Samples that were evaluated.
-    pub live: usize,
+    /// How many samples came how far.
+    pub counts: SampleCounts,
+    /// What an occupancy grid may learn; absent without one.
+    pub met: Option<Met>,
 }
 
 /// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
@@ -76,15 +87,18 @@ pub fn outcome(
         let transforms = read(posed.transforms.clone())?;
         Ok::<_, RenderError>((posed, weights, transforms))
     })?;
-    let samples = trace_span!("march").in_scope(|| {
+    let mut samples = trace_span!("march").in_scope(|| {
         march(
             &batch.rays,
-            config.march.samples,
-            config.march.epsilon,
+            &config.march,
             jitter,
-            &weights,
-            &transforms,
-            &body.grid,
+            &Volume {
+                weights: &weights,
+                transforms: &transforms,
+                grid: &body.grid,
+                occupancy: scene.occupancy,
+                step: Some(scene.step),
+            },
         )
     });
     if samples.live() == 0 {
@@ -95,8 +109,21 @@ pub fn outcome(
     let points = Tensor::from_data(points, &device);
     let (values, likelihood) =
         trace_span!("fields").in_scope(|| avatar.evaluate(config, body, &posed, points));
+    let met = match scene.occupancy {
+        Some(_) => Some(Met {
+            points: std::mem::take(&mut samples.canonical),
+            densities: read(values.density.clone().detach())?,
+        }),
+        None => None,
+    };
     let _span = trace_span!("composite").entered();
-    let seen = composite(&samples, values.rgb, values.density, likelihood);
+    let seen = composite(
+        &samples,
+        config.march.min_transmittance,
+        values.rgb,
+        values.density,
+        likelihood,
+    );
     let background = Tensor::<1>::from_floats(batch.background, &device).unsqueeze::<2>();
     let clear = (seen.alpha.clone().neg() + 1.0).unsqueeze_dim::<2>(1);
     let area = (batch.patch_size * batch.patch_size).max(1);
@@ -106,7 +133,7 @@ pub fn outcome(
     Ok(Some(Outcome {
         loss: objective.loss(predicted, truth),
         seen,
-        live_fraction: samples.live_fraction(),
-        live: samples.live(),
+        counts: samples.counts(),
+        met,
     }))
 }

@@ -5,11 +5,14 @@ use super::TrainError;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
+use crate::motion::prior::canonical_grid;
 use crate::render::Renderer;
+use crate::render::occupancy::Occupancy;
 use crate::skeleton::Skeleton;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Bytes, Device};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use yoto_proto::manifest::files;
@@ -93,6 +96,71 @@ impl State {
     }
 }
 
+/// Writes what is known of each slot's empty space, as tensors `[z, y, x]` of bytes named by
+/// the slot; nothing where nothing is.
+pub(super) fn save_occupancy(
+    dir: &Path,
+    occupancy: &[Option<Occupancy>],
+) -> Result<(), TrainError> {
+    let path = dir.join(files::OCCUPANCY);
+    let mut tensors = Vec::new();
+    for (slot, grid) in occupancy.iter().enumerate() {
+        if let Some(grid) = grid {
+            let [x, y, z] = grid.cells();
+            let view = TensorView::new(Dtype::U8, vec![z, y, x], grid.levels());
+            tensors.push((slot.to_string(), view.map_err(|e| failed(&path, e))?));
+        }
+    }
+    let bytes = safetensors::serialize(tensors, None).map_err(|e| failed(&path, e))?;
+    std::fs::write(&path, bytes).map_err(|e| failed(&path, e))
+}
+
+/// The grid of each slot of `state`. Slots that the file does not name, and all of a checkpoint
+/// without the file, start with grids that know nothing.
+pub(super) fn load_occupancy(
+    dir: &Path,
+    state: &State,
+) -> Result<Vec<Option<Occupancy>>, TrainError> {
+    let path = dir.join(files::OCCUPANCY);
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => Some(bytes),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+        Err(error) => return Err(failed(&path, error)),
+    };
+    let file = bytes
+        .as_ref()
+        .map(|bytes| SafeTensors::deserialize(bytes))
+        .transpose()
+        .map_err(|e| failed(&path, e))?;
+    let march = &state.config.march;
+    let grid = |(slot, skeleton): (usize, &Option<Skeleton>)| {
+        let Some(skeleton) = skeleton else {
+            return Ok(None);
+        };
+        let box_grid = canonical_grid(skeleton, state.config.motion.resolution, march.epsilon);
+        let Some(blank) = Occupancy::new(&box_grid, march) else {
+            return Ok(None);
+        };
+        let name = slot.to_string();
+        let Some(tensor) = file.as_ref().and_then(|file| file.tensor(&name).ok()) else {
+            return Ok(Some(blank));
+        };
+        let [x, y, z] = blank.cells();
+        if tensor.dtype() != Dtype::U8 || tensor.shape() != [z, y, x] {
+            return Err(failed(
+                &path,
+                format!(
+                    "slot {slot}: {:?} {:?}, its skeleton's grid is U8 [{z}, {y}, {x}]",
+                    tensor.dtype(),
+                    tensor.shape()
+                ),
+            ));
+        }
+        Ok(blank.with_levels(tensor.data()))
+    };
+    state.slots.iter().enumerate().map(grid).collect()
+}
+
 /// Writes a checkpoint's files into `dir`.
 pub(super) fn save(
     dir: &Path,
@@ -167,6 +235,13 @@ impl Renderer {
                 .map(|skeleton| Body::new(skeleton, &state.config, &device))
         };
         let bodies = state.slots.iter().map(body).collect();
-        Ok(Self::new(state.config, avatar, bodies, state.step))
+        let occupancy = load_occupancy(dir, &state)?;
+        Ok(Self::new(
+            state.config,
+            avatar,
+            bodies,
+            occupancy,
+            state.step,
+        ))
     }
 }

@@ -2,6 +2,7 @@
 //! row the model goes back to its last good state with a lower rate.
 
 use crate::avatar::Avatar;
+use crate::render::occupancy::Occupancy;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::Tensor;
@@ -20,12 +21,21 @@ const MAX_ROLLBACKS: u64 = 8;
 pub(super) struct Course {
     pub avatar: Avatar,
     pub optimiser: ModuleOptimizer,
+    /// What is known of each slot's empty space: it goes with the weights that it was seen of.
+    pub occupancy: Vec<Option<Occupancy>>,
     pub rate_scale: f64,
+}
+
+/// A state to return to.
+struct Kept {
+    avatar: Avatar,
+    optimiser: ModuleOptimizer,
+    occupancy: Vec<Option<Occupancy>>,
 }
 
 /// See the module's page.
 pub(super) struct Guard {
-    kept: Option<(Avatar, ModuleOptimizer)>,
+    kept: Option<Kept>,
     bad: u32,
     pub skipped: u64,
     pub rollbacks: u64,
@@ -65,7 +75,11 @@ impl Guard {
             let _span = trace_span!("update").entered();
             self.bad = 0;
             if step.is_multiple_of(KEEP_EVERY) || self.kept.is_none() {
-                self.kept = Some((course.avatar.clone(), course.optimiser.clone()));
+                self.kept = Some(Kept {
+                    avatar: course.avatar.clone(),
+                    optimiser: course.optimiser.clone(),
+                    occupancy: course.occupancy.clone(),
+                });
             }
             let avatar = course.avatar.clone();
             course.avatar = course
@@ -83,9 +97,10 @@ impl Guard {
         if self.rollbacks > MAX_ROLLBACKS {
             return Verdict::GivenUp;
         }
-        if let Some((avatar, optimiser)) = &self.kept {
-            course.avatar = avatar.clone();
-            course.optimiser = optimiser.clone();
+        if let Some(kept) = &self.kept {
+            course.avatar = kept.avatar.clone();
+            course.optimiser = kept.optimiser.clone();
+            course.occupancy = kept.occupancy.clone();
         }
         course.rate_scale *= RATE_FACTOR;
         Verdict::RolledBack
@@ -151,6 +166,7 @@ mod tests {
         let mut course = Course {
             avatar,
             optimiser: optimiser(&config.optimise),
+            occupancy: Vec::new(),
             rate_scale: 1.0,
         };
         let mut guard = Guard::new(0, 0);
@@ -195,6 +211,7 @@ mod tests {
         let mut course = Course {
             avatar,
             optimiser: optimiser(&config.optimise),
+            occupancy: Vec::new(),
             rate_scale: 1.0,
         };
         let grads = GradientsParams::from_grads(total(&course.avatar).backward(), &course.avatar);

@@ -1,5 +1,7 @@
 //! What a trainer tells while it trains. A plain value: whoever asks decides how to show it.
 
+use crate::render::SampleCounts;
+
 /// A moment of a training.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainProgress {
@@ -25,6 +27,8 @@ pub struct TrainProgress {
     pub rollbacks: u64,
     /// Share of samples that the networks saw, smoothed.
     pub live_fraction: f64,
+    /// How many samples came how far, in all steps of this budget.
+    pub samples: SampleCounts,
     /// E.g. "mse+ssim".
     pub objective: &'static str,
     /// Seconds spent in steps in this budget.

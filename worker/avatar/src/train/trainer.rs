@@ -13,6 +13,7 @@ use crate::evaluate::{psnr, ssim};
 use crate::loss::Objective;
 use crate::motion::body::Body;
 use crate::render::frame::read;
+use crate::render::occupancy::Occupancy;
 use crate::render::{RenderView, Renderer};
 use crate::skeleton::Skeleton;
 use burn::module::Module;
@@ -76,8 +77,6 @@ pub struct Trainer {
     budget_steps: u64,
     budget_seconds: f64,
     progress: TrainProgress,
-    /// Samples evaluated in the last step.
-    live: usize,
 }
 
 impl Trainer {
@@ -106,6 +105,7 @@ impl Trainer {
         let course = Course {
             avatar,
             optimiser: optimiser(&config.optimise),
+            occupancy: Vec::new(),
             rate_scale: 1.0,
         };
         Self::assemble(state, options, &people, course, device)
@@ -134,6 +134,7 @@ impl Trainer {
         let course = Course {
             avatar: checkpoint::load_avatar(dir, &state, slots, &device)?,
             optimiser: checkpoint::load_optimiser(dir, optimiser(&state.config.optimise))?,
+            occupancy: checkpoint::load_occupancy(dir, &state)?,
             rate_scale: state.rate_scale,
         };
         Self::assemble(state, options, &people, course, device)
@@ -143,7 +144,7 @@ impl Trainer {
         state: State,
         options: TrainOptions,
         people: &[Person],
-        course: Course,
+        mut course: Course,
         device: Device,
     ) -> Result<Self, TrainError> {
         if state.config.numerics == Numerics::Reference {
@@ -159,6 +160,7 @@ impl Trainer {
             .max()
             .unwrap_or(0);
         slots.resize(slots.len().max(needed), None);
+        course.occupancy.resize(slots.len(), None);
         let mut trainees = Vec::with_capacity(people.len());
         for person in people {
             let trainee = Trainee::new(
@@ -168,6 +170,14 @@ impl Trainer {
                 options.holdout_every,
                 &device,
             )?;
+            // What was learned in one box says nothing about another's.
+            if slots[person.slot].as_ref() != Some(&trainee.body.skeleton) {
+                course.occupancy[person.slot] = None;
+            }
+            if course.occupancy[person.slot].is_none() {
+                course.occupancy[person.slot] =
+                    Occupancy::new(&trainee.body.grid, &state.config.march);
+            }
             slots[person.slot] = Some(trainee.body.skeleton.clone());
             trainees.push(trainee);
         }
@@ -202,7 +212,6 @@ impl Trainer {
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
-            live: 0,
         })
     }
 
@@ -254,7 +263,9 @@ impl Trainer {
             slot: chosen.slot,
             pose: &frame.pose,
             step: self.step,
+            occupancy: self.course.occupancy[chosen.slot].as_ref(),
         };
+        let slot = chosen.slot;
         let outcome = outcome(
             &self.course.avatar,
             &scene,
@@ -263,12 +274,20 @@ impl Trainer {
             Some(&mut rng),
         )?;
         // Without an outcome no ray meets the body: there is nothing to learn.
-        let live = outcome.as_ref().map_or(0.0, |o| o.live_fraction);
-        self.progress.live_fraction =
-            smoothed(self.progress.live_fraction, live, self.progress.step);
-        self.live = outcome.as_ref().map_or(0, |o| o.live);
+        let counts = outcome.as_ref().map(|o| o.counts).unwrap_or_default();
+        self.progress.live_fraction = smoothed(
+            self.progress.live_fraction,
+            counts.live_fraction(),
+            self.progress.step,
+        );
+        self.progress.samples += counts;
         if let Some(outcome) = outcome {
-            self.descend(outcome.loss)?;
+            let taken = self.descend(outcome.loss)?;
+            if let (true, Some(met), Some(grid)) =
+                (taken, outcome.met, &mut self.course.occupancy[slot])
+            {
+                grid.learn(&met.points, &met.densities);
+            }
         }
         self.step += 1;
         self.budget_steps += 1;
@@ -282,16 +301,17 @@ impl Trainer {
         Ok(())
     }
 
-    fn descend(&mut self, loss: Tensor<1>) -> Result<(), TrainError> {
+    /// Whether the step was taken.
+    fn descend(&mut self, loss: Tensor<1>) -> Result<bool, TrainError> {
         let value = read(loss.clone())?.first().copied().unwrap_or(f32::NAN);
         let grads = trace_span!("backward")
             .in_scope(|| GradientsParams::from_grads(loss.backward(), &self.course.avatar));
         let warm = ((self.step + 1) as f64 / WARM_UP as f64).min(1.0);
         let rate = warm * self.config.optimise.final_rate.powf(self.fraction());
-        match self
+        let verdict = self
             .guard
-            .step(&mut self.course, value, grads, rate, self.step)
-        {
+            .step(&mut self.course, value, grads, rate, self.step);
+        match verdict {
             Verdict::Taken => {
                 self.progress.loss =
                     smoothed(self.progress.loss, f64::from(value), self.progress.step)
@@ -310,7 +330,7 @@ impl Trainer {
                 });
             }
         }
-        Ok(())
+        Ok(verdict == Verdict::Taken)
     }
 
     /// How it goes.
@@ -391,6 +411,7 @@ impl Trainer {
                 self.slots.clone(),
             )
         };
+        checkpoint::save_occupancy(dir, &self.course.occupancy)?;
         checkpoint::save(dir, &state, &self.course.avatar, &self.course.optimiser)
     }
 
@@ -406,14 +427,9 @@ impl Trainer {
             self.config.clone(),
             self.course.avatar.valid(),
             bodies,
+            self.course.occupancy.clone(),
             self.step,
         )
-    }
-
-    /// Samples that the networks saw in the last step, of those that its rays placed.
-    pub fn samples(&self) -> (usize, usize) {
-        let rays = self.config.optimise.patches * self.patch_size.pow(2);
-        (self.live, rays * self.config.march.samples)
     }
 
     /// Numbers that are learned.

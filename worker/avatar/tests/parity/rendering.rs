@@ -16,16 +16,22 @@ fn compositing() {
     let samples = Samples {
         rays: case.shape("expected.alpha")[0],
         per_ray: PER_RAY,
-        // Compositing does not look at where samples are.
-        points: Vec::new(),
         steps: case.singles("steps"),
         depths: case.singles("depths"),
         places: case.numbers("places").iter().map(|p| *p as i64).collect(),
+        // Compositing does not look at where samples are.
+        ..Samples::default()
     };
     let rgb = case.tensor::<2>("rgb", &device).require_grad();
     let density = case.tensor::<1>("density", &device).require_grad();
     let likelihood = case.tensor::<1>("likelihood", &device).require_grad();
-    let seen = composite(&samples, rgb.clone(), density.clone(), likelihood.clone());
+    let seen = composite(
+        &samples,
+        0.0,
+        rgb.clone(),
+        density.clone(),
+        likelihood.clone(),
+    );
     let objective = case.towards("rgb", seen.rgb.clone())
         + case.towards("alpha", seen.alpha.clone())
         + case.towards("depth", seen.depth.clone());

@@ -57,6 +57,7 @@ pub fn config(encoding: Encoding) -> ModelConfig {
     };
     config.march.samples = 12;
     config.march.epsilon = 0.0;
+    config.march.min_transmittance = 0.0;
     config.optimise.rate = 2e-3;
     config.optimise.table_rate = 1e-2;
     config.optimise.motion_rate = 4e-3;

@@ -61,6 +61,7 @@ fn step(case: Case, encoding: Encoding) {
         slot: 0,
         pose: &pose,
         step: small::STEP,
+        occupancy: None,
     };
     let objective =
         Objective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);

@@ -1,12 +1,12 @@
-//! Foreground likelihoods of samples along rays, without gradients: what decides which samples
-//! are evaluated at all.
+//! Canonical points and foreground likelihoods of samples along rays, without gradients: what
+//! decides which samples are evaluated at all.
 //!
 //! A bone's support is a box in canonical space, and a ray carried there by the bone is still a
 //! ray. One slab test therefore finds the few samples of a ray that a bone can weigh, instead
 //! of carrying every sample by every bone.
 
-use super::WarpGrid;
 use super::grid::{Cell, Support, supports};
+use super::{MIN_WEIGHT_SUM, WarpGrid};
 use rayon::prelude::*;
 
 /// Rays a task.
@@ -25,38 +25,57 @@ pub struct Segment {
     pub far: f32,
 }
 
-/// Likelihoods `[R M]`, each in [0, 1], of the samples at `depths` `[R M]`: M on each segment,
-/// one in each of M equal strata. `weights` and `transforms` as for [`super::warp`].
+/// Warped samples `[R M]`: canonical point and likelihood as [`super::warp`] has them, of the
+/// samples at `depths` `[R M]`: M on each segment, one in each of M equal strata. `weights` and
+/// `transforms` as for [`super::warp`].
 pub fn along_rays(
     weights: &[f32],
     transforms: &[f32],
     segments: &[Segment],
     depths: &[f32],
     grid: &WarpGrid,
-) -> Vec<f32> {
-    let mut likelihoods = vec![0f32; depths.len()];
+) -> Vec<[f32; 4]> {
+    let blocks = along_rays_with(weights, transforms, segments, depths, grid, |_, warped| {
+        warped.to_vec()
+    });
+    blocks.concat()
+}
+
+/// The same, a block of rays at a time: `finish` gets the number of a block's first ray and its
+/// warped samples, most of which are usually nothing, and what it makes of them is returned in
+/// the order of the rays.
+pub fn along_rays_with<T: Send>(
+    weights: &[f32],
+    transforms: &[f32],
+    segments: &[Segment],
+    depths: &[f32],
+    grid: &WarpGrid,
+    finish: impl Fn(usize, &[[f32; 4]]) -> T + Sync,
+) -> Vec<T> {
     if segments.is_empty() || depths.is_empty() {
-        return likelihoods;
+        return Vec::new();
     }
     let per_ray = depths.len() / segments.len();
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let (min, scale) = (grid.min, grid.scale());
     let supports = supports(weights, transforms.len() / 12, grid);
-    let blocks = likelihoods
-        .par_chunks_mut(BLOCK * per_ray)
-        .zip(depths.par_chunks(BLOCK * per_ray))
-        .zip(segments.par_chunks(BLOCK));
-    blocks.for_each(|((likelihoods, depths), segments)| {
+    let blocks = depths
+        .par_chunks(BLOCK * per_ray)
+        .zip(segments.par_chunks(BLOCK))
+        .enumerate();
+    let warp_block = |warped: &mut Vec<[f32; 4]>, depths: &[f32], segments: &[Segment]| {
+        warped.clear();
+        warped.resize(depths.len(), [0.0; 4]);
         for ((bone, volume), support) in transforms
             .chunks_exact(12)
             .zip(weights.chunks_exact(voxels))
             .zip(&supports)
         {
-            let rays = likelihoods
+            let rays = warped
                 .chunks_exact_mut(per_ray)
                 .zip(depths.chunks_exact(per_ray));
-            for ((likelihoods, depths), segment) in rays.zip(segments) {
+            for ((warped, depths), segment) in rays.zip(segments) {
                 let turn = |v: [f32; 3], r: usize| {
                     bone[4 * r] * v[0] + bone[4 * r + 1] * v[1] + bone[4 * r + 2] * v[2]
                 };
@@ -71,18 +90,38 @@ pub fn along_rays(
                 let last = (((to - segment.near) * strata) as usize + 1).min(per_ray);
                 for m in first.min(last)..last {
                     let t = depths[m];
-                    let p = std::array::from_fn(|a| origin[a] + t * direction[a]);
+                    let p: [f32; 3] = std::array::from_fn(|a| origin[a] + t * direction[a]);
+                    // The first and last strata reach out of the support.
+                    if !support.contains(p) {
+                        continue;
+                    }
                     if let Some(cell) = Cell::of(p, min, scale, d) {
-                        likelihoods[m] += cell.sample(volume, d);
+                        let w = cell.sample(volume, d);
+                        for a in 0..3 {
+                            warped[m][a] += w * p[a];
+                        }
+                        warped[m][3] += w;
                     }
                 }
             }
         }
-        for likelihood in likelihoods {
-            *likelihood = likelihood.clamp(0.0, 1.0);
+        for [x, y, z, sum] in warped {
+            if *sum == 0.0 {
+                continue;
+            }
+            let divisor = sum.max(MIN_WEIGHT_SUM);
+            for value in [x, y, z] {
+                *value /= divisor;
+            }
+            *sum = sum.clamp(0.0, 1.0);
         }
-    });
-    likelihoods
+    };
+    blocks
+        .map_init(Vec::new, |warped, (block, (depths, segments))| {
+            warp_block(warped, depths, segments);
+            finish(block * BLOCK, warped)
+        })
+        .collect()
 }
 
 /// The part of a segment inside a support.

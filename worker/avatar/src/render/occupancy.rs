@@ -1,0 +1,216 @@
+//! Where in a person's canonical box there is anything: a density a cell, learned from what
+//! training sees anyway, so that samples in empty cells need not be evaluated.
+//!
+//! A cell's density is kept as one byte of its logarithm. Each step that visits a cell lowers
+//! it by one level (about 8 %) and raises it to the largest density seen there, so that what
+//! vanishes is forgotten after some visits and never without evidence. It does not depend on
+//! the order of a step's samples, nor on the number of threads.
+
+use crate::config::MarchConfig;
+use crate::ops::warp::WarpGrid;
+
+/// Levels are the leading bits of a float: eight for each power of two.
+const SHIFT: u32 = 20;
+/// Level 1 holds every density under 2⁻¹² /m; level 255 every one from 2^19.75 /m.
+const LOWEST: u32 = (127 - 12) << 3;
+/// No sample was ever seen in the cell.
+const NEVER: u8 = 0;
+/// One in so many pairs of an empty cell and a step is sampled all the same, so that training
+/// hears when something grows there.
+const PROBES: u32 = 32;
+
+/// One person's grid. Cells are cubes; x runs fastest, then y, z.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Occupancy {
+    min: [f32; 3],
+    /// Cells a metre.
+    scale: f32,
+    cells: [usize; 3],
+    /// The first level that counts as something.
+    bound: u8,
+    levels: Vec<u8>,
+    /// A bit a cell, each row from a word of its own: whether it or one of its 26 neighbours
+    /// holds something, or it was never seen.
+    occupied: Vec<u64>,
+}
+
+impl Occupancy {
+    /// A grid over the box of `grid` that knows nothing yet; `None` where the configuration
+    /// wants none.
+    pub fn new(grid: &WarpGrid, config: &MarchConfig) -> Option<Self> {
+        if config.occupancy_cells == 0 || config.occupancy_alpha <= 0.0 {
+            return None;
+        }
+        let sides: [f32; 3] = std::array::from_fn(|a| grid.max[a] - grid.min[a]);
+        let scale = config.occupancy_cells as f32 / sides.into_iter().fold(f32::MIN, f32::max);
+        let cells = sides.map(|side| (side * scale).ceil().max(1.0) as usize);
+        // No ray has a longer way through the box, and so none has longer steps.
+        let step = sides.iter().map(|s| s * s).sum::<f32>().sqrt() / config.samples as f32;
+        let mut occupancy = Self {
+            min: grid.min,
+            scale,
+            cells,
+            bound: level(-(-config.occupancy_alpha).ln_1p() / step),
+            levels: vec![NEVER; cells.iter().product()],
+            occupied: Vec::new(),
+        };
+        occupancy.refresh();
+        Some(occupancy)
+    }
+
+    /// Cells along x, y, z.
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// The byte of each cell: all that is learned.
+    pub fn levels(&self) -> &[u8] {
+        &self.levels
+    }
+
+    /// The grid with the bytes of another of the same shape; `None` when there are not as many.
+    pub fn with_levels(mut self, levels: &[u8]) -> Option<Self> {
+        if levels.len() != self.levels.len() {
+            return None;
+        }
+        self.levels.copy_from_slice(levels);
+        self.refresh();
+        Some(self)
+    }
+
+    /// Share of the cells that count as occupied.
+    pub fn share(&self) -> f64 {
+        let ones: u32 = self.occupied.iter().map(|word| word.count_ones()).sum();
+        f64::from(ones) / self.levels.len() as f64
+    }
+
+    /// The cell of a point; points outside the box count to its border.
+    #[inline(always)]
+    fn cell(&self, point: [f32; 3]) -> [usize; 3] {
+        // A cast of what is negative or not a number gives 0.
+        std::array::from_fn(|a| {
+            (((point[a] - self.min[a]) * self.scale) as usize).min(self.cells[a] - 1)
+        })
+    }
+
+    fn row(&self, [_, y, z]: [usize; 3]) -> usize {
+        z * self.cells[1] + y
+    }
+
+    /// Whether there may be anything around a canonical point, metres. With a `step` of a
+    /// training, some points are let through in turn even where there is nothing.
+    #[inline(always)]
+    pub fn admits(&self, point: [f32; 3], step: Option<u64>) -> bool {
+        let cell = self.cell(point);
+        let row = self.row(cell);
+        let word = self.occupied[row * self.words() + cell[0] / 64];
+        if word >> (cell[0] % 64) & 1 == 1 {
+            return true;
+        }
+        step.is_some_and(|step| {
+            let index = (row * self.cells[0] + cell[0]) as u64;
+            scatter(index ^ step << 32).is_multiple_of(PROBES)
+        })
+    }
+
+    /// Learns from a step: `densities` `[n]`, 1/m, seen at canonical `points` `[n, 3]`, metres.
+    pub fn learn(&mut self, points: &[f32], densities: &[f32]) {
+        let mut fresh = vec![NEVER; self.levels.len()];
+        let mut visited = Vec::new();
+        for (point, density) in points.as_chunks::<3>().0.iter().zip(densities) {
+            if density.is_nan() {
+                continue;
+            }
+            let cell = self.cell(*point);
+            let index = self.row(cell) * self.cells[0] + cell[0];
+            if fresh[index] == NEVER {
+                visited.push(index);
+            }
+            fresh[index] = fresh[index].max(level(*density));
+        }
+        let mut changed = false;
+        for index in visited {
+            let old = self.levels[index];
+            let new = fresh[index].max(old.saturating_sub(1));
+            changed |= old == NEVER || (old < self.bound) != (new < self.bound);
+            self.levels[index] = new;
+        }
+        if changed {
+            self.refresh();
+        }
+    }
+
+    /// Words a row of bits.
+    fn words(&self) -> usize {
+        self.cells[0].div_ceil(64)
+    }
+
+    /// Makes the bits of the levels.
+    fn refresh(&mut self) {
+        let words = self.words();
+        let [width, height, depth] = self.cells;
+        let mut never = vec![0u64; words * height * depth];
+        let mut full = vec![0u64; words * height * depth];
+        for (row, levels) in self.levels.chunks_exact(width).enumerate() {
+            for (word, levels) in levels.chunks(64).enumerate() {
+                let (mut none, mut some) = (0, 0);
+                for (i, level) in levels.iter().enumerate() {
+                    none |= u64::from(*level == NEVER) << i;
+                    some |= u64::from(*level >= self.bound) << i;
+                }
+                never[row * words + word] = none;
+                full[row * words + word] = some;
+            }
+        }
+        // Along x, then y, then z: together the 26 neighbours. Bits that run over the end of a
+        // row are no cell's.
+        let mut wide = full.clone();
+        for (wide, full) in wide.chunks_exact_mut(words).zip(full.chunks_exact(words)) {
+            for i in 0..words {
+                let before = if i > 0 { full[i - 1] >> 63 } else { 0 };
+                let after = full.get(i + 1).map_or(0, |next| next << 63);
+                wide[i] |= full[i] << 1 | full[i] >> 1 | before | after;
+            }
+        }
+        let mut tall = wide.clone();
+        let slab = words * height;
+        for (tall, wide) in tall.chunks_exact_mut(slab).zip(wide.chunks_exact(slab)) {
+            join(&mut tall[words..], wide);
+            join(tall, &wide[words..]);
+        }
+        let mut deep = tall.clone();
+        join(&mut deep[slab..], &tall);
+        join(&mut deep, &tall[slab..]);
+        join(&mut deep, &never);
+        // What ran over the end of a row.
+        let last = u64::MAX >> (64 * words - width);
+        for row in deep.chunks_exact_mut(words) {
+            row[words - 1] &= last;
+        }
+        self.occupied = deep;
+    }
+}
+
+fn join(to: &mut [u64], from: &[u64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to |= from;
+    }
+}
+
+/// The level that a density of at least 0 falls into, never [`NEVER`]. It does not fall where
+/// densities rise.
+fn level(density: f32) -> u8 {
+    let leading = density.max(0.0).to_bits() >> SHIFT;
+    (leading + 1).saturating_sub(LOWEST).clamp(1, 255) as u8
+}
+
+/// Mixes a number's bits (the finaliser of MurmurHash3).
+fn scatter(mut bits: u64) -> u32 {
+    bits = (bits ^ bits >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    bits = (bits ^ bits >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    (bits ^ bits >> 33) as u32
+}
+
+#[cfg(test)]
+#[path = "occupancy/tests.rs"]
+mod tests;

@@ -1,0 +1,130 @@
+//! What the grid learns, forgets and admits.
+
+use super::*;
+use crate::config::ModelConfig;
+
+fn grid(cells: usize) -> Occupancy {
+    let mut config = ModelConfig::named("draft", "yoto").expect("a tier").march;
+    config.occupancy_cells = cells;
+    config.occupancy_alpha = 1e-2;
+    let area = WarpGrid {
+        min: [-1.0, 0.0, -0.25],
+        max: [1.0, 1.5, 0.25],
+        resolution: 8,
+        floor: 0.0,
+    };
+    Occupancy::new(&area, &config).expect("wanted")
+}
+
+/// The middle of each cell, in the order of the levels.
+fn middles(grid: &Occupancy) -> Vec<[f32; 3]> {
+    let [nx, ny, nz] = grid.cells;
+    let mut all = Vec::new();
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                let cell = [x, y, z];
+                all.push(std::array::from_fn(|a| {
+                    grid.min[a] + (cell[a] as f32 + 0.5) / grid.scale
+                }));
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn levels_rise_with_densities_and_are_an_eighth_of_a_power_of_two() {
+    assert_eq!((level(0.0), level(-1.0), level(f32::INFINITY)), (1, 1, 255));
+    let mut last = 0;
+    for i in 0..2000 {
+        let density = 1e-4 * 1.01f32.powi(i);
+        assert!(level(density) >= last);
+        last = level(density);
+    }
+    for density in [0.01f32, 0.3, 7.0, 900.0] {
+        assert_eq!(level(2.0 * density), level(density) + 8);
+    }
+}
+
+#[test]
+fn only_what_was_seen_to_be_empty_among_empty_neighbours_is_left_out() {
+    // 70 cells: rows of bits that run over from one word into the next.
+    let mut grid = grid(70);
+    let all = middles(&grid);
+    assert!(all.iter().all(|p| grid.admits(*p, None)), "nothing known");
+    let dense = all[all.len() / 2 + 20 * 70 + 31];
+    let points = all.concat();
+    let densities: Vec<f32> = all
+        .iter()
+        .map(|p| if *p == dense { 40.0 } else { 0.0 })
+        .collect();
+    grid.learn(&points, &densities);
+    let near = |p: &[f32; 3]| (0..3).all(|a| (p[a] - dense[a]).abs() < 1.5 / grid.scale);
+    for p in &all {
+        assert_eq!(grid.admits(*p, None), near(p), "{p:?}");
+    }
+    let expected = 27.0 / all.len() as f64;
+    assert!((grid.share() - expected).abs() < 1e-12);
+    assert!(grid.admits(dense, None) && !grid.admits([f32::NAN; 3], None));
+}
+
+#[test]
+fn a_density_is_forgotten_by_visits_alone_and_comes_back_at_once() {
+    let mut grid = grid(12);
+    let all = middles(&grid);
+    let points = all.concat();
+    grid.learn(&points, &vec![30.0; all.len()]);
+    let steps = (0..400)
+        .find(|_| {
+            grid.learn(&points, &vec![0.0; all.len()]);
+            !grid.admits(all[0], None)
+        })
+        .expect("it is forgotten");
+    // 30 to the bound of about 0.1 /m is eight powers of two, of eight levels each.
+    assert!((50..80).contains(&steps), "{steps}");
+    let before = grid.levels().to_vec();
+    grid.learn(&all[5], &[30.0]);
+    assert!(grid.admits(all[5], None));
+    let changed = before.iter().zip(grid.levels()).filter(|(a, b)| a != b);
+    assert_eq!(changed.count(), 1, "cells that were not visited stay");
+    grid.learn(&all[7], &[f32::NAN]);
+    assert_eq!(grid.levels()[7], before[7], "not a number says nothing");
+}
+
+#[test]
+fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
+    let (mut one, mut other) = (grid(24), grid(24));
+    let points: Vec<[f32; 3]> = (0..5000u64)
+        .map(|i| {
+            let unit = |a| scatter(3 * i + a) as f32 / u32::MAX as f32;
+            [2.0 * unit(0) - 1.0, 1.5 * unit(1), 0.5 * unit(2) - 0.25]
+        })
+        .collect();
+    let densities: Vec<f32> = (0..5000).map(|i| scatter(i) as f32 / 1e9).collect();
+    one.learn(&points.concat(), &densities);
+    let back: Vec<[f32; 3]> = points.into_iter().rev().collect();
+    let densities: Vec<f32> = densities.into_iter().rev().collect();
+    other.learn(&back.concat(), &densities);
+    assert_eq!(one, other);
+    let copy = grid(24).with_levels(one.levels()).expect("as many");
+    assert_eq!(copy, one);
+    assert!(grid(24).with_levels(&[0; 3]).is_none());
+}
+
+#[test]
+fn empty_cells_are_probed_in_turn() {
+    let mut grid = grid(16);
+    let all = middles(&grid);
+    grid.learn(&all.concat(), &vec![0.0; all.len()]);
+    let admitted = |step| all.iter().filter(|p| grid.admits(**p, step)).count();
+    assert_eq!(admitted(None), 0);
+    let steps = 256;
+    let total: usize = (0..steps).map(|step| admitted(Some(step))).sum();
+    let share = total as f64 / (steps as usize * all.len()) as f64;
+    assert!((share * f64::from(PROBES) - 1.0).abs() < 0.05, "{share}");
+    let every = all
+        .iter()
+        .all(|p| (0..steps).any(|step| grid.admits(*p, Some(step))));
+    assert!(every, "every cell has its turn");
+}
