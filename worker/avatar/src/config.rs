@@ -566,6 +566,34 @@ mod tests {
     }
 
     #[test]
+    fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
+        let config = ModelConfig::named("fast", "yoto").expect("named");
+        assert!(config.march.min_transmittance > 0.0 && config.march.occupancy_cells > 0);
+        let mut json = serde_json::to_value(&config).expect("serialises");
+        let march = json["march"].as_object_mut().expect("an object");
+        for field in ["min_transmittance", "occupancy_cells", "occupancy_alpha"] {
+            assert!(march.remove(field).is_some(), "{field}");
+        }
+        let old: ModelConfig = serde_json::from_value(json).expect("reads");
+        assert_eq!(
+            (old.march.min_transmittance, old.march.occupancy_cells),
+            (0.0, 0)
+        );
+        let mut bad = config.clone();
+        bad.march.min_transmittance = 1.0;
+        assert!(
+            bad.check()
+                .is_err_and(|e| e.to_string().starts_with("march.min_transmittance"))
+        );
+        let mut bad = config;
+        bad.march.occupancy_alpha = f32::NAN;
+        assert!(
+            bad.check()
+                .is_err_and(|e| e.to_string().starts_with("march.occupancy"))
+        );
+    }
+
+    #[test]
     fn a_configuration_survives_json() {
         let config = ModelConfig::named("fast", "no-identity").expect("named");
         let json = serde_json::to_string(&config).expect("serialises");

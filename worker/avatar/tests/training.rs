@@ -83,6 +83,10 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
             .map(|(name, tensor)| (name.to_string(), tensor.data().to_vec()))
             .collect::<BTreeMap<_, _>>()
     };
+    let occupancy = |dir: &tempfile::TempDir| {
+        std::fs::read(dir.path().join(files::OCCUPANCY)).expect("written")
+    };
+    let known = occupancy(&first);
     let mut again =
         Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
     // A checkpoint's folder may be a temporary one.
@@ -96,6 +100,8 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
         assert!(again[name] == *bytes, "{name} differs");
     }
     assert!(before != uninterrupted, "ten steps changed nothing");
+    assert!(occupancy(&resumed) == occupancy(&straight));
+    assert!(known != occupancy(&resumed), "ten steps taught nothing");
 }
 
 #[test]
@@ -157,13 +163,26 @@ fn samples_that_are_left_out_do_not_show() {
         .expect("renders");
     let state = dir.path().join(files::STATE);
     let text = std::fs::read_to_string(&state).expect("written");
-    let exact = text.replace("\"epsilon\": 0.0001", "\"epsilon\": 0.0");
-    assert_ne!(text, exact, "the threshold stands in the state");
+    let mut exact = text;
+    for (bound, none) in [
+        ("\"epsilon\": 0.0001", "\"epsilon\": 0.0"),
+        ("\"min_transmittance\": 0.001", "\"min_transmittance\": 0.0"),
+        ("\"occupancy_cells\": 64", "\"occupancy_cells\": 0"),
+    ] {
+        assert!(exact.contains(bound), "{bound} stands in the state");
+        exact = exact.replace(bound, none);
+    }
     std::fs::write(&state, exact).expect("writes");
     let all = Renderer::load(dir.path(), &device)
         .expect("loads")
         .render(&view)
         .expect("renders");
+    let (counts, everything) = (skipping.counts, all.counts);
+    assert!(everything.evaluated == everything.placed && everything.placed == counts.placed);
+    assert!(
+        counts.evaluated > 0 && 2 * counts.evaluated < counts.placed,
+        "{counts:?}"
+    );
     let worst = skipping
         .rgb
         .iter()
@@ -251,6 +270,18 @@ fn torn_checkpoints_and_strange_people_are_named() {
         Trainer::new(config("yoto"), options(4, 0), people(1), &device).expect("starts");
     run(&mut trainer, 1);
     trainer.save(dir.path()).expect("saves");
+    let occupancy = dir.path().join(files::OCCUPANCY);
+    for bad in [&b"torn"[..], &other_grid()] {
+        std::fs::write(&occupancy, bad).expect("writes");
+        let torn = Renderer::load(dir.path(), &device).err().expect("torn");
+        assert!(
+            matches!(&torn, TrainError::File { file, .. } if file.ends_with(files::OCCUPANCY)),
+            "{torn}"
+        );
+    }
+    std::fs::remove_file(&occupancy).expect("removes");
+    Renderer::load(dir.path(), &device).expect("a checkpoint needs no grid");
+    Trainer::resume(dir.path(), options(4, 1), people(1), &device).expect("to go on neither");
     std::fs::write(dir.path().join(files::WEIGHTS), b"torn").expect("writes");
     let torn = Renderer::load(dir.path(), &device).err().expect("torn");
     assert!(
@@ -261,6 +292,13 @@ fn torn_checkpoints_and_strange_people_are_named() {
         .err()
         .expect("nobody");
     assert!(nobody.to_string().contains("nobody"));
+}
+
+/// A grid of another shape than any skeleton's.
+fn other_grid() -> Vec<u8> {
+    let grid = safetensors::tensor::TensorView::new(safetensors::Dtype::U8, vec![1, 1, 2], &[1, 2])
+        .expect("a tensor");
+    safetensors::serialize([("0", grid)], None).expect("serialises")
 }
 
 fn tempdir() -> tempfile::TempDir {

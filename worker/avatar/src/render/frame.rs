@@ -256,8 +256,8 @@ impl Renderer {
             wave = wave.saturating_mul(2);
         }
         for (light, (pixel, _)) in lights.iter().zip(batch) {
-            for c in 0..3 {
-                frame.rgb[3 * pixel + c] = light.rgb[c] + (1.0 - light.alpha) * background[c];
+            for (c, background) in background.iter().enumerate() {
+                frame.rgb[3 * pixel + c] = light.rgb[c] + (1.0 - light.alpha) * background;
             }
             frame.alpha[*pixel] = light.alpha;
             frame.depth[*pixel] = light.depth;
@@ -273,3 +273,7 @@ pub(crate) fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, Render
         .try_into_vec_as::<f32>()
         .map_err(|error| RenderError::Device(format!("{error:?}")))
 }
+
+#[cfg(test)]
+#[path = "frame/tests.rs"]
+mod tests;

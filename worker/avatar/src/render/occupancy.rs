@@ -2,7 +2,7 @@
 //! training sees anyway, so that samples in empty cells need not be evaluated.
 //!
 //! A cell's density is kept as one byte of its logarithm. Each step that visits a cell lowers
-//! it by one level (about 8 %) and raises it to the largest density seen there, so that what
+//! it by a few levels and raises it to the largest density seen there, so that what
 //! vanishes is forgotten after some visits and never without evidence. It does not depend on
 //! the order of a step's samples, nor on the number of threads.
 
@@ -13,6 +13,8 @@ use crate::ops::warp::WarpGrid;
 const SHIFT: u32 = 20;
 /// Level 1 holds every density under 2⁻¹² /m; level 255 every one from 2^19.75 /m.
 const LOWEST: u32 = (127 - 12) << 3;
+/// Levels that a cell loses with each step that visits it: 30 % of its density.
+const FORGET: u8 = 4;
 /// No sample was ever seen in the cell.
 const NEVER: u8 = 0;
 /// One in so many pairs of an empty cell and a step is sampled all the same, so that training
@@ -131,7 +133,7 @@ impl Occupancy {
         let mut changed = false;
         for index in visited {
             let old = self.levels[index];
-            let new = fresh[index].max(old.saturating_sub(1));
+            let new = fresh[index].max(old.saturating_sub(FORGET));
             changed |= old == NEVER || (old < self.bound) != (new < self.bound);
             self.levels[index] = new;
         }

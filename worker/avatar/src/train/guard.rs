@@ -176,9 +176,21 @@ mod tests {
             guard.step(course, 1.0, grads, 1.0, at)
         };
         let start = number(total(&course.avatar));
+        let area = crate::ops::warp::WarpGrid {
+            min: [0.0; 3],
+            max: [1.0; 3],
+            resolution: 2,
+            floor: 0.0,
+        };
+        let grid = Occupancy::new(&area, &config.march).expect("the tier has grids");
+        course.occupancy = vec![Some(grid.clone())];
         assert_eq!(step(&mut course, &mut guard, 1.0, 0), Verdict::Taken);
         assert_eq!(step(&mut course, &mut guard, 1.0, 1), Verdict::Taken);
         let moved = number(total(&course.avatar));
+        let mut seen = grid.clone();
+        seen.learn(&[0.5; 3], &[0.0]);
+        assert_ne!(seen, grid);
+        course.occupancy = vec![Some(seen)];
         assert!(moved < start);
         for bad in [f32::NAN, f32::INFINITY, f32::NAN, f32::NAN] {
             assert_eq!(step(&mut course, &mut guard, bad, 2), Verdict::Skipped);
@@ -201,6 +213,7 @@ mod tests {
             start,
             "back at the kept state"
         );
+        assert_eq!(course.occupancy, [Some(grid)], "and what was known then");
         assert_eq!(step(&mut course, &mut guard, 1.0, 2), Verdict::Taken);
     }
 

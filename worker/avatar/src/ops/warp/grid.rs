@@ -50,6 +50,10 @@ pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Su
         .map(|volume| {
             let (mut low, mut high) = ([d; 3], [0usize; 3]);
             for (row, line) in volume.chunks_exact(d).enumerate() {
+                // Most lines are empty, and this one runs in wide instructions.
+                if !line.iter().fold(false, |any, w| any | (*w > grid.floor)) {
+                    continue;
+                }
                 let Some(first) = line.iter().position(|w| *w > grid.floor) else {
                     continue;
                 };
@@ -121,6 +125,46 @@ impl Cell {
         }
     }
 
+    /// Adds `to_value` to the nodes around in proportion to their shares, and returns the
+    /// volume's derivative by the cell offset along x, y, z.
+    #[inline(always)]
+    pub fn spread(&self, volume: &[f32], to_volume: &mut [f32], to_value: f32, d: i32) -> [f32; 3] {
+        let mut slope = [0f32; 3];
+        let [i, j, k] = self.low;
+        if i >= 0 && j >= 0 && k >= 0 && i < d - 1 && j < d - 1 && k < d - 1 {
+            let (row, slab) = (d as usize, (d * d) as usize);
+            let first = k as usize * slab + j as usize * row + i as usize;
+            let cell = &volume[first..][..slab + row + 2];
+            let to = &mut to_volume[first..][..slab + row + 2];
+            let [x, y, z] = self.part;
+            for (offset, sy, sz) in [
+                (0, -1.0, -1.0),
+                (row, 1.0, -1.0),
+                (slab, -1.0, 1.0),
+                (slab + row, 1.0, 1.0),
+            ] {
+                let uy = if sy > 0.0 { y } else { 1.0 - y };
+                let uz = if sz > 0.0 { z } else { 1.0 - z };
+                let share = to_value * uy * uz;
+                to[offset] += share * (1.0 - x);
+                to[offset + 1] += share * x;
+                let (one, other) = (cell[offset], cell[offset + 1]);
+                let value = one + x * (other - one);
+                slope[0] += uy * uz * (other - one);
+                slope[1] += sy * uz * value;
+                slope[2] += sz * uy * value;
+            }
+            return slope;
+        }
+        self.taps(d, |index, share, by_offset| {
+            to_volume[index] += share * to_value;
+            for a in 0..3 {
+                slope[a] += by_offset[a] * volume[index];
+            }
+        });
+        slope
+    }
+
     /// The volume's value here; nodes outside the box count as zero.
     #[inline(always)]
     pub fn sample(&self, volume: &[f32], d: i32) -> f32 {
@@ -138,12 +182,4 @@ impl Cell {
         self.taps(d, |index, share, _| sum += share * volume[index]);
         sum
     }
-}
-
-/// A bone's 3x4 transform applied to a point.
-#[inline(always)]
-pub(super) fn carry(t: &[f32], x: &[f32]) -> [f32; 3] {
-    std::array::from_fn(|r| {
-        t[4 * r] * x[0] + t[4 * r + 1] * x[1] + t[4 * r + 2] * x[2] + t[4 * r + 3]
-    })
 }

@@ -7,6 +7,7 @@ pub mod cpu;
 mod grid;
 pub mod likelihood;
 pub mod reference;
+mod visits;
 
 pub use grid::WarpGrid;
 

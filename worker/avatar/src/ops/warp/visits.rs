@@ -1,0 +1,160 @@
+//! Which points a bone can weigh, for a block of points at a time: a bone carries the whole
+//! block, coordinate by coordinate, and most points turn out to be outside its support. That
+//! part is plain arithmetic on arrays, and the compiler makes wide instructions of it where the
+//! processor has them; the results are the same bit for bit.
+
+use super::grid::Support;
+
+/// Points a block: their coordinates stay in the first-level cache.
+pub(super) const BLOCK: usize = 512;
+
+/// A block of points and what a bone makes of them. Unused places are not read.
+pub(super) struct Block {
+    count: usize,
+    from: [[f32; BLOCK]; 3],
+    to: [[f32; BLOCK]; 3],
+    /// 1 where the carried point is in the bone's support.
+    hits: [u8; BLOCK],
+}
+
+impl Block {
+    pub fn new() -> Self {
+        Self {
+            count: 0,
+            from: [[0.0; BLOCK]; 3],
+            to: [[0.0; BLOCK]; 3],
+            hits: [0; BLOCK],
+        }
+    }
+
+    /// Takes the place of what was there; at most [`BLOCK`] points.
+    pub fn fill<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]>) {
+        self.count = 0;
+        for (i, point) in points.take(BLOCK).enumerate() {
+            for (from, c) in self.from.iter_mut().zip(point) {
+                from[i] = *c;
+            }
+            self.count = i + 1;
+        }
+    }
+
+    /// Calls `visit` with the number in the block and the carried place of each point in the
+    /// support of a bone, in the order of the points.
+    #[inline(always)]
+    pub fn visit(
+        &mut self,
+        bone: &[f32],
+        support: &Support,
+        mut visit: impl FnMut(usize, [f32; 3]),
+    ) {
+        carry_all(self, bone, support);
+        for (group, hits) in self.hits[..self.count.next_multiple_of(8)]
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .enumerate()
+        {
+            if u64::from_ne_bytes(*hits) == 0 {
+                continue;
+            }
+            for i in (8 * group..self.count.min(8 * group + 8)).filter(|i| self.hits[*i] != 0) {
+                visit(i, std::array::from_fn(|a| self.to[a][i]));
+            }
+        }
+    }
+}
+
+/// Fills `to` and `hits`, by the widest instructions there are.
+fn carry_all(block: &mut Block, bone: &[f32], support: &Support) {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2, which is all that the function needs.
+        unsafe { carry_avx2(block, bone, support) };
+        return;
+    }
+    carry_portable(block, bone, support);
+}
+
+/// # Safety
+/// The processor must have AVX2.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+unsafe fn carry_avx2(block: &mut Block, bone: &[f32], support: &Support) {
+    carry_portable(block, bone, support);
+}
+
+#[inline(always)]
+fn carry_portable(block: &mut Block, bone: &[f32], support: &Support) {
+    let count = block.count.next_multiple_of(8).min(BLOCK);
+    let [xs, ys, zs] = &block.from;
+    let (xs, ys, zs) = (&xs[..count], &ys[..count], &zs[..count]);
+    let hits = &mut block.hits[..count];
+    hits.fill(1);
+    for (a, to) in block.to.iter_mut().enumerate() {
+        let (low, high) = (support.min[a], support.max[a]);
+        let &[tx, ty, tz, shift] = &bone[4 * a..4 * a + 4] else {
+            return;
+        };
+        let to = &mut to[..count];
+        for i in 0..count {
+            let p = tx * xs[i] + ty * ys[i] + tz * zs[i] + shift;
+            to[i] = p;
+            // Also 0 for a NaN.
+            hits[i] &= u8::from(p > low) & u8::from(p < high);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bone's 3x4 transform applied to a point.
+    fn carry(t: &[f32], x: &[f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|r| {
+            t[4 * r] * x[0] + t[4 * r + 1] * x[1] + t[4 * r + 2] * x[2] + t[4 * r + 3]
+        })
+    }
+
+    /// Numbers in ±1, none of them round.
+    fn number(i: usize) -> f32 {
+        ((i as f32 * 12.9898).sin() * 43_758.547).fract()
+    }
+
+    #[test]
+    fn blocks_of_any_length_visit_what_a_point_alone_would_bit_for_bit() {
+        let bone: Vec<f32> = (0..12).map(number).collect();
+        let support = Support {
+            min: [-0.4, -0.6, -0.5],
+            max: [0.7, 0.5, 0.6],
+        };
+        let points: Vec<[f32; 3]> = (0..BLOCK)
+            .map(|i| match i % 50 {
+                49 => [f32::NAN, 0.0, 0.0],
+                _ => std::array::from_fn(|a| number(3 * i + a + 100)),
+            })
+            .collect();
+        let mut block = Block::new();
+        let mut seen = 0;
+        for count in [BLOCK, 0, 1, 7, 8, 9, 300] {
+            block.fill(points[..count].iter());
+            let mut visited = Vec::new();
+            block.visit(&bone, &support, |i, p| visited.push((i, p)));
+            let expected: Vec<(usize, [f32; 3])> = points[..count]
+                .iter()
+                .map(|point| carry(&bone, point))
+                .enumerate()
+                .filter(|(_, p)| support.contains(*p))
+                .collect();
+            assert_eq!(visited, expected, "{count} points");
+            seen += visited.len();
+            // What every processor computes.
+            let wide = (block.to, block.hits);
+            carry_portable(&mut block, &bone, &support);
+            assert_eq!(wide.1, block.hits);
+            let bits = |to: &[[f32; BLOCK]; 3]| to.map(|row| row.map(f32::to_bits));
+            assert_eq!(bits(&wide.0), bits(&block.to));
+        }
+        assert!(seen > 200, "only {seen} points in the support");
+    }
+}
