@@ -187,18 +187,16 @@ fn times(trainer: &mut Trainer, options: &BenchOptions) -> anyhow::Result<StepTi
         trainer.step()?;
     }
     memory::reset();
-    let (mut live, mut samples) = (0.0, 0);
+    let before = trainer.progress().samples;
     let start = Instant::now();
     let (outcome, seconds) = stages::timed(|| {
         for _ in 0..options.steps {
             trainer.step()?;
-            let (evaluated, placed) = trainer.samples();
-            live += evaluated as f64;
-            samples = placed as u64;
         }
         anyhow::Ok(())
     });
     outcome?;
+    let after = trainer.progress().samples;
     let steps = options.steps as f64;
     let step_seconds = start.elapsed().as_secs_f64() / steps;
     let mean = |pick: &dyn Fn(&str) -> bool| -> BTreeMap<String, f64> {
@@ -216,8 +214,8 @@ fn times(trainer: &mut Trainer, options: &BenchOptions) -> anyhow::Result<StepTi
         stages: in_stages,
         operations: mean(&|name| !STAGES.contains(&name)),
         peak_bytes: memory::peak_bytes(),
-        live_samples: live / steps,
-        samples,
+        live_samples: (after.evaluated - before.evaluated) as f64 / steps,
+        samples: (after.placed - before.placed) / options.steps,
         frame_seconds: None,
     })
 }

@@ -96,8 +96,21 @@ impl Avatar {
             correction: PoseCorrection::new(&init, &config.correction, joints),
             condition: matches!(config.variant, Variant::Yoto | Variant::NoIdentity)
                 .then(|| PoseCondition::new(&init, &config.condition, config.code_width)),
-            non_rigid: NonRigid::new(&init, &config.non_rigid, 3 * (joints - 1), code_width),
-            canonical: Canonical::new(&init, &config.canonical, identities, code_width, rows),
+            non_rigid: NonRigid::new(
+                &init,
+                &config.non_rigid,
+                3 * (joints - 1),
+                code_width,
+                config.precision,
+            ),
+            canonical: Canonical::new(
+                &init,
+                &config.canonical,
+                identities,
+                code_width,
+                rows,
+                config.precision,
+            ),
         }
     }
 

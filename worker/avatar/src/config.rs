@@ -35,6 +35,9 @@ pub struct ModelConfig {
     /// How the released HumanNeRF program's unsound numerics are treated.
     #[serde(default)]
     pub numerics: Numerics,
+    /// What the fields' networks multiply in.
+    #[serde(default)]
+    pub precision: Precision,
     /// Numbers of an identity code (paper: 256).
     pub code_width: usize,
     /// Motion weights.
@@ -77,6 +80,18 @@ pub enum Numerics {
     Sound,
     /// As the released HumanNeRF program computes, to compare with it.
     Reference,
+}
+
+/// What the factors of the canonical and the non-rigid network's products are rounded to. Sums,
+/// biases, results, parameters and everything outside of these networks are f32 either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    /// Not at all.
+    #[default]
+    F32,
+    /// To bf16, 8 significant bits: half the time on CPUs with instructions for it. CPU only.
+    Bf16,
 }
 
 /// Motion weights.
@@ -419,6 +434,7 @@ fn grid_tier(
         tier: tier.into(),
         variant,
         numerics: Numerics::Sound,
+        precision: Precision::F32,
         code_width: 64,
         motion: MotionConfig {
             resolution,
@@ -487,6 +503,7 @@ fn paper(variant: Variant) -> ModelConfig {
         tier: "paper".into(),
         variant,
         numerics: Numerics::Sound,
+        precision: Precision::F32,
         code_width: 256,
         motion: MotionConfig {
             resolution: 32,

@@ -1,11 +1,11 @@
 //! The canonical field (model.md §6): colour and density of everybody, told apart by their
 //! identity codes and, with the hash encoding, by a table each.
 
-use super::encoding::frequencies;
 use super::mlp::{Mlp, MlpShape};
-use crate::config::{CanonicalConfig, DensityActivation, Encoding};
+use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
 use crate::init::Initial;
 use crate::ops::hash::{self, HashGrid};
+use crate::ops::mlp::Input;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::{relu, sigmoid, softplus};
@@ -36,6 +36,7 @@ impl Canonical {
         slots: usize,
         code_width: usize,
         rows: usize,
+        precision: Precision,
     ) -> Self {
         let (input, tables) = match config.encoding {
             Encoding::Fourier { bands } => (3 + 6 * bands, Vec::new()),
@@ -66,6 +67,7 @@ impl Canonical {
             codes,
             output: 4,
             output_bound: None,
+            precision,
         };
         Self {
             tables,
@@ -83,21 +85,27 @@ impl Canonical {
         grid: Option<&HashGrid>,
         code: Option<Tensor<1>>,
     ) -> FieldValues {
-        let encoded = match (self.tables.get(slot), grid) {
-            (Some(table), Some(grid)) => hash::encode(table.val(), points, grid),
-            _ => Tensor::cat(
-                vec![
-                    points.clone(),
-                    frequencies(points, config.encoding.bands(), 1.0, None),
-                ],
-                1,
-            ),
+        let (input, kind) = match (self.tables.get(slot), grid) {
+            (Some(table), Some(grid)) => {
+                let width = grid.width();
+                let features = hash::encode(table.val(), points, grid);
+                (features, Input::Features { width })
+            }
+            _ => {
+                let kind = Input::Frequencies {
+                    bands: config.encoding.bands(),
+                    unit: 1.0,
+                    raw: true,
+                    window: None,
+                };
+                (points, kind)
+            }
         };
         let codes: Vec<_> = code
             .into_iter()
             .map(|code| (config.layers.inject, code))
             .collect();
-        let raw = self.mlp.forward(encoded, &codes);
+        let raw = self.mlp.forward(input, kind, &codes);
         let [n, _] = raw.dims();
         let last = raw.clone().slice([0..n, 3..4]).reshape([n]);
         let density = match config.activation {

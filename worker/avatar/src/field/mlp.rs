@@ -5,9 +5,11 @@
 //! code's own weights to the bias. That form is used: it costs one small product a step
 //! instead of `code` more columns a point.
 
+use crate::config::Precision;
 use crate::init::Initial;
+use crate::ops::mlp::{Hidden, Input, MlpPlan, mlp};
 use burn::module::{Module, Param};
-use burn::tensor::{Tensor, activation::relu};
+use burn::tensor::Tensor;
 
 /// Shape of a [`Mlp`].
 pub struct MlpShape<'a> {
@@ -27,6 +29,8 @@ pub struct MlpShape<'a> {
     pub output: usize,
     /// Output weights are uniform in ± this; Xavier's bound when absent.
     pub output_bound: Option<f64>,
+    /// What it multiplies in.
+    pub precision: Precision,
 }
 
 /// See the module's page.
@@ -34,6 +38,8 @@ pub struct MlpShape<'a> {
 pub struct Mlp {
     hidden: Vec<Layer>,
     output: Layer,
+    #[module(skip)]
+    precision: Precision,
 }
 
 /// `x W + skip W_s + code W_c + b`.
@@ -76,16 +82,23 @@ impl Layer {
         }
     }
 
-    fn forward(&self, x: Tensor<2>, input: &Tensor<2>, code: Option<Tensor<1>>) -> Tensor<2> {
-        let mut bias = self.bias.val().unsqueeze::<2>();
+    /// Appends the layer's parameters as [`MlpPlan::layers`] has them, the code's share in the
+    /// bias.
+    fn append(&self, code: Option<Tensor<1>>, to: &mut Vec<Tensor<1>>) {
+        let flat = |weight: &Param<Tensor<2>>| {
+            let weight = weight.val();
+            let [rows, columns] = weight.dims();
+            weight.reshape([rows * columns])
+        };
+        let mut bias = self.bias.val();
         if let (Some(weight), Some(code)) = (&self.code, code) {
-            bias = bias + code.unsqueeze::<2>().matmul(weight.val());
+            let share = code.unsqueeze::<2>().matmul(weight.val());
+            let [_, width] = share.dims();
+            bias = bias + share.reshape([width]);
         }
-        let mut y = x.matmul(self.weight.val());
-        if let Some(weight) = &self.skip {
-            y = y + input.clone().matmul(weight.val());
-        }
-        y + bias
+        to.push(flat(&self.weight));
+        to.extend(self.skip.as_ref().map(flat));
+        to.push(bias);
     }
 }
 
@@ -127,19 +140,41 @@ impl Mlp {
             shape.output,
             shape.output_bound,
         );
-        Self { hidden, output }
+        Self {
+            hidden,
+            output,
+            precision: shape.precision,
+        }
     }
 
-    /// `[N, input]` → `[N, output]`. `codes` gives the code of each layer that has one.
-    pub fn forward(&self, input: Tensor<2>, codes: &[(usize, Tensor<1>)]) -> Tensor<2> {
-        let mut x = input.clone();
+    /// `[N, kind.given()]` → `[N, output]`; `kind` says what `input` is and must encode it in
+    /// the network's input width. `codes` gives the code of each layer that has one.
+    pub fn forward(
+        &self,
+        input: Tensor<2>,
+        kind: Input,
+        codes: &[(usize, Tensor<1>)],
+    ) -> Tensor<2> {
+        let mut params = Vec::with_capacity(3 * (self.hidden.len() + 1));
+        let mut hidden = Vec::with_capacity(self.hidden.len());
         for (at, layer) in self.hidden.iter().enumerate() {
             let code = codes
                 .iter()
                 .find(|(layer, _)| *layer == at)
                 .map(|(_, code)| code.clone());
-            x = relu(layer.forward(x, &input, code));
+            layer.append(code, &mut params);
+            hidden.push(Hidden {
+                width: layer.bias.dims()[0],
+                skip: layer.skip.is_some(),
+            });
         }
-        self.output.forward(x, &input, None)
+        self.output.append(None, &mut params);
+        let plan = MlpPlan {
+            input: kind,
+            hidden,
+            output: self.output.bias.dims()[0],
+            precision: self.precision,
+        };
+        mlp(Tensor::cat(params, 0), input, &plan)
     }
 }

@@ -1,9 +1,10 @@
 //! Non-rigid motion (model.md §5): how cloth moves beyond what the bones do, by pose.
 
-use super::encoding::{frequencies, hann_window};
+use super::encoding::hann_window;
 use super::mlp::{Mlp, MlpShape};
-use crate::config::NonRigidConfig;
+use crate::config::{NonRigidConfig, Precision};
 use crate::init::Initial;
+use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
 
@@ -22,6 +23,7 @@ impl NonRigid {
         config: &NonRigidConfig,
         pose_width: usize,
         code_width: usize,
+        precision: Precision,
     ) -> Self {
         let codes: &[_] = if code_width > 0 {
             &[(0, pose_width), (config.layers.inject, code_width)]
@@ -37,6 +39,7 @@ impl NonRigid {
             codes,
             output: 3,
             output_bound: Some(OUTPUT_BOUND),
+            precision,
         };
         Self {
             mlp: Mlp::new(init, &shape),
@@ -87,14 +90,14 @@ impl NonRigid {
     ) -> Tensor<2> {
         let span = (config.full_at.saturating_sub(config.kick_in)).max(1) as f32;
         let a = config.bands as f32 * step.saturating_sub(config.kick_in) as f32 / span;
-        let encoded = frequencies(
-            points.clone(),
-            config.bands,
-            1.0,
-            Some(&hann_window(config.bands, a)),
-        );
+        let kind = Input::Frequencies {
+            bands: config.bands,
+            unit: 1.0,
+            raw: false,
+            window: Some(hann_window(config.bands, a)),
+        };
         let mut codes = vec![(0, pose)];
         codes.extend(code.map(|code| (config.layers.inject, code)));
-        points + self.mlp.forward(encoded, &codes)
+        points.clone() + self.mlp.forward(points, kind, &codes)
     }
 }

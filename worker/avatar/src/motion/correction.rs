@@ -2,9 +2,10 @@
 //! how much.
 
 use super::rotation::rodrigues;
-use crate::config::CorrectionConfig;
+use crate::config::{CorrectionConfig, Precision};
 use crate::field::mlp::{Mlp, MlpShape};
 use crate::init::Initial;
+use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
 
@@ -29,6 +30,7 @@ impl PoseCorrection {
             codes: &[],
             output: width,
             output_bound: Some(OUTPUT_BOUND),
+            precision: Precision::F32,
         };
         Self {
             mlp: Mlp::new(init, &shape),
@@ -44,7 +46,7 @@ impl PoseCorrection {
     pub fn vectors(&self, pose: Tensor<1>) -> Tensor<2> {
         let [width] = pose.dims();
         self.mlp
-            .forward(pose.unsqueeze::<2>(), &[])
+            .forward(pose.unsqueeze::<2>(), Input::Features { width }, &[])
             .reshape([width / 3, 3])
     }
 }

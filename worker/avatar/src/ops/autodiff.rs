@@ -1,7 +1,7 @@
 //! Connects the operations' hand-written backward forms to Burn's automatic differentiation.
 
 use super::composite::{self, RaySamples};
-use super::{AvatarOps, adam::AdamRates, hash::HashGrid, warp::WarpGrid};
+use super::{AvatarOps, adam::AdamRates, hash::HashGrid, mlp, warp::WarpGrid};
 use burn::backend::{
     Autodiff, Backend,
     autodiff::{
@@ -175,6 +175,31 @@ impl<B: Backend + AvatarOps, C: CheckpointStrategy> AvatarOps for Autodiff<B, C>
             constant::<B, C>(b),
             constant::<B, C>(c),
         )
+    }
+
+    fn mlp(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+    ) -> FloatTensor<Self> {
+        mlp::autodiff::mlp::<B, C>(params, input, plan)
+    }
+
+    fn mlp_backward(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+        to_input: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let (a, b) = B::mlp_backward(
+            params.into_primitive(),
+            input.into_primitive(),
+            grad.into_primitive(),
+            plan,
+            to_input,
+        );
+        (constant::<B, C>(a), constant::<B, C>(b))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Unwraps the Flex backend's tensors into slices for the `cpu` forms.
 
-use super::{AvatarOps, adam, composite, hash, warp};
+use super::{AvatarOps, adam, composite, hash, mlp, warp};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;
@@ -123,5 +123,23 @@ impl AvatarOps for Flex {
             rates,
         );
         (param, moment_1, moment_2)
+    }
+
+    fn mlp(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+    ) -> FloatTensor<Self> {
+        mlp::flex::mlp(params, input, &plan)
+    }
+
+    fn mlp_backward(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+        to_input: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        mlp::flex::mlp_backward(params, input, grad, &plan, to_input)
     }
 }

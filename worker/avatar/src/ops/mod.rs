@@ -9,12 +9,13 @@ mod autodiff;
 pub mod composite;
 mod flex;
 pub mod hash;
+pub mod mlp;
 pub mod warp;
 
 use burn::backend::{Backend, backend_extension, tensor::FloatTensor};
 use burn::tensor::Device;
 
-/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`],
+/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`], [`mlp`],
 /// [`composite`](mod@composite) and [`adam`] instead: they choose the form for the tensor's device.
 #[backend_extension(Autodiff, Flex)]
 pub trait AvatarOps: Backend {
@@ -69,6 +70,21 @@ pub trait AvatarOps: Backend {
         moment_2: FloatTensor<Self>,
         rates: adam::AdamRates,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
+    /// Forward of [`mlp::mlp`].
+    fn mlp(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+    ) -> FloatTensor<Self>;
+    /// Gradients of [`mlp::mlp`] to the parameters and the input; the latter has no rows
+    /// unless `to_input`.
+    fn mlp_backward(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        plan: mlp::MlpPlan,
+        to_input: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
 }
 
 /// Whether tensors of `device` live in CPU memory, where the `cpu` forms run.

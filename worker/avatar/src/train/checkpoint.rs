@@ -6,6 +6,7 @@ use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use crate::motion::prior::canonical_grid;
+use crate::ops::mlp::check_device;
 use crate::render::Renderer;
 use crate::render::occupancy::Occupancy;
 use crate::skeleton::Skeleton;
@@ -228,6 +229,7 @@ impl Renderer {
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let device = device.clone().inner();
         let state = State::read(dir)?;
+        check_device(state.config.precision, &device)?;
         let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {
             skeleton

@@ -12,6 +12,7 @@ use crate::config::{ConfigError, ModelConfig, Numerics};
 use crate::evaluate::{psnr, ssim};
 use crate::loss::Objective;
 use crate::motion::body::Body;
+use crate::ops::mlp::check_device;
 use crate::render::frame::read;
 use crate::render::occupancy::Occupancy;
 use crate::render::{RenderView, Renderer};
@@ -147,6 +148,7 @@ impl Trainer {
         mut course: Course,
         device: Device,
     ) -> Result<Self, TrainError> {
+        check_device(state.config.precision, &device)?;
         if state.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
                 field: "numerics",

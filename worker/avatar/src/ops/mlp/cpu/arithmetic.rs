@@ -1,0 +1,146 @@
+//! How a product multiplies, and how its factors lie in memory.
+//!
+//! A *cell buffer* holds a tile's activations, or gradients to them, `[rows, width]`, as
+//! factors of products, in 32-bit words. Columns stand in panels of `P`. There are two views
+//! of it: by rows, `[panel][row][P / PAIR]`, where a word holds `PAIR` neighbouring columns
+//! (a product sums over columns), and by pairs, `[panel][row / PAIR][P]`, where a word holds
+//! `PAIR` neighbouring rows (a weight's gradient sums over rows). With f32 a word is a number,
+//! `PAIR` is 1 and both views are the same; with bf16 a word is two numbers and the views take
+//! half of the buffer each.
+#![allow(clippy::needless_range_loop)] // as in `product`: blocks stay in registers
+
+use super::vector::Vector;
+use std::marker::PhantomData;
+
+/// Vectors a panel.
+pub const VECTORS: usize = 2;
+
+/// Where a block of cells begins: the buffer's shape, the panel and the first row.
+#[derive(Clone, Copy)]
+pub struct Place {
+    /// Rows of the tile.
+    pub rows: usize,
+    /// Panels of the buffer.
+    pub panels: usize,
+    /// The block's panel.
+    pub panel: usize,
+    /// The block's first row.
+    pub row: usize,
+}
+
+/// A way to multiply and to keep the factors.
+///
+/// # Safety
+/// As [`Vector`]'s.
+pub unsafe trait Arithmetic {
+    /// Sums.
+    type V: Vector;
+    /// A vector of factors.
+    type Factor: Copy;
+    /// Numbers a word of a factor.
+    const PAIR: usize;
+    /// Columns a panel.
+    const PANEL: usize = VECTORS * Self::V::LANES;
+
+    /// `LANES` words from `from` on.
+    unsafe fn load(from: *const u32) -> Self::Factor;
+    /// The word at `from` in all lanes.
+    unsafe fn splat(from: *const u32) -> Self::Factor;
+    /// `sum` plus the products of the words' numbers.
+    unsafe fn dot(sum: Self::V, a: Self::Factor, b: Self::Factor) -> Self::V;
+    /// 1 in each number.
+    unsafe fn ones() -> Self::Factor;
+    /// Writes a block of `R` rows, in both views; `R` is even.
+    unsafe fn keep<const R: usize, const NV: usize>(
+        block: &[[Self::V; NV]; R],
+        cells: *mut u32,
+        place: Place,
+    );
+    /// `value` where the cells of vector `vector` at `place` are over 0 or NaN, else 0.
+    unsafe fn where_over_zero(
+        value: Self::V,
+        cells: *const u32,
+        place: Place,
+        vector: usize,
+    ) -> Self::V;
+
+    /// First word of `place` in the view by rows.
+    #[inline(always)]
+    fn by_rows(place: Place) -> usize {
+        (place.panel * place.rows + place.row) * Self::PANEL / Self::PAIR
+    }
+
+    /// First word of `place` in the view by pairs.
+    #[inline(always)]
+    fn by_pairs(place: Place) -> usize {
+        let half = if Self::PAIR == 1 {
+            0
+        } else {
+            place.panels * place.rows * Self::PANEL / Self::PAIR
+        };
+        half + Self::by_rows(place)
+    }
+}
+
+/// Products of f32. With `ROUNDED`, whatever is kept as a factor is first rounded to bf16:
+/// bf16's results on machines without instructions for it, at f32's speed.
+pub struct Plain<V, const ROUNDED: bool>(PhantomData<V>);
+
+// SAFETY: everything goes through `V`, whose requirements are passed on.
+unsafe impl<V: Vector, const ROUNDED: bool> Arithmetic for Plain<V, ROUNDED> {
+    type V = V;
+    type Factor = V;
+    const PAIR: usize = 1;
+
+    #[inline(always)]
+    unsafe fn load(from: *const u32) -> V {
+        // SAFETY: as the caller promises.
+        unsafe { V::load(from.cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn splat(from: *const u32) -> V {
+        // SAFETY: as the caller promises.
+        unsafe { V::splat(from.cast()) }
+    }
+
+    #[inline(always)]
+    unsafe fn dot(sum: V, a: V, b: V) -> V {
+        // SAFETY: as the caller promises.
+        unsafe { sum.plus_product(a, b) }
+    }
+
+    #[inline(always)]
+    unsafe fn ones() -> V {
+        // SAFETY: the constant is a valid number.
+        unsafe { V::splat(&1.0) }
+    }
+
+    #[inline(always)]
+    unsafe fn keep<const R: usize, const NV: usize>(
+        block: &[[V; NV]; R],
+        cells: *mut u32,
+        place: Place,
+    ) {
+        // SAFETY: the caller's place lies in the buffer.
+        unsafe {
+            let to = cells.add(Self::by_rows(place)).cast::<f32>();
+            for i in 0..R {
+                for j in 0..NV {
+                    let value = block[i][j];
+                    let value = if ROUNDED { value.rounded() } else { value };
+                    value.store(to.add(i * Self::PANEL + j * V::LANES));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn where_over_zero(value: V, cells: *const u32, place: Place, vector: usize) -> V {
+        // SAFETY: the caller's place lies in the buffer.
+        unsafe {
+            let by = cells.add(Self::by_rows(place) + vector * V::LANES);
+            value.where_over_zero(V::load(by.cast()))
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! The forms of the products, and which of them this machine has.
+
+use super::arithmetic::{Arithmetic, Plain};
+use super::encode::{self, Angles};
+use super::product::{self, Fill, Gradient, Product};
+use super::vector::Portable;
+use crate::config::Precision;
+
+/// Instructions that products are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Those of the compilation's target.
+    Portable,
+    /// AVX2 and FMA.
+    Avx2,
+    /// AVX-512F.
+    Avx512,
+    /// AVX-512 with bf16's products; f32 is multiplied as in [`Form::Avx512`].
+    Avx512Bf16,
+}
+
+impl Form {
+    /// The forms of this machine, the best last.
+    pub fn available() -> Vec<Self> {
+        let mut forms = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                forms.push(Self::Avx2);
+            }
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
+                forms.push(Self::Avx512);
+                if is_x86_feature_detected!("avx512bf16") {
+                    forms.push(Self::Avx512Bf16);
+                }
+            }
+        }
+        forms
+    }
+
+    /// The best form of this machine, found once.
+    pub fn best() -> Self {
+        static BEST: std::sync::OnceLock<Form> = std::sync::OnceLock::new();
+        *BEST.get_or_init(|| Self::available().last().copied().unwrap_or(Self::Portable))
+    }
+
+    /// The products of this form, or of [`Form::Portable`] where the machine lacks it.
+    pub(super) fn kernels(self, precision: Precision) -> &'static Kernels {
+        let form = if Self::available().contains(&self) {
+            self
+        } else {
+            Self::Portable
+        };
+        match (form, precision) {
+            #[cfg(target_arch = "x86_64")]
+            (Self::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
+            #[cfg(target_arch = "x86_64")]
+            (Self::Avx512 | Self::Avx512Bf16, Precision::F32) => &x86::avx512::KERNELS,
+            #[cfg(target_arch = "x86_64")]
+            (Self::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
+            #[cfg(target_arch = "x86_64")]
+            (Self::Avx2, Precision::F32) => &x86::avx2::KERNELS,
+            #[cfg(target_arch = "x86_64")]
+            (Self::Avx2, Precision::Bf16) => &x86::avx2_rounded::KERNELS,
+            (_, Precision::F32) => &portable::KERNELS,
+            (_, Precision::Bf16) => &portable_rounded::KERNELS,
+        }
+    }
+}
+
+/// The products of one form at one precision. Functions need the form's instructions, and
+/// pointers that are valid for the shapes said.
+pub(super) struct Kernels {
+    /// Columns a panel.
+    pub panel: usize,
+    /// A tile's rows are a multiple of this.
+    pub rows: usize,
+    /// A factor's columns are rounded up to this in a weight's gradient.
+    pub block: usize,
+    /// Numbers a word of a factor; see [`super::arithmetic`].
+    pub pair: usize,
+    /// Whether packed weights are rounded to bf16 though a word holds one number.
+    pub rounded: bool,
+    /// See [`product::product`].
+    pub product: unsafe fn(&Product),
+    /// See [`product::gradient`].
+    pub gradient: unsafe fn(&Gradient),
+    /// See [`product::fill`].
+    pub fill: unsafe fn(&Fill),
+    /// See [`encode::encode`].
+    pub encode: unsafe fn(&Angles, &[f32], &mut [f32], usize),
+    /// See [`encode::encode_backward`].
+    pub encode_backward: unsafe fn(&Angles, &[f32], &[f32]) -> [f32; 3],
+}
+
+/// Instances of everything in [`product`] and [`encode`] with some instructions turned on.
+macro_rules! kernels {
+    ($name:ident, $arithmetic:ty, $rounded:literal, $rows:literal, $block:literal $(, $features:literal)?) => {
+        #[doc = concat!("Instances for `", stringify!($arithmetic), "`.")]
+        pub mod $name {
+            use super::*;
+
+            $(#[target_feature(enable = $features)])?
+            unsafe fn product(task: &Product) {
+                // SAFETY: as the caller promises.
+                unsafe { product::product::<$arithmetic, $rows>(task) }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            unsafe fn gradient(task: &Gradient) {
+                // SAFETY: as the caller promises.
+                unsafe { product::gradient::<$arithmetic, $block>(task) }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            unsafe fn fill(task: &Fill) {
+                // SAFETY: as the caller promises.
+                unsafe { product::fill::<$arithmetic>(task) }
+            }
+
+            $(#[target_feature(enable = $features)])?
+            unsafe fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
+                encode::encode(angles, points, to, stride)
+            }
+
+            $(#[target_feature(enable = $features)])?
+            unsafe fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 3] {
+                encode::encode_backward(angles, encoded, grad)
+            }
+
+            pub(in super::super) static KERNELS: Kernels = Kernels {
+                panel: <$arithmetic as Arithmetic>::PANEL,
+                rows: $rows,
+                block: $block,
+                pair: <$arithmetic as Arithmetic>::PAIR,
+                rounded: $rounded,
+                product,
+                gradient,
+                fill,
+                encode,
+                encode_backward,
+            };
+        }
+    };
+}
+
+kernels!(portable, Plain<Portable, false>, false, 4, 4);
+kernels!(portable_rounded, Plain<Portable, true>, true, 4, 4);
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::super::x86::{Avx2, Avx512};
+    use super::super::x86_bf16::Bf16;
+    use super::*;
+
+    kernels!(avx2, Plain<Avx2, false>, false, 6, 4, "avx2,fma");
+    kernels!(avx2_rounded, Plain<Avx2, true>, true, 6, 4, "avx2,fma");
+    kernels!(avx512, Plain<Avx512, false>, false, 12, 8, "avx512f,avx512bw");
+    kernels!(avx512_rounded, Plain<Avx512, true>, true, 12, 8, "avx512f,avx512bw");
+    kernels!(bf16, Bf16, true, 12, 8, "avx512f,avx512bw,avx512bf16");
+}

@@ -1,0 +1,164 @@
+//! The network on CPU threads: tiles of rows that stay in the cache from the first layer to
+//! the last, in the best instructions that the machine has.
+//!
+//! The backward pass keeps nothing of the forward one: it runs each tile again, which costs a
+//! third more arithmetic and saves 8 KB a row of the paper's network. Rows whose gradient is
+//! exactly zero contribute nothing and are left out before the tiles are made. Weights'
+//! gradients are summed in a fixed number of parts, whose sums are added in one order: they
+//! come out the same whatever the number of threads.
+
+mod arithmetic;
+mod encode;
+pub mod form;
+mod layout;
+mod memory;
+mod product;
+mod tile;
+mod vector;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+#[cfg(target_arch = "x86_64")]
+mod x86_bf16;
+
+use super::MlpPlan;
+use form::Form;
+use layout::Layout;
+use memory::{Words, with_scratch};
+use rayon::prelude::*;
+use tile::{Gradients, Rows, Tiles};
+
+/// Parts that a weight's gradient is summed in, at most.
+const PARTS: usize = 32;
+/// Tiles a part, at least: fewer would not be worth the part's own sums.
+const TILES: usize = 6;
+
+/// `[N, output]` of `input` `[N, given]`, in instructions of `form`.
+///
+/// # Panics
+/// When the sizes are not the plan's.
+pub fn forward(params: &[f32], input: &[f32], plan: &MlpPlan, form: Form) -> Vec<f32> {
+    let rows = check(params, input, plan);
+    let layout = Layout::new(plan, form.kernels(plan.precision));
+    let packed = layout.pack(params, false);
+    let tiles = Tiles::new(&layout, &packed, input, false);
+    let mut output = vec![0f32; rows * layout.output];
+    output
+        .par_chunks_mut(tiles.rows * layout.output)
+        .enumerate()
+        .for_each(|(i, output)| {
+            let rows = Rows::From(i * tiles.rows, output.len() / layout.output);
+            with_scratch(tiles.words(), |scratch| {
+                tiles.forward(rows, scratch, output);
+            });
+        });
+    output
+}
+
+/// Gradients to the parameters and, where `to_input`, to the input `[N, given]`, from the
+/// gradient `grad` `[N, output]` to the result.
+///
+/// # Panics
+/// When the sizes are not the plan's.
+pub fn backward(
+    params: &[f32],
+    input: &[f32],
+    grad: &[f32],
+    plan: &MlpPlan,
+    to_input: bool,
+    form: Form,
+) -> (Vec<f32>, Option<Vec<f32>>) {
+    let rows = check(params, input, plan);
+    assert_eq!(grad.len(), rows * plan.output, "a gradient of another size");
+    let layout = Layout::new(plan, form.kernels(plan.precision));
+    let given = layout.given();
+    let live: Vec<u32> = grad
+        .chunks_exact(layout.output)
+        .enumerate()
+        .filter(|(_, row)| row.iter().any(|g| *g != 0.0))
+        .map(|(i, _)| i as u32)
+        .collect();
+    let mut input_grad = to_input.then(|| vec![0f32; input.len()]);
+    if live.is_empty() {
+        return (vec![0f32; params.len()], input_grad);
+    }
+    let packed = layout.pack(params, true);
+    let tiles = Tiles::new(&layout, &packed, input, true);
+
+    let parts = live.len().div_ceil(tiles.rows * TILES).min(PARTS);
+    let share = live.len().div_ceil(tiles.rows).div_ceil(parts) * tiles.rows;
+    // The rows of a part's gradient to the input: from its first row to the next part's.
+    let mut jobs = Vec::with_capacity(parts);
+    let mut rest = input_grad.as_deref_mut();
+    let mut first = 0;
+    for part in 0..live.len().div_ceil(share) {
+        let picked = &live[part * share..live.len().min((part + 1) * share)];
+        let next = live
+            .get((part + 1) * share)
+            .map_or(rows, |row| *row as usize);
+        let own = rest.take().map(|slice| {
+            let (own, after) = slice.split_at_mut((next - first) * given);
+            rest = Some(after);
+            own
+        });
+        jobs.push((picked, first, own));
+        first = next;
+    }
+    let sums: Vec<Words> = jobs
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|(picked, first, own)| {
+            let mut sums = Words::zeroed(layout.gradients);
+            let mut gradients = Gradients {
+                params: sums.floats(),
+                input: own,
+                first,
+            };
+            with_scratch(tiles.words(), |scratch| {
+                for rows in picked.chunks(tiles.rows) {
+                    tiles.backward(Rows::Picked(rows), grad, scratch, &mut gradients);
+                }
+            });
+            sums
+        })
+        .collect();
+    (layout.unpack(&added(sums), params.len()), input_grad)
+}
+
+/// Rows of `input`. The products trust in the sizes that are looked at here.
+fn check(params: &[f32], input: &[f32], plan: &MlpPlan) -> usize {
+    let (given, output) = (plan.input.given(), plan.output);
+    assert!(
+        given > 0 && output > 0 && plan.hidden.iter().all(|layer| layer.width > 0),
+        "a network without width"
+    );
+    assert_eq!(
+        params.len(),
+        plan.parameters(),
+        "parameters of another network"
+    );
+    assert_eq!(input.len() % given, 0, "an input that is not whole rows");
+    let rows = input.len() / given;
+    assert!(u32::try_from(rows).is_ok(), "more rows than can be counted");
+    rows
+}
+
+/// The parts' sums, added in their order.
+fn added(sums: Vec<Words>) -> Vec<f32> {
+    let Some((first, others)) = sums.split_first() else {
+        return Vec::new();
+    };
+    let mut total = first.read_floats().to_vec();
+    const CHUNK: usize = 4096;
+    total
+        .par_chunks_mut(CHUNK)
+        .enumerate()
+        .for_each(|(i, total)| {
+            for other in others {
+                let other = &other.read_floats()[i * CHUNK..];
+                for (total, other) in total.iter_mut().zip(other) {
+                    *total += other;
+                }
+            }
+        });
+    total
+}

@@ -1,0 +1,72 @@
+//! The network in Burn's own tensor operations: what the other forms must equal.
+
+use super::{Input, MlpPlan};
+use crate::config::Precision;
+use crate::field::encoding::frequencies;
+use burn::tensor::{DType, Tensor, activation::relu};
+
+/// See [`super::mlp`]. With [`Precision::Bf16`] gradients to layers' results, too, are rounded
+/// by the other forms, but not here.
+pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
+    let input = match &plan.input {
+        Input::Features { .. } => input,
+        Input::Frequencies {
+            bands,
+            unit,
+            raw,
+            window,
+        } => {
+            let encoded = frequencies(input.clone(), *bands, *unit, window.as_deref());
+            if *raw {
+                Tensor::cat(vec![input, encoded], 1)
+            } else {
+                encoded
+            }
+        }
+    };
+    let input = factor(input, plan.precision);
+    let layers = plan.layers();
+    let mut x = input.clone();
+    for (l, layer) in layers.iter().enumerate() {
+        let columns = layer.columns;
+        let bias = params.clone().slice([layer.bias..layer.bias + columns]);
+        let mut y: Option<Tensor<2>> = None;
+        for part in &layer.parts {
+            let weight = params
+                .clone()
+                .slice([part.weight..part.weight + part.width * columns])
+                .reshape([part.width, columns]);
+            let from = if part.input { &input } else { &x };
+            let product = from.clone().matmul(factor(weight, plan.precision));
+            y = Some(match y {
+                Some(y) => y + product,
+                None => product,
+            });
+        }
+        let bias = bias.unsqueeze::<2>();
+        let y = match y {
+            Some(y) => y + bias,
+            None => bias,
+        };
+        x = if l + 1 < layers.len() {
+            factor(relu(y), plan.precision)
+        } else {
+            y
+        };
+    }
+    x
+}
+
+/// `tensor` as a factor of products in `precision`.
+fn factor(tensor: Tensor<2>, precision: Precision) -> Tensor<2> {
+    match precision {
+        Precision::F32 => tensor,
+        Precision::Bf16 => {
+            // Straight through: the gradient is not rounded with the value. The difference is
+            // exact in f32, and so is the sum.
+            let value = tensor.clone().detach();
+            let rounded = value.clone().cast(DType::BF16).cast(DType::F32);
+            tensor + (rounded - value)
+        }
+    }
+}

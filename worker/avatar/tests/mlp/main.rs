@@ -1,0 +1,409 @@
+//! The network operation in each form that this machine has, against f64 arithmetic and against
+//! Burn's own operations, at sizes that fill no tile or panel.
+//!
+//! `cargo test --workspace --test mlp -- --nocapture` prints the errors.
+
+mod exact;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use exact::exact;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use yoto_avatar::config::Precision;
+use yoto_avatar::ops::mlp::cpu::form::Form;
+use yoto_avatar::ops::mlp::cpu::{backward, forward};
+use yoto_avatar::ops::mlp::{self, Hidden, Input, MlpPlan};
+
+/// Numbers of rows: one, less than a tile's step, around a power of two, several tiles.
+const SIZES: [usize; 5] = [1, 7, 127, 129, 1000];
+/// Largest error of an f32 result over the largest magnitude.
+const VALUES: f64 = 2e-6;
+/// Largest error of an f32 gradient over the largest magnitude.
+const GRADIENTS: f64 = 1e-5;
+/// The same in bf16 against f64 with the same roundings. A sum of f32 and one of f64 may round
+/// to different neighbours, and a unit may be on in one and off in the other.
+const ROUNDED: f64 = 2e-2;
+/// Least cosine between bf16's gradients and those of unrounded f64: rounding turns a few units
+/// on or off.
+const COSINE: f64 = 0.997;
+
+fn hidden(widths: &[usize], skip: Option<usize>) -> Vec<Hidden> {
+    let layer = |(at, width): (usize, &usize)| Hidden {
+        width: *width,
+        skip: skip == Some(at),
+    };
+    widths.iter().enumerate().map(layer).collect()
+}
+
+fn plan(input: Input, hidden: Vec<Hidden>, output: usize) -> MlpPlan {
+    MlpPlan {
+        input,
+        hidden,
+        output,
+        precision: Precision::F32,
+    }
+}
+
+fn frequencies(bands: usize, raw: bool, window: Option<Vec<f32>>) -> Input {
+    Input::Frequencies {
+        bands,
+        unit: 1.0,
+        raw,
+        window,
+    }
+}
+
+/// Networks with widths that are no multiple of anything, and small ones of the real shapes.
+fn plans() -> Vec<(&'static str, MlpPlan)> {
+    let window = Some(vec![1.0, 1.0, 0.5, 0.0]);
+    vec![
+        (
+            "canonical, narrow",
+            plan(frequencies(10, true, None), hidden(&[40; 4], Some(2)), 4),
+        ),
+        (
+            "non-rigid, narrow",
+            plan(frequencies(6, false, None), hidden(&[24; 4], Some(2)), 3),
+        ),
+        (
+            "window",
+            plan(frequencies(4, false, window), hidden(&[32; 3], None), 3),
+        ),
+        (
+            "fast tier",
+            plan(Input::Features { width: 16 }, hidden(&[64; 3], None), 4),
+        ),
+        (
+            "odd widths",
+            plan(
+                Input::Features { width: 5 },
+                hidden(&[36, 63, 24, 3], Some(2)),
+                5,
+            ),
+        ),
+        (
+            "no hidden layer",
+            plan(Input::Features { width: 7 }, Vec::new(), 2),
+        ),
+        (
+            "wide output",
+            plan(Input::Features { width: 69 }, hidden(&[33], None), 69),
+        ),
+    ]
+}
+
+/// Parameters, input and gradient of a network with units on and off.
+fn case(plan: &MlpPlan, rows: usize, seed: u64) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut params = vec![0f32; plan.parameters()];
+    for layer in plan.layers() {
+        let fan: usize = layer.parts.iter().map(|part| part.width).sum();
+        let bound = (6.0 / fan as f32).sqrt();
+        for part in &layer.parts {
+            for p in &mut params[part.weight..part.weight + part.width * layer.columns] {
+                *p = rng.random_range(-bound..bound);
+            }
+        }
+        for p in &mut params[layer.bias..layer.bias + layer.columns] {
+            *p = rng.random_range(-0.2..0.2);
+        }
+    }
+    let mut draw = |count: usize| (0..count).map(|_| rng.random_range(-1.5f32..1.5)).collect();
+    (
+        params,
+        draw(rows * plan.input.given()),
+        draw(rows * plan.output),
+    )
+}
+
+/// Largest difference over the largest expected magnitude.
+fn error(ours: &[f32], expected: &[f64]) -> f64 {
+    assert_eq!(ours.len(), expected.len());
+    let largest = expected.iter().fold(0f64, |m, v| m.max(v.abs()));
+    assert!(largest > 0.0, "expecting zeros proves nothing");
+    let differences = ours.iter().zip(expected).map(|(a, b)| {
+        assert!(a.is_finite());
+        (f64::from(*a) - b).abs()
+    });
+    differences.fold(0.0, f64::max) / largest
+}
+
+fn cosine(ours: &[f32], expected: &[f64]) -> f64 {
+    let (mut dot, mut a, mut b) = (0.0, 0.0, 0.0);
+    for (x, y) in ours.iter().zip(expected) {
+        let x = f64::from(*x);
+        (dot, a, b) = (dot + x * y, a + x * x, b + y * y);
+    }
+    dot / (a * b).sqrt()
+}
+
+#[test]
+fn every_form_equals_f64() {
+    for form in Form::available() {
+        for (name, plan) in plans() {
+            let mut worst = [0f64; 3];
+            for (seed, rows) in SIZES.into_iter().enumerate() {
+                let (params, input, grad) = case(&plan, rows, seed as u64);
+                let expected = exact(&params, &input, &grad, &plan);
+                let output = forward(&params, &input, &plan, form);
+                let (to_params, to_input) = backward(&params, &input, &grad, &plan, true, form);
+                let to_input = to_input.expect("asked for");
+                for (worst, error) in worst.iter_mut().zip([
+                    error(&output, &expected.output),
+                    error(&to_params, &expected.params),
+                    error(&to_input, &expected.input),
+                ]) {
+                    *worst = worst.max(error);
+                }
+            }
+            let [output, params, input] = worst;
+            println!("| f32 {form:?} | {name} | {output:.1e} | {params:.1e} | {input:.1e} |");
+            assert!(output < VALUES, "{form:?}, {name}: {output:e}");
+            assert!(params < GRADIENTS, "{form:?}, {name}: {params:e}");
+            assert!(input < GRADIENTS, "{form:?}, {name}: {input:e}");
+        }
+    }
+}
+
+#[test]
+fn every_form_of_bf16_equals_f64_rounded_alike() {
+    for form in Form::available() {
+        for (name, plan) in plans() {
+            let rounded = MlpPlan {
+                precision: Precision::Bf16,
+                ..plan.clone()
+            };
+            let mut worst = [0f64; 3];
+            let mut least = [1f64; 3];
+            for (seed, rows) in SIZES.into_iter().enumerate() {
+                let (params, input, grad) = case(&plan, rows, seed as u64);
+                let alike = exact(&params, &input, &grad, &rounded);
+                let unrounded = exact(&params, &input, &grad, &plan);
+                let output = forward(&params, &input, &rounded, form);
+                let (to_params, to_input) = backward(&params, &input, &grad, &rounded, true, form);
+                let to_input = to_input.expect("asked for");
+                for (i, (ours, alike, unrounded)) in [
+                    (&output, &alike.output, &unrounded.output),
+                    (&to_params, &alike.params, &unrounded.params),
+                    (&to_input, &alike.input, &unrounded.input),
+                ]
+                .into_iter()
+                .enumerate()
+                {
+                    worst[i] = worst[i].max(error(ours, alike));
+                    if rows >= 100 {
+                        least[i] = least[i].min(cosine(ours, unrounded));
+                    }
+                }
+            }
+            println!(
+                "| bf16 {form:?} | {name} | {:.1e} | {:.1e} | {:.1e} | 1 − {:.1e} | 1 − {:.1e} | 1 − {:.1e} |",
+                worst[0],
+                worst[1],
+                worst[2],
+                1.0 - least[0],
+                1.0 - least[1],
+                1.0 - least[2]
+            );
+            assert!(
+                worst.iter().all(|e| *e < ROUNDED),
+                "{form:?}, {name}: {worst:?}"
+            );
+            assert!(
+                least.iter().all(|c| *c > COSINE),
+                "{form:?}, {name}: {least:?}"
+            );
+        }
+    }
+}
+
+fn tensor<const D: usize>(values: &[f32], shape: [usize; D], device: &Device) -> Tensor<D> {
+    Tensor::from_data(TensorData::new(values.to_vec(), shape), device)
+}
+
+#[test]
+fn the_operation_equals_its_reference() {
+    let device = Device::flex().autodiff();
+    for (precision, bounds) in [
+        (Precision::F32, [VALUES, GRADIENTS]),
+        (Precision::Bf16, [1e-4, ROUNDED]),
+    ] {
+        for (name, plan) in plans() {
+            let plan = MlpPlan { precision, ..plan };
+            let (params, input, grad) = case(&plan, 333, 5);
+            type Run = fn(Tensor<1>, Tensor<2>, &MlpPlan) -> Tensor<2>;
+            let run = |form: Run| {
+                let params = tensor(&params, [params.len()], &device).require_grad();
+                let input = tensor(&input, [333, plan.input.given()], &device).require_grad();
+                let output = form(params.clone(), input.clone(), &plan);
+                let towards = tensor(&grad, [333, plan.output], &device);
+                let grads = (output.clone() * towards).sum().backward();
+                let read = |values: Vec<f32>| values;
+                [
+                    read(output.try_into_vec_as().expect("f32")),
+                    read(
+                        params
+                            .grad(&grads)
+                            .expect("tracked")
+                            .try_into_vec_as()
+                            .expect("f32"),
+                    ),
+                    read(
+                        input
+                            .grad(&grads)
+                            .expect("tracked")
+                            .try_into_vec_as()
+                            .expect("f32"),
+                    ),
+                ]
+            };
+            let (ours, reference) = (run(mlp::mlp), run(mlp::reference::mlp));
+            for (i, part) in ["output", "parameters", "input"].iter().enumerate() {
+                let expected: Vec<f64> = reference[i].iter().map(|v| f64::from(*v)).collect();
+                let error = error(&ours[i], &expected);
+                let bound = bounds[i.min(1)];
+                assert!(error < bound, "{precision:?}, {name}, {part}: {error:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rows_without_gradient_cost_nothing_and_change_nothing() {
+    for form in Form::available() {
+        for (name, plan) in plans() {
+            let rows = 700;
+            let (params, input, mut grad) = case(&plan, rows, 9);
+            let (given, output) = (plan.input.given(), plan.output);
+            let live = |row: usize| row % 7 == 2 || row > 650;
+            let (mut some_input, mut some_grad) = (Vec::new(), Vec::new());
+            for row in 0..rows {
+                let own = &mut grad[row * output..(row + 1) * output];
+                if live(row) {
+                    some_input.extend_from_slice(&input[row * given..(row + 1) * given]);
+                    some_grad.extend_from_slice(own);
+                } else {
+                    own.fill(0.0);
+                }
+            }
+            let (to_params, to_input) = backward(&params, &input, &grad, &plan, true, form);
+            let (alone, alone_input) =
+                backward(&params, &some_input, &some_grad, &plan, true, form);
+            assert_eq!(to_params, alone, "{form:?}, {name}");
+            let (to_input, alone_input) = (to_input.expect("asked"), alone_input.expect("asked"));
+            let mut alone_rows = alone_input.chunks(given);
+            for (row, ours) in to_input.chunks(given).enumerate() {
+                if live(row) {
+                    assert_eq!(Some(ours), alone_rows.next(), "{form:?}, {name}: row {row}");
+                } else {
+                    assert!(
+                        ours.iter().all(|g| *g == 0.0),
+                        "{form:?}, {name}: row {row}"
+                    );
+                }
+            }
+            let (_, none) = backward(&params, &input, &grad, &plan, false, form);
+            assert!(none.is_none());
+            let nothing = vec![0f32; grad.len()];
+            let (to_params, to_input) = backward(&params, &input, &nothing, &plan, true, form);
+            let all = to_params.iter().chain(to_input.iter().flatten());
+            assert!(all.into_iter().all(|g| *g == 0.0));
+        }
+    }
+}
+
+#[test]
+fn gradients_are_the_same_bits_with_any_number_of_threads() {
+    let (_, plan) = plans().swap_remove(2);
+    for precision in [Precision::F32, Precision::Bf16] {
+        let plan = MlpPlan {
+            precision,
+            ..plan.clone()
+        };
+        let (params, input, grad) = case(&plan, 20_000, 11);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            pool.install(|| backward(&params, &input, &grad, &plan, true, Form::best()))
+        };
+        let one = run(1);
+        for threads in [2, 3, 7] {
+            assert!(run(threads) == one, "{precision:?}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn what_is_not_finite_shows_and_spoils_no_other_row() {
+    for form in Form::available() {
+        for precision in [Precision::F32, Precision::Bf16] {
+            for (name, plan) in plans() {
+                let plan = MlpPlan { precision, ..plan };
+                let rows = 30;
+                let (params, mut input, grad) = case(&plan, rows, 13);
+                let given = plan.input.given();
+                for (row, value) in [(3, f32::NAN), (17, f32::INFINITY), (22, -f32::INFINITY)] {
+                    input[row * given..(row + 1) * given].fill(value);
+                }
+                let output = forward(&params, &input, &plan, form);
+                for (row, output) in output.chunks(plan.output).enumerate() {
+                    let spoilt = output.iter().any(|v| !v.is_finite());
+                    let expected = [3, 17, 22].contains(&row);
+                    assert_eq!(
+                        spoilt, expected,
+                        "{form:?}, {precision:?}, {name}: row {row}"
+                    );
+                }
+                let (to_params, _) = backward(&params, &input, &grad, &plan, true, form);
+                assert!(to_params.iter().any(|g| !g.is_finite()));
+            }
+        }
+    }
+}
+
+#[test]
+fn far_points_are_encoded_as_exactly_as_near_ones() {
+    // The first layer's weights pick out single numbers of the encoding.
+    let input = frequencies(10, true, None);
+    let width = input.width();
+    let plan = plan(input, Vec::new(), width);
+    let mut params = vec![0f32; plan.parameters()];
+    for k in 0..width {
+        params[k * width + k] = 1.0;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(17);
+    for scale in [1e-3f32, 1.0, 30.0, 1e4] {
+        let points: Vec<f32> = (0..3 * 257)
+            .map(|_| rng.random_range(-scale..scale))
+            .collect();
+        let expected = exact(&params, &points, &vec![0.0; 257 * width], &plan);
+        for form in Form::available() {
+            let output = forward(&params, &points, &plan, form);
+            let worst = output
+                .chunks(width)
+                .zip(expected.output.chunks(width))
+                .flat_map(|(ours, exact)| ours[3..].iter().zip(&exact[3..]))
+                .map(|(a, b)| (f64::from(*a) - b).abs())
+                .fold(0.0, f64::max);
+            println!("| encoding {form:?} | to {scale:e} m | {worst:.1e} |");
+            assert!(worst < 1.5e-7, "{form:?}, {scale} m: {worst:e}");
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "parameters of another network")]
+fn parameters_of_another_network_are_refused() {
+    let (_, plan) = plans().swap_remove(0);
+    forward(&[0.0; 5], &[0.0; 3], &plan, Form::best());
+}
+
+#[test]
+#[should_panic(expected = "a gradient of another size")]
+fn a_gradient_of_another_size_is_refused() {
+    let (_, plan) = plans().swap_remove(0);
+    let params = vec![0.0; plan.parameters()];
+    backward(&params, &[0.0; 6], &[0.0; 4], &plan, true, Form::best());
+}
