@@ -619,4 +619,19 @@ mod tests {
             config
         );
     }
+
+    #[test]
+    fn a_configuration_without_a_precision_is_f32_and_an_unknown_one_is_named() {
+        let config = ModelConfig::named("fast", "yoto").expect("named");
+        let json = serde_json::to_string(&config).expect("serialises");
+        let named = r#""precision":"f32","#;
+        assert!(json.contains(named), "{json}");
+        let read = |json: String| serde_json::from_str::<ModelConfig>(&json);
+        let without = read(json.replace(named, "")).expect("older checkpoints have none");
+        assert_eq!(without.precision, Precision::F32);
+        let half = read(json.replace(named, r#""precision":"bf16","#)).expect("reads");
+        assert_eq!(half.precision, Precision::Bf16);
+        let error = read(json.replace(named, r#""precision":"f8","#)).expect_err("no such one");
+        assert!(error.to_string().contains("f8"), "{error}");
+    }
 }

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_avatar::camera::Pose;
 use yoto_avatar::capture::{Shard, ShardBuilder};
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::synthetic::SyntheticPerson;
@@ -102,6 +102,28 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     assert!(before != uninterrupted, "ten steps changed nothing");
     assert!(occupancy(&resumed) == occupancy(&straight));
     assert!(known != occupancy(&resumed), "ten steps taught nothing");
+}
+
+#[test]
+fn networks_in_bf16_learn_as_they_do_in_f32() {
+    let after = |precision| {
+        let mut config = config("yoto");
+        config.precision = precision;
+        let mut trainer =
+            Trainer::new(config, options(160, 0), people(2), &Device::flex()).expect("starts");
+        run(&mut trainer, 160);
+        trainer.validate().expect("validates");
+        let progress = trainer.progress();
+        assert_eq!((progress.skipped_steps, progress.rollbacks), (0, 0));
+        progress.psnr.expect("held-out frames")
+    };
+    let (single, half) = (after(Precision::F32), after(Precision::Bf16));
+    println!("{single:.2} dB in f32, {half:.2} dB in bf16");
+    assert!(
+        (single - half).abs() < 0.5,
+        "{single:.2} dB in f32, {half:.2} dB in bf16"
+    );
+    assert!(single != half, "the precision changed nothing");
 }
 
 #[test]

@@ -29,12 +29,12 @@ pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
     let mut x = input.clone();
     for (l, layer) in layers.iter().enumerate() {
         let columns = layer.columns;
-        let bias = params.clone().slice([layer.bias..layer.bias + columns]);
+        let bias = params.clone().narrow(0, layer.bias, columns);
         let mut y: Option<Tensor<2>> = None;
         for part in &layer.parts {
             let weight = params
                 .clone()
-                .slice([part.weight..part.weight + part.width * columns])
+                .narrow(0, part.weight, part.width * columns)
                 .reshape([part.width, columns]);
             let from = if part.input { &input } else { &x };
             let product = from.clone().matmul(factor(weight, plan.precision));

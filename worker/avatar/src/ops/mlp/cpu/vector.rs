@@ -69,13 +69,17 @@ unsafe impl Vector for Portable {
     #[inline(always)]
     unsafe fn load(from: *const f32) -> Self {
         // SAFETY: the caller's pointer is valid for four numbers.
-        Self(unsafe { from.cast::<[f32; 4]>().read_unaligned() })
+        Self(unsafe { [*from, *from.add(1), *from.add(2), *from.add(3)] })
     }
 
     #[inline(always)]
     unsafe fn store(self, to: *mut f32) {
         // SAFETY: the caller's pointer is valid for four numbers.
-        unsafe { to.cast::<[f32; 4]>().write_unaligned(self.0) }
+        unsafe {
+            for (i, value) in self.0.into_iter().enumerate() {
+                *to.add(i) = value;
+            }
+        }
     }
 
     #[inline(always)]
@@ -86,7 +90,9 @@ unsafe impl Vector for Portable {
 
     #[inline(always)]
     unsafe fn plus_product(self, a: Self, b: Self) -> Self {
-        Self(std::array::from_fn(|i| self.0[i] + a.0[i] * b.0[i]))
+        // Written out: loops over four numbers are not made into vectors.
+        let ([s0, s1, s2, s3], [a0, a1, a2, a3], [b0, b1, b2, b3]) = (self.0, a.0, b.0);
+        Self([s0 + a0 * b0, s1 + a1 * b1, s2 + a2 * b2, s3 + a3 * b3])
     }
 
     #[inline(always)]

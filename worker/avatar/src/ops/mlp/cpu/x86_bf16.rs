@@ -1,5 +1,6 @@
 //! Products of bf16 by the instructions of AVX512-BF16: a word holds two numbers, whose two
 //! products are added to an f32 at once.
+#![allow(clippy::needless_range_loop)] // as in `product`: blocks stay in registers
 
 use super::arithmetic::{Arithmetic, Place};
 use super::vector::Vector;
@@ -44,7 +45,8 @@ unsafe impl Arithmetic for Bf16 {
     unsafe fn dot(sum: Avx512, a: __m512i, b: __m512i) -> Avx512 {
         // SAFETY: the machine has AVX512-BF16; the types differ in name only.
         unsafe {
-            let (a, b): (__m512bh, __m512bh) = (std::mem::transmute(a), std::mem::transmute(b));
+            let a = std::mem::transmute::<__m512i, __m512bh>(a);
+            let b = std::mem::transmute::<__m512i, __m512bh>(b);
             Avx512(_mm512_dpbf16_ps(sum.0, a, b))
         }
     }
@@ -70,7 +72,7 @@ unsafe impl Arithmetic for Bf16 {
             for i in (0..R).step_by(2) {
                 for j in 0..NV {
                     let both = _mm512_cvtne2ps_pbh(block[i + 1][j].0, block[i][j].0);
-                    let both: __m512i = std::mem::transmute(both);
+                    let both = std::mem::transmute::<__m512bh, __m512i>(both);
                     let first = rows.add(i * stride + j * 8);
                     _mm256_storeu_si256(first.cast(), _mm512_castsi512_si256(both));
                     let second = _mm512_extracti64x4_epi64::<1>(both);
