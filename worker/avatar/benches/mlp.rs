@@ -275,7 +275,7 @@ fn main() {
         println!("several threads: {error}; CPU times leave the others' out");
     }
     println!(
-        "| network | factors | form | forward | backward, all of its arithmetic | forward and backward, useful arithmetic | cosine of the gradient |"
+        "| network | factors | form | forward | backward, all of its arithmetic | forward and backward, useful arithmetic | cosine of the weights' gradient with f32's |"
     );
     for name in NETWORKS {
         report(name);
