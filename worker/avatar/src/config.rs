@@ -255,8 +255,8 @@ pub struct MarchConfig {
     /// Cells of a person's occupancy grid on the box's longest side; 0: no grid.
     #[serde(default)]
     pub occupancy_cells: usize,
-    /// A cell is empty when the longest step through its density is less opaque than this, and
-    /// so are its neighbours; 0: no grid.
+    /// A cell is empty when the longest step is less opaque than this in it and its neighbours;
+    /// 0: no grid.
     #[serde(default)]
     pub occupancy_alpha: f32,
 }

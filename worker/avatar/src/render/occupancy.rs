@@ -1,19 +1,21 @@
-//! Where in a person's canonical box there is anything: a density a cell, learned from what
+//! Where in a person's canonical box there is anything: an opacity a cell, learned from what
 //! training sees anyway, so that samples in empty cells need not be evaluated.
 //!
-//! A cell's density is kept as one byte of its logarithm. Each step that visits a cell lowers
-//! it by a few levels and raises it to the largest density seen there, so that what
+//! It is the opacity of a step through the cell, foreground likelihood included: where bones
+//! hardly weigh, no loss ever lowers the density. It is kept as one byte of its logarithm. Each step that visits a cell lowers
+//! it by a few levels and raises it to the largest opacity seen there, so that what
 //! vanishes is forgotten after some visits and never without evidence. It does not depend on
 //! the order of a step's samples, nor on the number of threads.
 
 use crate::config::MarchConfig;
+use crate::ops::composite::cpu::opacity;
 use crate::ops::warp::WarpGrid;
 
 /// Levels are the leading bits of a float: eight for each power of two.
 const SHIFT: u32 = 20;
-/// Level 1 holds every density under 2⁻¹² /m; level 255 every one from 2^19.75 /m.
-const LOWEST: u32 = (127 - 12) << 3;
-/// Levels that a cell loses with each step that visits it: 30 % of its density.
+/// Level 1 holds every opacity under 2⁻²⁰.
+const LOWEST: u32 = (127 - 20) << 3;
+/// Levels that a cell loses with each step that visits it: 30 % of its opacity.
 const FORGET: u8 = 4;
 /// No sample was ever seen in the cell.
 const NEVER: u8 = 0;
@@ -28,6 +30,8 @@ pub struct Occupancy {
     /// Cells a metre.
     scale: f32,
     cells: [usize; 3],
+    /// Length that opacities are taken of, metres.
+    step: f32,
     /// The first level that counts as something.
     bound: u8,
     levels: Vec<u8>,
@@ -52,7 +56,8 @@ impl Occupancy {
             min: grid.min,
             scale,
             cells,
-            bound: level(-(-config.occupancy_alpha).ln_1p() / step),
+            step,
+            bound: level(config.occupancy_alpha),
             levels: vec![NEVER; cells.iter().product()],
             occupied: Vec::new(),
         };
@@ -115,12 +120,15 @@ impl Occupancy {
         })
     }
 
-    /// Learns from a step: `densities` `[n]`, 1/m, seen at canonical `points` `[n, 3]`, metres.
-    pub fn learn(&mut self, points: &[f32], densities: &[f32]) {
+    /// Learns from a step: `densities` `[n]`, 1/m, and `likelihoods` `[n]` seen at canonical
+    /// `points` `[n, 3]`, metres.
+    pub fn learn(&mut self, points: &[f32], densities: &[f32], likelihoods: &[f32]) {
         let mut fresh = vec![NEVER; self.levels.len()];
         let mut visited = Vec::new();
-        for (point, density) in points.as_chunks::<3>().0.iter().zip(densities) {
-            if density.is_nan() {
+        let seen = densities.iter().zip(likelihoods);
+        for (point, (density, likelihood)) in points.as_chunks::<3>().0.iter().zip(seen) {
+            let alpha = opacity(*density, self.step, *likelihood);
+            if alpha.is_nan() {
                 continue;
             }
             let cell = self.cell(*point);
@@ -128,7 +136,7 @@ impl Occupancy {
             if fresh[index] == NEVER {
                 visited.push(index);
             }
-            fresh[index] = fresh[index].max(level(*density));
+            fresh[index] = fresh[index].max(level(alpha));
         }
         let mut changed = false;
         for index in visited {
@@ -199,10 +207,9 @@ fn join(to: &mut [u64], from: &[u64]) {
     }
 }
 
-/// The level that a density of at least 0 falls into, never [`NEVER`]. It does not fall where
-/// densities rise.
-fn level(density: f32) -> u8 {
-    let leading = density.max(0.0).to_bits() >> SHIFT;
+/// The level that an opacity falls into, never [`NEVER`]. It does not fall where opacities rise.
+fn level(alpha: f32) -> u8 {
+    let leading = alpha.max(0.0).to_bits() >> SHIFT;
     (leading + 1).saturating_sub(LOWEST).clamp(1, 255) as u8
 }
 

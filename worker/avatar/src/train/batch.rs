@@ -54,6 +54,8 @@ pub struct Met {
     pub points: Vec<f32>,
     /// `[n]`, 1/m.
     pub densities: Vec<f32>,
+    /// `[n]`, of the foreground.
+    pub likelihoods: Vec<f32>,
 }
 
 /// What a model makes of a batch.
@@ -113,6 +115,7 @@ pub fn outcome(
         Some(_) => Some(Met {
             points: std::mem::take(&mut samples.canonical),
             densities: read(values.density.clone().detach())?,
+            likelihoods: std::mem::take(&mut samples.likelihoods),
         }),
         None => None,
     };

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(step(&mut course, &mut guard, 1.0, 1), Verdict::Taken);
         let moved = number(total(&course.avatar));
         let mut seen = grid.clone();
-        seen.learn(&[0.5; 3], &[0.0]);
+        seen.learn(&[0.5; 3], &[0.0], &[1.0]);
         assert_ne!(seen, grid);
         course.occupancy = vec![Some(seen)];
         assert!(moved < start);

@@ -288,7 +288,7 @@ impl Trainer {
             if let (true, Some(met), Some(grid)) =
                 (taken, outcome.met, &mut self.course.occupancy[slot])
             {
-                grid.learn(&met.points, &met.densities);
+                grid.learn(&met.points, &met.densities, &met.likelihoods);
             }
         }
         self.step += 1;

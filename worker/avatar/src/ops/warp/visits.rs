@@ -125,8 +125,8 @@ mod tests {
     fn blocks_of_any_length_visit_what_a_point_alone_would_bit_for_bit() {
         let bone: Vec<f32> = (0..12).map(number).collect();
         let support = Support {
-            min: [-0.4, -0.6, -0.5],
-            max: [0.7, 0.5, 0.6],
+            min: [-1.2, -1.0, -1.1],
+            max: [0.9, 1.1, 1.0],
         };
         let points: Vec<[f32; 3]> = (0..BLOCK)
             .map(|i| match i % 50 {

@@ -11,13 +11,15 @@ const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
 
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    // What a fresh model is made of is thin, and some rays should meet something opaque.
+    config.canonical.density_scale = 5000.0;
     config.march.epsilon = 0.0;
     config.march.min_transmittance = 0.0;
     config.march.occupancy_cells = 0;
     config
 }
 
-/// A fresh model, which is dense everywhere.
+/// A fresh model: fog wherever bones weigh.
 fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
     let device = Device::flex();
     let person = &SyntheticPerson::cast(1, 7)[0];

@@ -34,16 +34,16 @@ fn middles(grid: &Occupancy) -> Vec<[f32; 3]> {
 }
 
 #[test]
-fn levels_rise_with_densities_and_are_an_eighth_of_a_power_of_two() {
+fn levels_rise_with_opacities_and_are_an_eighth_of_a_power_of_two() {
     assert_eq!((level(0.0), level(-1.0), level(f32::INFINITY)), (1, 1, 255));
     let mut last = 0;
     for i in 0..2000 {
-        let density = 1e-4 * 1.01f32.powi(i);
-        assert!(level(density) >= last);
-        last = level(density);
+        let alpha = 1e-7 * 1.01f32.powi(i);
+        assert!(level(alpha) >= last);
+        last = level(alpha);
     }
-    for density in [0.01f32, 0.3, 7.0, 900.0] {
-        assert_eq!(level(2.0 * density), level(density) + 8);
+    for alpha in [1e-4f32, 3e-3, 0.07, 0.4] {
+        assert_eq!(level(2.0 * alpha), level(alpha) + 8);
     }
 }
 
@@ -59,7 +59,7 @@ fn only_what_was_seen_to_be_empty_among_empty_neighbours_is_left_out() {
         .iter()
         .map(|p| if *p == dense { 40.0 } else { 0.0 })
         .collect();
-    grid.learn(&points, &densities);
+    grid.learn(&points, &densities, &vec![1.0; all.len()]);
     let near = |p: &[f32; 3]| (0..3).all(|a| (p[a] - dense[a]).abs() < 1.5 / grid.scale);
     for p in &all {
         assert_eq!(grid.admits(*p, None), near(p), "{p:?}");
@@ -74,21 +74,26 @@ fn a_density_is_forgotten_by_visits_alone_and_comes_back_at_once() {
     let mut grid = grid(12);
     let all = middles(&grid);
     let points = all.concat();
-    grid.learn(&points, &vec![30.0; all.len()]);
+    let ones = vec![1.0; all.len()];
+    grid.learn(&points, &vec![30.0; all.len()], &ones);
     let steps = (0..400)
         .find(|_| {
-            grid.learn(&points, &vec![0.0; all.len()]);
+            grid.learn(&points, &vec![0.0; all.len()], &ones);
             !grid.admits(all[0], None)
         })
         .expect("it is forgotten");
-    // 30 to the bound of about 0.1 /m is eight powers of two, each two visits.
-    assert!((13..20).contains(&steps), "{steps}");
+    // 1 to the bound of 0.01 is six to seven powers of two, each two visits.
+    assert!((11..15).contains(&steps), "{steps}");
     let before = grid.levels().to_vec();
-    grid.learn(&all[5], &[30.0]);
+    grid.learn(&all[3], &[30.0], &[1e-3]);
+    assert!(!grid.admits(all[3], None), "dense, and no part of the body");
+    assert!(before != grid.levels(), "a visit leaves a trace");
+    let before = grid.levels().to_vec();
+    grid.learn(&all[5], &[30.0], &[1.0]);
     assert!(grid.admits(all[5], None));
     let changed = before.iter().zip(grid.levels()).filter(|(a, b)| a != b);
     assert_eq!(changed.count(), 1, "cells that were not visited stay");
-    grid.learn(&all[7], &[f32::NAN]);
+    grid.learn(&all[7], &[f32::NAN], &[1.0]);
     assert_eq!(grid.levels()[7], before[7], "not a number says nothing");
 }
 
@@ -102,10 +107,11 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
         })
         .collect();
     let densities: Vec<f32> = (0..5000).map(|i| scatter(i) as f32 / 1e9).collect();
-    one.learn(&points.concat(), &densities);
+    let ones = vec![1.0; 5000];
+    one.learn(&points.concat(), &densities, &ones);
     let back: Vec<[f32; 3]> = points.into_iter().rev().collect();
     let densities: Vec<f32> = densities.into_iter().rev().collect();
-    other.learn(&back.concat(), &densities);
+    other.learn(&back.concat(), &densities, &ones);
     assert_eq!(one, other);
     let copy = grid(24).with_levels(one.levels()).expect("as many");
     assert_eq!(copy, one);
@@ -116,7 +122,7 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
 fn empty_cells_are_probed_in_turn() {
     let mut grid = grid(16);
     let all = middles(&grid);
-    grid.learn(&all.concat(), &vec![0.0; all.len()]);
+    grid.learn(&all.concat(), &vec![0.0; all.len()], &vec![1.0; all.len()]);
     let admitted = |step| all.iter().filter(|p| grid.admits(**p, step)).count();
     assert_eq!(admitted(None), 0);
     let steps = 256;
