@@ -85,6 +85,25 @@ impl Occupancy {
         Some(self)
     }
 
+    /// The grid with what `other` knows, if that is of the same box but for the rounding of a
+    /// written skeleton. What was learned in one box says nothing about another's.
+    pub fn taught_by(self, other: Option<&Self>) -> Self {
+        let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
+        match other {
+            Some(other)
+                if self.cells == other.cells
+                    && near(self.scale, other.scale)
+                    && self.min.iter().zip(&other.min).all(|(a, b)| near(*a, *b)) =>
+            {
+                let mut taught = self;
+                taught.levels.copy_from_slice(&other.levels);
+                taught.refresh();
+                taught
+            }
+            _ => self,
+        }
+    }
+
     /// Share of the cells that count as occupied.
     pub fn share(&self) -> f64 {
         let ones: u32 = self.occupied.iter().map(|word| word.count_ones()).sum();

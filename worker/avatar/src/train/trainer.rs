@@ -172,14 +172,9 @@ impl Trainer {
                 options.holdout_every,
                 &device,
             )?;
-            // What was learned in one box says nothing about another's.
-            if slots[person.slot].as_ref() != Some(&trainee.body.skeleton) {
-                course.occupancy[person.slot] = None;
-            }
-            if course.occupancy[person.slot].is_none() {
-                course.occupancy[person.slot] =
-                    Occupancy::new(&trainee.body.grid, &state.config.march);
-            }
+            let known = course.occupancy[person.slot].take();
+            course.occupancy[person.slot] = Occupancy::new(&trainee.body.grid, &state.config.march)
+                .map(|grid| grid.taught_by(known.as_ref()));
             slots[person.slot] = Some(trainee.body.skeleton.clone());
             trainees.push(trainee);
         }

@@ -116,6 +116,12 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
     let copy = grid(24).with_levels(one.levels()).expect("as many");
     assert_eq!(copy, one);
     assert!(grid(24).with_levels(&[0; 3]).is_none());
+    assert_eq!(grid(24).taught_by(Some(&one)), one);
+    let mut elsewhere = grid(24);
+    elsewhere.min[1] += 0.01;
+    let still = elsewhere.clone();
+    assert_eq!(elsewhere.taught_by(Some(&one)), still, "another box");
+    assert_eq!(grid(24).taught_by(None), grid(24));
 }
 
 #[test]
