@@ -1,5 +1,6 @@
 //! Talking to a yoto service: the client library and the `yoto` command.
 //!
+//! - [`allocator`]: how the command holds memory.
 //! - [`api`]: the service's calls, for programs.
 //! - [`capture_dir`]: a capture as a folder on disk, checked before it is uploaded.
 //! - [`progress`]: showing how a job gets on.
@@ -9,6 +10,7 @@
 //! to (`embedded`), show all of it (`demo`), and measure the model without a
 //! service (`quality`).
 
+pub mod allocator;
 pub mod api;
 pub mod capture_dir;
 pub mod commands;

@@ -19,11 +19,31 @@ const MAX_ROLLBACKS: u64 = 8;
 
 /// A model, its optimiser, and the share of the planned rate it is trained with.
 pub(super) struct Course {
-    pub avatar: Avatar,
+    /// `None` only while the optimiser has it: a second owner would make it copy every
+    /// parameter in order to change it.
+    avatar: Option<Avatar>,
     pub optimiser: ModuleOptimizer,
     /// What is known of each slot's empty space: it goes with the weights that it was seen of.
     pub occupancy: Vec<Option<Occupancy>>,
     pub rate_scale: f64,
+}
+
+impl Course {
+    pub fn new(avatar: Avatar, optimiser: ModuleOptimizer) -> Self {
+        Self {
+            avatar: Some(avatar),
+            optimiser,
+            occupancy: Vec::new(),
+            rate_scale: 1.0,
+        }
+    }
+
+    /// The model. An update that panicked took it along: there is no going on from there.
+    pub fn avatar(&self) -> &Avatar {
+        self.avatar
+            .as_ref()
+            .expect("the model is away only while it is updated")
+    }
 }
 
 /// A state to return to.
@@ -70,21 +90,21 @@ impl Guard {
         step: u64,
     ) -> Verdict {
         let finite = trace_span!("guard")
-            .in_scope(|| loss.is_finite() && gradients_finite(&course.avatar, &grads));
+            .in_scope(|| loss.is_finite() && gradients_finite(course.avatar(), &grads));
         if finite {
             let _span = trace_span!("update").entered();
             self.bad = 0;
             if step.is_multiple_of(KEEP_EVERY) || self.kept.is_none() {
                 self.kept = Some(Kept {
-                    avatar: course.avatar.clone(),
+                    avatar: course.avatar().clone(),
                     optimiser: course.optimiser.clone(),
                     occupancy: course.occupancy.clone(),
                 });
             }
-            let avatar = course.avatar.clone();
-            course.avatar = course
-                .optimiser
-                .step(rate * course.rate_scale, avatar, grads);
+            if let Some(avatar) = course.avatar.take() {
+                let rate = rate * course.rate_scale;
+                course.avatar = Some(course.optimiser.step(rate, avatar, grads));
+            }
             return Verdict::Taken;
         }
         self.skipped += 1;
@@ -98,7 +118,7 @@ impl Guard {
             return Verdict::GivenUp;
         }
         if let Some(kept) = &self.kept {
-            course.avatar = kept.avatar.clone();
+            course.avatar = Some(kept.avatar.clone());
             course.optimiser = kept.optimiser.clone();
             course.occupancy = kept.occupancy.clone();
         }
@@ -163,19 +183,14 @@ mod tests {
     fn bad_steps_are_skipped_counted_and_end_in_a_return() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut course = Course {
-            avatar,
-            optimiser: optimiser(&config.optimise),
-            occupancy: Vec::new(),
-            rate_scale: 1.0,
-        };
+        let mut course = Course::new(avatar, optimiser(&config.optimise));
         let mut guard = Guard::new(0, 0);
         let step = |course: &mut Course, guard: &mut Guard, factor: f32, at: u64| {
-            let loss = total(&course.avatar) * factor;
-            let grads = GradientsParams::from_grads(loss.backward(), &course.avatar);
+            let loss = total(course.avatar()) * factor;
+            let grads = GradientsParams::from_grads(loss.backward(), course.avatar());
             guard.step(course, 1.0, grads, 1.0, at)
         };
-        let start = number(total(&course.avatar));
+        let start = number(total(course.avatar()));
         let area = crate::ops::warp::WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
@@ -186,7 +201,7 @@ mod tests {
         course.occupancy = vec![Some(grid.clone())];
         assert_eq!(step(&mut course, &mut guard, 1.0, 0), Verdict::Taken);
         assert_eq!(step(&mut course, &mut guard, 1.0, 1), Verdict::Taken);
-        let moved = number(total(&course.avatar));
+        let moved = number(total(course.avatar()));
         let mut seen = grid.clone();
         seen.learn(&[0.5; 3], &[0.0], &[1.0]);
         assert_ne!(seen, grid);
@@ -195,7 +210,7 @@ mod tests {
         for bad in [f32::NAN, f32::INFINITY, f32::NAN, f32::NAN] {
             assert_eq!(step(&mut course, &mut guard, bad, 2), Verdict::Skipped);
             assert_eq!(
-                number(total(&course.avatar)),
+                number(total(course.avatar())),
                 moved,
                 "a skipped step changes nothing"
             );
@@ -209,7 +224,7 @@ mod tests {
             (5, 1, RATE_FACTOR)
         );
         assert_eq!(
-            number(total(&course.avatar)),
+            number(total(course.avatar())),
             start,
             "back at the kept state"
         );
@@ -221,13 +236,8 @@ mod tests {
     fn a_loss_that_is_not_finite_is_enough() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut course = Course {
-            avatar,
-            optimiser: optimiser(&config.optimise),
-            occupancy: Vec::new(),
-            rate_scale: 1.0,
-        };
-        let grads = GradientsParams::from_grads(total(&course.avatar).backward(), &course.avatar);
+        let mut course = Course::new(avatar, optimiser(&config.optimise));
+        let grads = GradientsParams::from_grads(total(course.avatar()).backward(), course.avatar());
         assert_eq!(
             Guard::new(0, 0).step(&mut course, f32::NAN, grads, 1.0, 0),
             Verdict::Skipped

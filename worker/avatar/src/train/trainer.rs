@@ -103,12 +103,7 @@ impl Trainer {
             0.0,
             vec![None; slots],
         );
-        let course = Course {
-            avatar,
-            optimiser: optimiser(&config.optimise),
-            occupancy: Vec::new(),
-            rate_scale: 1.0,
-        };
+        let course = Course::new(avatar, optimiser(&config.optimise));
         Self::assemble(state, options, &people, course, device)
     }
 
@@ -132,12 +127,12 @@ impl Trainer {
             )));
         }
         let device = device.clone().inner().autodiff();
-        let course = Course {
-            avatar: checkpoint::load_avatar(dir, &state, slots, &device)?,
-            optimiser: checkpoint::load_optimiser(dir, optimiser(&state.config.optimise))?,
-            occupancy: checkpoint::load_occupancy(dir, &state)?,
-            rate_scale: state.rate_scale,
-        };
+        let mut course = Course::new(
+            checkpoint::load_avatar(dir, &state, slots, &device)?,
+            checkpoint::load_optimiser(dir, optimiser(&state.config.optimise))?,
+        );
+        course.occupancy = checkpoint::load_occupancy(dir, &state)?;
+        course.rate_scale = state.rate_scale;
         Self::assemble(state, options, &people, course, device)
     }
 
@@ -264,7 +259,7 @@ impl Trainer {
         };
         let slot = chosen.slot;
         let outcome = outcome(
-            &self.course.avatar,
+            self.course.avatar(),
             &scene,
             &batch,
             &self.objective,
@@ -302,7 +297,7 @@ impl Trainer {
     fn descend(&mut self, loss: Tensor<1>) -> Result<bool, TrainError> {
         let value = read(loss.clone())?.first().copied().unwrap_or(f32::NAN);
         let grads = trace_span!("backward")
-            .in_scope(|| GradientsParams::from_grads(loss.backward(), &self.course.avatar));
+            .in_scope(|| GradientsParams::from_grads(loss.backward(), self.course.avatar()));
         let warm = ((self.step + 1) as f64 / WARM_UP as f64).min(1.0);
         let rate = warm * self.config.optimise.final_rate.powf(self.fraction());
         let verdict = self
@@ -409,7 +404,7 @@ impl Trainer {
             )
         };
         checkpoint::save_occupancy(dir, &self.course.occupancy)?;
-        checkpoint::save(dir, &state, &self.course.avatar, &self.course.optimiser)
+        checkpoint::save(dir, &state, self.course.avatar(), &self.course.optimiser)
     }
 
     /// The model as it stands, for rendering.
@@ -422,7 +417,7 @@ impl Trainer {
         let bodies = self.slots.iter().map(body).collect();
         Renderer::new(
             self.config.clone(),
-            self.course.avatar.valid(),
+            self.course.avatar().valid(),
             bodies,
             self.course.occupancy.clone(),
             self.step,
@@ -431,7 +426,7 @@ impl Trainer {
 
     /// Numbers that are learned.
     pub fn parameters(&self) -> u64 {
-        self.course.avatar.num_params() as u64
+        self.course.avatar().num_params() as u64
     }
 }
 
