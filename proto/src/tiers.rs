@@ -35,6 +35,53 @@ pub const VARIANTS: &[(&str, &str)] = &[
     ("humannerf", "one subject a model, no codes"),
 ];
 
+/// A named place on a model's measured trade of seconds for fidelity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RenderTier {
+    /// As requests say it.
+    pub name: &'static str,
+    /// What it gives.
+    pub about: &'static str,
+    /// The most PSNR against the truth that it gives up, dB; none: the model's own settings.
+    pub loss_db: Option<f64>,
+}
+
+/// Qualities that a render can ask for by name, best first. Unlike [`TIERS`] they need no
+/// training: all of them are rendered by the same model.
+pub const RENDER_TIERS: &[RenderTier] = &[
+    RenderTier {
+        name: "full",
+        about: "the model's own settings: everything it can",
+        loss_db: None,
+    },
+    RenderTier {
+        name: "balanced",
+        about: "the fastest within 0.1 dB of full",
+        loss_db: Some(0.1),
+    },
+    RenderTier {
+        name: "fast",
+        about: "the fastest within 0.5 dB of full",
+        loss_db: Some(0.5),
+    },
+    RenderTier {
+        name: "draft",
+        about: "the fastest within 2 dB of full",
+        loss_db: Some(2.0),
+    },
+];
+
+/// Whether `name` is a render tier.
+pub fn is_render_tier(name: &str) -> bool {
+    RENDER_TIERS.iter().any(|tier| tier.name == name)
+}
+
+/// `full, balanced, …` for error messages and help.
+pub fn render_tiers() -> String {
+    let names: Vec<&str> = RENDER_TIERS.iter().map(|tier| tier.name).collect();
+    names.join(", ")
+}
+
 /// Whether `name` is a tier.
 pub fn is_tier(name: &str) -> bool {
     TIERS.iter().any(|(tier, _)| *tier == name)

@@ -3,7 +3,7 @@
 //! Data flows one way: [`capture`] (shards, frames) → [`render::rays`] → [`avatar`], made of
 //! [`motion`] (prior, weights, warp, correction), [`identity`] (codes, pose condition) and
 //! [`field`] (encodings, non-rigid, canonical) → [`render`] (march, composite) → [`loss`] →
-//! [`train`] (step, guard, trainer, checkpoint) → [`evaluate`].
+//! [`train`] (step, guard, trainer, checkpoint) → [`evaluate`], [`tradeoff`].
 //! [`ops`] holds the tensor operations that Burn has not.
 
 pub mod avatar;
@@ -21,4 +21,5 @@ pub mod ops;
 pub mod render;
 pub mod skeleton;
 pub mod synthetic;
+pub mod tradeoff;
 pub mod train;

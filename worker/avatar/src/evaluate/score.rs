@@ -7,7 +7,7 @@ use yoto_proto::v1::Scores;
 
 /// What two equal pictures count as in a mean, dB. Their own figure is infinite, and one of
 /// them would make every mean so.
-const EQUAL: f64 = 100.0;
+pub const EQUAL: f64 = 100.0;
 /// Shortest side that every window of SSIM fits into, pixels.
 const SHORTEST: usize = 11;
 

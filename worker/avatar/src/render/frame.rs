@@ -1,9 +1,11 @@
 //! Whole frames: the part of the library that answers "how does this person look in this pose
 //! from there?".
 
+use super::enlarge::enlarge;
 use super::march::{SampleCounts, Volume, march};
 use super::occupancy::Occupancy;
 use super::rays::{BodyView, Ray};
+use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
 use crate::camera::{Camera, Pose};
 use crate::config::{ModelConfig, Numerics};
@@ -35,6 +37,9 @@ pub enum RenderError {
     /// A number of the request can't be computed with.
     #[error("{0}: not a finite number")]
     NotFinite(&'static str),
+    /// Settings that no frame can be rendered with.
+    #[error("{0}")]
+    Settings(String),
     /// The device failed.
     #[error("device: {0}")]
     Device(String),
@@ -94,6 +99,7 @@ pub struct Renderer {
     /// By slot.
     occupancy: Vec<Option<Occupancy>>,
     step: u64,
+    settings: RenderSettings,
     /// Training iteration that a frame with the released numerics is rendered at.
     pub(super) iteration: u64,
 }
@@ -108,6 +114,7 @@ impl Renderer {
         step: u64,
     ) -> Self {
         Self {
+            settings: RenderSettings::of(&config),
             config,
             avatar,
             bodies,
@@ -138,6 +145,54 @@ impl Renderer {
         self
     }
 
+    /// The same model, rendering with `settings` in place of its own configuration's.
+    ///
+    /// # Errors
+    /// When no frame can be rendered with them; the field is named.
+    pub fn with_settings(mut self, settings: &RenderSettings) -> Result<Self, RenderError> {
+        self.set(settings)?;
+        Ok(self)
+    }
+
+    /// As [`Self::with_settings`], for one who tries many.
+    ///
+    /// # Errors
+    /// As there; the settings stay as they were.
+    pub fn set(&mut self, settings: &RenderSettings) -> Result<(), RenderError> {
+        settings.check()?;
+        settings.apply(&mut self.config);
+        self.settings = *settings;
+        Ok(())
+    }
+
+    /// What frames are rendered with now.
+    pub fn settings(&self) -> RenderSettings {
+        self.settings
+    }
+
+    /// The model's configuration, with the present settings in it.
+    pub fn config(&self) -> &ModelConfig {
+        &self.config
+    }
+
+    /// Rays of a view that pass through the body's box: what a frame's time grows with. The
+    /// view's own size counts, whatever scale it is rendered at.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn rays(&self, view: &RenderView) -> Result<usize, RenderError> {
+        let body = self.body(view)?;
+        let sight = BodyView::new(body, &view.pose, &view.camera);
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        Ok((0..width * height)
+            .filter(|i| {
+                sight
+                    .ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5)
+                    .is_some()
+            })
+            .count())
+    }
+
     /// The skeleton of the identity in `slot`.
     pub fn skeleton(&self, slot: usize) -> Option<&Skeleton> {
         self.bodies.get(slot)?.as_ref().map(|body| &body.skeleton)
@@ -148,6 +203,22 @@ impl Renderer {
     /// # Errors
     /// When the slot is empty, or the pose or camera is not one.
     pub fn render(&self, view: &RenderView) -> Result<Rendered, RenderError> {
+        let body = self.body(view)?;
+        let (width, height) = (view.camera.width, view.camera.height);
+        let (small_width, small_height) = self.settings.rendered_size(width, height);
+        if (small_width, small_height) == (width, height) {
+            return self.render_whole(body, view);
+        }
+        let small = RenderView {
+            camera: view.camera.resized(small_width, small_height),
+            ..view.clone()
+        };
+        let frame = self.render_whole(body, &small)?;
+        enlarge(&frame, width as usize, height as usize)
+    }
+
+    /// The body that a view shows, once the view is one.
+    fn body(&self, view: &RenderView) -> Result<&Body, RenderError> {
         let body = self
             .bodies
             .get(view.slot)
@@ -164,6 +235,11 @@ impl Renderer {
         {
             return Err(RenderError::NotFinite("camera"));
         }
+        Ok(body)
+    }
+
+    /// Every pixel of the view by a ray of its own.
+    fn render_whole(&self, body: &Body, view: &RenderView) -> Result<Rendered, RenderError> {
         if self.config.numerics == Numerics::Reference {
             return self.render_as_released(body, view);
         }

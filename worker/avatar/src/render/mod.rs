@@ -2,11 +2,14 @@
 //! samples that can matter, and compositing.
 
 pub mod composite;
+mod enlarge;
 pub mod frame;
 pub mod march;
 pub mod occupancy;
 pub mod rays;
 mod released;
+pub mod settings;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
 pub use march::SampleCounts;
+pub use settings::RenderSettings;

@@ -1,0 +1,217 @@
+//! From what somebody wants to settings of a measured curve.
+
+use super::curve::{Curve, Point};
+use crate::render::RenderSettings;
+use thiserror::Error;
+use yoto_proto::tiers::{self, RENDER_TIERS};
+
+/// What is wanted of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Want {
+    /// The best fidelity within so many seconds a frame.
+    MaxSeconds(f64),
+    /// The fastest with at least this PSNR against the truth, dB.
+    MinPsnr(f64),
+    /// A named place on the curve: one of [`RENDER_TIERS`].
+    Tier(String),
+}
+
+/// Settings that do it, and what they promise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// To render with.
+    pub settings: RenderSettings,
+    /// Seconds a frame.
+    pub predicted_seconds: f64,
+    /// Against the truth, dB; absent when the curve was measured without.
+    pub predicted_psnr: Option<f64>,
+    /// Against the model's own settings, dB.
+    pub predicted_psnr_to_full: f64,
+}
+
+/// Why no settings of the curve do it.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ChooseError {
+    /// Nothing is fast enough.
+    #[error(
+        "no settings render a frame of this size in {wanted} s; the fastest take {seconds:.4} s, at {fidelity:.2} dB"
+    )]
+    TooFast {
+        /// Seconds a frame, as asked.
+        wanted: f64,
+        /// Of the fastest settings.
+        seconds: f64,
+        /// Of the fastest settings, dB.
+        fidelity: f64,
+    },
+    /// Nothing is good enough.
+    #[error(
+        "no settings reach {wanted} dB; the best reach {psnr:.2} dB, in {seconds:.4} s a frame"
+    )]
+    TooGood {
+        /// dB, as asked.
+        wanted: f64,
+        /// Of the best settings, dB.
+        psnr: f64,
+        /// Of the best settings.
+        seconds: f64,
+    },
+    /// A PSNR was asked for that was never measured.
+    #[error(
+        "this curve was measured without pictures to compare with, so it knows no PSNR against the truth"
+    )]
+    NoTruth,
+    /// No such tier.
+    #[error("there is no render quality '{0}'; qualities: {list}", list = tiers::render_tiers())]
+    UnknownTier(String),
+    /// A number that nobody can want.
+    #[error("{0} is not a number above 0")]
+    NotPositive(f64),
+    /// The curve has no points.
+    #[error("the curve has no points")]
+    Empty,
+}
+
+/// The settings of `curve` that give what is wanted, for views with `rays` rays through the
+/// body's box (see [`crate::render::Renderer::rays`]).
+///
+/// # Errors
+/// When none do; the error names the best there is.
+pub fn choose(curve: &Curve, want: &Want, rays: f64) -> Result<Choice, ChooseError> {
+    let full = curve.full().ok_or(ChooseError::Empty)?;
+    let positive = |value: f64| match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(ChooseError::NotPositive(value)),
+    };
+    let seconds = |point: &Point| curve.predict(point, rays);
+    let fastest = |least: f64| {
+        let good = curve.points.iter().filter(|it| it.fidelity() >= least);
+        good.min_by(|a, b| seconds(a).total_cmp(&seconds(b)))
+    };
+    let best = |most: f64| {
+        let quick = curve.points.iter().filter(|it| seconds(it) <= most);
+        quick.max_by(|a, b| {
+            let gain = a.fidelity().total_cmp(&b.fidelity());
+            gain.then(seconds(b).total_cmp(&seconds(a)))
+        })
+    };
+    let point = match want {
+        Want::MaxSeconds(wanted) => {
+            let wanted = positive(*wanted)?;
+            best(wanted).ok_or_else(|| {
+                let fastest = fastest(f64::NEG_INFINITY).unwrap_or(full);
+                ChooseError::TooFast {
+                    wanted,
+                    seconds: seconds(fastest),
+                    fidelity: fastest.fidelity(),
+                }
+            })?
+        }
+        Want::MinPsnr(wanted) => {
+            let wanted = positive(*wanted)?;
+            if full.psnr.is_none() {
+                return Err(ChooseError::NoTruth);
+            }
+            fastest(wanted).ok_or_else(|| {
+                let best = best(f64::INFINITY).unwrap_or(full);
+                ChooseError::TooGood {
+                    wanted,
+                    psnr: best.fidelity(),
+                    seconds: seconds(best),
+                }
+            })?
+        }
+        Want::Tier(name) => {
+            let tier = RENDER_TIERS.iter().find(|tier| tier.name == name);
+            let tier = tier.ok_or_else(|| ChooseError::UnknownTier(name.clone()))?;
+            match tier.loss_db {
+                None => full,
+                Some(_) if full.psnr.is_none() => return Err(ChooseError::NoTruth),
+                Some(loss) => fastest(full.fidelity() - loss).unwrap_or(full),
+            }
+        }
+    };
+    Ok(Choice {
+        settings: point.settings,
+        predicted_seconds: seconds(point),
+        predicted_psnr: point.psnr,
+        predicted_psnr_to_full: point.psnr_to_full,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curve::tests::{curve, point};
+    use super::*;
+
+    /// Full, a good one, a cheap one, and one that both beat.
+    fn measured() -> Curve {
+        curve(vec![
+            point(64, 0.41, Some(30.0)),
+            point(32, 0.21, Some(29.8)),
+            point(16, 0.11, Some(27.0)),
+            point(24, 0.30, Some(26.0)),
+        ])
+    }
+
+    fn samples(want: &Want, rays: f64) -> Result<usize, ChooseError> {
+        choose(&measured(), want, rays).map(|choice| choice.settings.samples)
+    }
+
+    #[test]
+    fn seconds_buy_the_best_that_fits() {
+        assert_eq!(samples(&Want::MaxSeconds(1.0), 1000.0), Ok(64));
+        assert_eq!(samples(&Want::MaxSeconds(0.35), 1000.0), Ok(32));
+        assert_eq!(samples(&Want::MaxSeconds(0.11), 1000.0), Ok(16));
+        // A quarter of the rays: 0.01 + 0.4 / 4.
+        assert_eq!(samples(&Want::MaxSeconds(0.1101), 250.0), Ok(64));
+        let choice = choose(&measured(), &Want::MaxSeconds(1.0), 250.0).expect("fits");
+        assert!((choice.predicted_seconds - 0.11).abs() < 1e-12);
+        assert_eq!(choice.predicted_psnr, Some(30.0));
+    }
+
+    #[test]
+    fn what_can_t_be_had_names_the_best_there_is() {
+        let error = samples(&Want::MaxSeconds(0.05), 1000.0).expect_err("too fast");
+        assert!(
+            error.to_string().contains("0.1100 s, at 27.00 dB"),
+            "{error}"
+        );
+        let error = samples(&Want::MinPsnr(31.0), 1000.0).expect_err("too good");
+        assert!(
+            error.to_string().contains("30.00 dB, in 0.4100 s"),
+            "{error}"
+        );
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(samples(&Want::MaxSeconds(bad), 1000.0).is_err(), "{bad}");
+            assert!(samples(&Want::MinPsnr(bad), 1000.0).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn fidelity_is_had_as_fast_as_it_goes() {
+        assert_eq!(samples(&Want::MinPsnr(26.5), 1000.0), Ok(16));
+        assert_eq!(samples(&Want::MinPsnr(29.9), 1000.0), Ok(64));
+    }
+
+    #[test]
+    fn tiers_are_places_on_the_curve() {
+        let tier = |name: &str| samples(&Want::Tier(name.into()), 1000.0);
+        assert_eq!(tier("full"), Ok(64));
+        assert_eq!(tier("balanced"), Ok(64));
+        assert_eq!(tier("fast"), Ok(32));
+        assert_eq!(tier("draft"), Ok(32));
+        let error = tier("ultra").expect_err("unknown");
+        assert!(error.to_string().contains("draft"), "{error}");
+    }
+
+    #[test]
+    fn without_truth_only_what_needs_none_is_answered() {
+        let blind = curve(vec![point(64, 0.41, None), point(32, 0.21, None)]);
+        let choose = |want| choose(&blind, &want, 1000.0).map(|it| it.settings.samples);
+        assert_eq!(choose(Want::MaxSeconds(0.3)), Ok(32));
+        assert_eq!(choose(Want::Tier("full".into())), Ok(64));
+        assert_eq!(choose(Want::Tier("fast".into())), Err(ChooseError::NoTruth));
+        assert_eq!(choose(Want::MinPsnr(20.0)), Err(ChooseError::NoTruth));
+    }
+}
