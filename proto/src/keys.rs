@@ -19,6 +19,14 @@ pub fn checkpoint(model_id: &str, job_id: &str, token: u64, step: u64) -> String
     format!("models/{model_id}/{job_id}-{token}/{step:09}")
 }
 
+/// The trade-off that an evaluate job measured of a checkpoint.
+pub fn tradeoff(model_id: &str, job_id: &str, token: u64, step: u64) -> String {
+    format!(
+        "{}/tradeoff.json",
+        checkpoint(model_id, job_id, token, step)
+    )
+}
+
 /// A file that a render job made.
 pub fn render(job_id: &str, token: u64, file: &str) -> String {
     format!("renders/{job_id}/{token}/{file}")

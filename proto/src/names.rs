@@ -71,9 +71,44 @@ pub fn checkpoint(model: &str, step: u64) -> String {
     format!("{model}/checkpoints/{step}")
 }
 
+/// The model's id and the step in `models/{id}/checkpoints/{step}`.
+///
+/// # Errors
+/// When `name` is not of that form.
+pub fn parse_checkpoint(name: &str) -> Result<(&str, u64), NameError> {
+    let error = || NameError {
+        collection: "models/{id}/checkpoints",
+        name: name.chars().take(80).collect(),
+    };
+    let (model, step) = name.split_once("/checkpoints/").ok_or_else(error)?;
+    let id = Collection::Models.parse(model).map_err(|_| error())?;
+    // `+5` and `05` are numbers, too, but no names.
+    let step: u64 = step.parse().map_err(|_| error())?;
+    (name == checkpoint(model, step))
+        .then_some((id, step))
+        .ok_or_else(error)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_checkpoint_is_named_in_one_way() {
+        let name = checkpoint("models/a-1", 40);
+        assert_eq!(parse_checkpoint(&name), Ok(("a-1", 40)));
+        for bad in [
+            "models/a/checkpoints/",
+            "models/a/checkpoints/+5",
+            "models/a/checkpoints/05",
+            "models/a/checkpoints/5/x",
+            "jobs/a/checkpoints/5",
+            "models//checkpoints/5",
+            "models/a",
+        ] {
+            assert!(parse_checkpoint(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn parses_its_own_names_and_no_others() {

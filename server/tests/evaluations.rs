@@ -33,6 +33,7 @@ fn result(checkpoint: &str, subject: &Subject) -> EvaluateResult {
         }],
         mean: scores,
         device: "cpu".into(),
+        tradeoff: None,
     }
 }
 

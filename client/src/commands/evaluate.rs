@@ -100,6 +100,7 @@ impl Evaluate {
             subjects,
             protocol: self.protocol.clone(),
             image_size: self.size,
+            tradeoff: None,
         };
         let job = client.evaluate(spec).await?;
         let mut display = ProgressDisplay::new(model.display_name.clone());

@@ -80,6 +80,7 @@ impl Render {
             background: self.background,
             animate: self.animate,
             fps: 0.0,
+            quality: None,
         };
         let job = client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(format!(

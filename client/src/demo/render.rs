@@ -153,6 +153,7 @@ impl Studio<'_> {
             background: Vec::new(),
             animate: animation.is_some(),
             fps: FPS,
+            quality: None,
         };
         let queued = self.client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(label);

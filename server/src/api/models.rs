@@ -2,15 +2,16 @@
 
 use super::{fields, paging};
 use crate::{context::Context, error::RequestError, store::NewModel};
+use futures::TryStreamExt;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::{
-    names::Collection,
+    names::{self, Collection},
     tiers,
     v1::{
-        AddIdentityRequest, CreateModelRequest, GetModelRequest, IdentitySlot,
+        AddIdentityRequest, CreateModelRequest, GetModelRequest, GetTradeoffRequest, IdentitySlot,
         ListCheckpointsRequest, ListCheckpointsResponse, ListModelsRequest, ListModelsResponse,
-        Model, model_service_server::ModelService,
+        Model, Tradeoff, model_service_server::ModelService,
     },
 };
 
@@ -87,5 +88,33 @@ impl ModelService for ModelApi {
         let checkpoints = self.context.store.checkpoints(&model, u32::MAX).await;
         let checkpoints = checkpoints.map_err(RequestError::from)?;
         Ok(Response::new(ListCheckpointsResponse { checkpoints }))
+    }
+
+    async fn get_tradeoff(
+        &self,
+        request: Request<GetTradeoffRequest>,
+    ) -> Result<Response<Tradeoff>, Status> {
+        let name = &request.get_ref().checkpoint;
+        let (model, _) = names::parse_checkpoint(name)
+            .map_err(|error| RequestError::invalid("checkpoint", error.to_string()))?;
+        let checkpoints = self.context.store.checkpoints(model, u32::MAX).await;
+        let checkpoints = checkpoints.map_err(RequestError::from)?;
+        let object = checkpoints
+            .into_iter()
+            .find(|it| it.name == *name)
+            .and_then(|it| it.tradeoff)
+            .ok_or_else(|| RequestError::NotFound {
+                name: format!("a measured trade-off of {name}"),
+            })?;
+        let bytes = self.context.objects.get(&object).await;
+        let parts: Vec<_> = bytes
+            .map_err(RequestError::from)?
+            .try_collect()
+            .await
+            .map_err(RequestError::from)?;
+        Ok(Response::new(Tradeoff {
+            checkpoint: name.clone(),
+            json: parts.concat(),
+        }))
     }
 }

@@ -4,21 +4,45 @@ use crate::{context::Context, error::RequestError, objects::upload, store::Store
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{
-        EvaluateSpec, IngestSpec, InputFile, Inputs, JobSpec, RenderSpec, SubjectShard, TrainSpec,
-        job_spec, render_spec::What,
+        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, Model, SubjectShard, job_spec,
+        render_spec::What,
     },
 };
 
 /// How many checkpoints to hand out: the newest, and older ones in case it is torn.
-const CHECKPOINTS: u32 = 8;
+const CHECKPOINTS: usize = 8;
 
 /// The inputs of a job.
 pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, RequestError> {
     match &spec.kind {
         Some(job_spec::Kind::Ingest(ingest)) => ingest_inputs(context, ingest).await,
-        Some(job_spec::Kind::Train(train)) => train_inputs(context, train).await,
-        Some(job_spec::Kind::Render(render)) => render_inputs(context, render).await,
-        Some(job_spec::Kind::Evaluate(evaluate)) => evaluate_inputs(context, evaluate).await,
+        Some(job_spec::Kind::Train(train)) => {
+            of_model(context, &train.model, everybody, newest).await
+        }
+        Some(job_spec::Kind::Render(render)) => {
+            let people = |_: &Model| {
+                let mut people = vec![render.subject.clone()];
+                if let Some(What::Motion(motion)) = &render.what
+                    && motion.driver != render.subject
+                {
+                    people.push(motion.driver.clone());
+                }
+                people
+            };
+            let kept = match render.quality {
+                Some(_) => newest_measured,
+                None => newest,
+            };
+            of_model(context, &render.model, people, kept).await
+        }
+        Some(job_spec::Kind::Evaluate(evaluate)) => {
+            let people = |model: &Model| {
+                let asked =
+                    |it: &String| evaluate.subjects.is_empty() || evaluate.subjects.contains(it);
+                everybody(model).into_iter().filter(asked).collect()
+            };
+            of_model(context, &evaluate.model, people, newest).await
+        }
         None => Err(unreadable("the job says no kind").into()),
     }
 }
@@ -36,60 +60,43 @@ async fn ingest_inputs(context: &Context, ingest: &IngestSpec) -> Result<Inputs,
     })
 }
 
-async fn train_inputs(context: &Context, train: &TrainSpec) -> Result<Inputs, RequestError> {
-    let id = parse(Collection::Models, &train.model)?;
-    let model = context.store.model(id).await?;
-    let mut shards = Vec::with_capacity(model.slots.len());
-    for slot in &model.slots {
-        shards.push(shard(context, &slot.subject).await?);
-    }
-    let checkpoints = context.store.checkpoints(id, CHECKPOINTS).await?;
-    Ok(Inputs {
-        model: Some(model),
-        shards,
-        checkpoints,
-        ..Inputs::default()
-    })
-}
-
-async fn render_inputs(context: &Context, render: &RenderSpec) -> Result<Inputs, RequestError> {
-    let id = parse(Collection::Models, &render.model)?;
-    let model = context.store.model(id).await?;
-    let mut shards = vec![shard(context, &render.subject).await?];
-    if let Some(What::Motion(motion)) = &render.what
-        && motion.driver != render.subject
-    {
-        shards.push(shard(context, &motion.driver).await?);
-    }
-    let checkpoints = context.store.checkpoints(id, CHECKPOINTS).await?;
-    Ok(Inputs {
-        model: Some(model),
-        shards,
-        checkpoints,
-        ..Inputs::default()
-    })
-}
-
-async fn evaluate_inputs(
+/// The model called `name`, the shards of those whom `people` names, and what `kept` leaves of
+/// its checkpoints.
+async fn of_model(
     context: &Context,
-    evaluate: &EvaluateSpec,
+    name: &str,
+    people: impl FnOnce(&Model) -> Vec<String>,
+    kept: fn(Vec<Checkpoint>) -> Vec<Checkpoint>,
 ) -> Result<Inputs, RequestError> {
-    let id = parse(Collection::Models, &evaluate.model)?;
+    let id = parse(Collection::Models, name)?;
     let model = context.store.model(id).await?;
-    let everybody = evaluate.subjects.is_empty();
     let mut shards = Vec::new();
-    for slot in &model.slots {
-        if everybody || evaluate.subjects.contains(&slot.subject) {
-            shards.push(shard(context, &slot.subject).await?);
-        }
+    for subject in people(&model) {
+        shards.push(shard(context, &subject).await?);
     }
-    let checkpoints = context.store.checkpoints(id, CHECKPOINTS).await?;
+    let checkpoints = context.store.checkpoints(id, u32::MAX).await?;
     Ok(Inputs {
         model: Some(model),
         shards,
-        checkpoints,
+        checkpoints: kept(checkpoints),
         ..Inputs::default()
     })
+}
+
+fn everybody(model: &Model) -> Vec<String> {
+    model.slots.iter().map(|it| it.subject.clone()).collect()
+}
+
+fn newest(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
+    checkpoints.truncate(CHECKPOINTS);
+    checkpoints
+}
+
+/// A render by quality was promised figures: a checkpoint published since, which nobody has
+/// measured, can't keep that promise.
+fn newest_measured(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
+    checkpoints.retain(|it| it.tradeoff.is_some());
+    newest(checkpoints)
 }
 
 async fn shard(context: &Context, subject: &str) -> Result<SubjectShard, RequestError> {

@@ -12,7 +12,10 @@ use crate::{
 };
 use yoto_proto::{
     names::Collection,
-    v1::{EvaluateSpec, Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec, render_spec::What},
+    v1::{
+        Checkpoint, EvaluateSpec, Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec,
+        render_spec::What,
+    },
 };
 
 /// Checks a job and queues it.
@@ -78,7 +81,16 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     if let Some(What::Motion(motion)) = &render.what {
         require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
     }
-    require_checkpoint(context, "spec.render.model", &model).await
+    let newest = require_checkpoint(context, "spec.render.model", &model).await?;
+    if render.quality.is_some() && newest.tradeoff.is_none() {
+        let message = format!(
+            "nobody has measured what quality costs with {}, the newest of '{}'; measure it \
+             first: yoto tradeoff --model {} --out DIR",
+            newest.name, model.display_name, model.display_name
+        );
+        return Err(RequestError::precondition("NO_TRADEOFF", message));
+    }
+    Ok(())
 }
 
 async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {
@@ -93,7 +105,8 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
             require_shard(context, "spec.evaluate.model", &slot.subject).await?;
         }
     }
-    require_checkpoint(context, "spec.evaluate.model", &model).await
+    require_checkpoint(context, "spec.evaluate.model", &model).await?;
+    Ok(())
 }
 
 fn require_slot(model: &Model, subject: &str) -> Result<(), RequestError> {
@@ -104,17 +117,18 @@ fn require_slot(model: &Model, subject: &str) -> Result<(), RequestError> {
     Err(RequestError::precondition("NO_SLOT", message))
 }
 
+/// The model's newest checkpoint.
 async fn require_checkpoint(
     context: &Context,
     field: &str,
     model: &Model,
-) -> Result<(), RequestError> {
+) -> Result<Checkpoint, RequestError> {
     let id = parse(Collection::Models, field, &model.name)?;
-    if context.store.checkpoints(id, 1).await?.is_empty() {
+    let newest = context.store.checkpoints(id, 1).await?.pop();
+    newest.ok_or_else(|| {
         let message = format!("{} has no checkpoint; train it first", model.name);
-        return Err(RequestError::precondition("NO_CHECKPOINT", message));
-    }
-    Ok(())
+        RequestError::precondition("NO_CHECKPOINT", message)
+    })
 }
 
 async fn model(context: &Context, field: &str, name: &str) -> Result<Model, RequestError> {

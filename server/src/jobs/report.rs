@@ -14,9 +14,12 @@ use yoto_proto::{
     names::{self, Collection},
     v1::{
         Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
-        Progress, RenderResult, Scores, job, job_result, job_spec,
+        Progress, RenderResult, RenderSpec, Scores, job, job_result, job_spec,
     },
 };
+
+/// Largest trade-off that is kept, bytes: it is answered in one message.
+const MAX_TRADEOFF_BYTES: u64 = 1 << 20;
 
 /// Extends the lease and records progress. Returns whether the job is to be cancelled.
 ///
@@ -92,11 +95,12 @@ pub async fn complete(
             let field = "result.train.checkpoint";
             check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
         }
-        (Some(job_spec::Kind::Render(_)), Some(job_result::Kind::Render(result))) => {
-            check_render(context, lease, result).await?;
+        (Some(job_spec::Kind::Render(spec)), Some(job_result::Kind::Render(result))) => {
+            check_render(context, lease, spec, result).await?;
         }
         (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
             check_evaluate(context, spec, result).await?;
+            check_tradeoff(context, lease, spec, result).await?;
         }
         _ => return Err(RequestError::invalid("result", "is not of the job's kind")),
     }
@@ -196,6 +200,37 @@ async fn check_evaluate(
     check_scores("result.evaluate.mean", result.mean.as_ref())
 }
 
+/// The trade-off of the measured checkpoint, if it was asked for and only then.
+async fn check_tradeoff(
+    context: &Context,
+    lease: &LeaseKey,
+    spec: &EvaluateSpec,
+    result: &EvaluateResult,
+) -> Result<(), RequestError> {
+    let field = "result.evaluate.tradeoff";
+    if spec.tradeoff.is_none() {
+        return match result.tradeoff {
+            Some(_) => Err(RequestError::invalid(field, "was not asked for")),
+            None => Ok(()),
+        };
+    }
+    let (model_id, step) = names::parse_checkpoint(&result.checkpoint)
+        .map_err(|error| RequestError::invalid("result.evaluate.checkpoint", error.to_string()))?;
+    let expected = keys::tradeoff(model_id, &lease.job_id, lease.token, step);
+    let object = result.tradeoff.as_ref();
+    require(context, field, object, |key| key == expected).await?;
+    match object {
+        Some(object) if object.bytes > MAX_TRADEOFF_BYTES => {
+            let message = format!(
+                "{} bytes; at most {MAX_TRADEOFF_BYTES} are kept",
+                object.bytes
+            );
+            Err(RequestError::invalid(format!("{field}.bytes"), message))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn check_scores(field: &str, scores: Option<&Scores>) -> Result<(), RequestError> {
     let Some(scores) = scores else {
         return Err(RequestError::invalid(field, "is missing"));
@@ -219,8 +254,13 @@ fn check_scores(field: &str, scores: Option<&Scores>) -> Result<(), RequestError
 async fn check_render(
     context: &Context,
     lease: &LeaseKey,
+    spec: &RenderSpec,
     result: &RenderResult,
 ) -> Result<(), RequestError> {
+    if spec.quality.is_some() != result.choice.is_some() {
+        let message = "there is a choice if, and only if, the order had a quality";
+        return Err(RequestError::invalid("result.render.choice", message));
+    }
     for (i, file) in result.files.iter().enumerate() {
         let expected = keys::render(&lease.job_id, lease.token, &file.file);
         let field = format!("result.render.files[{i}].object");

@@ -5,10 +5,10 @@ use crate::error::RequestError;
 use prost::Message;
 use yoto_proto::{
     pose_track::{MAX_JOINTS, MAX_SIDE},
-    protocols,
+    protocols, tiers,
     v1::{
-        BodyPose, Camera, EvaluateSpec, JobSpec, MotionTransfer, Orbit, RenderSpec, TrainSpec,
-        View, render_spec::What,
+        BodyPose, Camera, EvaluateSpec, JobSpec, MotionTransfer, Orbit, RenderQuality, RenderSpec,
+        TradeoffSpec, TrainSpec, View, render_quality::Want, render_spec::What,
     },
 };
 
@@ -20,6 +20,9 @@ const MAX_RENDER_SIDE: u32 = 4096;
 const MIN_EVALUATE_SIDE: u32 = 16;
 /// Most pictures of one render job.
 const MAX_PICTURES: u32 = 10_000;
+/// Most pictures that a trade-off is measured on, and most renders of each.
+const MAX_TRADEOFF_VIEWS: u32 = 64;
+const MAX_TRADEOFF_REPEATS: u32 = 32;
 /// Fastest animation, frames a second.
 const MAX_FPS: f32 = 120.0;
 /// Shortest pause between two checkpoints of a training, seconds: each is written whole.
@@ -94,6 +97,7 @@ pub fn check_render(render: &RenderSpec) -> Checked {
         "spec.render.fps",
         || format!("{} is not between 0 and {MAX_FPS}", render.fps),
     )?;
+    render.quality.as_ref().map_or(Ok(()), check_quality)?;
     match &render.what {
         Some(What::Views(list)) => {
             check_count("spec.render.views.views", list.views.len() as u64)?;
@@ -128,6 +132,44 @@ pub fn check_render(render: &RenderSpec) -> Checked {
     }
 }
 
+/// What is wanted of a frame, in numbers that somebody can want.
+fn check_quality(quality: &RenderQuality) -> Checked {
+    let above_zero = |name: &str, value: f64| {
+        let field = format!("spec.render.quality.{name}");
+        ensure(value.is_finite() && value > 0.0, &field, || {
+            format!("{value} is not a number above 0")
+        })
+    };
+    match &quality.want {
+        Some(Want::MaxSecondsPerFrame(value)) => above_zero("max_seconds_per_frame", *value),
+        Some(Want::MinPsnrDb(value)) => above_zero("min_psnr_db", *value),
+        Some(Want::Tier(tier)) => ensure(
+            tiers::is_render_tier(tier),
+            "spec.render.quality.tier",
+            || {
+                let shown: String = tier.chars().take(80).collect();
+                let known = tiers::render_tiers();
+                format!("there is no render quality '{shown}'; qualities: {known}")
+            },
+        ),
+        None => Err(RequestError::invalid(
+            "spec.render.quality",
+            "says nothing that is wanted",
+        )),
+    }
+}
+
+fn check_tradeoff(tradeoff: &TradeoffSpec) -> Checked {
+    for (name, value, most) in [
+        ("views", tradeoff.views, MAX_TRADEOFF_VIEWS),
+        ("repeats", tradeoff.repeats, MAX_TRADEOFF_REPEATS),
+    ] {
+        let field = format!("spec.evaluate.tradeoff.{name}");
+        ensure(value <= most, &field, || format!("{value} is above {most}"))?;
+    }
+    Ok(())
+}
+
 /// Protocol and size of an evaluation, and nobody named twice.
 pub fn check_evaluate(evaluate: &EvaluateSpec) -> Checked {
     let protocol = evaluate.protocol.as_str();
@@ -135,7 +177,7 @@ pub fn check_evaluate(evaluate: &EvaluateSpec) -> Checked {
         protocol.is_empty() || protocols::is_protocol(protocol),
         "spec.evaluate.protocol",
         || {
-            let known = yoto_proto::tiers::listed(protocols::PROTOCOLS);
+            let known = tiers::listed(protocols::PROTOCOLS);
             format!("there is no protocol '{protocol}'; protocols: {known}")
         },
     )?;
@@ -150,6 +192,7 @@ pub fn check_evaluate(evaluate: &EvaluateSpec) -> Checked {
             )
         },
     )?;
+    evaluate.tradeoff.as_ref().map_or(Ok(()), check_tradeoff)?;
     let size = evaluate.image_size;
     ensure(
         size == 0 || (MIN_EVALUATE_SIDE..=MAX_RENDER_SIDE).contains(&size),
@@ -280,6 +323,37 @@ mod tests {
     }
 
     #[test]
+    fn a_quality_is_one_that_can_be_wanted() {
+        let with = |want: Option<Want>| {
+            let spec = RenderSpec {
+                quality: Some(RenderQuality { want }),
+                ..views(vec![view()])
+            };
+            check_render(&spec).map_err(|error| error.to_string())
+        };
+        assert_eq!(with(Some(Want::MaxSecondsPerFrame(0.1))), Ok(()));
+        assert_eq!(with(Some(Want::MinPsnrDb(30.0))), Ok(()));
+        assert_eq!(with(Some(Want::Tier("fast".into()))), Ok(()));
+        for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            let error = with(Some(Want::MaxSecondsPerFrame(bad))).expect_err("refused");
+            assert!(
+                error.starts_with("spec.render.quality.max_seconds_per_frame: "),
+                "{error}"
+            );
+            let error = with(Some(Want::MinPsnrDb(bad))).expect_err("refused");
+            assert!(
+                error.starts_with("spec.render.quality.min_psnr_db: "),
+                "{error}"
+            );
+        }
+        let error = with(Some(Want::Tier("paper".into()))).expect_err("a training tier");
+        assert!(error.starts_with("spec.render.quality.tier: "), "{error}");
+        assert!(error.contains("full, balanced, fast, draft"), "{error}");
+        let error = with(None).expect_err("nothing wanted");
+        assert!(error.starts_with("spec.render.quality: "), "{error}");
+    }
+
+    #[test]
     fn an_evaluation_is_one_that_the_service_can_do() {
         let with = |change: fn(&mut EvaluateSpec)| {
             let mut spec = EvaluateSpec::default();
@@ -289,7 +363,25 @@ mod tests {
         assert_eq!(with(|_| {}), Ok(()));
         assert_eq!(with(|spec| spec.protocol = "held-out".into()), Ok(()));
         type Change = fn(&mut EvaluateSpec);
-        let cases: [(Change, &str); 4] = [
+        let cases: [(Change, &str); 6] = [
+            (
+                |spec| {
+                    spec.tradeoff = Some(TradeoffSpec {
+                        views: 65,
+                        repeats: 0,
+                    })
+                },
+                "spec.evaluate.tradeoff.views: 65 is above",
+            ),
+            (
+                |spec| {
+                    spec.tradeoff = Some(TradeoffSpec {
+                        views: 0,
+                        repeats: 33,
+                    })
+                },
+                "spec.evaluate.tradeoff.repeats: 33 is above",
+            ),
             (
                 |spec| spec.protocol = "zju".into(),
                 "spec.evaluate.protocol: there is no",

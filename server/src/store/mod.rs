@@ -102,7 +102,8 @@ pub trait Store: Send + Sync + 'static {
         lease: &LeaseKey,
         checkpoint: Checkpoint,
     ) -> Result<(), StoreError>;
-    /// Ends a leased job with its result; an ingest job's capture becomes READY with it.
+    /// Ends a leased job with its result; an ingest job's capture becomes READY with it, and a
+    /// trade-off that an evaluate job measured is its checkpoint's.
     async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError>;
     /// Ends or requeues a leased job; an ingest job that ends takes its capture to REJECTED.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;

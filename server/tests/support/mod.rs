@@ -320,7 +320,7 @@ impl Service {
             manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}").await),
             bytes: 2,
             psnr: Some(25.0),
-            create_time: None,
+            ..<_>::default()
         };
         let token = lease.token;
         let request = PublishCheckpointRequest {

@@ -129,7 +129,14 @@ fn a_sweep_measures_what_settings_give_up() {
     );
     assert!(curve.checks.len() >= 2, "a smaller and a larger size");
     let json = curve.to_json().expect("writes");
-    assert_eq!(Curve::from_json(&json).expect("reads"), curve);
+    let read = Curve::from_json(&json).expect("reads");
+    // JSON keeps all but a number's last digit.
+    let same = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
+    for (a, b) in read.points.iter().zip(&curve.points) {
+        assert_eq!(a.settings, b.settings);
+        assert!(same(a.seconds, b.seconds) && same(a.psnr_to_full, b.psnr_to_full));
+    }
+    assert_eq!(read.points.len(), curve.points.len());
 
     let choice = choose(&curve, &Want::Tier("full".into()), curve.rays).expect("is there");
     assert_eq!(choice.settings, own);

@@ -7,9 +7,7 @@ use yoto_proto::v1::WorkerDevice;
 
 /// The CPU, e.g. "AMD EPYC 9654, 2 threads (AVX-512)".
 pub(super) fn pick() -> PickedDevice {
-    let model =
-        field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.into());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let (model, threads) = (model(), threads());
     let plural = if threads == 1 { "" } else { "s" };
     let vectors = vectors().map_or_else(String::new, |name| format!(" ({name})"));
     PickedDevice {
@@ -21,6 +19,16 @@ pub(super) fn pick() -> PickedDevice {
             memory_bytes: memory_bytes().unwrap_or(0),
         },
     }
+}
+
+/// The CPU's model, or the architecture where the kernel does not say.
+pub(super) fn model() -> String {
+    field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.into())
+}
+
+/// Threads that this process may use.
+pub(super) fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// The first value of `name` in a `name: value` file of the kernel.

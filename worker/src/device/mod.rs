@@ -12,6 +12,7 @@ pub use hint::hint_without_gpu_support;
 
 use burn::tensor::Device;
 use std::sync::OnceLock;
+use yoto_avatar::tradeoff::Machine;
 use yoto_proto::v1::WorkerDevice;
 
 /// A device to compute on, and what to call it.
@@ -40,6 +41,17 @@ pub fn pick() -> PickedDevice {
         .clone()
 }
 
+impl PickedDevice {
+    /// Where measured seconds come from.
+    pub fn machine(&self) -> Machine {
+        Machine {
+            cpu: cpu::model(),
+            cores: cpu::threads(),
+            device: self.info.adapter.clone(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -54,6 +66,8 @@ mod tests {
             "{}",
             picked.info.adapter
         );
+        let machine = picked.machine();
+        assert!(machine.device.starts_with(&machine.cpu) && machine.cores > 0);
     }
 
     #[test]

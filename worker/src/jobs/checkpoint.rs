@@ -6,6 +6,7 @@
 use super::{JobContext, JobFailure, context::id};
 use std::{fs, path::Path};
 use tempfile::TempDir;
+use yoto_avatar::render::Renderer;
 use yoto_proto::{
     keys,
     manifest::{self, Manifest, ManifestObject, files},
@@ -18,6 +19,8 @@ pub(crate) struct Downloaded {
     /// Holds the files under their names in [`files`].
     pub(crate) folder: TempDir,
     pub(crate) manifest: Manifest,
+    /// As the catalogue has it.
+    pub(crate) checkpoint: Checkpoint,
 }
 
 /// Where a training stands when it is saved.
@@ -56,6 +59,26 @@ pub(crate) fn newest_whole(
     Ok(None)
 }
 
+/// The first of `checkpoints` (newest first) that is whole, ready to `purpose` ("render",
+/// "measure"), with what it was made of.
+pub(crate) fn load_renderer(
+    context: &JobContext,
+    model: &str,
+    checkpoints: &[Checkpoint],
+    purpose: &str,
+) -> Result<(Renderer, Downloaded), JobFailure> {
+    context.report_pieces("loading", 0, 1);
+    let wanted = [files::WEIGHTS, files::STATE];
+    let found = newest_whole(context, checkpoints, &wanted)?;
+    let found = found.ok_or_else(|| JobFailure::Failed {
+        code: "NO_CHECKPOINT",
+        message: format!("{model} has no whole checkpoint to {purpose}: train it first"),
+    })?;
+    let renderer = Renderer::load(found.folder.path(), &context.device.device)
+        .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;
+    Ok((renderer, found))
+}
+
 /// Downloads one checkpoint; the inner error says how it is torn.
 fn download(
     context: &JobContext,
@@ -92,7 +115,11 @@ fn download(
             Err(reason) => return Ok(Err(reason)),
         }
     }
-    Ok(Ok(Downloaded { folder, manifest }))
+    Ok(Ok(Downloaded {
+        folder,
+        manifest,
+        checkpoint: checkpoint.clone(),
+    }))
 }
 
 fn fetch(
@@ -149,7 +176,7 @@ pub(crate) fn publish(
         manifest: Some(object),
         bytes: manifest.bytes(),
         psnr: saved.psnr,
-        create_time: None,
+        ..Checkpoint::default()
     })?;
     Ok(manifest.bytes())
 }

@@ -4,16 +4,16 @@
 //! The service stores what one camera saw, so these frames show poses that were not trained
 //! on, from the camera that was. Figures of other cameras need a capture folder that has them.
 
+mod tradeoff;
+
 use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
 use yoto_avatar::{
     camera::{Camera, Pose},
     capture::{FrameImage, Shard},
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
-    render::Renderer,
     train::is_held_out,
 };
 use yoto_proto::{
-    manifest::files,
     names,
     protocols::HELD_OUT,
     v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores},
@@ -31,22 +31,9 @@ pub fn run(
 ) -> Result<EvaluateResult, JobFailure> {
     let protocol = protocol(spec)?;
     let slots = slots(spec, inputs)?;
-    context.report_pieces("loading", 0, 1);
-    let wanted = [files::WEIGHTS, files::STATE];
-    let found =
-        checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?.ok_or_else(|| {
-            JobFailure::Failed {
-                code: "NO_CHECKPOINT",
-                message: format!(
-                    "{} has no whole checkpoint to measure: train it first",
-                    spec.model
-                ),
-            }
-        })?;
-    let device = &context.device.device;
-    let renderer = Renderer::load(found.folder.path(), device)
-        .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;
-    let lpips = LpipsMetric::from_environment(device)
+    let (renderer, found) =
+        checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "measure")?;
+    let lpips = LpipsMetric::from_environment(&context.device.device)
         .map_err(|error| JobFailure::failed("LPIPS", "loading the weights of LPIPS", &error))?;
     let examiner = Examiner::new(renderer, protocol, lpips);
     let mut pictures = Vec::new();
@@ -55,6 +42,19 @@ pub fn run(
         pictures.push(Pictures::fetch(context, inputs, slot, spec.image_size)?);
     }
     let scores = measure(context, &examiner, &pictures)?;
+    let tradeoff = match &spec.tradeoff {
+        Some(wanted) => {
+            let renderer = examiner.into_renderer();
+            let curve = tradeoff::measure(context, renderer, wanted, &pictures)?;
+            Some(tradeoff::keep(
+                context,
+                &spec.model,
+                found.manifest.step,
+                &curve,
+            )?)
+        }
+        None => None,
+    };
     let result = |(pictures, score): (&Pictures, &Score)| SubjectScores {
         subject: pictures.subject.clone(),
         display_name: pictures.display_name.clone(),
@@ -66,6 +66,7 @@ pub fn run(
         subjects: pictures.iter().zip(&scores).map(result).collect(),
         mean: Some((&Score::mean(&scores)).into()),
         device: context.device.info.adapter.clone(),
+        tradeoff,
     })
 }
 

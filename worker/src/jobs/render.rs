@@ -3,17 +3,20 @@
 
 mod motion;
 mod orbit;
+mod quality;
 mod request;
+mod truth;
 mod views;
 
 use super::{JobContext, JobFailure, checkpoint, shard};
 use crate::media::{animation::Animation, picture};
+use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
+use truth::Truths;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_proto::{
-    keys,
-    manifest::files,
+    keys, names,
     v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
@@ -30,31 +33,36 @@ pub fn run(
     inputs: &Inputs,
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
-    context.report_pieces("loading", 0, 1);
-    let wanted = [files::WEIGHTS, files::STATE];
-    let found =
-        checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?.ok_or_else(|| {
-            JobFailure::Failed {
-                code: "NO_CHECKPOINT",
-                message: format!(
-                    "{} has no whole checkpoint to render: train it first",
-                    spec.model
-                ),
-            }
-        })?;
-    let renderer = Renderer::load(found.folder.path(), &context.device.device)
-        .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;
-    let views = expand(context, &request, &renderer, inputs)?;
-    draw(context, &request, &renderer, &views)
+    let (mut renderer, found) =
+        checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "render")?;
+    let (views, truths) = expand(context, &request, &renderer, inputs)?;
+    let promise = match &spec.quality {
+        Some(quality) => {
+            let promise = Promise::make(context, quality, &found.checkpoint, &renderer, &views)?;
+            renderer
+                .set(promise.settings())
+                .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
+            Some(promise)
+        }
+        None => None,
+    };
+    let drawn = draw(context, &request, &renderer, &views, &truths)?;
+    Ok(RenderResult {
+        choice: promise.map(|promise| promise.came_true(drawn.seconds_per_frame, &drawn.psnr)),
+        files: drawn.files,
+        seconds_per_frame: drawn.seconds_per_frame,
+        device: context.device.info.adapter.clone(),
+        checkpoint: names::checkpoint(&spec.model, found.manifest.step),
+    })
 }
 
-/// The views that the request stands for.
+/// The views that the request stands for, and what is known to be seen in them.
 fn expand(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
     inputs: &Inputs,
-) -> Result<Vec<RenderView>, JobFailure> {
+) -> Result<(Vec<RenderView>, Truths), JobFailure> {
     let skeleton = renderer
         .skeleton(request.slot)
         .ok_or_else(|| JobFailure::Failed {
@@ -69,17 +77,28 @@ fn expand(
         background: request.background,
         joints: skeleton.parents.len(),
     };
-    match request.what {
-        What::Views(list) => stage.listed(list),
+    let views = match request.what {
+        What::Views(list) => stage.listed(list)?,
         What::Orbit(orbit) => {
             let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
-            orbit::views(&stage, orbit, &shard.track)
+            orbit::views(&stage, orbit, &shard.track)?
         }
         What::Motion(transfer) => {
             let (_, shard) = shard::fetch(context, inputs, &transfer.driver)?;
-            motion::views(&stage, transfer, &shard.track, skeleton)
+            let views = motion::views(&stage, transfer, &shard.track, skeleton)?;
+            let truths = Truths::of_motion(request, transfer, shard, skeleton)?;
+            return Ok((views, truths));
         }
-    }
+    };
+    Ok((views, Truths::none()))
+}
+
+/// What drawing all views came to.
+struct Drawn {
+    files: Vec<RenderedFile>,
+    seconds_per_frame: f64,
+    /// dB, of each picture whose truth is known.
+    psnr: Vec<f64>,
 }
 
 /// Renders and stores each view, and the animation of all of them when asked for.
@@ -88,7 +107,8 @@ fn draw(
     request: &Request<'_>,
     renderer: &Renderer,
     views: &[RenderView],
-) -> Result<RenderResult, JobFailure> {
+    truths: &Truths,
+) -> Result<Drawn, JobFailure> {
     let job = context.job_id()?;
     let store = |file: String, bytes| {
         let object = context.put(&keys::render(job, context.token, &file), bytes)?;
@@ -112,7 +132,7 @@ fn draw(
         }
         _ => None,
     };
-    let mut rendered = Vec::new();
+    let (mut rendered, mut psnr) = (Vec::new(), Vec::new());
     let mut spent = Duration::ZERO;
     for (done, view) in views.iter().enumerate() {
         context.check()?;
@@ -123,6 +143,7 @@ fn draw(
         })?;
         let rgb = image.to_rgb8();
         spent += began.elapsed();
+        psnr.extend(truths.psnr(done, view, &rgb));
         if let Some(animation) = &mut animation {
             animation.push(&rgb)?;
         }
@@ -136,9 +157,9 @@ fn draw(
         rendered.push(store(ANIMATION.into(), animated)?);
     }
     context.report_pieces("rendering", views.len(), views.len());
-    Ok(RenderResult {
+    Ok(Drawn {
         files: rendered,
         seconds_per_frame: spent.as_secs_f64() / views.len().max(1) as f64,
-        device: context.device.info.adapter.clone(),
+        psnr,
     })
 }

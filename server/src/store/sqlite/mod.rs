@@ -44,6 +44,7 @@ fn migrations() -> Migrator {
     let init = include_str!("../../../../migrations/sqlite/0001_init.sql").into_sql_str();
     let evaluate =
         include_str!("../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
+    let tradeoffs = include_str!("../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -51,6 +52,7 @@ fn migrations() -> Migrator {
     Migrator::with_migrations(vec![
         step(1, "init", init, false),
         step(2, "evaluate jobs", evaluate, true),
+        step(3, "tradeoffs", tradeoffs, false),
     ])
 }
 

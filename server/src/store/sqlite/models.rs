@@ -9,7 +9,7 @@ use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     names::{self, Collection},
-    v1::{Checkpoint, IdentitySlot, Model, subject},
+    v1::{Checkpoint, IdentitySlot, Model, ObjectRef, subject},
 };
 
 /// The variant whose models know one person only.
@@ -171,9 +171,40 @@ pub async fn checkpoints(
                 bytes: row.number("bytes")?,
                 psnr: row.real("psnr")?,
                 create_time: row.time("create_time")?,
+                tradeoff: row.object("tradeoff_key", "tradeoff_bytes", "tradeoff_sha256")?,
             })
         })
         .collect()
+}
+
+/// Keeps the measured trade-off of a checkpoint, in place of an earlier one.
+pub async fn record_tradeoff(
+    conn: &mut SqliteConnection,
+    checkpoint: &str,
+    object: &ObjectRef,
+) -> Result<(), StoreError> {
+    let unreadable = |error: names::NameError| StoreError::Corrupt {
+        what: "result.evaluate.checkpoint",
+        detail: error.to_string(),
+    };
+    let (model_id, step) = names::parse_checkpoint(checkpoint).map_err(unreadable)?;
+    let done = sqlx::query(
+        "UPDATE checkpoints SET tradeoff_key = ?3, tradeoff_bytes = ?4, tradeoff_sha256 = ?5
+         WHERE model = ?1 AND step = ?2",
+    )
+    .bind(model_id)
+    .bind(integer("checkpoint.step", step)?)
+    .bind(&object.key)
+    .bind(integer("result.evaluate.tradeoff.bytes", object.bytes)?)
+    .bind(&object.sha256)
+    .execute(conn)
+    .await
+    .during("keeping a trade-off")?;
+    if done.rows_affected() == 0 {
+        let name = checkpoint.to_owned();
+        return Err(StoreError::NotFound { name });
+    }
+    Ok(())
 }
 
 /// Records a checkpoint. One of the same step, left by an earlier lease, is replaced.

@@ -1,9 +1,9 @@
 //! How jobs end, and what their end means for the catalogue.
 //!
-//! An ingest job and its capture change in one transaction, so that neither can say
-//! something that the other denies.
+//! An ingest job and its capture change in one transaction, as do an evaluate job and its
+//! checkpoint's trade-off, so that neither can say something that the other denies.
 
-use super::{captures, leases, rows::Columns, rows::During};
+use super::{captures, leases, models, rows::Columns, rows::During};
 use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
@@ -23,6 +23,11 @@ pub async fn complete(
         (row.maybe_text("capture")?, &result.kind)
     {
         captures::accept(conn, &capture, ingest).await?;
+    }
+    if let Some(job_result::Kind::Evaluate(evaluate)) = &result.kind
+        && let Some(object) = &evaluate.tradeoff
+    {
+        models::record_tradeoff(conn, &evaluate.checkpoint, object).await?;
     }
     Ok(())
 }

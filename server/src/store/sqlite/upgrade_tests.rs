@@ -45,6 +45,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     assert_eq!(trained.worker, "workers/w");
     let checkpoints = store.checkpoints("m", 9).await.expect("are kept");
     assert_eq!(checkpoints.len(), 1);
+    assert_eq!(checkpoints[0].tradeoff, None, "nobody measured it");
     let spec = JobSpec {
         kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
             model: "models/m".into(),

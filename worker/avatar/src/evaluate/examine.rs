@@ -58,6 +58,11 @@ impl Examiner {
         &self.renderer
     }
 
+    /// The model, when there is nothing more to examine.
+    pub fn into_renderer(self) -> Renderer {
+        self.renderer
+    }
+
     /// Renders the person in `slot` as `truth` shows them, and compares. Both pictures are
     /// compared with 8 bits a colour, as files hold them.
     ///

@@ -4,6 +4,7 @@
 use super::RenderError;
 use crate::config::{ConfigError, ModelConfig};
 use serde::{Deserialize, Serialize};
+use yoto_proto::v1;
 
 /// Smallest share of the resolution that is rendered: under it a person is a few pixels.
 const SMALLEST_SCALE: f32 = 0.05;
@@ -68,6 +69,17 @@ impl RenderSettings {
     pub(super) fn rendered_size(&self, width: u32, height: u32) -> (u32, u32) {
         let side = |full: u32| ((f64::from(full) * f64::from(self.scale)).round() as u32).max(1);
         (side(width), side(height))
+    }
+}
+
+impl From<&RenderSettings> for v1::RenderSettings {
+    fn from(settings: &RenderSettings) -> Self {
+        Self {
+            // Checked settings have at most 4096.
+            samples: u32::try_from(settings.samples).unwrap_or(u32::MAX),
+            epsilon: settings.epsilon,
+            scale: settings.scale,
+        }
     }
 }
 

@@ -11,14 +11,12 @@ use yoto_avatar::{
 };
 use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
 
-/// Every `frame_step`-th frame (0 means 1) of the driver's `track` from `first_frame` on,
-/// `frame_count` of them (0 means all that are left), with `body` in the driver's poses.
-pub(super) fn views(
-    stage: &Stage,
+/// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
+/// on, `frame_count` of them (0 means all that are left).
+pub(super) fn places(
     transfer: &MotionTransfer,
     track: &PoseTrack,
-    body: &Skeleton,
-) -> Result<Vec<RenderView>, JobFailure> {
+) -> Result<Vec<usize>, JobFailure> {
     let first = match transfer.first_frame {
         Some(index) => find_place(track, index, "motion.first_frame")?,
         None => 0,
@@ -36,11 +34,22 @@ pub(super) fn views(
             return Err(JobFailure::invalid("render", "motion.frame_count", message));
         }
     };
+    Ok((0..count).map(|i| first + i * step).collect())
+}
+
+/// The frames that [`places`] finds, with `body` in the driver's poses.
+pub(super) fn views(
+    stage: &Stage,
+    transfer: &MotionTransfer,
+    track: &PoseTrack,
+    body: &Skeleton,
+) -> Result<Vec<RenderView>, JobFailure> {
     let driver = Skeleton::from_track(&track.skeleton)
         .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
-    let frames = track.frames.iter().skip(first).step_by(step).take(count);
-    frames
-        .map(|frame| {
+    places(transfer, track)?
+        .into_iter()
+        .map(|place| {
+            let frame = &track.frames[place];
             let pose = retarget(&driver, body, &pose(frame)?).map_err(|error| {
                 JobFailure::failed(
                     "RETARGET",

@@ -1,0 +1,89 @@
+//! What render settings cost and give with one checkpoint, measured on held-out frames.
+
+use super::Pictures;
+use crate::jobs::{JobContext, JobFailure, context::id};
+use std::time::{SystemTime, UNIX_EPOCH};
+use yoto_avatar::{
+    render::{RenderView, Renderer},
+    tradeoff::{Axes, Curve, SweepError, SweepOptions, SweepView, sweep},
+};
+use yoto_proto::{
+    keys,
+    names::Collection,
+    v1::{ObjectRef, TradeoffSpec},
+};
+
+/// Held-out frames to render with each setting, unless the order says.
+const VIEWS: usize = 4;
+/// Timed renders of each frame, unless the order says.
+const REPEATS: usize = 3;
+
+/// Sweeps over the settings around the model's own.
+pub(super) fn measure(
+    context: &JobContext,
+    mut renderer: Renderer,
+    wanted: &TradeoffSpec,
+    people: &[Pictures],
+) -> Result<Curve, JobFailure> {
+    let or = |asked: u32, default| match asked {
+        0 => default,
+        asked => asked as usize,
+    };
+    let options = SweepOptions {
+        settings: Axes::around(&renderer.settings()).settings(),
+        repeats: or(wanted.repeats, REPEATS),
+        machine: context.device.machine(),
+        unix_seconds: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_secs()),
+    };
+    let views = views(people, or(wanted.views, VIEWS));
+    sweep(&mut renderer, &views, &options, |done, total| {
+        context.check()?;
+        context.report_pieces("measuring the trade-off", done, total);
+        Ok(())
+    })
+}
+
+/// `wanted` held-out frames, apart from each other, of everybody in turn.
+fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
+    let all: Vec<SweepView> = people
+        .iter()
+        .flat_map(|person| {
+            person.frames.iter().map(|picture| SweepView {
+                view: RenderView {
+                    slot: person.slot,
+                    pose: picture.pose.clone(),
+                    camera: picture.camera.clone(),
+                    background: [0.0; 3],
+                },
+                truth: Some(picture.image.rgb.clone()),
+            })
+        })
+        .collect();
+    let count = wanted.min(all.len());
+    (0..count)
+        .map(|i| all[i * all.len() / count].clone())
+        .collect()
+}
+
+/// Writes the curve down beside its checkpoint.
+pub(super) fn keep(
+    context: &JobContext,
+    model: &str,
+    step: u64,
+    curve: &Curve,
+) -> Result<ObjectRef, JobFailure> {
+    let model_id = id(Collection::Models, model)?;
+    let key = keys::tradeoff(model_id, context.job_id()?, context.token, step);
+    let json = curve
+        .to_json()
+        .map_err(|error| JobFailure::failed("INTERNAL", "writing the trade-off down", &error))?;
+    context.put(&key, json)
+}
+
+impl From<SweepError> for JobFailure {
+    fn from(error: SweepError) -> Self {
+        Self::failed("EVALUATION", "measuring the trade-off", &error)
+    }
+}

@@ -1,0 +1,144 @@
+//! What was wanted of a frame, answered from the checkpoint's measured trade-off: the settings,
+//! what they promise, and what came true.
+
+use crate::jobs::{JobContext, JobFailure};
+use yoto_avatar::{
+    render::{RenderSettings, RenderView, Renderer},
+    tradeoff::{Choice, Curve, Want, choose},
+};
+use yoto_proto::v1::{Checkpoint, RenderChoice, RenderQuality, render_quality};
+
+/// Views whose rays are counted to predict the time of all.
+const COUNTED_VIEWS: usize = 16;
+
+/// Chosen settings, and where their figures come from.
+#[derive(Debug)]
+pub(super) struct Promise {
+    choice: Choice,
+    measured_on: String,
+}
+
+impl Promise {
+    /// Chooses for `views` from the curve of `checkpoint`.
+    pub(super) fn make(
+        context: &JobContext,
+        quality: &RenderQuality,
+        checkpoint: &Checkpoint,
+        renderer: &Renderer,
+        views: &[RenderView],
+    ) -> Result<Self, JobFailure> {
+        let (field, want) = want(quality)?;
+        let object = checkpoint
+            .tradeoff
+            .as_ref()
+            .ok_or_else(|| JobFailure::Failed {
+                code: "NO_TRADEOFF",
+                message: format!(
+                    "nobody has measured what quality costs with {}",
+                    checkpoint.name
+                ),
+            })?;
+        let json = context.get(object)??;
+        let curve = Curve::from_json(&json)
+            .map_err(|error| JobFailure::failed("TRADEOFF", &object.key, &error))?;
+        let choice = choose(&curve, &want, mean_rays(renderer, views)?)
+            .map_err(|error| JobFailure::invalid("render", field, error.to_string()))?;
+        Ok(Self {
+            choice,
+            measured_on: curve.machine.device,
+        })
+    }
+
+    /// To render with.
+    pub(super) fn settings(&self) -> &RenderSettings {
+        &self.choice.settings
+    }
+
+    /// The promise beside `seconds` a frame and the PSNR of the pictures whose truth is known.
+    pub(super) fn came_true(&self, seconds: f64, psnr: &[f64]) -> RenderChoice {
+        let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
+        RenderChoice {
+            settings: Some((&self.choice.settings).into()),
+            predicted_seconds_per_frame: self.choice.predicted_seconds,
+            predicted_psnr: self.choice.predicted_psnr,
+            predicted_psnr_to_full: self.choice.predicted_psnr_to_full,
+            measured_on: self.measured_on.clone(),
+            seconds_per_frame: seconds,
+            psnr: (!psnr.is_empty()).then_some(mean),
+            pictures_with_truth: psnr.len() as u32,
+        }
+    }
+}
+
+/// The wish, and the field that says it.
+fn want(quality: &RenderQuality) -> Result<(&'static str, Want), JobFailure> {
+    match &quality.want {
+        Some(render_quality::Want::MaxSecondsPerFrame(value)) => {
+            Ok(("quality.max_seconds_per_frame", Want::MaxSeconds(*value)))
+        }
+        Some(render_quality::Want::MinPsnrDb(value)) => {
+            Ok(("quality.min_psnr_db", Want::MinPsnr(*value)))
+        }
+        Some(render_quality::Want::Tier(name)) => Ok(("quality.tier", Want::Tier(name.clone()))),
+        None => Err(JobFailure::invalid(
+            "render",
+            "quality",
+            "says nothing that is wanted",
+        )),
+    }
+}
+
+/// Rays through the body's box in a view, over some of `views` that stand for all.
+fn mean_rays(renderer: &Renderer, views: &[RenderView]) -> Result<f64, JobFailure> {
+    let stride = views.len().div_ceil(COUNTED_VIEWS).max(1);
+    let (mut sum, mut count) = (0, 0);
+    for view in views.iter().step_by(stride) {
+        sum += renderer
+            .rays(view)
+            .map_err(|error| JobFailure::failed("INTERNAL", "looking at a view", &error))?;
+        count += 1;
+    }
+    Ok(sum as f64 / f64::from(count.max(1)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_came_true_stands_beside_the_promise() {
+        let promise = Promise {
+            choice: Choice {
+                settings: RenderSettings {
+                    samples: 32,
+                    epsilon: 0.01,
+                    scale: 0.5,
+                },
+                predicted_seconds: 0.25,
+                predicted_psnr: Some(30.0),
+                predicted_psnr_to_full: 41.0,
+            },
+            measured_on: "a CPU".into(),
+        };
+        let known = promise.came_true(0.3, &[28.0, 32.0]);
+        assert_eq!((known.psnr, known.pictures_with_truth), (Some(30.0), 2));
+        assert_eq!(known.seconds_per_frame, 0.3);
+        assert_eq!(known.predicted_seconds_per_frame, 0.25);
+        let settings = known.settings.expect("says them");
+        assert_eq!((settings.samples, settings.scale), (32, 0.5));
+        let unknown = promise.came_true(0.3, &[]);
+        assert_eq!((unknown.psnr, unknown.pictures_with_truth), (None, 0));
+        assert_eq!(unknown.predicted_psnr, Some(30.0));
+    }
+
+    #[test]
+    fn a_wish_is_told_by_its_field() {
+        let quality = |want| RenderQuality { want: Some(want) };
+        let (field, wish) = want(&quality(render_quality::Want::MinPsnrDb(31.0))).expect("one");
+        assert_eq!((field, wish), ("quality.min_psnr_db", Want::MinPsnr(31.0)));
+        assert!(matches!(
+            want(&RenderQuality { want: None }),
+            Err(JobFailure::Invalid(_))
+        ));
+    }
+}

@@ -1,0 +1,133 @@
+//! Rendered pictures that a camera has really seen: somebody in their own motion.
+
+use super::{RenderView, motion, request::Request};
+use crate::jobs::JobFailure;
+use std::sync::Arc;
+use yoto_avatar::{capture::Shard, skeleton::Skeleton, tradeoff::sweep::fidelity};
+use yoto_proto::v1::MotionTransfer;
+
+/// What is known to be seen in the views of a request.
+pub(super) struct Truths {
+    /// The capture, and the place in it that each view shows.
+    seen: Option<(Arc<Shard>, Vec<usize>)>,
+}
+
+impl Truths {
+    /// Nobody has seen these views.
+    pub(super) fn none() -> Self {
+        Self { seen: None }
+    }
+
+    /// The frames of the subject's own capture that a motion shows again. Captures are over
+    /// black, and hold the `body` that the model learned unless they were replaced since.
+    pub(super) fn of_motion(
+        request: &Request<'_>,
+        transfer: &MotionTransfer,
+        shard: Arc<Shard>,
+        body: &Skeleton,
+    ) -> Result<Self, JobFailure> {
+        let own = transfer.driver == request.spec.subject && request.background == [0.0; 3];
+        let same_body = Skeleton::from_track(&shard.track.skeleton)
+            .is_ok_and(|theirs| theirs.rest == body.rest && theirs.parents == body.parents);
+        if !own || !same_body {
+            return Ok(Self::none());
+        }
+        let places = motion::places(transfer, &shard.track)?;
+        Ok(Self {
+            seen: Some((shard, places)),
+        })
+    }
+
+    /// PSNR of the picture of view number `index`, dB; `None` when nobody has seen it at its
+    /// size.
+    pub(super) fn psnr(&self, index: usize, view: &RenderView, rgb: &[u8]) -> Option<f64> {
+        let (shard, places) = self.seen.as_ref()?;
+        let (width, height) = (view.camera.width, view.camera.height);
+        let real = shard.image(*places.get(index)?).resized(width.max(height));
+        let same_size = (real.width, real.height) == (width as usize, height as usize);
+        same_size.then(|| fidelity(&real.rgb, rgb))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_avatar::{
+        camera::{Camera, Pose},
+        capture::ShardBuilder,
+        synthetic::SyntheticPerson,
+    };
+    use yoto_proto::v1::{IdentitySlot, Inputs, Model, RenderSpec, render_spec::What};
+
+    fn transfer(driver: &str) -> MotionTransfer {
+        MotionTransfer {
+            driver: driver.into(),
+            first_frame: None,
+            frame_count: 2,
+            frame_step: 3,
+            size: 16,
+        }
+    }
+
+    #[test]
+    fn only_the_person_s_own_frames_over_black_at_their_size_are_known() {
+        let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(6, 24);
+        let mut builder = ShardBuilder::new(track);
+        for image in &images {
+            builder.push(image).expect("fits");
+        }
+        let shard = Arc::new(builder.finish().expect("complete"));
+        let body = Skeleton::from_track(&shard.track.skeleton).expect("a skeleton");
+        let inputs = Inputs {
+            model: Some(Model {
+                slots: vec![IdentitySlot {
+                    slot: 0,
+                    subject: "subjects/a".into(),
+                }],
+                ..Model::default()
+            }),
+            ..Inputs::default()
+        };
+        let known = |driver: &str, background: Vec<f32>, body: &Skeleton| {
+            let spec = RenderSpec {
+                subject: "subjects/a".into(),
+                what: Some(What::Motion(transfer(driver))),
+                background,
+                ..RenderSpec::default()
+            };
+            let request = Request::new(&spec, &inputs).expect("good");
+            Truths::of_motion(&request, &transfer(driver), Arc::clone(&shard), body)
+                .expect("good places")
+        };
+        let frame = &shard.track.frames[3];
+        let view = |size: u32| RenderView {
+            slot: 0,
+            pose: Pose::from_frame(frame).expect("a pose"),
+            camera: Camera::from_frame(frame, shard.track.image_size)
+                .expect("a camera")
+                .resized(size, size),
+            background: [0.0; 3],
+        };
+        let own = known("subjects/a", vec![], &body);
+        let seen = images[3].resized(16).rgb;
+        assert_eq!(
+            own.psnr(1, &view(16), &seen),
+            Some(100.0),
+            "frame 3 comes second"
+        );
+        assert!(own.psnr(0, &view(16), &seen).expect("frame 0 is known") < 100.0);
+        assert_eq!(
+            own.psnr(1, &view(48), &[0; 48 * 48 * 3]),
+            None,
+            "larger than seen"
+        );
+        let other = known("subjects/b", vec![], &body);
+        assert_eq!(other.psnr(1, &view(16), &seen), None);
+        let white = known("subjects/a", vec![1.0; 3], &body);
+        assert_eq!(white.psnr(1, &view(16), &seen), None);
+        let mut grown = body.clone();
+        grown.rest[1][1] += 0.1;
+        let replaced = known("subjects/a", vec![], &grown);
+        assert_eq!(replaced.psnr(1, &view(16), &seen), None);
+    }
+}
