@@ -27,6 +27,8 @@ mod npz;
 #[cfg(feature = "embedded")]
 pub mod pictures;
 #[cfg(feature = "embedded")]
+pub mod plot;
+#[cfg(feature = "embedded")]
 pub mod quality;
 #[cfg(feature = "embedded")]
 pub mod report;

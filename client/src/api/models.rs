@@ -3,8 +3,8 @@
 use super::{ClientError, YotoClient, request_id};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
-    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, IdentitySlot,
-    ListCheckpointsRequest, ListModelsRequest, Model,
+    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, GetTradeoffRequest,
+    IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
 };
 
 impl YotoClient {
@@ -114,5 +114,23 @@ impl YotoClient {
             )))?
             .into_inner()
             .checkpoints)
+    }
+
+    /// The measured trade of seconds for fidelity of `checkpoint`
+    /// (`models/{id}/checkpoints/{step}`), as JSON.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when nobody has measured it.
+    pub async fn get_tradeoff(&self, checkpoint: &str) -> Result<Vec<u8>, ClientError> {
+        let request = GetTradeoffRequest {
+            checkpoint: checkpoint.to_owned(),
+        };
+        let answer = self.model_service().get_tradeoff(request).await;
+        Ok(answer
+            .map_err(ClientError::refused(format!(
+                "reading the trade-off of {checkpoint}"
+            )))?
+            .into_inner()
+            .json)
     }
 }

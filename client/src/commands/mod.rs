@@ -30,6 +30,8 @@ mod scores;
 mod serve;
 mod subject;
 mod table;
+#[cfg(feature = "embedded")]
+mod tradeoff;
 mod train;
 #[cfg(feature = "embedded")]
 mod worker;
@@ -82,6 +84,7 @@ enum Command {
     Ablation(ablation::AblationCommand),
     #[cfg(feature = "embedded")]
     Bench(bench::Bench),
+    Tradeoff(tradeoff::TradeoffCommand),
 }
 
 /// Which service a client command talks to.
@@ -134,6 +137,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Ablation(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Bench(command) => command.run(),
+        Command::Tradeoff(command) => runtime.block_on(command.run()),
     };
     // A computation that outlives its job must not keep the process from ending.
     runtime.shutdown_background();
@@ -200,6 +204,8 @@ mod tests {
             "yoto ablation --capture a b --seconds 60 --out o",
             "yoto bench --paper-step --json step.json",
             "yoto bench --step fast --steps 50 --settle 200 --people 3 --size 128",
+            "yoto tradeoff --model duo --size 64 --views 2 --repeats 1 --out o",
+            "yoto tradeoff --capture a b --tiers draft,fast --budgets 5,10.5 --size 64 --out o",
             "yoto ablation --capture a --capture b --steps 50 --tier draft --seed 3 --pictures 4 --out o",
         ];
         let over_the_api = [
@@ -215,6 +221,9 @@ mod tests {
             "yoto evaluate duo",
             "yoto evaluate duo --subjects ada,bob --protocol held-out --size 128",
             "yoto render duo --subject ada --orbit 3 --views 12 --out o --animate",
+            "yoto render duo --subject ada --orbit 3 --max-seconds-per-frame 0.2 --out o",
+            "yoto render duo --subject ada --orbit 3 --min-psnr 30 --out o",
+            "yoto render duo --subject ada --orbit 3 --quality fast --out o",
             "yoto render duo --subject ada --motion bob --frames 0..60:2 --out o",
             "yoto render duo --subject ada --view-list v.json --size 256 --out o",
         ];
@@ -251,6 +260,14 @@ mod tests {
             "yoto bench --paper-step --step fast",
             "yoto bench --step fastest",
             "yoto ablation --out o",
+            "yoto tradeoff --out o",
+            "yoto tradeoff --model duo --capture a --out o",
+            "yoto tradeoff --model duo --tiers draft --out o",
+            "yoto tradeoff --capture a --budgets 5,-1 --out o",
+            "yoto tradeoff --capture a --tiers draft,ultra --out o",
+            "yoto render duo --subject ada --orbit 3 --quality ultra --out o",
+            "yoto render duo --subject ada --orbit 3 --min-psnr nan --out o",
+            "yoto render duo --subject ada --orbit 3 --min-psnr 30 --quality fast --out o",
             "yoto ablation --capture a --out o --seconds 5 --steps 5",
         ] {
             assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");

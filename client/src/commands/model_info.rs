@@ -41,8 +41,12 @@ impl Info {
         println!("model       {} ({})", model.display_name, model.name);
         about(&config, model.slots.len());
         for checkpoint in client.list_checkpoints(&model.name).await? {
+            let measured = match checkpoint.tradeoff {
+                Some(_) => ", trade-off measured",
+                None => "",
+            };
             println!(
-                "checkpoint  step {}, {} bytes",
+                "checkpoint  step {}, {} bytes{measured}",
                 checkpoint.step, checkpoint.bytes
             );
         }

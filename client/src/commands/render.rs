@@ -1,13 +1,17 @@
 //! `yoto render`: pictures of a person, as a trained model knows them.
 
-use super::Server;
 use super::render_what::{FrameRange, read_views};
+use super::{Server, table};
 use crate::api::YotoClient;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
-use yoto_proto::v1::{MotionTransfer, Orbit, RenderSpec, render_spec};
+use yoto_proto::tiers::RENDER_TIERS;
+use yoto_proto::v1::{
+    MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderSpec, job_result,
+    render_quality::Want, render_spec,
+};
 
 const AFTER_HELP: &str = "\
 A view list is a JSON file in the terms of poses.json:
@@ -16,7 +20,16 @@ A view list is a JSON file in the terms of poses.json:
 Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
   yoto render duo --subject bob --motion ada --frames 0..60:2 --animate --out out/dance
+  yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views";
+
+fn quality_help() -> String {
+    let tiers: Vec<(&str, &str)> = RENDER_TIERS.iter().map(|it| (it.name, it.about)).collect();
+    format!(
+        "A named place on the curve that `yoto tradeoff` measured.{}",
+        table::explained(&tiers)
+    )
+}
 
 /// Render a person: around a frozen moment, in somebody's motion, or from given views.
 #[derive(Debug, Args)]
@@ -57,6 +70,15 @@ pub(super) struct Render {
         value_name = "R,G,B"
     )]
     background: Vec<f32>,
+    /// The best fidelity within so many seconds a frame, as `yoto tradeoff` measured.
+    #[arg(long, value_name = "S", value_parser = table::seconds, group = "wish")]
+    max_seconds_per_frame: Option<f64>,
+    /// The fastest with at least this PSNR on held-out frames, as `yoto tradeoff` measured.
+    #[arg(long, value_name = "DB", value_parser = table::decibels, group = "wish")]
+    min_psnr: Option<f64>,
+    /// A named place on the curve that `yoto tradeoff` measured.
+    #[arg(long, value_name = "NAME", value_parser = table::render_tier, group = "wish", long_help = quality_help())]
+    quality: Option<String>,
     /// Folder for the pictures.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -77,10 +99,10 @@ impl Render {
             model: model.name,
             subject: subject.name,
             what: Some(self.what(&client).await?),
-            background: self.background,
+            background: self.background.clone(),
             animate: self.animate,
             fps: 0.0,
-            quality: None,
+            quality: self.wish(),
         };
         let job = client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(format!(
@@ -90,12 +112,28 @@ impl Render {
         let job = client
             .wait_for_job(&job.name, |job| display.job(job))
             .await?;
+        let choice = match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
+            Some(job_result::Kind::Render(result)) => result.choice.clone(),
+            _ => None,
+        };
         let paths = client.download_all(&job, &self.out).await?;
         display.finish(&format!("{} files in {}", paths.len(), self.out.display()));
+        if let Some(choice) = &choice {
+            eprintln!("{}", kept(choice));
+        }
         for path in paths {
             println!("{}", path.display());
         }
         Ok(())
+    }
+
+    /// What is wanted of a frame, if anything.
+    fn wish(&self) -> Option<RenderQuality> {
+        let seconds = self.max_seconds_per_frame.map(Want::MaxSecondsPerFrame);
+        let psnr = self.min_psnr.map(Want::MinPsnrDb);
+        let tier = self.quality.clone().map(Want::Tier);
+        let want = seconds.or(psnr).or(tier)?;
+        Some(RenderQuality { want: Some(want) })
     }
 
     async fn what(&self, client: &YotoClient) -> anyhow::Result<render_spec::What> {
@@ -124,4 +162,27 @@ impl Render {
             .context("nothing to render: give --orbit, --motion or --view-list")?;
         Ok(render_spec::What::Views(read_views(path)?))
     }
+}
+
+/// The chosen settings, what they promised, and what came true, in two lines.
+fn kept(choice: &RenderChoice) -> String {
+    let settings = choice.settings.unwrap_or_default();
+    let decibels = |psnr: Option<f64>| {
+        psnr.map_or_else(|| "unknown".to_owned(), |psnr| format!("{psnr:.2} dB"))
+    };
+    let seen = match choice.psnr {
+        Some(psnr) => format!("{psnr:.2} dB on {} pictures", choice.pictures_with_truth),
+        None => "no picture has a truth to compare with".to_owned(),
+    };
+    format!(
+        "chosen: {} samples a ray, likelihood bound {}, {:.0} % of the resolution\n\
+         promised {:.4} s a frame and {} (on {}); took {:.4} s a frame, {seen}",
+        settings.samples,
+        settings.epsilon,
+        100.0 * settings.scale,
+        choice.predicted_seconds_per_frame,
+        decibels(choice.predicted_psnr),
+        choice.measured_on,
+        choice.seconds_per_frame,
+    )
 }

@@ -60,6 +60,22 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a PSNR in dB above 0.
+pub(super) fn decibels(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("a number of dB above 0".to_owned()),
+    }
+}
+
+/// Parses a render quality's name.
+pub(super) fn render_tier(text: &str) -> Result<String, String> {
+    let known = tiers::is_render_tier(text);
+    known
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("one of: {}", tiers::render_tiers()))
+}
+
 /// `name: what it gives and costs` for each entry, for help texts.
 pub(super) fn explained(table: &[(&str, &str)]) -> String {
     table

@@ -8,6 +8,7 @@ pub mod ablation;
 mod captures;
 mod measure;
 pub mod model_dir;
+pub mod tradeoff;
 
 use crate::progress::ProgressDisplay;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};

@@ -1,0 +1,139 @@
+//! `yoto tradeoff`: what time buys, in training and in rendering.
+
+use super::{Server, table};
+use crate::progress::ProgressDisplay;
+use crate::quality::tradeoff::{Tradeoff, TradeoffOptions, run, summary};
+use anyhow::Context;
+use clap::Args;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use yoto_avatar::tradeoff::Curve;
+use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
+
+const AFTER_HELP: &str = "\
+With --model the service renders held-out frames of a trained model with many settings
+(samples a ray, likelihood bound, resolution) and keeps what they cost and give with the
+model's newest checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality`
+are answered from that. With --capture this process trains every tier with every budget,
+measures each on held-out views and poses, and sweeps over render settings of the longest
+trained model of each tier. The captures are laid out as `yoto quality --help` says.
+
+OUT holds tradeoff.json, tradeoff.csv, rendering.svg and .png, and training.svg and .png.
+
+Examples:
+  yoto tradeoff --model duo --out out/duo
+  yoto tradeoff --capture data/ada data/bob --tiers draft,fast --budgets 30,60,120 --out out/t";
+
+/// Measure what time buys: quality over training time, and over render time.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct TradeoffCommand {
+    /// The trained model, by name, measured by the service.
+    #[arg(
+        long,
+        value_name = "NAME",
+        required_unless_present = "captures",
+        conflicts_with = "captures"
+    )]
+    model: Option<String>,
+    /// Capture folder, measured in this process; give it again for each further person.
+    #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
+    captures: Vec<PathBuf>,
+    /// Quality tiers to train, separated by commas.
+    #[arg(
+        long,
+        value_name = "A,B,…",
+        value_delimiter = ',',
+        default_value = "draft,fast",
+        value_parser = table::tier,
+        conflicts_with = "model"
+    )]
+    tiers: Vec<String>,
+    /// Seconds of training, separated by commas; each is a training of its own.
+    #[arg(
+        long,
+        value_name = "S,S,…",
+        value_delimiter = ',',
+        default_value = "30,60,120",
+        value_parser = table::seconds,
+        conflicts_with = "model"
+    )]
+    budgets: Vec<f64>,
+    /// Longest side of the pictures, pixels [default: 128; with --model: the captures' own].
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: Option<u32>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 7, conflicts_with = "model")]
+    seed: u64,
+    /// Measure at most this many held-out pictures of each kind and person [default: all].
+    #[arg(long, value_name = "N", conflicts_with = "model")]
+    pictures: Option<NonZeroUsize>,
+    /// Held-out frames that each render setting is measured on.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
+    views: u32,
+    /// Timed renders of each frame and setting, whose median counts.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=32))]
+    repeats: u32,
+    /// Folder for the figures and plots.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl TradeoffCommand {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let tradeoff = match &self.model {
+            Some(name) => self.of_model(name).await?,
+            None => self.of_captures()?,
+        };
+        let paths = tradeoff.write(&self.out)?;
+        println!("{}", summary(&tradeoff));
+        for path in paths {
+            println!("{}", path.display());
+        }
+        Ok(())
+    }
+
+    fn of_captures(&self) -> anyhow::Result<Tradeoff> {
+        let mut budgets = self.budgets.clone();
+        budgets.sort_by(f64::total_cmp);
+        run(&TradeoffOptions {
+            captures: self.captures.clone(),
+            size: self.size.unwrap_or(128),
+            tiers: self.tiers.clone(),
+            budgets,
+            seed: self.seed,
+            pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
+            views: self.views as usize,
+            repeats: self.repeats as usize,
+        })
+    }
+
+    async fn of_model(&self, name: &str) -> anyhow::Result<Tradeoff> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(name).await?;
+        let spec = EvaluateSpec {
+            model: model.name,
+            image_size: self.size.unwrap_or(0),
+            tradeoff: Some(TradeoffSpec {
+                views: self.views,
+                repeats: self.repeats,
+            }),
+            ..EvaluateSpec::default()
+        };
+        let job = client.evaluate(spec).await?;
+        let mut display = ProgressDisplay::new(model.display_name.clone());
+        let job = client
+            .wait_for_job(&job.name, |job| display.job(job))
+            .await?;
+        let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
+            anyhow::bail!("{} has no figures", job.name);
+        };
+        display.finish(&format!("kept with {}", result.checkpoint));
+        let json = client.get_tradeoff(&result.checkpoint).await?;
+        let curve = Curve::from_json(&json)
+            .with_context(|| format!("the trade-off of {}", result.checkpoint))?;
+        Ok(Tradeoff::of_model(&model.display_name, curve))
+    }
+}

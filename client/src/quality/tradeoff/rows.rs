@@ -1,0 +1,134 @@
+//! The figures as `tradeoff.csv`, and the front of them in words.
+
+use super::{Tradeoff, Trained};
+use std::collections::HashSet;
+use yoto_avatar::tradeoff::pareto::front;
+use yoto_avatar::tradeoff::{Curve, Point};
+
+/// Columns; a row has those of its side, the others are empty.
+const COLUMNS: &str = "side,tier,front,seconds,psnr,ssim,psnr_novel_pose,ssim_novel_pose,\
+psnr_to_full,budget_seconds,steps,parameters,checkpoint_bytes,peak_memory_bytes,samples,epsilon,\
+scale,rays";
+
+/// Every training and every render setting, a row each.
+pub(super) fn csv(tradeoff: &Tradeoff) -> String {
+    let mut text = format!("{COLUMNS}\n");
+    let best = training_front(&tradeoff.training);
+    for (i, it) in tradeoff.training.iter().enumerate() {
+        let (view, pose) = (&it.scores.novel_view, &it.scores.novel_pose);
+        let memory = it
+            .peak_memory_bytes
+            .map_or_else(String::new, |bytes| bytes.to_string());
+        text += &format!(
+            "training,{},{},{:.3},{:.4},{:.5},{:.4},{:.5},,{},{},{},{},{memory},,,,\n",
+            it.tier,
+            u8::from(best.contains(&i)),
+            it.train_seconds,
+            view.psnr,
+            view.ssim,
+            pose.psnr,
+            pose.ssim,
+            it.budget_seconds,
+            it.steps,
+            it.parameters,
+            it.checkpoint_bytes,
+        );
+    }
+    for curve in &tradeoff.rendering {
+        let best = render_front(curve);
+        for (i, point) in curve.points.iter().enumerate() {
+            let psnr = point
+                .psnr
+                .map_or_else(String::new, |psnr| format!("{psnr:.4}"));
+            text += &format!(
+                "rendering,{},{},{:.6},{psnr},,,,{:.4},,,,,,{},{},{},{:.1}\n",
+                curve.tier,
+                u8::from(best.contains(&i)),
+                point.seconds,
+                point.psnr_to_full,
+                point.settings.samples,
+                point.settings.epsilon,
+                point.settings.scale,
+                curve.rays,
+            );
+        }
+    }
+    text
+}
+
+/// Places of the trainings that no other beats in seconds and PSNR.
+pub(super) fn training_front(training: &[Trained]) -> HashSet<usize> {
+    let place = |it: &Trained| (it.train_seconds, it.scores.novel_view.psnr);
+    front(training, place).into_iter().collect()
+}
+
+/// Places of the settings that no other beats in seconds and fidelity.
+pub(super) fn render_front(curve: &Curve) -> HashSet<usize> {
+    let place = |it: &Point| (it.seconds, it.fidelity());
+    front(&curve.points, place).into_iter().collect()
+}
+
+/// What settings are called in a plot: samples a ray, likelihood bound, share of the resolution.
+pub(super) fn settings(point: &Point) -> String {
+    format!(
+        "{} · {} · {:.0}%",
+        point.settings.samples,
+        point.settings.epsilon,
+        100.0 * point.settings.scale
+    )
+}
+
+/// The fronts of all curves, and how well predictions for other sizes did, for people.
+pub fn summary(tradeoff: &Tradeoff) -> String {
+    let mut lines = Vec::new();
+    for it in &tradeoff.training {
+        let memory = it.peak_memory_bytes.map_or_else(
+            || "memory not measured".to_owned(),
+            |bytes| format!("{:.0} MB resident", bytes as f64 / 1e6),
+        );
+        lines.push(format!(
+            "trained   {:<9} {:>7.1} s  {:>6.2} dB views, {:>6.2} dB poses  SSIM {:.4}  {} steps, \
+             {:.1} MB a checkpoint, {memory}",
+            it.tier,
+            it.train_seconds,
+            it.scores.novel_view.psnr,
+            it.scores.novel_pose.psnr,
+            it.scores.novel_view.ssim,
+            it.steps,
+            it.checkpoint_bytes as f64 / 1e6,
+        ));
+    }
+    for curve in &tradeoff.rendering {
+        let best = render_front(curve);
+        let mut kept: Vec<&Point> = curve
+            .points
+            .iter()
+            .enumerate()
+            .filter_map(|(i, point)| (i == 0 || best.contains(&i)).then_some(point))
+            .collect();
+        kept.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+        for point in kept {
+            let psnr = point
+                .psnr
+                .map_or_else(|| "-".into(), |it| format!("{it:.2} dB"));
+            lines.push(format!(
+                "rendered  {:<9} {:>7.4} s  {psnr:>9}  {:>6.2} dB to full  {}",
+                curve.tier,
+                point.seconds,
+                point.psnr_to_full,
+                settings(point)
+            ));
+        }
+        for check in &curve.checks {
+            lines.push(format!(
+                "predicted {:<9} {:>7.4} s, measured {:.4} s ({:+.0} %) with {:.2} times the rays",
+                curve.tier,
+                check.predicted,
+                check.measured,
+                100.0 * (check.predicted / check.measured - 1.0),
+                check.rays / curve.rays
+            ));
+        }
+    }
+    lines.join("\n")
+}

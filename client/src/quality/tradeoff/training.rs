@@ -1,0 +1,104 @@
+//! One tier, one budget: training and measuring.
+
+use super::super::captures::{Recording, Split};
+use super::super::{checkpoint_bytes, lpips, measure, shown, train_options};
+use super::{TradeoffOptions, Trained, memory};
+use crate::progress::ProgressDisplay;
+use crate::report::{SplitScores, SubjectScore};
+use anyhow::Context;
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::evaluate::{Examiner, Protocol, Score};
+use yoto_avatar::render::Renderer;
+use yoto_avatar::train::{Budget, Trainer};
+use yoto_proto::v1::Progress;
+use yoto_worker::PickedDevice;
+
+/// The variant that tiers are compared with.
+const VARIANT: &str = "yoto";
+
+/// What stays the same from one training to the next.
+pub(super) struct Bench<'a> {
+    pub options: &'a TradeoffOptions,
+    pub protocol: &'static Protocol,
+    pub recordings: &'a [Recording],
+    pub picked: &'a PickedDevice,
+}
+
+impl Bench<'_> {
+    /// Trains `tier` for `seconds`; what it reached, and the model.
+    pub(super) fn train(
+        &mut self,
+        tier: &str,
+        seconds: f64,
+    ) -> anyhow::Result<(Trained, Renderer)> {
+        let config = ModelConfig::named(tier, VARIANT)?;
+        let counted = memory::reset_peak();
+        if let Err(error) = &counted {
+            eprintln!("peak memory is not measured: /proc/self/clear_refs: {error}");
+        }
+        let people = self.recordings.iter().enumerate();
+        let people = people.map(|(slot, recording)| recording.person(slot));
+        let budget = Budget::Seconds(seconds);
+        let options = train_options(budget, self.options.size, self.options.seed);
+        let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
+        let mut display = ProgressDisplay::new(format!("training, {tier}, {seconds} s"));
+        while !trainer.finished() {
+            trainer.step().context("a training step")?;
+            display.progress(&shown(&trainer.progress(), "training", None));
+        }
+        let peak_memory_bytes = counted.ok().and_then(|()| memory::peak());
+        let progress = trainer.progress();
+        let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(self.picked)?);
+        let mut subjects = Vec::new();
+        for (slot, recording) in self.recordings.iter().enumerate() {
+            subjects.push(self.measure(&examiner, slot, recording, &mut display)?);
+        }
+        let scores = SplitScores::mean(&subjects);
+        let psnr = scores.novel_view.psnr;
+        display.finish(&format!("{} steps, {psnr:.2} dB", progress.step));
+        let trained = Trained {
+            tier: tier.to_owned(),
+            budget_seconds: seconds,
+            train_seconds: progress.train_seconds,
+            steps: progress.step,
+            parameters: trainer.parameters(),
+            checkpoint_bytes: checkpoint_bytes(&trainer)?,
+            peak_memory_bytes,
+            objective: progress.objective.to_owned(),
+            scores,
+        };
+        Ok((trained, examiner.into_renderer()))
+    }
+
+    fn measure(
+        &self,
+        examiner: &Examiner,
+        slot: usize,
+        recording: &Recording,
+        display: &mut ProgressDisplay,
+    ) -> anyhow::Result<SubjectScore> {
+        let mut score = |split: Split| -> anyhow::Result<Score> {
+            let pictures = self.options.pictures;
+            let of = recording.subset(split, pictures).count();
+            let mut done = 0;
+            measure::person(examiner, slot, recording, split, pictures, |_, _| {
+                done += 1;
+                display.progress(&Progress {
+                    phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),
+                    fraction: done as f64 / of as f64,
+                    ..Progress::default()
+                });
+                Ok(())
+            })
+        };
+        let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
+        Ok(SubjectScore {
+            name: recording.name.clone(),
+            scores: SplitScores {
+                novel_view,
+                novel_pose,
+            },
+            black_image_psnr: novel_view.black_psnr,
+        })
+    }
+}
