@@ -84,6 +84,7 @@ enum Command {
     Ablation(ablation::AblationCommand),
     #[cfg(feature = "embedded")]
     Bench(bench::Bench),
+    #[cfg(feature = "embedded")]
     Tradeoff(tradeoff::TradeoffCommand),
 }
 
@@ -137,6 +138,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Ablation(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Bench(command) => command.run(),
+        #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
     };
     // A computation that outlives its job must not keep the process from ending.

@@ -175,10 +175,13 @@ fn kept(choice: &RenderChoice) -> String {
         None => "no picture has a truth to compare with".to_owned(),
     };
     format!(
-        "chosen: {} samples a ray, likelihood bound {}, {:.0} % of the resolution\n\
+        "chosen: {} samples a ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
+         resolution\n\
          promised {:.4} s a frame and {} (on {}); took {:.4} s a frame, {seen}",
         settings.samples,
         settings.epsilon,
+        settings.min_transmittance,
+        if settings.bf16 { "bf16" } else { "f32" },
         100.0 * settings.scale,
         choice.predicted_seconds_per_frame,
         decibels(choice.predicted_psnr),

@@ -12,7 +12,7 @@ use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 
 const AFTER_HELP: &str = "\
 With --model the service renders held-out frames of a trained model with many settings
-(samples a ray, likelihood bound, resolution) and keeps what they cost and give with the
+(samples a ray, resolution, likelihood bound, early stop, precision) and keeps what they cost and give with the
 model's newest checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality`
 are answered from that. With --capture this process trains every tier with every budget,
 measures each on held-out views and poses, and sweeps over render settings of the longest

@@ -1,7 +1,7 @@
 //! The whole model: everybody's shared networks and each identity's own numbers.
 
 use crate::camera::Pose;
-use crate::config::{Encoding, ModelConfig, Numerics, Variant};
+use crate::config::{Encoding, ModelConfig, Numerics, Precision, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
 use crate::identity::pose_condition::PoseCondition;
@@ -211,6 +211,12 @@ impl Avatar {
             body.hash.as_ref(),
             posed.code.clone(),
         )
+    }
+
+    /// Lets the fields' networks multiply in `precision` from now on.
+    pub(crate) fn set_precision(&mut self, precision: Precision) {
+        self.non_rigid.set_precision(precision);
+        self.canonical.set_precision(precision);
     }
 
     /// Parameters and bytes of each part, in the order of the data's way through the model; a

@@ -4,7 +4,7 @@ use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::camera::{Camera, Pose};
 use yoto_avatar::capture::ShardBuilder;
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::render::{RenderError, RenderSettings, RenderView, Renderer};
 use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::tradeoff::{
@@ -83,7 +83,7 @@ fn run(
 fn a_sweep_measures_what_settings_give_up() {
     let (mut renderer, views) = trained();
     let own = renderer.settings();
-    let settings = Axes::around(&own).settings();
+    let settings = Axes::around(&own, &renderer.precisions()).settings();
     let mut heard = Vec::new();
     let curve = sweep(
         &mut renderer,
@@ -113,6 +113,19 @@ fn a_sweep_measures_what_settings_give_up() {
         samples: own.samples / 4,
         ..own
     });
+    for change in [
+        RenderSettings {
+            min_transmittance: 0.05,
+            ..own
+        },
+        RenderSettings {
+            precision: Precision::Bf16,
+            ..own
+        },
+    ] {
+        let near = find(change);
+        assert!((30.0..100.0).contains(&near.psnr_to_full), "{near:?}");
+    }
     for (name, point) in [("half the size", half), ("few samples", few)] {
         assert!(
             (15.0..60.0).contains(&point.psnr_to_full),

@@ -67,7 +67,7 @@ fn rendering(tradeoff: &Tradeoff) -> Plot {
             tradeoff.size
         ),
         subtitle: format!(
-            "Labels: samples a ray · likelihood bound · resolution. {}",
+            "Labels: samples a ray · resolution · likelihood bound · least light · precision. {}",
             tradeoff.machine.device
         ),
         cost: "seconds a frame".into(),

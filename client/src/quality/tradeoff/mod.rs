@@ -124,7 +124,7 @@ pub fn run(options: &TradeoffOptions) -> anyhow::Result<Tradeoff> {
         if let Some(mut renderer) = longest {
             let views = views(&recordings, options.views);
             let sweep = SweepOptions {
-                settings: Axes::around(&renderer.settings()).settings(),
+                settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
                 repeats: options.repeats,
                 machine: machine.clone(),
                 unix_seconds,

@@ -2,13 +2,14 @@
 
 use super::{Tradeoff, Trained};
 use std::collections::HashSet;
+use yoto_avatar::config::Precision;
 use yoto_avatar::tradeoff::pareto::front;
 use yoto_avatar::tradeoff::{Curve, Point};
 
 /// Columns; a row has those of its side, the others are empty.
 const COLUMNS: &str = "side,tier,front,seconds,psnr,ssim,psnr_novel_pose,ssim_novel_pose,\
 psnr_to_full,budget_seconds,steps,parameters,checkpoint_bytes,peak_memory_bytes,samples,epsilon,\
-scale,rays";
+min_transmittance,precision,scale,rays";
 
 /// Every training and every render setting, a row each.
 pub(super) fn csv(tradeoff: &Tradeoff) -> String {
@@ -20,7 +21,7 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
             .peak_memory_bytes
             .map_or_else(String::new, |bytes| bytes.to_string());
         text += &format!(
-            "training,{},{},{:.3},{:.4},{:.5},{:.4},{:.5},,{},{},{},{},{memory},,,,\n",
+            "training,{},{},{:.3},{:.4},{:.5},{:.4},{:.5},,{},{},{},{},{memory},,,,,,\n",
             it.tier,
             u8::from(best.contains(&i)),
             it.train_seconds,
@@ -41,13 +42,15 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
                 .psnr
                 .map_or_else(String::new, |psnr| format!("{psnr:.4}"));
             text += &format!(
-                "rendering,{},{},{:.6},{psnr},,,,{:.4},,,,,,{},{},{},{:.1}\n",
+                "rendering,{},{},{:.6},{psnr},,,,{:.4},,,,,,{},{},{},{},{},{:.1}\n",
                 curve.tier,
                 u8::from(best.contains(&i)),
                 point.seconds,
                 point.psnr_to_full,
                 point.settings.samples,
                 point.settings.epsilon,
+                point.settings.min_transmittance,
+                precision(point.settings.precision),
                 point.settings.scale,
                 curve.rays,
             );
@@ -68,13 +71,24 @@ pub(super) fn render_front(curve: &Curve) -> HashSet<usize> {
     front(&curve.points, place).into_iter().collect()
 }
 
-/// What settings are called in a plot: samples a ray, likelihood bound, share of the resolution.
+fn precision(precision: Precision) -> &'static str {
+    match precision {
+        Precision::F32 => "f32",
+        Precision::Bf16 => "bf16",
+    }
+}
+
+/// What settings are called in a plot: samples a ray, share of the resolution, likelihood bound,
+/// least light, precision.
 pub(super) fn settings(point: &Point) -> String {
+    let it = &point.settings;
     format!(
-        "{} · {} · {:.0}%",
-        point.settings.samples,
-        point.settings.epsilon,
-        100.0 * point.settings.scale
+        "{} · {:.0}% · {} · {} · {}",
+        it.samples,
+        100.0 * it.scale,
+        it.epsilon,
+        it.min_transmittance,
+        precision(it.precision)
     )
 }
 

@@ -30,6 +30,11 @@ pub struct FieldValues {
 const TABLE_BOUND: f64 = 1e-4;
 
 impl Canonical {
+    /// Multiplies in `precision` from now on.
+    pub(crate) fn set_precision(&mut self, precision: Precision) {
+        self.mlp.set_precision(precision);
+    }
+
     pub(crate) fn new(
         init: &Initial,
         config: &CanonicalConfig,

@@ -103,6 +103,11 @@ impl Layer {
 }
 
 impl Mlp {
+    /// Multiplies in `precision` from now on; the parameters stay as they are.
+    pub(crate) fn set_precision(&mut self, precision: Precision) {
+        self.precision = precision;
+    }
+
     /// Weights as [`MlpShape`] says, biases 0.
     pub(crate) fn new(init: &Initial, shape: &MlpShape) -> Self {
         let code = |layer: usize| {

@@ -18,6 +18,11 @@ pub struct NonRigid {
 const OUTPUT_BOUND: f64 = 1e-5;
 
 impl NonRigid {
+    /// Multiplies in `precision` from now on.
+    pub(crate) fn set_precision(&mut self, precision: Precision) {
+        self.mlp.set_precision(precision);
+    }
+
     pub(crate) fn new(
         init: &Initial,
         config: &NonRigidConfig,

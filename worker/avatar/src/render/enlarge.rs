@@ -20,6 +20,7 @@ pub(super) fn enlarge(
     Ok(Rendered {
         width,
         height,
+        counts: frame.counts,
         rgb: resized::<Rgb<f32>>(frame.rgb.clone(), from, (width, height))?,
         alpha: resized::<Luma<f32>>(frame.alpha.clone(), from, (width, height))?,
         depth: depth.into_iter().map(|z| z * unit).collect(),
@@ -42,6 +43,7 @@ fn resized<P: Pixel<Subpixel = f32> + 'static>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::SampleCounts;
 
     #[test]
     fn colours_stay_and_metres_are_not_clamped() {
@@ -51,6 +53,7 @@ mod tests {
             rgb: [0.25, 0.5, 0.75].repeat(6),
             alpha: vec![1.0; 6],
             depth: vec![3.5; 6],
+            counts: SampleCounts::default(),
         };
         let large = enlarge(&small, 4, 6).expect("enlarges");
         assert_eq!((large.width, large.height), (4, 6));
@@ -77,6 +80,7 @@ mod tests {
             rgb: vec![0.0; 3],
             alpha: vec![0.0],
             depth: vec![0.0],
+            counts: SampleCounts::default(),
         };
         let large = enlarge(&small, 3, 3).expect("enlarges");
         assert!(large.depth.iter().chain(&large.rgb).all(|v| *v == 0.0));

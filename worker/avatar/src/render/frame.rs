@@ -8,9 +8,10 @@ use super::rays::{BodyView, Ray};
 use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
 use crate::camera::{Camera, Pose};
-use crate::config::{ModelConfig, Numerics};
+use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
 use crate::ops::composite::{Light, cpu::opacity};
+use crate::ops::mlp::check_device;
 use crate::skeleton::{Skeleton, SkeletonError};
 use burn::tensor::{ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
@@ -160,9 +161,23 @@ impl Renderer {
     /// As there; the settings stay as they were.
     pub fn set(&mut self, settings: &RenderSettings) -> Result<(), RenderError> {
         settings.check()?;
+        if let Some(body) = self.bodies.iter().flatten().next() {
+            check_device(settings.precision, &body.log_prior.device())?;
+        }
         settings.apply(&mut self.config);
+        self.avatar.set_precision(settings.precision);
         self.settings = *settings;
         Ok(())
+    }
+
+    /// What the networks can multiply in on this renderer's device.
+    pub fn precisions(&self) -> Vec<Precision> {
+        let runs = |precision: &Precision| {
+            let mut bodies = self.bodies.iter().flatten();
+            bodies.all(|body| check_device(*precision, &body.log_prior.device()).is_ok())
+        };
+        let all = [Precision::F32, Precision::Bf16];
+        all.into_iter().filter(runs).collect()
     }
 
     /// What frames are rendered with now.

@@ -2,7 +2,7 @@
 //! trade seconds for fidelity without training anything anew.
 
 use super::RenderError;
-use crate::config::{ConfigError, ModelConfig};
+use crate::config::{ConfigError, ModelConfig, Precision};
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1;
 
@@ -18,6 +18,12 @@ pub struct RenderSettings {
     pub samples: usize,
     /// A sample with a foreground likelihood under this is not evaluated.
     pub epsilon: f32,
+    /// A ray ends where less light than this comes through; 0: none does.
+    #[serde(default)]
+    pub min_transmittance: f32,
+    /// What the fields' networks multiply in.
+    #[serde(default)]
+    pub precision: Precision,
     /// Share of the frame's width and height that is rendered, (0, 1]; the result is brought
     /// back to full size, so that frames of all scales compare.
     #[serde(default = "whole")]
@@ -34,6 +40,8 @@ impl RenderSettings {
         Self {
             samples: config.march.samples,
             epsilon: config.march.epsilon,
+            min_transmittance: config.march.min_transmittance,
+            precision: config.precision,
             scale: whole(),
         }
     }
@@ -53,6 +61,9 @@ impl RenderSettings {
         if !(0.0..1.0).contains(&self.epsilon) {
             return fail("settings.epsilon", "must be in [0, 1)");
         }
+        if !(0.0..1.0).contains(&self.min_transmittance) {
+            return fail("settings.min_transmittance", "must be in [0, 1)");
+        }
         if !(SMALLEST_SCALE..=1.0).contains(&self.scale) {
             return fail("settings.scale", "must be 0.05 to 1");
         }
@@ -63,6 +74,8 @@ impl RenderSettings {
     pub(super) fn apply(&self, config: &mut ModelConfig) {
         config.march.samples = self.samples;
         config.march.epsilon = self.epsilon;
+        config.march.min_transmittance = self.min_transmittance;
+        config.precision = self.precision;
     }
 
     /// The size that is rendered for a frame of `width` by `height` pixels.
@@ -78,6 +91,8 @@ impl From<&RenderSettings> for v1::RenderSettings {
             // Checked settings have at most 4096.
             samples: u32::try_from(settings.samples).unwrap_or(u32::MAX),
             epsilon: settings.epsilon,
+            min_transmittance: settings.min_transmittance,
+            bf16: settings.precision == Precision::Bf16,
             scale: settings.scale,
         }
     }
@@ -99,7 +114,15 @@ mod tests {
         let own = RenderSettings::of(&config);
         assert_eq!(own.check(), Ok(()));
         type Change = fn(&mut RenderSettings);
-        let cases: [(Change, &str); 6] = [
+        let cases: [(Change, &str); 8] = [
+            (
+                |it| it.min_transmittance = 1.0,
+                "settings.min_transmittance",
+            ),
+            (
+                |it| it.min_transmittance = f32::NAN,
+                "settings.min_transmittance",
+            ),
             (|it| it.samples = 1, "settings.samples"),
             (|it| it.epsilon = 1.0, "settings.epsilon"),
             (|it| it.epsilon = f32::NAN, "settings.epsilon"),

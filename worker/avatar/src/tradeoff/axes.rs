@@ -1,12 +1,15 @@
 //! Which settings are tried, as data: an axis is a list of values, and every combination is
 //! measured.
 
+use crate::config::Precision;
 use crate::render::RenderSettings;
 
 /// Shares of a model's own samples a ray.
 const SAMPLES: &[f64] = &[1.0, 0.75, 0.5, 0.25];
 /// Likelihoods beside the model's own under which a sample is left out (model.md §11).
-const EPSILONS: &[f32] = &[1e-2, 5e-2];
+const EPSILONS: &[f32] = &[3e-2];
+/// Shares of light beside the model's own under which a ray ends.
+const TRANSMITTANCES: &[f32] = &[5e-2];
 /// Shares of the resolution.
 const SCALES: &[f32] = &[1.0, 0.75, 0.5];
 /// Fewest samples a ray worth trying.
@@ -19,44 +22,67 @@ pub struct Axes {
     pub samples: Vec<usize>,
     /// Least foreground likelihood.
     pub epsilon: Vec<f32>,
+    /// Least light that lets a ray go on.
+    pub min_transmittance: Vec<f32>,
+    /// What the networks multiply in.
+    pub precision: Vec<Precision>,
     /// Shares of the resolution.
     pub scale: Vec<f32>,
 }
 
 impl Axes {
-    /// The values worth trying around a model's own settings: cheaper ones only.
-    pub fn around(own: &RenderSettings) -> Self {
+    /// The values worth trying around a model's own settings: cheaper ones only, and of
+    /// `precisions` those that its device runs ([`crate::render::Renderer::precisions`]).
+    pub fn around(own: &RenderSettings, precisions: &[Precision]) -> Self {
         let samples = SAMPLES.iter().map(|share| {
             let fewer = (own.samples as f64 * share).round() as usize;
             fewer.max(FEWEST_SAMPLES).min(own.samples)
         });
-        let coarser = EPSILONS
-            .iter()
-            .copied()
-            .filter(|value| *value > own.epsilon);
+        let bounds = |own: f32, others: &[f32]| {
+            let coarser = others.iter().copied().filter(|value| *value > own);
+            distinct(std::iter::once(own).chain(coarser))
+        };
+        let others = precisions.iter().copied();
         Self {
             samples: distinct(samples),
-            epsilon: distinct(std::iter::once(own.epsilon).chain(coarser)),
+            epsilon: bounds(own.epsilon, EPSILONS),
+            min_transmittance: bounds(own.min_transmittance, TRANSMITTANCES),
+            precision: distinct(std::iter::once(own.precision).chain(others)),
             scale: distinct(SCALES.iter().copied()),
         }
     }
 
     /// Every combination; the model's own settings come first.
     pub fn settings(&self) -> Vec<RenderSettings> {
-        let mut all = Vec::new();
-        for &samples in &self.samples {
-            for &epsilon in &self.epsilon {
-                for &scale in &self.scale {
-                    all.push(RenderSettings {
-                        samples,
-                        epsilon,
-                        scale,
-                    });
-                }
-            }
-        }
-        all
+        let all = self.samples.iter().map(|&samples| RenderSettings {
+            samples,
+            epsilon: 0.0,
+            min_transmittance: 0.0,
+            precision: Precision::F32,
+            scale: 1.0,
+        });
+        let all = each(all, &self.epsilon, |it, value| it.epsilon = value);
+        let all = each(all, &self.min_transmittance, |it, value| {
+            it.min_transmittance = value;
+        });
+        let all = each(all, &self.precision, |it, value| it.precision = value);
+        each(all, &self.scale, |it, value| it.scale = value)
     }
+}
+
+/// All settings with each of an axis's values.
+fn each<T: Copy>(
+    all: impl IntoIterator<Item = RenderSettings>,
+    values: &[T],
+    set: fn(&mut RenderSettings, T),
+) -> Vec<RenderSettings> {
+    let with = |mut settings: RenderSettings, value: T| {
+        set(&mut settings, value);
+        settings
+    };
+    all.into_iter()
+        .flat_map(|it| values.iter().map(move |value| with(it, *value)))
+        .collect()
 }
 
 fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
@@ -77,14 +103,17 @@ mod tests {
         RenderSettings {
             samples,
             epsilon: 1e-4,
+            min_transmittance: 1e-3,
+            precision: Precision::F32,
             scale: 1.0,
         }
     }
 
     #[test]
     fn every_combination_is_tried_once_and_the_model_s_own_first() {
-        let settings = Axes::around(&own(64)).settings();
-        assert_eq!(settings.len(), 4 * 3 * 3);
+        let both = [Precision::F32, Precision::Bf16];
+        let settings = Axes::around(&own(64), &both).settings();
+        assert_eq!(settings.len(), 4 * 2 * 2 * 2 * 3);
         assert_eq!(settings[0], own(64));
         for (i, one) in settings.iter().enumerate() {
             assert!(!settings[..i].contains(one), "{one:?} twice");
@@ -94,15 +123,19 @@ mod tests {
 
     #[test]
     fn nothing_dearer_than_the_model_itself_is_tried() {
-        let few = Axes::around(&own(8));
+        let few = Axes::around(&own(8), &[Precision::F32]);
+        assert_eq!(few.precision, [Precision::F32]);
         assert_eq!(few.samples, [8]);
-        let coarse = Axes::around(&RenderSettings {
+        let coarser = RenderSettings {
             epsilon: 0.02,
+            min_transmittance: 0.1,
             ..own(4)
-        });
+        };
+        let coarse = Axes::around(&coarser, &[Precision::F32]);
+        assert_eq!(coarse.min_transmittance, [0.1]);
         assert_eq!(
             (coarse.samples, coarse.epsilon),
-            (vec![4], vec![0.02, 0.05])
+            (vec![4], vec![0.02, 0.03])
         );
     }
 }

@@ -166,6 +166,7 @@ impl Curve {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::config::Precision;
 
     /// A point with `samples` a ray.
     pub(crate) fn point(samples: usize, seconds: f64, psnr: Option<f64>) -> Point {
@@ -173,6 +174,8 @@ pub(super) mod tests {
             settings: RenderSettings {
                 samples,
                 epsilon: 1e-4,
+                min_transmittance: 1e-3,
+                precision: Precision::F32,
                 scale: 1.0,
             },
             seconds,

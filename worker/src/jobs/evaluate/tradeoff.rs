@@ -30,7 +30,7 @@ pub(super) fn measure(
         asked => asked as usize,
     };
     let options = SweepOptions {
-        settings: Axes::around(&renderer.settings()).settings(),
+        settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
         repeats: or(wanted.repeats, REPEATS),
         machine: context.device.machine(),
         unix_seconds: SystemTime::now()

@@ -104,6 +104,7 @@ fn mean_rays(renderer: &Renderer, views: &[RenderView]) -> Result<f64, JobFailur
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yoto_avatar::config::Precision;
 
     #[test]
     fn what_came_true_stands_beside_the_promise() {
@@ -112,6 +113,8 @@ mod tests {
                 settings: RenderSettings {
                     samples: 32,
                     epsilon: 0.01,
+                    min_transmittance: 0.05,
+                    precision: Precision::Bf16,
                     scale: 0.5,
                 },
                 predicted_seconds: 0.25,
@@ -126,6 +129,7 @@ mod tests {
         assert_eq!(known.predicted_seconds_per_frame, 0.25);
         let settings = known.settings.expect("says them");
         assert_eq!((settings.samples, settings.scale), (32, 0.5));
+        assert!(settings.bf16 && settings.min_transmittance == 0.05);
         let unknown = promise.came_true(0.3, &[]);
         assert_eq!((unknown.psnr, unknown.pictures_with_truth), (None, 0));
         assert_eq!(unknown.predicted_psnr, Some(30.0));
