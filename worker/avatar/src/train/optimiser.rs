@@ -3,7 +3,10 @@
 use crate::config::OptimiseConfig;
 use crate::ops::adam::{AdamRates, update};
 use burn::module::ParamGroup;
-use burn::optim::{AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer};
+use burn::optim::{
+    AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer, RecordState,
+    StateSink, StateSource,
+};
 use burn::tensor::{Device, Tensor};
 
 const BETA_1: f64 = 0.9;
@@ -11,15 +14,30 @@ const BETA_2: f64 = 0.999;
 /// Burn's default is 1e-5; the paper's is this.
 const EPSILON: f64 = 1e-8;
 
-/// Adam whose rate is the step's rate times its own. Its state is that of Burn's Adam, so that
-/// Burn saves and loads it.
+/// Adam whose rate is the step's rate times its own.
 #[derive(Clone, Debug)]
 struct ScaledAdam {
     scale: f64,
 }
 
+/// The state of Burn's Adam, so that Burn saves and loads it, but loaded into CPU memory: Burn
+/// would load it on its default device, a GPU as soon as one is compiled in, be it there or
+/// not. The next step takes it to its parameter's device either way.
+#[derive(Clone)]
+struct Moments<const D: usize>(AdamState<D>);
+
+impl<const D: usize> RecordState for Moments<D> {
+    fn state_flatten(&self, prefix: &str, out: &mut StateSink) {
+        self.0.state_flatten(prefix, out);
+    }
+
+    fn state_unflatten(prefix: &str, source: &mut StateSource, _: &Device) -> Option<Self> {
+        AdamState::state_unflatten(prefix, source, &Device::flex()).map(Self)
+    }
+}
+
 impl Optimizer for ScaledAdam {
-    type State<const D: usize> = AdamState<D>;
+    type State<const D: usize> = Moments<D>;
 
     fn step<const D: usize>(
         &self,
@@ -29,7 +47,7 @@ impl Optimizer for ScaledAdam {
         state: Option<Self::State<D>>,
     ) -> (Tensor<D>, Option<Self::State<D>>) {
         let (time, moment_1, moment_2) = match state {
-            Some(AdamState { momentum }) => {
+            Some(Moments(AdamState { momentum })) => {
                 (momentum.time + 1, momentum.moment_1, momentum.moment_2)
             }
             None => (1, tensor.zeros_like(), tensor.zeros_like()),
@@ -38,15 +56,15 @@ impl Optimizer for ScaledAdam {
         let (tensor, moment_1, moment_2) = update(tensor, grad, moment_1, moment_2, rates);
         (
             tensor,
-            Some(AdamState::new(AdaptiveMomentumState::new(
+            Some(Moments(AdamState::new(AdaptiveMomentumState::new(
                 time, moment_1, moment_2,
-            ))),
+            )))),
         )
     }
 
     fn to_device<const D: usize>(mut state: Self::State<D>, device: &Device) -> Self::State<D> {
-        state.momentum.moment_1 = state.momentum.moment_1.to_device(device);
-        state.momentum.moment_2 = state.momentum.moment_2.to_device(device);
+        state.0.momentum.moment_1 = state.0.momentum.moment_1.to_device(device);
+        state.0.momentum.moment_2 = state.0.momentum.moment_2.to_device(device);
         state
     }
 }
