@@ -127,27 +127,32 @@ impl Guard {
     }
 }
 
-struct FiniteCheck<'a> {
+/// The sum of all gradients' magnitudes, left on the device: reading it is a wait for the
+/// device, which a GPU should have once a step and not once a parameter.
+struct Magnitude<'a> {
     grads: &'a GradientsParams,
-    finite: bool,
+    sum: Option<Tensor<1>>,
 }
 
-impl ModuleVisitor for FiniteCheck<'_> {
+impl ModuleVisitor for Magnitude<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(grad) = self.grads.get::<D>(param.id) {
-            // A sum is finite only when every term is; overflow of finite terms also counts.
-            self.finite &= grad.abs().sum().into_scalar::<f32>().is_finite();
+            let sum = grad.abs().sum();
+            self.sum = Some(match self.sum.take() {
+                Some(others) => others + sum,
+                None => sum,
+            });
         }
     }
 }
 
 fn gradients_finite(avatar: &Avatar, grads: &GradientsParams) -> bool {
-    let mut check = FiniteCheck {
-        grads,
-        finite: true,
-    };
-    avatar.visit(&mut check);
-    check.finite
+    let mut magnitude = Magnitude { grads, sum: None };
+    avatar.visit(&mut magnitude);
+    // A sum is finite only when every term is; overflow of finite terms also counts.
+    magnitude
+        .sum
+        .is_none_or(|sum| sum.into_scalar::<f32>().is_finite())
 }
 
 #[cfg(test)]
