@@ -2,11 +2,11 @@
 //! program's data preparation, plain JSON, or the skeleton of a capture.
 
 use super::ImportError;
-use super::pickle::{self, Value};
 use crate::skeleton::Vec3;
 pub(super) use crate::skeleton::smpl::JOINTS as SMPL;
 use serde_json::Value as Json;
 use std::path::Path;
+use yoto_formats::{Value, pickle};
 use yoto_proto::pose_track::MAX_METRES;
 
 /// Largest file that is read, bytes: 24 joints take under a thousandth.
@@ -78,13 +78,12 @@ fn positions(json: Option<&Json>, field: &str) -> Result<Vec<Vec3>, String> {
 
 fn from_pickle(value: &Value) -> Result<Vec<Vec3>, String> {
     let joints = value.get("joints").unwrap_or(value);
-    let (shape, numbers) = joints
+    let joints = joints
         .numbers()
         .ok_or("joints: neither an array nor lists of numbers")?;
-    match shape[..] {
-        [_, 3] => Ok(numbers.as_chunks::<3>().0.to_vec()),
-        _ => Err(format!("joints: shape {shape:?}, [24, 3] is needed")),
-    }
+    joints
+        .rows()
+        .ok_or_else(|| format!("joints: shape {:?}, [24, 3] is needed", joints.shape))
 }
 
 #[cfg(test)]

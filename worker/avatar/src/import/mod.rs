@@ -2,12 +2,10 @@
 
 pub mod humannerf;
 mod joints;
-mod pickle;
 mod tensors;
 
 pub use humannerf::{Imported, import_humannerf};
 pub use joints::read_canonical_joints;
-pub use pickle::PickleError;
 
 use crate::train::TrainError;
 use thiserror::Error;

@@ -1,16 +1,28 @@
-//! Reads the data of a pickle and nothing else: numbers, texts, lists, dictionaries and numpy
-//! arrays. A pickle is a program that may call anything; this reader calls nothing. Where a file
-//! names a function, only the few that numpy's arrays are written with are understood, as data.
+//! Reads the data of a pickle and nothing else: numbers, texts, lists, dictionaries, numpy
+//! arrays, and the fields of scipy's sparse matrices and chumpy's variables. A pickle is a program
+//! that may call anything; this reader calls nothing. Where a file names a function, only the few
+//! that such data is written with are understood, as descriptions. Protocols 0 to 5, of Python 2
+//! and 3.
 
+mod execute;
 mod machine;
 mod numpy;
+mod text;
+mod unfold;
 
+use crate::Value;
 use thiserror::Error;
 
 /// Deepest nesting that is followed.
 const MAX_DEPTH: usize = 32;
-/// Most values that a file may unfold to: shared parts count each time.
-const MAX_VALUES: usize = 1 << 20;
+/// Most parts that a file may build, before they are put together.
+const MAX_NODES: usize = 1 << 22;
+/// Most values that a file may unfold to: shared parts count each time, long texts several times.
+const MAX_VALUES: usize = 1 << 22;
+/// Most numbers in arrays that a file may unfold to: shared arrays count each time.
+const MAX_NUMBERS: usize = 1 << 26;
+/// Longest name of a function, class or type, bytes.
+const MAX_NAME: usize = 256;
 
 /// Why a pickle can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -19,7 +31,7 @@ pub enum PickleError {
     #[error("the pickle ends too early")]
     Truncated,
     /// An instruction that this reader has not.
-    #[error("the pickle has instruction 0x{0:02x}, which is not plain data (protocols 2 to 5)")]
+    #[error("the pickle has instruction 0x{0:02x}, which is not plain data")]
     Instruction(u8),
     /// A call of something that is no part of plain data.
     #[error("the pickle calls {0}, which is not plain data")]
@@ -27,81 +39,32 @@ pub enum PickleError {
     /// Instructions that don't fit each other, or numbers of a kind that is not known.
     #[error("the pickle is malformed: {0}")]
     Malformed(&'static str),
-    /// More than any list of joints can be.
+    /// More than any data of a capture or a body model can be.
     #[error("the pickle is nested too deeply or unfolds to too much")]
     TooLarge,
-}
-
-/// Plain data of a pickle.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
-    /// `None`, and all that is neither a number, text nor a collection.
-    Nothing,
-    /// A number or truth value.
-    Number(f64),
-    /// Text.
-    Text(String),
-    /// List or tuple.
-    List(Vec<Value>),
-    /// Keys and values.
-    Dict(Vec<(Value, Value)>),
-    /// A numpy array, rows first.
-    Array {
-        /// Extents.
-        shape: Vec<usize>,
-        /// Numbers.
-        values: Vec<f64>,
-    },
-}
-
-impl Value {
-    /// The value of a text key.
-    pub fn get(&self, key: &str) -> Option<&Value> {
-        let Self::Dict(entries) = self else {
-            return None;
-        };
-        entries
-            .iter()
-            .find(|(k, _)| matches!(k, Self::Text(text) if text == key))
-            .map(|(_, value)| value)
-    }
-
-    /// Shape and numbers of an array, or of lists in lists of equal lengths.
-    pub fn numbers(&self) -> Option<(Vec<usize>, Vec<f64>)> {
-        match self {
-            Self::Number(number) => Some((Vec::new(), vec![*number])),
-            Self::Array { shape, values } => Some((shape.clone(), values.clone())),
-            Self::List(items) => {
-                let mut inner: Option<Vec<usize>> = None;
-                let mut all = Vec::new();
-                for item in items {
-                    let (shape, values) = item.numbers()?;
-                    if inner.as_ref().is_some_and(|inner| *inner != shape) {
-                        return None;
-                    }
-                    inner = Some(shape);
-                    all.extend(values);
-                }
-                let mut shape = vec![items.len()];
-                shape.extend(inner.unwrap_or_default());
-                Some((shape, all))
-            }
-            _ => None,
-        }
-    }
 }
 
 /// The data in `bytes`.
 ///
 /// # Errors
 /// When they are no pickle of plain data.
-pub(super) fn read(bytes: &[u8]) -> Result<Value, PickleError> {
-    machine::Machine::new(bytes).run()
+pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
+    let mut machine = machine::Machine::new(bytes);
+    let root = machine.run()?;
+    machine.unfold(root)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Array;
+
+    fn array(shape: &[usize], values: &[f64]) -> Array {
+        Array {
+            shape: shape.to_vec(),
+            values: values.to_vec(),
+        }
+    }
 
     fn bytes(hex: &str) -> Vec<u8> {
         (0..hex.len() / 2)
@@ -124,12 +87,12 @@ mod tests {
         let value = read(&bytes(ARRAY)).expect("a pickle");
         let joints = value.get("joints").expect("the key");
         let expected: Vec<f64> = (0..6).map(f64::from).collect();
-        assert_eq!(joints.numbers(), Some((vec![2, 3], expected)));
+        assert_eq!(joints.numbers(), Some(array(&[2, 3], &expected)));
         // [[1, 2.5], [3, 4]], protocol 2.
         let lists = bytes("80025d7100285d7101284b01474004000000000000655d7102284b034b0465652e");
         assert_eq!(
             read(&lists).expect("lists").numbers(),
-            Some((vec![2, 2], vec![1.0, 2.5, 3.0, 4.0]))
+            Some(array(&[2, 2], &[1.0, 2.5, 3.0, 4.0]))
         );
     }
 

@@ -1,0 +1,106 @@
+//! Arrays of numbers.
+
+/// Numbers in a shape, the last axis fastest. Whatever type a file has them in, they are f64
+/// here: every number of up to 53 bits comes unharmed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Array {
+    /// Extents; empty for a single number.
+    pub shape: Vec<usize>,
+    /// As many numbers as the shape says.
+    pub values: Vec<f64>,
+}
+
+impl Array {
+    /// The numbers, if the shape is `shape` once axes of extent 1 are left out of both: files
+    /// of the same program have `[10]` here and `[1, 10]` there.
+    pub fn squeezed(&self, shape: &[usize]) -> Option<&[f64]> {
+        let kept = |shape: &[usize]| -> Vec<usize> {
+            shape.iter().copied().filter(|side| *side != 1).collect()
+        };
+        (kept(&self.shape) == kept(shape)).then_some(&self.values)
+    }
+
+    /// As [`Self::squeezed`], for a length that is known when the program is written.
+    pub fn fixed<const N: usize>(&self) -> Option<[f64; N]> {
+        self.squeezed(&[N])?.try_into().ok()
+    }
+
+    /// Rows of `N` numbers of an array `[any, N]`.
+    pub fn rows<const N: usize>(&self) -> Option<Vec<[f64; N]>> {
+        match self.shape[..] {
+            [_, columns] if columns == N => Some(self.values.as_chunks::<N>().0.to_vec()),
+            _ => None,
+        }
+    }
+
+    /// A matrix of `R` rows and `C` columns.
+    pub fn matrix<const R: usize, const C: usize>(&self) -> Option<[[f64; C]; R]> {
+        self.rows::<C>()?.try_into().ok()
+    }
+
+    /// Whether every number is one to compute with; else where the first is that is not.
+    pub fn not_finite(&self) -> Option<usize> {
+        self.values.iter().position(|value| !value.is_finite())
+    }
+}
+
+/// The product of `shape`, unless it is beyond any memory.
+pub(crate) fn count(shape: &[usize]) -> Option<usize> {
+    shape
+        .iter()
+        .try_fold(1usize, |product, side| product.checked_mul(*side))
+}
+
+/// Numbers that were written with the first axis fastest, with the last axis fastest.
+pub(crate) fn rows_first<T: Clone>(shape: &[usize], values: Vec<T>) -> Vec<T> {
+    if shape.len() < 2 || values.is_empty() {
+        return values;
+    }
+    let mut at = vec![0; shape.len()];
+    let mut sorted = Vec::with_capacity(values.len());
+    for _ in 0..values.len() {
+        let place = at
+            .iter()
+            .zip(shape)
+            .rev()
+            .fold(0, |place, (index, side)| place * side + index);
+        sorted.extend(values.get(place).cloned());
+        for (index, side) in at.iter_mut().zip(shape).rev() {
+            *index += 1;
+            if *index < *side {
+                break;
+            }
+            *index = 0;
+        }
+    }
+    sorted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_first_is_turned_for_any_number_of_axes() {
+        // numpy.arange(24).reshape(2, 3, 4) written with order "F".
+        let shape = [2, 3, 4];
+        let written: Vec<usize> = (0..24)
+            .map(|i| (i % 2) * 12 + (i / 2 % 3) * 4 + i / 6)
+            .collect();
+        assert_eq!(rows_first(&shape, written), (0..24).collect::<Vec<usize>>());
+        assert_eq!(rows_first(&[3], vec![1, 2, 3]), [1, 2, 3]);
+        assert!(rows_first(&[0, 4], Vec::<u8>::new()).is_empty());
+    }
+
+    #[test]
+    fn shapes_are_asked_for_without_single_axes() {
+        let array = Array {
+            shape: vec![1, 3],
+            values: vec![1.0, 2.0, 3.0],
+        };
+        assert_eq!(array.fixed::<3>(), Some([1.0, 2.0, 3.0]));
+        assert_eq!(array.fixed::<2>(), None);
+        assert_eq!(array.matrix::<1, 3>(), Some([[1.0, 2.0, 3.0]]));
+        assert_eq!(array.matrix::<3, 1>(), None);
+    }
+}

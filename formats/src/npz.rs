@@ -1,0 +1,111 @@
+//! `.npz`: several arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
+
+use crate::Value;
+use crate::npy::{self, NpyError};
+use std::io::{Cursor, Read};
+use thiserror::Error;
+use zip::ZipArchive;
+
+/// Most arrays in a file.
+const MAX_ARRAYS: usize = 4096;
+
+/// Why a `.npz` can't be read.
+#[derive(Debug, Error)]
+pub enum NpzError {
+    /// Not an archive, or a damaged one.
+    #[error("not a .npz archive: {0}")]
+    Archive(#[from] zip::result::ZipError),
+    /// An entry can't be unpacked.
+    #[error("{name}: {source}")]
+    Unpack {
+        /// Of the array.
+        name: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// An entry is no array.
+    #[error("{name}: {source}")]
+    Array {
+        /// Of the array.
+        name: String,
+        /// Why.
+        source: NpyError,
+    },
+    /// More than `limit` bytes or arrays: a few kilobytes can unpack to anything.
+    #[error("the archive unpacks to more than {0} bytes, or to thousands of arrays")]
+    TooLarge(u64),
+}
+
+/// The arrays of an archive, by name, as [`npy::read`] has them. At most `limit` bytes are
+/// unpacked.
+///
+/// # Errors
+/// When the bytes are no such archive, or unpack to more.
+pub fn read(bytes: &[u8], limit: u64) -> Result<Value, NpzError> {
+    let mut archive = ZipArchive::new(Cursor::new(bytes))?;
+    if archive.len() > MAX_ARRAYS {
+        return Err(NpzError::TooLarge(limit));
+    }
+    let mut left = limit;
+    let mut arrays = Vec::new();
+    for at in 0..archive.len() {
+        let entry = archive.by_index(at)?;
+        let name = entry.name()?.trim_end_matches(".npy").to_owned();
+        let mut data = Vec::new();
+        // What the archive says of its sizes may be a lie: only what comes out counts.
+        entry
+            .take(left + 1)
+            .read_to_end(&mut data)
+            .map_err(|source| NpzError::Unpack {
+                name: name.clone(),
+                source,
+            })?;
+        left = left
+            .checked_sub(data.len() as u64)
+            .ok_or(NpzError::TooLarge(limit))?;
+        let value = npy::read(&data).map_err(|source| NpzError::Array {
+            name: name.clone(),
+            source,
+        })?;
+        arrays.push((Value::Text(name), value));
+    }
+    Ok(Value::Dict(arrays))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use zip::CompressionMethod;
+    use zip::write::{SimpleFileOptions, ZipWriter};
+
+    fn archive(method: CompressionMethod, count: usize) -> Vec<u8> {
+        let header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({count},), }}");
+        let mut npy = b"\x93NUMPY\x01\x00".to_vec();
+        npy.extend((header.len() as u16).to_le_bytes());
+        npy.extend(header.as_bytes());
+        npy.resize(npy.len() + count, 7);
+        let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+        let options = SimpleFileOptions::default().compression_method(method);
+        writer.start_file("a.npy", options).expect("starts");
+        writer.write_all(&npy).expect("writes");
+        writer.finish().expect("finishes").into_inner()
+    }
+
+    #[test]
+    fn arrays_have_names_whether_packed_or_not() {
+        for method in [CompressionMethod::Stored, CompressionMethod::Deflated] {
+            let value = read(&archive(method, 3), 1 << 20).expect("reads");
+            let array = value.get("a").and_then(Value::numbers).expect("numbers");
+            assert_eq!((array.shape, array.values), (vec![3], vec![7.0; 3]));
+        }
+    }
+
+    #[test]
+    fn a_bomb_stops_at_the_limit() {
+        let bomb = archive(CompressionMethod::Deflated, 1 << 22);
+        assert!(bomb.len() < 1 << 14, "{}", bomb.len());
+        assert!(matches!(read(&bomb, 1 << 20), Err(NpzError::TooLarge(_))));
+        assert!(matches!(read(b"no archive", 9), Err(NpzError::Archive(_))));
+    }
+}

@@ -1,0 +1,173 @@
+//! The state of the stack machine that a pickle is a program of.
+
+use super::numpy::RawArray;
+use super::{MAX_NODES, PickleError};
+use crate::dtype::Dtype;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+/// Place of a node: lists and dictionaries go on growing after they were put aside, so that the
+/// stack holds places and not values.
+pub(super) type Id = usize;
+
+/// What a pickle builds. Bytes are shared, since a few instructions can name the same megabytes
+/// a million times.
+#[derive(Clone, Debug)]
+pub(super) enum Node {
+    Nothing,
+    Number(f64),
+    Text(Rc<str>),
+    Bytes(Rc<[u8]>),
+    List(Vec<Id>),
+    Dict(Vec<(Id, Id)>),
+    /// A function or class, by its full name.
+    Global(Rc<str>),
+    Dtype(Dtype),
+    Array(RawArray),
+    /// An array of objects, of one axis or none.
+    Objects {
+        list: Id,
+        axes: usize,
+    },
+    /// An object of a class that is read as data, and its fields once they were given.
+    Object(Rc<str>, Option<Id>),
+}
+
+pub(super) struct Machine<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) at: usize,
+    nodes: Vec<Node>,
+    pub(super) stack: Vec<Id>,
+    pub(super) marks: Vec<usize>,
+    memo: HashMap<u32, Id>,
+}
+
+/// An instruction found the stack too short.
+pub(super) const EMPTY: PickleError = PickleError::Malformed("an instruction without its operands");
+
+impl<'a> Machine<'a> {
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            bytes,
+            at: 0,
+            nodes: Vec::new(),
+            stack: Vec::new(),
+            marks: Vec::new(),
+            memo: HashMap::new(),
+        }
+    }
+
+    /// Runs to STOP; what is on top of the stack then is what the pickle holds.
+    pub fn run(&mut self) -> Result<Id, PickleError> {
+        loop {
+            let [instruction] = self.fixed::<1>()?;
+            if instruction == b'.' {
+                return self.pop();
+            }
+            self.execute(instruction)?;
+        }
+    }
+
+    /// The node at a place.
+    pub fn node(&self, id: Id) -> Result<&Node, PickleError> {
+        self.nodes
+            .get(id)
+            .ok_or(PickleError::Malformed("a place that is not there"))
+    }
+
+    /// Puts another node at a place.
+    pub fn replace(&mut self, id: Id, node: Node) {
+        if let Some(place) = self.nodes.get_mut(id) {
+            *place = node;
+        }
+    }
+
+    /// The next `length` bytes of the file.
+    pub fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
+        let end = self.at.checked_add(length).ok_or(PickleError::Truncated)?;
+        let bytes = self.bytes.get(self.at..end).ok_or(PickleError::Truncated)?;
+        self.at = end;
+        Ok(bytes)
+    }
+
+    /// As [`Self::take`], for a length that an instruction has.
+    pub fn fixed<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
+        self.take(N)?.try_into().map_err(|_| PickleError::Truncated)
+    }
+
+    /// The bytes up to the next line feed, which is left out.
+    pub fn line(&mut self) -> Result<&'a [u8], PickleError> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let length = rest.iter().position(|b| *b == b'\n');
+        let line = self.take(length.ok_or(PickleError::Truncated)?)?;
+        self.take(1)?;
+        Ok(line)
+    }
+
+    pub fn push(&mut self, node: Node) -> Result<(), PickleError> {
+        if self.nodes.len() >= MAX_NODES {
+            return Err(PickleError::TooLarge);
+        }
+        self.nodes.push(node);
+        self.stack.push(self.nodes.len() - 1);
+        Ok(())
+    }
+
+    pub fn pop(&mut self) -> Result<Id, PickleError> {
+        self.stack.pop().ok_or(EMPTY)
+    }
+
+    pub fn top(&self) -> Result<Id, PickleError> {
+        self.stack.last().copied().ok_or(EMPTY)
+    }
+
+    /// Takes off what was pushed since the last MARK.
+    pub fn since_mark(&mut self) -> Result<Vec<Id>, PickleError> {
+        let mark = self.marks.pop().ok_or(EMPTY)?;
+        if mark > self.stack.len() {
+            return Err(EMPTY);
+        }
+        Ok(self.stack.split_off(mark))
+    }
+
+    /// Appends to the list on top of the stack.
+    pub fn append(&mut self, items: Vec<Id>) -> Result<(), PickleError> {
+        let top = self.top()?;
+        match self.nodes.get_mut(top) {
+            Some(Node::List(list)) => {
+                list.extend(items);
+                Ok(())
+            }
+            _ => Err(PickleError::Malformed("appending to what is no list")),
+        }
+    }
+
+    /// Adds keys and values, in turns, to the dictionary on top of the stack.
+    pub fn set(&mut self, items: &[Id]) -> Result<(), PickleError> {
+        let top = self.top()?;
+        match self.nodes.get_mut(top) {
+            Some(Node::Dict(entries)) => {
+                let (pairs, _) = items.as_chunks::<2>();
+                entries.extend(pairs.iter().map(|[key, value]| (*key, *value)));
+                Ok(())
+            }
+            _ => Err(PickleError::Malformed("an entry of what is no dictionary")),
+        }
+    }
+
+    /// Keeps the top of the stack under a number; `None` is the next one.
+    pub fn remember(&mut self, place: Option<u32>) -> Result<(), PickleError> {
+        let top = self.top()?;
+        let place = place.unwrap_or(self.memo.len() as u32);
+        self.memo.insert(place, top);
+        Ok(())
+    }
+
+    /// Pushes what was kept under a number.
+    pub fn recall(&mut self, place: u32) -> Result<(), PickleError> {
+        let id = self.memo.get(&place).copied();
+        self.stack
+            .push(id.ok_or(PickleError::Malformed("a memory that is not there"))?);
+        Ok(())
+    }
+}

@@ -1,0 +1,242 @@
+//! How numpy, scipy and chumpy write their objects: a few calls, read here as descriptions.
+
+use super::machine::{Id, Machine, Node};
+use super::{MAX_NAME, PickleError};
+use crate::array::{count, rows_first};
+use crate::dtype::Dtype;
+use crate::{Array, Value};
+use std::rc::Rc;
+
+/// Libraries whose objects are kept as a class name with fields.
+const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
+/// Longest text that is taken for bytes, bytes: those of Python 3 written for Python 2.
+const MAX_ENCODED: usize = 1 << 20;
+/// Largest set: what a capture holds is in lists, dictionaries and arrays.
+const MAX_SET: usize = 1 << 10;
+
+/// An array as it was written.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RawArray {
+    shape: Vec<usize>,
+    dtype: Dtype,
+    columns_first: bool,
+    bytes: Rc<[u8]>,
+}
+
+impl RawArray {
+    /// How many elements its bytes can hold, counted with care: for limits.
+    pub fn len(&self) -> usize {
+        self.bytes.len() / self.dtype.size().unwrap_or(1).max(1)
+    }
+
+    /// Whether its elements are texts.
+    pub fn is_text(&self) -> bool {
+        self.dtype.is_text()
+    }
+
+    /// Its numbers or texts.
+    pub fn value(&self) -> Result<Value, PickleError> {
+        let fits = |found: usize| {
+            if count(&self.shape) == Some(found) {
+                Ok(())
+            } else {
+                Err(PickleError::Malformed(
+                    "an array whose size is not its shape's",
+                ))
+            }
+        };
+        if let Some(texts) = self.dtype.texts(&self.bytes) {
+            fits(texts.len())?;
+            return Ok(Value::List(texts));
+        }
+        let values = self.dtype.numbers(&self.bytes);
+        let values = values.ok_or(PickleError::Malformed(
+            "an array of neither whole numbers, floats nor texts",
+        ))?;
+        fits(values.len())?;
+        let values = if self.columns_first {
+            rows_first(&self.shape, values)
+        } else {
+            values
+        };
+        Ok(Value::Array(Array {
+            shape: self.shape.clone(),
+            values,
+        }))
+    }
+}
+
+/// What `function(arguments)` stands for.
+pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Node, PickleError> {
+    let Node::Global(name) = machine.node(function)? else {
+        return Err(PickleError::Malformed("a call of what is no function"));
+    };
+    let Node::List(arguments) = machine.node(arguments)? else {
+        return Err(PickleError::Malformed("a call without arguments"));
+    };
+    let argument = |at: usize| {
+        let id = arguments.get(at).copied();
+        machine.node(id.ok_or(PickleError::Malformed("a call with too few arguments"))?)
+    };
+    // numpy 2 moved its modules to numpy._core; Python 2 has other names for its own.
+    let known = name
+        .replace("numpy._core.", "numpy.core.")
+        .replace("__builtin__.", "builtins.")
+        .replace("copy_reg.", "copyreg.");
+    match known.as_str() {
+        "numpy.dtype" => {
+            let code = text(argument(0)?)?;
+            if code.len() > MAX_NAME {
+                return Err(PickleError::Malformed("a dtype with an endless name"));
+            }
+            Ok(Node::Dtype(Dtype::new(&code)))
+        }
+        "numpy.core.multiarray._reconstruct" => Ok(Node::Array(RawArray::default())),
+        "numpy.core.numeric._frombuffer" => Ok(Node::Array(RawArray {
+            bytes: bytes(argument(0)?)?,
+            dtype: dtype(argument(1)?)?,
+            shape: shape(machine, argument(2)?)?,
+            columns_first: &*text(argument(3)?)? == "F",
+        })),
+        "numpy.core.multiarray.scalar" => {
+            let numbers = dtype(argument(0)?)?.numbers(&bytes(argument(1)?)?);
+            match numbers.as_deref() {
+                Some([number]) => Ok(Node::Number(*number)),
+                _ => Err(PickleError::Malformed("a scalar that is not one number")),
+            }
+        }
+        // How Python 3 writes bytes for Python 2: each as the character of its number.
+        "_codecs.encode" => {
+            let text = text(argument(0)?)?;
+            if text.len() > MAX_ENCODED {
+                return Err(PickleError::TooLarge);
+            }
+            let bytes: Result<Vec<u8>, _> = text.chars().map(|c| u8::try_from(c as u32)).collect();
+            let bytes =
+                bytes.map_err(|_| PickleError::Malformed("bytes of characters over 255"))?;
+            Ok(Node::Bytes(bytes.into()))
+        }
+        "builtins.bytes" if arguments.is_empty() => Ok(Node::Bytes(Rc::default())),
+        "collections.OrderedDict" => Ok(Node::Dict(Vec::new())),
+        "builtins.set" | "builtins.frozenset" | "builtins.list" | "builtins.tuple" => {
+            if arguments.is_empty() {
+                return Ok(Node::List(Vec::new()));
+            }
+            match argument(0)? {
+                Node::List(items) if items.len() <= MAX_SET => Ok(Node::List(items.clone())),
+                Node::List(_) => Err(PickleError::TooLarge),
+                _ => Err(PickleError::Malformed("a set of what is no list")),
+            }
+        }
+        "copyreg._reconstructor" | "copyreg.__newobj__" => match argument(0)? {
+            Node::Global(class) => object(class),
+            _ => Err(PickleError::Malformed("an object of what is no class")),
+        },
+        _ => object(name),
+    }
+}
+
+/// An object of a class that is read as data.
+fn object(class: &Rc<str>) -> Result<Node, PickleError> {
+    if DATA_CLASSES.iter().any(|known| class.starts_with(known)) {
+        Ok(Node::Object(class.clone(), None))
+    } else {
+        Err(PickleError::Call(class.to_string()))
+    }
+}
+
+/// What `target` is once it was given its `state`.
+pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, PickleError> {
+    if let Node::Object(class, _) = machine.node(target)? {
+        return Ok(Node::Object(class.clone(), Some(state)));
+    }
+    let Node::List(state) = machine.node(state)? else {
+        return Err(PickleError::Malformed("a state that is no tuple"));
+    };
+    let part = |at: usize| {
+        let id = state.get(at).copied();
+        machine.node(id.ok_or(PickleError::Malformed("a state with too few parts"))?)
+    };
+    match machine.node(target)? {
+        // (version, byte order, …)
+        Node::Dtype(dtype) => Ok(Node::Dtype(dtype.with_order(&*text(part(1)?)? == ">"))),
+        // (version, shape, dtype, columns first, bytes or list)
+        Node::Array(_) => {
+            let shape = shape(machine, part(1)?)?;
+            let dtype = dtype(part(2)?)?;
+            let columns_first = matches!(part(3)?, Node::Number(flag) if *flag != 0.0);
+            match part(4)? {
+                Node::List(items) if dtype.is_object() => {
+                    if count(&shape) != Some(items.len()) {
+                        return Err(PickleError::Malformed(
+                            "an array whose size is not its shape's",
+                        ));
+                    }
+                    match shape.len() {
+                        axes @ 0..=1 => Ok(Node::Objects {
+                            list: list(state)?,
+                            axes,
+                        }),
+                        _ => Err(PickleError::Malformed("objects in more than one axis")),
+                    }
+                }
+                other => Ok(Node::Array(RawArray {
+                    shape,
+                    dtype,
+                    columns_first,
+                    bytes: bytes(other)?,
+                })),
+            }
+        }
+        _ => Err(PickleError::Malformed("a state for what has none")),
+    }
+}
+
+/// The place of an array's elements in its state.
+fn list(state: &[Id]) -> Result<Id, PickleError> {
+    state
+        .get(4)
+        .copied()
+        .ok_or(PickleError::Malformed("a state with too few parts"))
+}
+
+fn text(node: &Node) -> Result<Rc<str>, PickleError> {
+    match node {
+        Node::Text(text) => Ok(text.clone()),
+        _ => Err(PickleError::Malformed("something else where text belongs")),
+    }
+}
+
+fn bytes(node: &Node) -> Result<Rc<[u8]>, PickleError> {
+    match node {
+        Node::Bytes(bytes) => Ok(bytes.clone()),
+        // Bytes of Python 2 that happen to be readable.
+        Node::Text(text) => Ok(text.clone().into()),
+        _ => Err(PickleError::Malformed("something else where bytes belong")),
+    }
+}
+
+fn dtype(node: &Node) -> Result<Dtype, PickleError> {
+    match node {
+        Node::Dtype(dtype) => Ok(dtype.clone()),
+        _ => Err(PickleError::Malformed(
+            "something else where a dtype belongs",
+        )),
+    }
+}
+
+fn shape(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
+    let Node::List(sides) = node else {
+        return Err(PickleError::Malformed("a shape that is no tuple"));
+    };
+    if sides.len() > 8 {
+        return Err(PickleError::Malformed("a shape of over 8 axes"));
+    }
+    sides
+        .iter()
+        .map(|side| match machine.node(*side)? {
+            Node::Number(side) if *side >= 0.0 && *side < 1e9 => Ok(*side as usize),
+            _ => Err(PickleError::Malformed("a side that is no length")),
+        })
+        .collect()
+}
