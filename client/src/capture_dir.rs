@@ -113,6 +113,7 @@ mod tests {
             skeleton,
             image_size: [8, 8],
             fps: 15.0,
+            distortion: [0.0; 5],
             frames: vec![frame(0), frame(7)],
         };
         break_it(&mut track);

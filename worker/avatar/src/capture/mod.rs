@@ -84,6 +84,7 @@ mod tests {
             },
             image_size,
             fps: 15.0,
+            distortion: [0.0; 5],
             frames: (0..frames)
                 .map(|index| camera.to_frame(index, &Pose::rest(1)))
                 .collect(),

@@ -99,6 +99,7 @@ impl SyntheticPerson {
             skeleton: self.skeleton(),
             image_size: [size, size],
             fps: FPS,
+            distortion: [0.0; 5],
             frames: (0..)
                 .zip(&poses)
                 .map(|(index, pose)| camera.to_frame(index, pose))

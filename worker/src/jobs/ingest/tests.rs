@@ -32,6 +32,7 @@ fn capture() -> Vec<(String, Vec<u8>)> {
         },
         image_size: [SIDE, SIDE],
         fps: 15.0,
+        distortion: [0.0; 5],
         frames: [7, 8, 9].map(frame).to_vec(),
     };
     let mut files = vec![(

@@ -196,6 +196,7 @@ pub(super) mod tests {
             },
             image_size: [64, 48],
             fps: 15.0,
+            distortion: [0.0; 5],
             frames: (0..4).map(frame).collect(),
         }
     }

@@ -1,0 +1,188 @@
+//! The pose track as files have it: constant cameras, and pixels counted either way.
+
+use super::check::{Report, located};
+use super::{BINARY_FILE, FILE, Frame, NO_DISTORTION, PoseTrack, Skeleton, describe, violation};
+use crate::v1::Violation;
+use serde::{Deserialize, Serialize};
+
+/// A pose track with everything that a file may leave out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct FileTrack {
+    pub skeleton: Skeleton,
+    pub image_size: [u32; 2],
+    pub fps: f64,
+    /// Where the first pixel's centre is: 0 or 0.5.
+    #[serde(default = "half")]
+    pub pixel_centre: f64,
+    #[serde(default, skip_serializing_if = "undistorted")]
+    pub distortion: [f64; 5],
+    /// Of every frame without a camera of its own.
+    #[serde(default, skip_serializing_if = "FileCamera::is_empty")]
+    pub camera: FileCamera,
+    pub frames: Vec<FileFrame>,
+}
+
+/// Intrinsics and extrinsics, where they are given.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct FileCamera {
+    #[serde(rename = "K", default, skip_serializing_if = "Option::is_none")]
+    pub k: Option<[[f64; 3]; 3]>,
+    #[serde(rename = "E", default, skip_serializing_if = "Option::is_none")]
+    pub e: Option<[[f64; 4]; 4]>,
+}
+
+/// A frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct FileFrame {
+    pub index: u32,
+    pub pose: Vec<f64>,
+    pub translation: [f64; 3],
+    #[serde(rename = "K", default, skip_serializing_if = "Option::is_none")]
+    pub k: Option<[[f64; 3]; 3]>,
+    #[serde(rename = "E", default, skip_serializing_if = "Option::is_none")]
+    pub e: Option<[[f64; 4]; 4]>,
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+fn undistorted(distortion: &[f64; 5]) -> bool {
+    *distortion == NO_DISTORTION
+}
+
+impl FileCamera {
+    fn is_empty(&self) -> bool {
+        self.k.is_none() && self.e.is_none()
+    }
+}
+
+impl PoseTrack {
+    /// Reads and checks a pose track.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, up to a limit; never empty.
+    pub fn from_json(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
+        // serde_json reads NaN and 1e999 as syntax or range errors with a line and column.
+        let file: FileTrack = serde_json::from_slice(bytes).map_err(|error| {
+            vec![violation(
+                "UNREADABLE",
+                FILE,
+                None,
+                format!("line {} column {}", error.line(), error.column()),
+                error.to_string(),
+            )]
+        })?;
+        file.checked()
+    }
+
+    /// As [`Self::from_json`], in protocol buffers (`yoto.v1.PoseTrack`).
+    ///
+    /// # Errors
+    /// As [`Self::from_json`].
+    pub fn from_binary(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
+        FileTrack::from_binary(bytes)
+            .and_then(FileTrack::checked)
+            .map_err(|violations| located(violations, BINARY_FILE))
+    }
+
+    /// The track in protocol buffers; a camera that stands still is written once.
+    pub fn to_binary(&self) -> Vec<u8> {
+        FileTrack::from(self.clone()).to_binary()
+    }
+}
+
+impl FileTrack {
+    /// The track with a camera in every frame and pixel centres at +0.5, checked.
+    fn checked(self) -> Result<PoseTrack, Vec<Violation>> {
+        let mut report = Report::new();
+        let track = self.resolved(&mut report);
+        let mut violations = report.into_violations();
+        violations.extend(track.check());
+        if violations.is_empty() {
+            Ok(track)
+        } else {
+            Err(violations)
+        }
+    }
+
+    fn resolved(self, report: &mut Report) -> PoseTrack {
+        let shift = 0.5 - self.pixel_centre;
+        if shift != 0.0 && shift != 0.5 {
+            let message = format!(
+                "{}: the first pixel's centre is at 0 or at 0.5",
+                self.pixel_centre
+            );
+            report.add("OUT_OF_RANGE", None, "pixel_centre", message);
+        }
+        let all = self.camera;
+        let frames = self.frames.into_iter().map(|frame| {
+            let at = Some(frame.index);
+            let mut needed = |field: &str, missing: bool| {
+                if missing {
+                    let message = "neither the frame nor the track's camera has it";
+                    report.add("MISSING", at, field, message);
+                }
+            };
+            let (k, e) = (frame.k.or(all.k), frame.e.or(all.e));
+            needed("K", k.is_none());
+            needed("E", e.is_none());
+            // What is missing was reported; the placeholder adds no second complaint.
+            let mut k = k.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+            k[0][2] += shift;
+            k[1][2] += shift;
+            let identity = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+            Frame {
+                index: frame.index,
+                pose: frame.pose,
+                translation: frame.translation,
+                k,
+                e: e.unwrap_or_else(|| {
+                    std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j)))
+                }),
+            }
+        });
+        PoseTrack {
+            frames: frames.collect(),
+            skeleton: self.skeleton,
+            image_size: self.image_size,
+            fps: self.fps,
+            distortion: self.distortion,
+        }
+    }
+}
+
+/// Reading a part of another file; what is wrong with the values is for [`PoseTrack::check`].
+impl TryFrom<FileTrack> for PoseTrack {
+    type Error = String;
+
+    fn try_from(file: FileTrack) -> Result<Self, String> {
+        let mut report = Report::new();
+        let track = file.resolved(&mut report);
+        match report.into_violations().first() {
+            None => Ok(track),
+            Some(violation) => Err(describe(violation)),
+        }
+    }
+}
+
+impl From<PoseTrack> for FileTrack {
+    fn from(track: PoseTrack) -> Self {
+        let frames = track.frames.into_iter().map(|frame| FileFrame {
+            index: frame.index,
+            pose: frame.pose,
+            translation: frame.translation,
+            k: Some(frame.k),
+            e: Some(frame.e),
+        });
+        Self {
+            frames: frames.collect(),
+            skeleton: track.skeleton,
+            image_size: track.image_size,
+            fps: track.fps,
+            pixel_centre: half(),
+            distortion: track.distortion,
+            camera: FileCamera::default(),
+        }
+    }
+}
