@@ -9,14 +9,14 @@
 //! the same files.
 //!
 //! ```text
-//! DIR/poses.json
+//! DIR/poses.json         or DIR/poses.pb (protocol buffers)
 //! DIR/frames/000000.png …   or DIR/train/frames/…   (8-bit colour over black)
 //! DIR/masks/000000.png …    or DIR/train/masks/…    (8-bit coverage)
 //! ```
 
 use crate::api::{ClientError, FileSource, UploadFile};
 use std::path::Path;
-use yoto_proto::pose_track::{FILE, PoseTrack, violation};
+use yoto_proto::pose_track::{FILE, FILES, PoseTrack, violation};
 
 /// Where a capture's images may stand, below its folder.
 const IMAGE_FOLDERS: [&str; 2] = ["train", ""];
@@ -45,16 +45,19 @@ impl CaptureDir {
             place: dir.display().to_string(),
             violations,
         };
-        let poses = dir.join(FILE);
-        let json = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
-        let track = PoseTrack::from_json(&json).map_err(bad)?;
+        let there = FILES.into_iter().find(|name| dir.join(name).is_file());
+        let name = there.unwrap_or(FILE);
+        let poses = dir.join(name);
+        let bytes_of_track = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
+        let track = PoseTrack::from_file(name, &bytes_of_track).map_err(bad)?;
         let images = IMAGE_FOLDERS
             .map(|below| dir.join(below))
             .into_iter()
             .find(|root| root.join("frames").is_dir());
         let images = images.unwrap_or_else(|| dir.to_owned());
 
-        let (mut files, mut missing, mut bytes) = (Vec::new(), Vec::new(), json.len() as u64);
+        let (mut files, mut missing, mut bytes) =
+            (Vec::new(), Vec::new(), bytes_of_track.len() as u64);
         for frame in &track.frames {
             for folder in ["frames", "masks"] {
                 let path = format!("{folder}/{:06}.png", frame.index);
@@ -79,8 +82,8 @@ impl CaptureDir {
             return Err(bad(missing));
         }
         files.push(UploadFile {
-            path: FILE.into(),
-            source: FileSource::Memory(json),
+            path: name.into(),
+            source: FileSource::Memory(bytes_of_track),
         });
         Ok(Self {
             track,

@@ -3,6 +3,7 @@
 //! - [`allocator`]: how the command holds memory.
 //! - [`api`]: the service's calls, for programs.
 //! - [`capture_dir`]: a capture as a folder on disk, checked before it is uploaded.
+//! - [`import`]: captures and motions of other programs.
 //! - [`progress`]: showing how a job gets on.
 //! - [`commands`]: the command line.
 //!
@@ -14,6 +15,7 @@ pub mod allocator;
 pub mod api;
 pub mod capture_dir;
 pub mod commands;
+pub mod import;
 pub mod progress;
 
 #[cfg(feature = "embedded")]

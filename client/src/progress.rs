@@ -83,6 +83,12 @@ impl ProgressDisplay {
         );
     }
 
+    /// Shows frames written of frames in all, and their bytes.
+    pub fn frames(&mut self, done: usize, of: usize, bytes: u64) {
+        let text = format!("frame {done} of {of}, {:.1} MB", bytes as f64 / 1e6);
+        self.show(done as f64 / of.max(1) as f64, &text);
+    }
+
     /// Takes the bar away and leaves one line that says how it ended.
     pub fn finish(self, outcome: &str) {
         if let Some(bar) = &self.bar {

@@ -2,14 +2,15 @@
 //!
 //! [`v1`] is generated from `yoto/v1/*.proto`. Beside it stands only what both sides must
 //! agree on and no message can say: resource names, object keys, the pose track with its
-//! checks, the checkpoint manifest, and the names of tiers, variants and evaluation
-//! protocols.
+//! checks, the joints of SMPL by name, the checkpoint manifest, and the names of tiers, variants
+//! and evaluation protocols.
 
 pub mod keys;
 pub mod manifest;
 pub mod names;
 pub mod pose_track;
 pub mod protocols;
+pub mod smpl;
 pub mod tiers;
 
 /// Messages, clients and servers of package `yoto.v1`.

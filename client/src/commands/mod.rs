@@ -10,6 +10,7 @@ mod bench;
 #[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
+mod import;
 mod job;
 mod logs;
 mod model;
@@ -70,6 +71,7 @@ enum Command {
     Worker(worker::WorkerCommand),
     #[cfg(feature = "embedded")]
     Demo(demo::Demo),
+    Import(import::Import),
     Subject(subject::SubjectCommand),
     Model(model::ModelCommand),
     Train(train::Train),
@@ -124,6 +126,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Worker(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Demo(command) => runtime.block_on(command.run()),
+        Command::Import(command) => command.run(),
         Command::Subject(command) => runtime.block_on(command.run()),
         Command::Model(command) => runtime.block_on(command.run()),
         Command::Train(command) => runtime.block_on(command.run()),

@@ -1,12 +1,15 @@
 //! `yoto subject`: people and the captures of them.
 
+use super::import::ImportOptions;
 use super::{Server, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
+use crate::import::{Format, TrackForm};
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
+use tempfile::TempDir;
 use yoto_proto::v1::{Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
@@ -17,7 +20,9 @@ Layout of the capture folder:
 
 Examples:
   yoto subject add ada --capture captures/ada --consent 'signed 2026-03-01'
-  yoto subject add bob --capture captures/bob --no-wait";
+  yoto subject add bob --capture captures/bob --no-wait
+  yoto subject add eve --from zju --capture CoreView_377 --smpl SMPL_NEUTRAL.npz
+  (what --from takes is told by `yoto import --help`)";
 
 const LIST_HELP: &str = "\
 Example:
@@ -47,9 +52,14 @@ enum Action {
 struct Add {
     /// What to call the person.
     name: String,
-    /// Folder with poses.json, frames and masks.
+    /// Folder with poses.json, frames and masks, or what --from says.
     #[arg(long, value_name = "DIR")]
     capture: PathBuf,
+    /// Which program wrote the capture; it is imported first.
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<Format>,
+    #[command(flatten)]
+    import: ImportOptions,
     /// Under which consent the recordings are used; kept with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
@@ -89,8 +99,26 @@ impl Add {
         }
     }
 
+    /// The capture as a folder of our own, where another program wrote it; it goes away once
+    /// everything is uploaded.
+    fn imported(&self) -> anyhow::Result<Option<TempDir>> {
+        let Some(format) = self.from else {
+            anyhow::ensure!(
+                !self.import.any(),
+                "--rest-joints, --view, --poses, --fps and --frames belong to an import: say --from"
+            );
+            return Ok(None);
+        };
+        let folder = tempfile::tempdir().context("making a temporary folder")?;
+        self.import
+            .import(format, &self.capture, folder.path(), TrackForm::Json)?;
+        Ok(Some(folder))
+    }
+
     async fn run(self) -> anyhow::Result<()> {
-        let capture = CaptureDir::open(&self.capture)?;
+        let imported = self.imported()?;
+        let folder = imported.as_ref().map_or(&*self.capture, TempDir::path);
+        let capture = CaptureDir::open(folder)?;
         let client = self.server.connect().await?;
         let subject = self.subject(&client).await?;
 

@@ -20,6 +20,8 @@ use serde::{Deserialize, Serialize};
 pub const FILE: &str = "poses.json";
 /// The file name of a pose track in protocol buffers.
 pub const BINARY_FILE: &str = "poses.pb";
+/// Either of them; a capture has one.
+pub const FILES: [&str; 2] = [FILE, BINARY_FILE];
 /// Frames of one capture, at most.
 pub const MAX_FRAMES: usize = 100_000;
 /// Joints of a skeleton, at most.

@@ -264,7 +264,8 @@ impl<'a> Upload<'a> {
 
     fn finish(self) -> Result<Vec<UploadedFile>, RequestError> {
         self.nothing_open()?;
-        if !self.done.iter().any(|file| file.path == pose_track::FILE) {
+        let is_track = |file: &UploadedFile| pose_track::FILES.contains(&file.path.as_str());
+        if !self.done.iter().any(is_track) {
             let message = format!("{}: the capture has no such file", pose_track::FILE);
             return Err(RequestError::invalid("file", message));
         }

@@ -10,7 +10,7 @@ use yoto_avatar::capture::{CaptureError, FrameImage, ShardBuilder};
 use yoto_proto::{
     keys,
     names::Collection,
-    pose_track::{FILE, PoseTrack, violation},
+    pose_track::{FILE, FILES, PoseTrack, violation},
     v1::{IngestResult, IngestSpec, Inputs, ObjectRef, Violation},
 };
 
@@ -104,16 +104,28 @@ fn mask_path(index: u32) -> String {
 }
 
 fn read_track(context: &JobContext, uploads: &Uploads<'_>) -> Result<PoseTrack, JobFailure> {
-    let json = uploads.read(context, FILE)?.ok_or_else(|| {
-        JobFailure::Rejected(vec![violation(
-            "MISSING",
-            FILE,
-            None,
-            "",
-            "a capture needs a pose track",
-        )])
-    })?;
-    PoseTrack::from_json(&json).map_err(JobFailure::Rejected)
+    for name in FILES {
+        if let Some(bytes) = uploads.read(context, name)? {
+            let track = PoseTrack::from_file(name, &bytes).map_err(JobFailure::Rejected)?;
+            return match distorted(&track, name) {
+                None => Ok(track),
+                Some(fault) => Err(JobFailure::Rejected(vec![fault])),
+            };
+        }
+    }
+    Err(JobFailure::Rejected(vec![violation(
+        "MISSING",
+        FILE,
+        None,
+        "",
+        "a capture needs a pose track",
+    )]))
+}
+
+/// Training shoots straight rays: images that bend lines would be learned wrongly.
+fn distorted(track: &PoseTrack, file: &str) -> Option<Violation> {
+    let message = "images with lens distortion must be undistorted first";
+    (!track.is_pinhole()).then(|| violation("DISTORTED", file, None, "distortion", message))
 }
 
 /// Every frame in order, unless something is wrong with any of them.

@@ -1,6 +1,6 @@
 //! A capture as a folder: pose track, frames, masks, and views held out for evaluation.
 //!
-//! `poses.json` stands at the top. Training images are `frames/%06d.png` and
+//! `poses.json`, or `poses.pb` in protocol buffers, stands at the top. Training images are `frames/%06d.png` and
 //! `masks/%06d.png`, either beside it or under `train/`. Held-out views, where there are
 //! any, are `eval/<camera>/{frames,masks}` (training poses from other cameras) and
 //! `eval_pose/<camera>/{frames,masks}` (poses never trained on); `poses.json` describes
@@ -32,6 +32,8 @@ pub struct UploadFile {
 #[derive(Debug)]
 pub struct CaptureFolder {
     root: PathBuf,
+    /// The pose track's name.
+    file: &'static str,
     /// `train/`, or empty where the training images stand at the top.
     prefix: &'static str,
     track: PoseTrack,
@@ -47,9 +49,21 @@ impl CaptureFolder {
     /// training image that is missing; [`CaptureError::Io`] when the file system fails.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, CaptureError> {
         let root = dir.as_ref().to_path_buf();
-        let bytes = read_file(&root.join(pose_track::FILE), pose_track::FILE, None)?;
-        let track = PoseTrack::from_json(&bytes).map_err(CaptureError::Invalid)?;
-        let held_out = HeldOut::from_json(&bytes)?;
+        let binary = !root.join(pose_track::FILE).is_file();
+        let binary = binary && root.join(pose_track::BINARY_FILE).is_file();
+        let file = pose_track::FILES[usize::from(binary)];
+        let bytes = read_file(&root.join(file), file, None)?;
+        let track = PoseTrack::from_file(file, &bytes).map_err(CaptureError::Invalid)?;
+        if !track.is_pinhole() {
+            let message = "images with lens distortion must be undistorted first";
+            return Err(at_fault("distortion", message));
+        }
+        // Only JSON describes held-out views.
+        let held_out = if binary {
+            HeldOut::default()
+        } else {
+            HeldOut::from_json(&bytes)?
+        };
         let prefix = if root.join("train/frames").is_dir() {
             "train/"
         } else {
@@ -59,6 +73,7 @@ impl CaptureFolder {
             held_out_views: held_out.views(&root, &track)?,
             held_out_poses: held_out.poses(&root, &track)?,
             root,
+            file,
             prefix,
             track,
         };
@@ -74,8 +89,8 @@ impl CaptureFolder {
     /// What to upload: the pose track, then every frame and its mask.
     pub fn files(&self) -> Vec<UploadFile> {
         let poses = UploadFile {
-            relative: pose_track::FILE.to_owned(),
-            path: self.root.join(pose_track::FILE),
+            relative: self.file.to_owned(),
+            path: self.root.join(self.file),
         };
         let images = self.track.frames.iter().flat_map(|frame| {
             ["frames", "masks"].map(|kind| UploadFile {

@@ -12,12 +12,29 @@ use yoto_proto::pose_track::{self, PoseTrack};
 const TRAIN: &str = "train";
 
 /// What `poses.json` says beyond the pose track.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Deserialize)]
 pub(super) struct HeldOut {
+    /// Where the first pixel's centre is; in memory at 0.5, as the track has it.
+    #[serde(default = "half")]
+    pixel_centre: f64,
     #[serde(default)]
     eval: BTreeMap<String, EvalCamera>,
     #[serde(default)]
     eval_pose: EvalPose,
+}
+
+impl Default for HeldOut {
+    fn default() -> Self {
+        Self {
+            pixel_centre: half(),
+            eval: BTreeMap::new(),
+            eval_pose: EvalPose::default(),
+        }
+    }
+}
+
+fn half() -> f64 {
+    0.5
 }
 
 #[derive(Debug, Deserialize)]
@@ -87,10 +104,18 @@ impl HeldOutView {
 impl HeldOut {
     /// Reads the held-out parts of a `poses.json`; both may be absent.
     pub(super) fn from_json(bytes: &[u8]) -> Result<Self, CaptureError> {
-        serde_json::from_slice(bytes).map_err(|error| {
+        let mut read: Self = serde_json::from_slice(bytes).map_err(|error| {
             let place = format!("line {} column {}", error.line(), error.column());
             at_fault(place, error.to_string())
-        })
+        })?;
+        let shift = half() - read.pixel_centre;
+        let seen = read.eval.values_mut().map(|camera| &mut camera.matrices);
+        for camera in seen.chain(read.eval_pose.cams.values_mut()) {
+            camera.k[0][2] += shift;
+            camera.k[1][2] += shift;
+        }
+        read.pixel_centre = half();
+        Ok(read)
     }
 
     /// How the person stands in `frame`, trained on or not, and what the camera called `name`

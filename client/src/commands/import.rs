@@ -1,0 +1,128 @@
+//! `yoto import`: captures of other programs as capture folders.
+
+use super::render_what::FrameRange;
+use crate::import::{Format, Options, TrackForm, read, write};
+use crate::progress::ProgressDisplay;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+const AFTER_HELP: &str = "\
+Files of each format, with their units, are described in docs/formats.md. Shape parameters become
+rest joints through your own copy of SMPL's body model, which this project may not bring along.
+
+Examples:
+  yoto import --from zju CoreView_377 --smpl SMPL_NEUTRAL.npz --frames 0..570 --out captures/377
+  yoto import --from humannerf dataset/zju_mocap/387 --out captures/387
+  yoto import --from people-snapshot female-3-casual --smpl SMPL_FEMALE.pkl --out captures/f3c
+  yoto import --from instant-avatar data/custom/ada --smpl SMPL_FEMALE.npz --poses poses/train.npz \\
+      --frames 0..200:2 --out captures/ada
+  yoto import --from folder captures/ada --binary --out captures/ada-pb";
+
+/// Turn a capture of another program into a capture folder.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Import {
+    /// Folder of the capture.
+    #[arg(value_name = "SRC")]
+    source: PathBuf,
+    /// Folder to write: pose track, frames, masks.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Which program wrote the capture.
+    #[arg(long, value_name = "FORMAT")]
+    from: Format,
+    /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
+    #[arg(long)]
+    binary: bool,
+    #[command(flatten)]
+    what: ImportOptions,
+}
+
+/// What an importer can't find in the files.
+#[derive(Debug, Args)]
+pub(super) struct ImportOptions {
+    /// Your copy of SMPL's body model (.npz or .pkl), for rest joints.
+    #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
+    smpl: Option<PathBuf>,
+    /// The 24 rest joints themselves (JSON or pickle), in place of a body model.
+    #[arg(long, value_name = "FILE")]
+    rest_joints: Option<PathBuf>,
+    /// Which camera of a rig, counted from 0 [default: 0].
+    #[arg(long, value_name = "N")]
+    view: Option<usize>,
+    /// Which file of poses, inside the capture, where it has several.
+    #[arg(long, value_name = "FILE")]
+    poses: Option<PathBuf>,
+    /// Frames a second, where no file says.
+    #[arg(long, value_name = "RATE")]
+    fps: Option<f64>,
+    /// Which frames to take, by position, e.g. 0..570:2 [default: all].
+    #[arg(long = "frames", value_name = "A..B:STEP")]
+    frames: Option<FrameRange>,
+}
+
+impl ImportOptions {
+    /// Whether anything was said.
+    pub(super) fn any(&self) -> bool {
+        // A body model may stand in the environment for all commands.
+        self.rest_joints.is_some()
+            || self.view.is_some()
+            || self.poses.is_some()
+            || self.fps.is_some()
+            || self.frames.is_some()
+    }
+
+    /// Reads the capture in `source` and writes it to `out`, saying how it gets on.
+    pub(super) fn import(
+        &self,
+        format: Format,
+        source: &Path,
+        out: &Path,
+        form: TrackForm,
+    ) -> anyhow::Result<()> {
+        let range = |range: FrameRange| {
+            (
+                range.first as usize,
+                range.end as usize,
+                range.step as usize,
+            )
+        };
+        let options = Options {
+            body_model: self.smpl.clone(),
+            rest_joints: self.rest_joints.clone(),
+            camera: self.view,
+            poses: self.poses.clone(),
+            fps: self.fps,
+            frames: self.frames.map(range),
+        };
+        let imported = read(format, source, &options)?;
+        for note in &imported.notes {
+            eprintln!("note: {note}");
+        }
+        let mut display = ProgressDisplay::new("import");
+        let bytes = write(&imported, out, form, |done, of, bytes| {
+            display.frames(done, of, bytes);
+        })?;
+        let [width, height] = imported.track.image_size;
+        display.finish(&format!(
+            "{} frames of {width}x{height}, {:.1} MB in {}",
+            imported.track.frames.len(),
+            bytes as f64 / 1e6,
+            out.display()
+        ));
+        Ok(())
+    }
+}
+
+impl Import {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let form = if self.binary {
+            TrackForm::Binary
+        } else {
+            TrackForm::Json
+        };
+        self.what.import(self.from, &self.source, &self.out, form)?;
+        println!("{}", self.out.display());
+        Ok(())
+    }
+}

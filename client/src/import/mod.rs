@@ -1,0 +1,138 @@
+//! Captures of other programs as captures of ours.
+//!
+//! One file a format; each reads what its program wrote and states the conventions it was
+//! written in: units, which way extrinsics go, where pixel centres are, what the root's
+//! translation means. All of them end in the one schema that the service takes
+//! ([`PoseTrack`](yoto_proto::pose_track::PoseTrack)), which is why they stand on this side of
+//! it. [`write`] makes a capture folder of the result; [`motion`] reads motions to animate with.
+//!
+//! ```text
+//! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
+//! ```
+
+mod body_model;
+mod folder;
+mod geometry;
+mod hdf5;
+mod humannerf_prepared;
+mod humannerf_wild;
+mod instant_avatar;
+mod people_snapshot;
+mod pictures;
+mod rest_joints;
+mod source;
+mod track;
+mod write;
+mod zju;
+
+pub use body_model::BodyModel;
+pub use hdf5::MaskStack;
+pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
+pub use write::{TrackForm, VIDEO, write};
+
+use crate::api::ClientError;
+use rest_joints::RestJoints;
+use source::Source;
+use std::path::{Path, PathBuf};
+use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack};
+
+/// Which program wrote a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp.
+    Zju,
+    /// HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl
+    /// and canonical_joints.pkl.
+    #[value(name = "humannerf")]
+    HumanNerf,
+    /// PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video.
+    PeopleSnapshot,
+    /// InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks.
+    InstantAvatar,
+    /// This project's own: poses.json or poses.pb, frames, masks.
+    Folder,
+}
+
+/// What an importer can't find in the files.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// A body model of SMPL (`.npz` or `.pkl`), for rest joints of shape parameters.
+    pub body_model: Option<PathBuf>,
+    /// Rest joints themselves (JSON or pickle), in place of a body model.
+    pub rest_joints: Option<PathBuf>,
+    /// Which camera of a rig; 0 unless said.
+    pub camera: Option<usize>,
+    /// Which file of poses, where there are several.
+    pub poses: Option<PathBuf>,
+    /// Frames a second, where no file says.
+    pub fps: Option<f64>,
+    /// Frames to take, by position in the source: first, end (exclusive), step.
+    pub frames: Option<(usize, usize, usize)>,
+}
+
+impl Options {
+    /// Which of `count` frames are wanted, by position.
+    fn positions(
+        &self,
+        source: &Source,
+        file: &str,
+        count: usize,
+    ) -> Result<Vec<usize>, ClientError> {
+        let (first, end, step) = self.frames.unwrap_or((0, count, 1));
+        let wanted: Vec<usize> = (first..end.min(count)).step_by(step.max(1)).collect();
+        if wanted.is_empty() || wanted.len() > MAX_FRAMES {
+            let message = format!(
+                "{} of {count} frames are chosen: 1 to {MAX_FRAMES} are allowed",
+                wanted.len()
+            );
+            return Err(source.fault("OUT_OF_RANGE", file, None, "frames", message));
+        }
+        Ok(wanted)
+    }
+
+    /// What the user said, or `assumed` with a note.
+    fn fps_or(&self, assumed: f64, notes: &mut Vec<String>) -> f64 {
+        self.fps.unwrap_or_else(|| {
+            notes.push(format!(
+                "no file says how fast the frames are: {assumed} a second (--fps)"
+            ));
+            assumed
+        })
+    }
+}
+
+/// A capture that was read, and not yet written.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// Who stands how in each frame; indices are those of the files to write.
+    pub track: PoseTrack,
+    /// The pictures of each frame, in the track's order.
+    pub pictures: Pictures,
+    /// What had to be assumed, for people to read.
+    pub notes: Vec<String>,
+}
+
+/// Reads the capture in `dir`, without decoding its pictures.
+///
+/// # Errors
+/// [`ClientError::BadCapture`] with file, frame and field; [`ClientError::File`] when the file
+/// system fails.
+pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+    let source = Source::new(dir);
+    let imported = match format {
+        Format::Zju => zju::read(&source, options),
+        Format::HumanNerf if source.has("metadata.json") && !source.has("mesh_infos.pkl") => {
+            humannerf_wild::read(&source, options)
+        }
+        Format::HumanNerf => humannerf_prepared::read(&source, options),
+        Format::PeopleSnapshot => people_snapshot::read(&source, options),
+        Format::InstantAvatar => instant_avatar::read(&source, options),
+        Format::Folder => folder::read(&source, options),
+    }?;
+    let violations = imported.track.check();
+    if violations.is_empty() {
+        Ok(imported)
+    } else {
+        Err(source.bad(violations))
+    }
+}

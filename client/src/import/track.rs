@@ -1,0 +1,105 @@
+//! From SMPL's parameters to the pose track's.
+
+use super::geometry::{Mat3, Vec3, add, apply, axis_angle, mul, rotation, sub};
+use yoto_proto::pose_track::{Frame, PoseTrack, Skeleton};
+use yoto_proto::smpl::JOINTS;
+
+/// A pose of SMPL: 24 rotations, local to the parent, the root's first.
+pub(super) type SmplPose = [f64; 72];
+
+/// The skeleton of SMPL with rest joints, metres.
+pub(super) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
+    let parent = |parent: &Option<usize>| parent.map_or(-1, |parent| parent as i32);
+    Skeleton {
+        names: JOINTS.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        parents: JOINTS.iter().map(|(_, above)| parent(above)).collect(),
+        rest_joints,
+    }
+}
+
+/// Where somebody stands in the world.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub pose: SmplPose,
+    /// The root joint's place, metres.
+    pub root: Vec3,
+}
+
+impl Placed {
+    /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as EasyMocap
+    /// and HumanNeRF have it; `pelvis` is the root's rest place before that. A root rotation in
+    /// `pose` turns about the pelvis, before `rh`.
+    pub fn turned(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
+        let whole = rotation(rh);
+        Self {
+            pose: with_root(pose, &mul(&whole, &rotation(root(&pose)))),
+            root: add(apply(&whole, pelvis), th),
+        }
+    }
+
+    /// The body moved by `translation` after its pose, as SMPL's own programs have it: the root
+    /// turns about the pelvis, which stays where the shape puts it.
+    pub fn moved(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
+        Self {
+            pose,
+            root: add(pelvis, translation),
+        }
+    }
+
+    /// A frame of a track whose root rests at `rest_root`.
+    pub fn frame(&self, index: u32, rest_root: Vec3, camera: &Camera) -> Frame {
+        Frame {
+            index,
+            pose: self.pose.to_vec(),
+            translation: sub(self.root, rest_root),
+            k: camera.k,
+            e: camera.e,
+        }
+    }
+}
+
+fn root(pose: &SmplPose) -> Vec3 {
+    [pose[0], pose[1], pose[2]]
+}
+
+fn with_root(mut pose: SmplPose, rotation: &Mat3) -> SmplPose {
+    pose[..3].copy_from_slice(&axis_angle(rotation));
+    pose
+}
+
+/// A camera in the track's terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Camera {
+    pub k: [[f64; 3]; 3],
+    pub e: [[f64; 4]; 4],
+}
+
+impl Camera {
+    /// Of intrinsics whose pixel coordinates count from the first pixel's centre, as OpenCV's
+    /// calibration and all programs here have them.
+    pub fn from_centres(mut k: [[f64; 3]; 3], e: [[f64; 4]; 4]) -> Self {
+        k[0][2] += 0.5;
+        k[1][2] += 0.5;
+        Self { k, e }
+    }
+}
+
+/// The mean of rows of equal length; rows that are shorter count as far as they go.
+pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
+    let length = rows.iter().map(Vec::len).max().unwrap_or_default();
+    let at = |i: usize| rows.iter().filter_map(move |row| row.get(i));
+    (0..length)
+        .map(|i| at(i).sum::<f64>() / at(i).count().max(1) as f64)
+        .collect()
+}
+
+/// A track without frames yet.
+pub(super) fn empty_track(skeleton: Skeleton, image_size: [u32; 2], fps: f64) -> PoseTrack {
+    PoseTrack {
+        skeleton,
+        image_size,
+        fps,
+        distortion: yoto_proto::pose_track::NO_DISTORTION,
+        frames: Vec::new(),
+    }
+}

@@ -1,0 +1,150 @@
+//! An imported capture as a capture folder.
+//!
+//! `frames/%06d.png` are premultiplied by their masks (the person over black), so that training
+//! can put anybody before any background; distorted ones stay distorted, for ingest to undo with
+//! the coefficients in the pose track. The pose track is written last: a folder with one is whole.
+
+use super::Imported;
+use super::pictures::{PictureFiles, Pictures, read_image, read_masks};
+use crate::api::ClientError;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame};
+
+/// What a video is called in a capture folder.
+pub const VIDEO: &str = "video.mp4";
+
+/// How the pose track is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TrackForm {
+    /// `poses.json`.
+    #[default]
+    Json,
+    /// `poses.pb`: protocol buffers.
+    Binary,
+}
+
+/// Writes a capture folder to `out`; `progress` hears of frames done, of all, and of bytes written
+/// so far.
+///
+/// # Errors
+/// [`ClientError::BadCapture`] when `out` holds a capture already or a picture can't be decoded or
+/// has another size, [`ClientError::File`] when the file system fails.
+pub fn write(
+    imported: &Imported,
+    out: &Path,
+    form: TrackForm,
+    mut progress: impl FnMut(usize, usize, u64),
+) -> Result<u64, ClientError> {
+    if FILES.iter().any(|name| out.join(name).exists()) {
+        return Err(ClientError::Name(format!(
+            "{} holds a capture already",
+            out.display()
+        )));
+    }
+    for folder in ["frames", "masks"] {
+        let folder = out.join(folder);
+        if folder.ends_with("masks") || matches!(imported.pictures, Pictures::Files(_)) {
+            std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+        }
+    }
+    let track = &imported.track;
+    let (size, total) = (track.image_size, track.frames.len());
+    let mut bytes = 0;
+    match &imported.pictures {
+        Pictures::Files(files) => {
+            for (done, (frame, files)) in track.frames.iter().zip(files).enumerate() {
+                progress(done, total, bytes);
+                bytes += write_frame(out, frame, files, size)?;
+            }
+        }
+        Pictures::Video { video, masks } => {
+            let to = out.join(VIDEO);
+            bytes += std::fs::copy(video, &to).map_err(ClientError::file("copying", video))?;
+            for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
+                progress(done, total, bytes);
+                let mask = read_masks(masks, size, frame.index)?;
+                bytes += write_mask(out, frame.index, &mask)?;
+            }
+        }
+    }
+    progress(total, total, bytes);
+    let (name, text) = match form {
+        TrackForm::Json => {
+            let text = serde_json::to_vec(track).map_err(std::io::Error::other);
+            (
+                FILE,
+                text.map_err(ClientError::file("writing", out.join(FILE)))?,
+            )
+        }
+        TrackForm::Binary => (BINARY_FILE, track.to_binary()),
+    };
+    let path = out.join(name);
+    std::fs::write(&path, &text).map_err(ClientError::file("writing", path))?;
+    Ok(bytes + text.len() as u64)
+}
+
+fn write_frame(
+    out: &Path,
+    frame: &Frame,
+    files: &PictureFiles,
+    size: [u32; 2],
+) -> Result<u64, ClientError> {
+    let mask = read_masks(&files.masks, size, frame.index)?;
+    let mut image = read_image(&files.image, size, frame.index)?;
+    if !files.over_black {
+        over_black(&mut image, &mask);
+    }
+    let path = out.join(format!("frames/{:06}.png", frame.index));
+    let written = encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?;
+    Ok(written + write_mask(out, frame.index, &mask)?)
+}
+
+fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ClientError> {
+    let path = out.join(format!("masks/{index:06}.png"));
+    let (width, height) = mask.dimensions();
+    encode(&path, mask.as_raw(), [width, height], ExtendedColorType::L8)
+}
+
+/// Each colour times its coverage, rounded to the nearest level.
+fn over_black(image: &mut RgbImage, mask: &GrayImage) {
+    let (pixels, _) = image.as_flat_samples_mut().samples.as_chunks_mut::<3>();
+    for (pixel, coverage) in pixels.iter_mut().zip(mask.iter()) {
+        for level in pixel {
+            let product = u32::from(*level) * u32::from(*coverage);
+            *level = ((product + 127) / 255) as u8;
+        }
+    }
+}
+
+fn encode(
+    path: &Path,
+    pixels: &[u8],
+    size: [u32; 2],
+    colour: ExtendedColorType,
+) -> Result<u64, ClientError> {
+    let failed = || ClientError::file("writing", path);
+    let mut file = BufWriter::new(File::create(path).map_err(failed())?);
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(pixels, size[0], size[1], colour)
+        .map_err(|error| failed()(std::io::Error::other(error)))?;
+    file.flush().map_err(failed())?;
+    let meta = file.get_ref().metadata().map_err(failed())?;
+    Ok(meta.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colour_fades_with_coverage() {
+        let mut image = RgbImage::from_pixel(3, 1, image::Rgb([200, 100, 255]));
+        let mask = GrayImage::from_raw(3, 1, vec![255, 0, 128]).expect("three pixels");
+        over_black(&mut image, &mask);
+        assert_eq!(image.as_raw()[..], [200, 100, 255, 0, 0, 0, 100, 50, 128]);
+    }
+}
