@@ -3,6 +3,7 @@
 use super::numpy::RawArray;
 use super::{MAX_NODES, PickleError};
 use crate::dtype::Dtype;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -40,6 +41,8 @@ pub(super) struct Machine<'a> {
     pub(super) stack: Vec<Id>,
     pub(super) marks: Vec<usize>,
     memo: HashMap<u32, Id>,
+    /// Bytes that were made out of texts so far.
+    pub(super) encoded: Cell<usize>,
 }
 
 /// An instruction found the stack too short.
@@ -54,6 +57,7 @@ impl<'a> Machine<'a> {
             stack: Vec::new(),
             marks: Vec::new(),
             memo: HashMap::new(),
+            encoded: Cell::new(0),
         }
     }
 

@@ -9,8 +9,8 @@ use std::rc::Rc;
 
 /// Libraries whose objects are kept as a class name with fields.
 const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
-/// Longest text that is taken for bytes, bytes: those of Python 3 written for Python 2.
-const MAX_ENCODED: usize = 1 << 20;
+/// Most bytes that texts are turned into, as Python 3 writes bytes for Python 2.
+const MAX_ENCODED: usize = 1 << 28;
 /// Largest set: what a capture holds is in lists, dictionaries and arrays.
 const MAX_SET: usize = 1 << 10;
 
@@ -108,7 +108,8 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         // How Python 3 writes bytes for Python 2: each as the character of its number.
         "_codecs.encode" => {
             let text = text(argument(0)?)?;
-            if text.len() > MAX_ENCODED {
+            machine.encoded.set(machine.encoded.get() + text.len());
+            if machine.encoded.get() > MAX_ENCODED {
                 return Err(PickleError::TooLarge);
             }
             let bytes: Result<Vec<u8>, _> = text.chars().map(|c| u8::try_from(c as u32)).collect();

@@ -1,0 +1,147 @@
+//! Motions to animate people with: AMASS-style `.npz`, BVH, and pose tracks.
+//!
+//! Whatever a file has, a [`Motion`] has y up, rotations local to the parent with a T-pose at rest
+//! facing +z, joints by the names that people's skeletons have, and the root's places. Its unit of
+//! length does not matter: the body that takes it over scales strides by the height of its hips.
+
+mod bvh;
+mod joint_map;
+mod smpl;
+
+pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
+
+use super::geometry::{Vec3, sub};
+use super::source::Source;
+use super::BodyModel;
+use crate::api::ClientError;
+use std::path::{Path, PathBuf};
+use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton};
+use yoto_proto::v1;
+
+/// Which axis of a file is up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Up {
+    /// y.
+    Y,
+    /// z, as in AMASS.
+    Z,
+}
+
+/// What a motion's file does not say.
+#[derive(Clone, Debug, Default)]
+pub struct MotionOptions {
+    /// Names of joints; the usual ones unless given.
+    pub joint_map: Option<PathBuf>,
+    /// A body model of SMPL, for the rest joints of shape parameters.
+    pub body_model: Option<PathBuf>,
+    /// The up axis, where it is not the format's usual one.
+    pub up: Option<Up>,
+}
+
+/// A motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Who moves. Without rest joints (an empty list) where the file has none: then whoever takes
+    /// the motion over is as tall as who moved.
+    pub skeleton: Skeleton,
+    /// A row a frame.
+    pub frames: Vec<MotionFrame>,
+    /// Frames a second.
+    pub fps: f64,
+    /// Joints of the skeleton with the file's names for them.
+    pub matched: Vec<(String, String)>,
+    /// Joints of the file that move nothing.
+    pub unmatched: Vec<String>,
+    /// What had to be assumed.
+    pub notes: Vec<String>,
+}
+
+/// A frame of a motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionFrame {
+    /// Axis-angle of each joint, radians, local to the parent.
+    pub rotations: Vec<Vec3>,
+    /// Where the root joint stands, y up.
+    pub root: Vec3,
+}
+
+/// Reads a motion, by what its file's name ends in: `.npz` (SMPL's parameters), `.bvh`, or a pose
+/// track's `.json` or `.pb`.
+///
+/// # Errors
+/// [`ClientError::BadCapture`] with file, frame and field.
+pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError> {
+    let source = Source::new(path.parent().unwrap_or(Path::new("")));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let motion = match ending.unwrap_or_default().to_ascii_lowercase().as_str() {
+        "bvh" => bvh::read(&source, &name, options),
+        "npz" => smpl::read(&source, &name, options),
+        "json" | "pb" => track(&source, &name),
+        other => {
+            let message = format!("'.{other}' is no motion: .bvh, .npz, .json or .pb are");
+            Err(source.fault("UNREADABLE", &name, None, "", message))
+        }
+    }?;
+    if motion.frames.is_empty() || motion.frames.len() > MAX_FRAMES {
+        let message = format!(
+            "{} frames: 1 to {MAX_FRAMES} are allowed",
+            motion.frames.len()
+        );
+        return Err(source.fault("OUT_OF_RANGE", &name, None, "frames", message));
+    }
+    Ok(motion)
+}
+
+/// The motion of a capture.
+fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
+    let bytes = source.bytes(name, None)?;
+    let track = PoseTrack::from_file(name, &bytes).map_err(|found| source.bad(found))?;
+    let rest = track.skeleton.rest_joints.first().copied();
+    let frame = |frame: &yoto_proto::pose_track::Frame| MotionFrame {
+        rotations: frame.pose.as_chunks::<3>().0.to_vec(),
+        root: super::geometry::add(rest.unwrap_or_default(), frame.translation),
+    };
+    let names = track.skeleton.names.iter();
+    Ok(Motion {
+        frames: track.frames.iter().map(frame).collect(),
+        fps: track.fps,
+        matched: names.map(|name| (name.clone(), name.clone())).collect(),
+        unmatched: Vec::new(),
+        notes: vec!["a capture does not say which way is up: y is assumed".into()],
+        skeleton: track.skeleton,
+    })
+}
+
+impl Motion {
+    /// Frames first, first + step, … before end, as a service takes them; `size` is the longest
+    /// side of the pictures, pixels.
+    pub fn clip(&self, first: usize, end: usize, step: usize, size: u32) -> v1::MotionClip {
+        let rest = self.skeleton.rest_joints.first().copied();
+        let rest = rest.unwrap_or_default();
+        let chosen = self.frames.iter().take(end).skip(first).step_by(step.max(1));
+        let pose = |frame: &MotionFrame| v1::BodyPose {
+            rotations: frame.rotations.iter().flatten().map(|v| *v as f32).collect(),
+            translation: sub(frame.root, rest).iter().map(|v| *v as f32).collect(),
+        };
+        v1::MotionClip {
+            skeleton: Some(v1::Skeleton {
+                names: self.skeleton.names.clone(),
+                parents: self.skeleton.parents.clone(),
+                rest_joints: self.skeleton.rest_joints.as_flattened().to_vec(),
+            }),
+            poses: chosen.map(pose).collect(),
+            size,
+            camera_frame: None,
+        }
+    }
+}
+
+impl MotionOptions {
+    fn rest_joints(&self, betas: &[f64]) -> Result<Option<Vec<Vec3>>, ClientError> {
+        match &self.body_model {
+            Some(path) => Ok(Some(BodyModel::open(path)?.joints(betas))),
+            None => Ok(None),
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Importers against captures that the originals' own libraries wrote (`tests/formats`): each
+//! joint of each frame must land where the script that wrote them says.
+#![cfg(feature = "embedded")]
+
+mod bad;
+mod captures;
+mod projected;
+mod written;
+
+use std::path::PathBuf;
+
+/// A file or folder that the script wrote.
+fn captures(name: &str) -> PathBuf {
+    let here = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    here.join("../tests/formats/captures").join(name)
+}
+
+/// What the script says of a capture.
+fn expected(name: &str) -> serde_json::Value {
+    let text = std::fs::read(captures("expected.json")).expect("the script's figures");
+    let mut all: serde_json::Value = serde_json::from_slice(&text).expect("JSON");
+    let part = all[name].take();
+    assert!(!part.is_null(), "{name}");
+    part
+}

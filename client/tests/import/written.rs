@@ -1,0 +1,105 @@
+//! What an import writes: a capture folder of our own.
+
+use crate::captures;
+use crate::projected::assert_lands;
+use yoto_client::capture_dir::CaptureDir;
+use yoto_client::import::{Format, Options, TrackForm, VIDEO, read, write};
+use yoto_proto::pose_track::{BINARY_FILE, FILE};
+
+fn smpl() -> Options {
+    Options {
+        body_model: Some(captures("smpl/model.npz")),
+        ..Options::default()
+    }
+}
+
+#[test]
+fn a_capture_folder_comes_out_and_goes_in_again() {
+    let out = tempfile::tempdir().expect("a folder");
+    let dir = out.path().join("capture");
+    let found = read(Format::Zju, &captures("CoreView_377"), &smpl()).expect("reads");
+    let mut heard = Vec::new();
+    let bytes = write(&found, &dir, TrackForm::Json, |done, of, _| {
+        heard.push((done, of))
+    });
+    assert_eq!(heard, [(0, 3), (1, 3), (2, 3), (3, 3)]);
+    let capture = CaptureDir::open(&dir).expect("a capture");
+    assert_eq!(capture.bytes, bytes.expect("writes"));
+    assert_eq!(capture.track, found.track);
+
+    // The union of both label images, at full coverage; black where nobody is.
+    let mask = image::open(dir.join("masks/000000.png"))
+        .expect("a mask")
+        .into_luma8();
+    let label = |folder: &str| {
+        let path = captures("CoreView_377")
+            .join(folder)
+            .join("Camera_B1/000000.png");
+        image::open(path).expect("a label image").into_luma8()
+    };
+    let (one, two) = (label("mask"), label("mask_cihp"));
+    let frame = image::open(dir.join("frames/000000.png"))
+        .expect("a frame")
+        .into_rgb8();
+    let photo = captures("CoreView_377/Camera_B1/000000.jpg");
+    let photo = image::open(photo).expect("a photo").into_rgb8();
+    for (x, y, level) in mask.enumerate_pixels() {
+        let inside = one.get_pixel(x, y)[0] != 0 || two.get_pixel(x, y)[0] != 0;
+        assert_eq!(level[0], if inside { 255 } else { 0 });
+        let colour = if inside {
+            photo.get_pixel(x, y).0
+        } else {
+            [0; 3]
+        };
+        assert_eq!(frame.get_pixel(x, y).0, colour, "{x}, {y}");
+    }
+    assert!(one.iter().any(|level| *level != 0) && two.iter().any(|level| *level != 0));
+
+    let again = out.path().join("again");
+    let folder = read(Format::Folder, &dir, &Options::default()).expect("reads");
+    write(&folder, &again, TrackForm::Binary, |_, _, _| {}).expect("writes");
+    assert!(again.join(BINARY_FILE).is_file() && !again.join(FILE).exists());
+    let copied = CaptureDir::open(&again).expect("a capture");
+    assert_eq!(copied.track, found.track);
+    let pixels = |dir: &std::path::Path| {
+        image::open(dir.join("frames/000002.png"))
+            .expect("a frame")
+            .into_rgb8()
+    };
+    assert_eq!(pixels(&dir), pixels(&again));
+
+    let error = write(&found, &dir, TrackForm::Json, |_, _, _| {}).expect_err("it is there");
+    assert!(
+        error.to_string().contains("holds a capture already"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_video_is_taken_over_with_its_masks() {
+    let out = tempfile::tempdir().expect("a folder");
+    let name = "people_snapshot/x-2-film";
+    let some = Options {
+        frames: Some((1, 4, 2)),
+        ..smpl()
+    };
+    let found = read(Format::PeopleSnapshot, &captures(name), &some).expect("reads");
+    write(&found, out.path(), TrackForm::Json, |_, _, _| {}).expect("writes");
+    let same = |a: std::path::PathBuf, b: std::path::PathBuf| {
+        std::fs::read(a).expect("a file") == std::fs::read(b).expect("a file")
+    };
+    assert!(same(
+        out.path().join(VIDEO),
+        captures(name).join("x-2-film.mp4")
+    ));
+    assert!(!out.path().join("frames").exists());
+    let text = std::fs::read(out.path().join(FILE)).expect("a track");
+    let track = yoto_proto::pose_track::PoseTrack::from_json(&text).expect("a good track");
+    assert_lands(&track, name, &[1, 3], 1e-3);
+    let mask = image::open(out.path().join("masks/000003.png"))
+        .expect("a mask")
+        .into_luma8();
+    let covered = mask.iter().filter(|level| **level == 255).count();
+    assert!(covered > 50 && covered < mask.len() / 2, "{covered}");
+    assert!(mask.iter().all(|level| matches!(level, 0 | 255)));
+}

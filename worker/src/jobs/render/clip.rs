@@ -1,0 +1,250 @@
+//! A motion that was recorded elsewhere, on the body of the subject.
+//!
+//! The motion knows neither the capture's world nor its camera: its first frame is put where the
+//! subject stands in a frame of their own capture, upright and facing the same way, and that
+//! frame's camera looks on.
+
+use super::{
+    RenderView,
+    motion::sized,
+    orbit::world_up,
+    views::{Stage, capture_camera, find_place, pose},
+};
+use crate::jobs::JobFailure;
+use yoto_avatar::{
+    camera::Pose,
+    skeleton::{
+        Skeleton, retarget,
+        transform::{
+            Vec3, add, after, apply, cross, dot, length, normalised, rigid, rodrigues, scale, sub,
+        },
+    },
+};
+use yoto_proto::{
+    pose_track::{self, PoseTrack},
+    v1::MotionClip,
+};
+
+/// The up axis of a clip.
+const UP: Vec3 = [0.0, 1.0, 0.0];
+/// Where a body at rest faces.
+const FORWARD: Vec3 = [0.0, 0.0, 1.0];
+
+/// Every pose of `clip`, as `body` takes it in the world of its capture's `track`.
+pub(super) fn views(
+    stage: &Stage,
+    clip: &MotionClip,
+    track: &PoseTrack,
+    body: &Skeleton,
+) -> Result<Vec<RenderView>, JobFailure> {
+    let place = match clip.camera_frame {
+        Some(index) => find_place(track, index, "clip.camera_frame")?,
+        None => 0,
+    };
+    let frame = &track.frames[place];
+    let camera = sized(&capture_camera(track, frame)?, clip.size);
+    let driver = driver(clip, body)?;
+    let mut poses = Vec::with_capacity(clip.poses.len());
+    for (at, moved) in clip.poses.iter().enumerate() {
+        let field = |field: &str| format!("clip.poses[{at}].{field}");
+        let read = Pose::from_proto(moved)
+            .map_err(|error| JobFailure::invalid("render", &field(&error.field), error.message))?;
+        let taken = retarget(&driver, body, &read)
+            .map_err(|error| JobFailure::invalid("render", &field("rotations"), error.to_string()))?;
+        poses.push(taken);
+    }
+    let Some(first) = poses.first().cloned() else {
+        return Err(JobFailure::invalid("render", "clip.poses", "there is none".to_owned()));
+    };
+    let [x, y, z, _] = camera.e[1];
+    let stand = Stand::new(&first, &pose(frame)?, world_up([-x, -y, -z]));
+    poses
+        .into_iter()
+        .map(|pose| stage.view(stand.put(&pose), camera.clone()))
+        .collect()
+}
+
+/// The skeleton of who moved. Without rest joints it is as large as `body`.
+fn driver(clip: &MotionClip, body: &Skeleton) -> Result<Skeleton, JobFailure> {
+    let invalid = |message: String| JobFailure::invalid("render", "clip.skeleton", message);
+    let message = clip
+        .skeleton
+        .clone()
+        .ok_or_else(|| invalid("there is none".into()))?;
+    let mut skeleton = pose_track::Skeleton::from_proto(message)
+        .map_err(|violation| invalid(pose_track::describe(&violation)))?;
+    if skeleton.rest_joints.is_empty() {
+        let root = body.rest.first().copied().unwrap_or_default();
+        let place = |name: &String| {
+            let at = body.names.iter().position(|other| other == name);
+            at.and_then(|at| body.rest.get(at)).copied().unwrap_or(root)
+        };
+        skeleton.rest_joints = skeleton.names.iter().map(place).collect();
+    }
+    Skeleton::from_track(&skeleton).map_err(|error| invalid(error.to_string()))
+}
+
+/// How a clip's world lies in a capture's.
+struct Stand {
+    /// Axis-angle, from the clip's world to the capture's.
+    turn: Vec3,
+    /// Of the root, relative to rest, in each of them.
+    from: Vec3,
+    to: Vec3,
+}
+
+impl Stand {
+    /// Puts `first`, a pose of a clip, where `there`, a pose of a capture whose world has `up` up,
+    /// stands and faces.
+    fn new(first: &Pose, there: &Pose, up: Vec3) -> Self {
+        let upright = upright(up);
+        let faces = |pose: &Pose, before: Vec3| {
+            let root = pose.rotations_f64().first().copied().unwrap_or_default();
+            let whole = after(before, root);
+            let forward = apply(&rigid(rodrigues(whole), [0.0; 3]), FORWARD);
+            sub(forward, scale(up, dot(forward, up)))
+        };
+        let (here, wanted) = (faces(first, upright), faces(there, [0.0; 3]));
+        // Who lies on their back faces nowhere: then the motion's own direction stays.
+        let turn = if length(here) < 1e-3 || length(wanted) < 1e-3 {
+            upright
+        } else {
+            let (here, wanted) = (normalised(here), normalised(wanted));
+            let angle = dot(cross(here, wanted), up).atan2(dot(here, wanted));
+            after(scale(up, angle), upright)
+        };
+        Self {
+            turn,
+            from: first.translation.map(f64::from),
+            to: there.translation.map(f64::from),
+        }
+    }
+
+    /// A pose of the clip in the capture's world.
+    fn put(&self, pose: &Pose) -> Pose {
+        let mut put = pose.clone();
+        if let Some(root) = put.rotations.first_mut() {
+            *root = after(self.turn, root.map(f64::from)).map(|v| v as f32);
+        }
+        // Rest places cancel: both worlds' roots stand at the same rest place plus these.
+        let step = sub(pose.translation.map(f64::from), self.from);
+        let step = apply(&rigid(rodrigues(self.turn), [0.0; 3]), step);
+        put.translation = add(self.to, step).map(|v| v as f32);
+        put
+    }
+}
+
+/// The axis-angle that takes a clip's up to a world's, which is along an axis.
+fn upright(up: Vec3) -> Vec3 {
+    let across = cross(UP, up);
+    let (sine, cosine) = (length(across), dot(UP, up));
+    if sine > 1e-6 {
+        return scale(across, sine.atan2(cosine) / sine);
+    }
+    if cosine > 0.0 {
+        [0.0; 3]
+    } else {
+        [std::f64::consts::PI, 0.0, 0.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::render::views::tests::{STAGE, track};
+    use yoto_avatar::skeleton::transform::position;
+    use yoto_proto::v1::{BodyPose, Skeleton as Message};
+
+    fn clip(rest_joints: &[f64]) -> MotionClip {
+        let pose = |step: f32| BodyPose {
+            // Facing +x, walking that way; the tip bends.
+            rotations: vec![0.0, 1.570_796_4, 0.0, 0.3, 0.0, 0.0],
+            translation: vec![10.0 + step, 5.0, 0.0],
+        };
+        MotionClip {
+            skeleton: Some(Message {
+                names: vec!["root".into(), "tip".into()],
+                parents: vec![-1, 0],
+                rest_joints: rest_joints.to_vec(),
+            }),
+            poses: vec![pose(0.0), pose(0.5)],
+            size: 32,
+            camera_frame: Some(5),
+        }
+    }
+
+    fn body() -> Skeleton {
+        Skeleton::from_track(&track().skeleton).expect("a skeleton")
+    }
+
+    #[test]
+    fn the_first_frame_stands_where_the_capture_does_and_walks_ahead() {
+        let track = track();
+        let views = views(&STAGE, &clip(&[]), &track, &body()).expect("views");
+        let there = pose(&track.frames[0]).expect("a pose");
+        assert_eq!(views[0].pose.translation, there.translation);
+        // The capture's frame 5 faces +z: so does the clip, and walks there.
+        for axis in 0..3 {
+            assert!(views[0].pose.rotations[0][axis].abs() < 1e-6);
+            let walked = views[1].pose.translation[axis] - views[0].pose.translation[axis];
+            let wanted = [0.0, 0.0, 0.5][axis];
+            assert!((walked - wanted).abs() < 1e-6, "{walked}");
+        }
+        assert_eq!(views[1].pose.rotations[1], [0.3, 0.0, 0.0]);
+        assert_eq!((views[0].camera.width, views[0].camera.height), (32, 24));
+        assert_eq!(views[0].camera.e, track.frames[0].e);
+    }
+
+    #[test]
+    fn strides_fit_the_legs() {
+        // Twice as tall as the body (0.8 m from root to tip), in centimetres.
+        let tall = clip(&[0.0, 200.0, 0.0, 0.0, 40.0, 0.0]);
+        let views = views(&STAGE, &tall, &track(), &body()).expect("views");
+        let walked = views[1].pose.translation[2] - views[0].pose.translation[2];
+        assert!((walked - 0.5 * 0.8 / 160.0).abs() < 1e-6, "{walked}");
+    }
+
+    #[test]
+    fn a_world_upside_down_turns_the_clip() {
+        for up in [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]] {
+            let turned = rigid(rodrigues(upright(up)), [0.0; 3]);
+            assert!(length(sub(apply(&turned, UP), up)) < 1e-9, "{up:?}");
+            assert_eq!(position(&turned), [0.0; 3]);
+        }
+        let standing = Pose {
+            rotations: vec![[0.0; 3]],
+            translation: [0.0, 1.0, 0.0],
+        };
+        // Somebody who stands in a world whose y points down is turned by half a turn about x.
+        let there = Pose {
+            rotations: vec![[std::f32::consts::PI, 0.0, 0.0]],
+            translation: [0.0, -1.0, 3.0],
+        };
+        let stand = Stand::new(&standing, &there, [0.0, -1.0, 0.0]);
+        let put = stand.put(&standing);
+        assert_eq!(put.translation, there.translation);
+        let facing = rigid(rodrigues(put.rotations[0].map(f64::from)), [0.0; 3]);
+        assert!(length(sub(apply(&facing, UP), [0.0, -1.0, 0.0])) < 1e-6);
+        assert!(length(sub(apply(&facing, FORWARD), [0.0, 0.0, -1.0])) < 1e-6);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        type Break = fn(&mut MotionClip);
+        let cases: [(Break, &str); 5] = [
+            (|clip| clip.skeleton = None, "clip.skeleton"),
+            (|clip| clip.poses.clear(), "clip.poses"),
+            (|clip| clip.poses[1].translation[0] = f32::NAN, "clip.poses[1].translation[0]"),
+            (|clip| clip.poses[1].rotations.truncate(3), "clip.poses[1].rotations"),
+            (|clip| clip.camera_frame = Some(99), "clip.camera_frame"),
+        ];
+        for (break_it, field) in cases {
+            let mut broken = clip(&[]);
+            break_it(&mut broken);
+            let Err(JobFailure::Invalid(found)) = views(&STAGE, &broken, &track(), &body()) else {
+                panic!("{field} is refused");
+            };
+            assert_eq!(found[0].field, field);
+        }
+    }
+}
