@@ -18,6 +18,7 @@ mod model;
 mod model_import;
 #[cfg(feature = "embedded")]
 mod model_info;
+mod motion;
 #[cfg(feature = "embedded")]
 mod paper_table;
 #[cfg(feature = "embedded")]
@@ -77,6 +78,7 @@ enum Command {
     Train(train::Train),
     Job(job::JobCommand),
     Render(render::Render),
+    Motion(motion::MotionCommand),
     #[cfg(feature = "embedded")]
     RenderFrame(render_frame::RenderFrame),
     Evaluate(evaluate::Evaluate),
@@ -131,6 +133,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Model(command) => runtime.block_on(command.run()),
         Command::Train(command) => runtime.block_on(command.run()),
         Command::Job(command) => runtime.block_on(command.run()),
+        Command::Motion(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::RenderFrame(command) => command.run(),

@@ -1,5 +1,6 @@
 //! `yoto render`: pictures of a person, as a trained model knows them.
 
+use super::motion::MotionArgs;
 use super::render_what::{FrameRange, read_views};
 use super::{Server, table};
 use crate::api::YotoClient;
@@ -9,7 +10,7 @@ use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
-    MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderSpec, job_result,
+    MotionClip, MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderSpec, job_result,
     render_quality::Want, render_spec,
 };
 
@@ -20,8 +21,12 @@ A view list is a JSON file in the terms of poses.json:
 Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
   yoto render duo --subject bob --motion ada --frames 0..60:2 --animate --out out/dance
+  yoto render duo --subject bob --motion-file walk.bvh --frames 0..240:4 --animate --out out/walk
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views";
+
+/// Fastest animation that services play, frames a second.
+const MAX_FPS: f64 = 120.0;
 
 fn quality_help() -> String {
     let tiers: Vec<(&str, &str)> = RENDER_TIERS.iter().map(|it| (it.name, it.about)).collect();
@@ -31,10 +36,10 @@ fn quality_help() -> String {
     )
 }
 
-/// Render a person: around a frozen moment, in somebody's motion, or from given views.
+/// Render a person: around a frozen moment, in somebody's motion or a file's, or from given views.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "view_list"]))]
+#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list"]))]
 pub(super) struct Render {
     /// The trained model, by name.
     model: String,
@@ -45,11 +50,20 @@ pub(super) struct Render {
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
     /// Views around the circle [default: 24].
-    #[arg(long, conflicts_with_all = ["motion", "view_list"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     views: Option<u32>,
     /// Move the person as this one moved in their capture.
     #[arg(long, value_name = "DRIVER")]
     motion: Option<String>,
+    /// Move the person as a file says: BVH, AMASS-style .npz, or a pose track (.json, .pb).
+    #[arg(long, value_name = "FILE")]
+    motion_file: Option<PathBuf>,
+    #[command(flatten)]
+    reading: MotionArgs,
+    /// Frame of the person's own capture where the motion file begins and whose camera looks on
+    /// [default: the first].
+    #[arg(long, requires = "motion_file", value_name = "FRAME")]
+    start: Option<u32>,
     /// Which frames of the motion, e.g. 0..60:2 [default: all].
     #[arg(long, conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
@@ -92,16 +106,20 @@ impl Render {
             self.background.len() == 3,
             "--background takes three numbers, e.g. 1,1,1"
         );
+        let (clip, fps) = self.clip()?;
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
         let subject = client.find_subject(&self.subject).await?;
         let spec = RenderSpec {
             model: model.name,
             subject: subject.name,
-            what: Some(self.what(&client).await?),
+            what: Some(match clip {
+                Some(clip) => render_spec::What::Clip(clip),
+                None => self.what(&client).await?,
+            }),
             background: self.background.clone(),
             animate: self.animate,
-            fps: 0.0,
+            fps,
             quality: self.wish(),
         };
         let job = client.create_render(spec).await?;
@@ -136,6 +154,36 @@ impl Render {
         Some(RenderQuality { want: Some(want) })
     }
 
+    /// The motion of a file and the speed to play it at; 0 is the service's own.
+    fn clip(&self) -> anyhow::Result<(Option<MotionClip>, f32)> {
+        let Some(path) = &self.motion_file else {
+            anyhow::ensure!(
+                !self.reading.any(),
+                "--joint-map and --up belong to --motion-file"
+            );
+            return Ok((None, 0.0));
+        };
+        let motion = self.reading.read(path)?;
+        let range = self.frames.unwrap_or(FrameRange {
+            first: 0,
+            end: u32::MAX,
+            step: 1,
+        });
+        let step = range.step as usize;
+        let mut clip = motion.clip(range.first as usize, range.end as usize, step, self.size);
+        anyhow::ensure!(
+            !clip.poses.is_empty(),
+            "{} has {} frames, none of them chosen by --frames",
+            path.display(),
+            motion.frames.len()
+        );
+        clip.camera_frame = self.start;
+        // Faster than the service plays: at its own speed then.
+        let fps = motion.fps / f64::from(range.step);
+        let fps = if fps <= MAX_FPS { fps as f32 } else { 0.0 };
+        Ok((Some(clip), fps))
+    }
+
     async fn what(&self, client: &YotoClient) -> anyhow::Result<render_spec::What> {
         if let Some(frame) = self.orbit {
             let orbit = Orbit {
@@ -159,7 +207,7 @@ impl Render {
         let path = self
             .view_list
             .as_deref()
-            .context("nothing to render: give --orbit, --motion or --view-list")?;
+            .context("nothing to render: give --orbit, --motion, --motion-file or --view-list")?;
         Ok(render_spec::What::Views(read_views(path)?))
     }
 }

@@ -17,6 +17,7 @@ mod hdf5;
 mod humannerf_prepared;
 mod humannerf_wild;
 mod instant_avatar;
+pub mod motion;
 mod people_snapshot;
 mod pictures;
 mod rest_joints;

@@ -4,6 +4,7 @@
 
 mod bad;
 mod captures;
+mod motions;
 mod projected;
 mod written;
 

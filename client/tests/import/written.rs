@@ -4,13 +4,35 @@ use crate::captures;
 use crate::projected::assert_lands;
 use yoto_client::capture_dir::CaptureDir;
 use yoto_client::import::{Format, Options, TrackForm, VIDEO, read, write};
-use yoto_proto::pose_track::{BINARY_FILE, FILE};
+use yoto_proto::pose_track::{BINARY_FILE, FILE, PoseTrack};
 
 fn smpl() -> Options {
     Options {
         body_model: Some(captures("smpl/model.npz")),
         ..Options::default()
     }
+}
+
+/// Equal up to the last digit of numbers that went through text.
+fn same_track(found: &PoseTrack, wanted: &PoseTrack) {
+    let numbers = |track: &PoseTrack| {
+        let rest = track.skeleton.rest_joints.as_flattened().iter();
+        let frames = track.frames.iter().flat_map(|frame| {
+            let matrices = frame.k.as_flattened().iter().chain(frame.e.as_flattened());
+            frame.pose.iter().chain(&frame.translation).chain(matrices)
+        });
+        rest.chain(frames).copied().collect::<Vec<f64>>()
+    };
+    let (a, b) = (numbers(found), numbers(wanted));
+    assert_eq!(a.len(), b.len());
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12));
+    assert_eq!(found.skeleton.names, wanted.skeleton.names);
+    assert_eq!(found.skeleton.parents, wanted.skeleton.parents);
+    assert_eq!(found.distortion, wanted.distortion);
+    assert_eq!(
+        (found.image_size, found.fps),
+        (wanted.image_size, wanted.fps)
+    );
 }
 
 #[test]
@@ -25,7 +47,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     assert_eq!(heard, [(0, 3), (1, 3), (2, 3), (3, 3)]);
     let capture = CaptureDir::open(&dir).expect("a capture");
     assert_eq!(capture.bytes, bytes.expect("writes"));
-    assert_eq!(capture.track, found.track);
+    same_track(&capture.track, &found.track);
 
     // The union of both label images, at full coverage; black where nobody is.
     let mask = image::open(dir.join("masks/000000.png"))
@@ -60,7 +82,10 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     write(&folder, &again, TrackForm::Binary, |_, _, _| {}).expect("writes");
     assert!(again.join(BINARY_FILE).is_file() && !again.join(FILE).exists());
     let copied = CaptureDir::open(&again).expect("a capture");
-    assert_eq!(copied.track, found.track);
+    assert_eq!(
+        copied.track, capture.track,
+        "binary numbers come back as they were"
+    );
     let pixels = |dir: &std::path::Path| {
         image::open(dir.join("frames/000002.png"))
             .expect("a frame")
@@ -94,7 +119,7 @@ fn a_video_is_taken_over_with_its_masks() {
     ));
     assert!(!out.path().join("frames").exists());
     let text = std::fs::read(out.path().join(FILE)).expect("a track");
-    let track = yoto_proto::pose_track::PoseTrack::from_json(&text).expect("a good track");
+    let track = PoseTrack::from_json(&text).expect("a good track");
     assert_lands(&track, name, &[1, 3], 1e-3);
     let mask = image::open(out.path().join("masks/000003.png"))
         .expect("a mask")

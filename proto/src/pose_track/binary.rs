@@ -55,30 +55,28 @@ impl FileTrack {
     }
 }
 
-/// The skeleton of a message, unless a list has no whole number of positions.
-///
-/// # Errors
-/// The field at fault, boxed because it is seldom.
-pub(super) fn skeleton(message: v1::Skeleton) -> Result<Skeleton, Box<Violation>> {
-    let (rest_joints, odd) = message.rest_joints.as_chunks::<3>();
-    if !odd.is_empty() {
-        return Err(length(
-            "skeleton.rest_joints",
-            None,
-            &message.rest_joints,
-            "3 a joint",
-        ));
+impl Skeleton {
+    /// The skeleton of a message, not yet checked.
+    ///
+    /// # Errors
+    /// Rest joints that are no whole number of positions; boxed because it is seldom.
+    pub fn from_proto(message: v1::Skeleton) -> Result<Self, Box<Violation>> {
+        let (rest_joints, odd) = message.rest_joints.as_chunks::<3>();
+        if !odd.is_empty() {
+            let field = "skeleton.rest_joints";
+            return Err(length(field, None, &message.rest_joints, "3 a joint"));
+        }
+        Ok(Self {
+            rest_joints: rest_joints.to_vec(),
+            names: message.names,
+            parents: message.parents,
+        })
     }
-    Ok(Skeleton {
-        rest_joints: rest_joints.to_vec(),
-        names: message.names,
-        parents: message.parents,
-    })
 }
 
 fn read(message: v1::PoseTrack) -> Result<FileTrack, Box<Violation>> {
     let missing = || violation("MISSING", BINARY_FILE, None, "skeleton", "there is none");
-    let skeleton = skeleton(message.skeleton.ok_or_else(missing)?)?;
+    let skeleton = Skeleton::from_proto(message.skeleton.ok_or_else(missing)?)?;
     let distortion = match message.distortion[..] {
         [] => NO_DISTORTION,
         _ => exact("distortion", None, &message.distortion)?,

@@ -4,11 +4,12 @@
 use crate::error::RequestError;
 use prost::Message;
 use yoto_proto::{
-    pose_track::{MAX_JOINTS, MAX_SIDE},
+    pose_track::{MAX_JOINTS, MAX_SIDE, Skeleton},
     protocols, tiers,
     v1::{
-        BodyPose, Camera, EvaluateSpec, JobSpec, MotionTransfer, Orbit, RenderQuality, RenderSpec,
-        TradeoffSpec, TrainSpec, View, render_quality::Want, render_spec::What,
+        BodyPose, Camera, EvaluateSpec, JobSpec, MotionClip, MotionTransfer, Orbit, RenderQuality,
+        RenderSpec, TradeoffSpec, TrainSpec, View, Violation, render_quality::Want,
+        render_spec::What,
     },
 };
 
@@ -110,6 +111,7 @@ pub fn check_render(render: &RenderSpec) -> Checked {
             check_count("spec.render.orbit.views", u64::from(*views))?;
             check_side("spec.render.orbit.size", *size)
         }
+        Some(What::Clip(clip)) => check_clip(clip),
         Some(What::Motion(MotionTransfer {
             frame_count,
             frame_step,
@@ -168,6 +170,33 @@ fn check_tradeoff(tradeoff: &TradeoffSpec) -> Checked {
         ensure(value <= most, &field, || format!("{value} is above {most}"))?;
     }
     Ok(())
+}
+
+fn check_clip(clip: &MotionClip) -> Checked {
+    let field = "spec.render.clip";
+    check_count(&format!("{field}.poses"), clip.poses.len() as u64)?;
+    check_side(&format!("{field}.size"), clip.size)?;
+    let message = clip.skeleton.clone().unwrap_or_default();
+    let invalid = |fault: &Violation| {
+        RequestError::invalid(&format!("{field}.{}", fault.field), fault.message.clone())
+    };
+    let mut skeleton = Skeleton::from_proto(message).map_err(|fault| invalid(&fault))?;
+    let joints = skeleton.parents.len();
+    if skeleton.rest_joints.is_empty() {
+        skeleton.rest_joints = vec![[0.0; 3]; joints];
+    }
+    if let Some(fault) = skeleton.check().first() {
+        return Err(invalid(fault));
+    }
+    clip.poses.iter().enumerate().try_for_each(|(i, pose)| {
+        let field = format!("{field}.poses[{i}]");
+        check_pose(&field, pose)?;
+        ensure(
+            pose.rotations.len() == 3 * joints,
+            &format!("{field}.rotations"),
+            || format!("{} numbers for {joints} joints", pose.rotations.len()),
+        )
+    })
 }
 
 /// Protocol and size of an evaluation, and nobody named twice.
@@ -435,5 +464,46 @@ mod tests {
             })
             .is_ok()
         );
+    }
+    #[test]
+    fn a_clip_s_skeleton_and_poses_fit() {
+        let good = || MotionClip {
+            skeleton: Some(yoto_proto::v1::Skeleton {
+                names: vec!["root".into(), "tip".into()],
+                parents: vec![-1, 0],
+                rest_joints: Vec::new(),
+            }),
+            poses: vec![BodyPose {
+                rotations: vec![0.0; 6],
+                translation: vec![0.0; 3],
+            }],
+            size: 64,
+            camera_frame: None,
+        };
+        let check = |clip| {
+            let what = Some(What::Clip(clip));
+            check_render(&RenderSpec {
+                what,
+                ..RenderSpec::default()
+            })
+        };
+        check(good()).expect("a good clip passes");
+        let cases: [fn(&mut MotionClip); 6] = [
+            |clip| clip.size = 0,
+            |clip| clip.poses.clear(),
+            |clip| clip.skeleton = None,
+            |clip| clip.poses[0].rotations.truncate(3),
+            |clip| clip.poses[0].rotations[1] = f32::NAN,
+            |clip| {
+                if let Some(skeleton) = &mut clip.skeleton {
+                    skeleton.parents = vec![1, 0];
+                }
+            },
+        ];
+        for (case, break_it) in cases.into_iter().enumerate() {
+            let mut broken = good();
+            break_it(&mut broken);
+            assert!(check(broken).is_err(), "case {case}");
+        }
     }
 }

@@ -1,6 +1,7 @@
-//! Rendering pictures of one person: given views, an orbit around a frozen moment, or
-//! somebody else's motion.
+//! Rendering pictures of one person: given views, an orbit around a frozen moment,
+//! somebody else's motion, or a motion out of a file.
 
+mod clip;
 mod motion;
 mod orbit;
 mod quality;
@@ -82,6 +83,10 @@ fn expand(
         What::Orbit(orbit) => {
             let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
             orbit::views(&stage, orbit, &shard.track)?
+        }
+        What::Clip(clip) => {
+            let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
+            clip::views(&stage, clip, &shard.track, skeleton)
         }
         What::Motion(transfer) => {
             let (_, shard) = shard::fetch(context, inputs, &transfer.driver)?;

@@ -93,7 +93,11 @@ pub(super) fn read(
         notes: Vec::new(),
         skeleton: Skeleton {
             rest_joints: kept.t_pose(&rest, &turns),
-            parents: kept.parents.iter().map(|p| p.map_or(-1, |p| p as i32)).collect(),
+            parents: kept
+                .parents
+                .iter()
+                .map(|p| p.map_or(-1, |p| p as i32))
+                .collect(),
             names: kept.names,
         },
     })
@@ -142,7 +146,10 @@ impl Kept {
             places.push(add(above.unwrap_or_default(), joint.offset));
         }
         let place = |at: &usize| places.get(*at).copied().unwrap_or_default();
-        self.source.iter().map(|at| apply(upright, place(at))).collect()
+        self.source
+            .iter()
+            .map(|at| apply(upright, place(at)))
+            .collect()
     }
 
     /// D of each joint.

@@ -46,7 +46,10 @@ impl JointMap {
             };
             Ok((joint, list))
         };
-        let mut map: Vec<_> = entries.into_iter().map(names).collect::<Result<_, String>>()?;
+        let mut map: Vec<_> = entries
+            .into_iter()
+            .map(names)
+            .collect::<Result<_, String>>()?;
         // The order of SMPL's table, from the root outwards, decides who chooses first.
         let place = |joint: &str| {
             let table = yoto_proto::smpl::JOINTS.iter();
@@ -97,11 +100,20 @@ mod tests {
         // CMU's conversions have three joints for SMPL's three under other names than Mixamo.
         assert_eq!(
             matched(&["Hips", "LowerBack", "Spine", "Spine1"]),
-            ["pelvis=Hips", "spine1=LowerBack", "spine2=Spine", "spine3=Spine1"]
+            [
+                "pelvis=Hips",
+                "spine1=LowerBack",
+                "spine2=Spine",
+                "spine3=Spine1"
+            ]
         );
         assert_eq!(
             matched(&["mixamorig:Spine", "mixamorig:Spine1", "mixamorig:Spine2"]),
-            ["spine1=mixamorig:Spine", "spine2=mixamorig:Spine1", "spine3=mixamorig:Spine2"]
+            [
+                "spine1=mixamorig:Spine",
+                "spine2=mixamorig:Spine1",
+                "spine3=mixamorig:Spine2"
+            ]
         );
         // A shoulder is a collar where there is an arm, and a shoulder where there is a collar.
         assert_eq!(

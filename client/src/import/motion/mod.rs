@@ -10,9 +10,9 @@ mod smpl;
 
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 
+use super::BodyModel;
 use super::geometry::{Vec3, sub};
 use super::source::Source;
-use super::BodyModel;
 use crate::api::ClientError;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton};
@@ -119,9 +119,19 @@ impl Motion {
     pub fn clip(&self, first: usize, end: usize, step: usize, size: u32) -> v1::MotionClip {
         let rest = self.skeleton.rest_joints.first().copied();
         let rest = rest.unwrap_or_default();
-        let chosen = self.frames.iter().take(end).skip(first).step_by(step.max(1));
+        let chosen = self
+            .frames
+            .iter()
+            .take(end)
+            .skip(first)
+            .step_by(step.max(1));
         let pose = |frame: &MotionFrame| v1::BodyPose {
-            rotations: frame.rotations.iter().flatten().map(|v| *v as f32).collect(),
+            rotations: frame
+                .rotations
+                .iter()
+                .flatten()
+                .map(|v| *v as f32)
+                .collect(),
             translation: sub(frame.root, rest).iter().map(|v| *v as f32).collect(),
         };
         v1::MotionClip {

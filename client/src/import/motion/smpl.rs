@@ -27,11 +27,15 @@ pub(super) fn read(
     let (read, is_amass) = parameters(&data)?;
     let root = data.root();
     let mut notes = Vec::new();
-    let rate = root.find("mocap_framerate").or_else(|| root.find("mocap_frame_rate"));
+    let rate = root
+        .find("mocap_framerate")
+        .or_else(|| root.find("mocap_frame_rate"));
     let fps = match rate {
         Some(rate) => rate.number()?,
         None => {
-            notes.push(format!("the file does not say how fast it is: {FPS} frames a second"));
+            notes.push(format!(
+                "the file does not say how fast it is: {FPS} frames a second"
+            ));
             FPS
         }
     };
@@ -69,7 +73,12 @@ pub(super) fn read(
     let skeleton = smpl_skeleton(rest.unwrap_or_default());
     let names = skeleton.names.iter();
     Ok(Motion {
-        frames: read.poses.iter().zip(&read.translations).map(frame).collect(),
+        frames: read
+            .poses
+            .iter()
+            .zip(&read.translations)
+            .map(frame)
+            .collect(),
         fps,
         matched: names.map(|name| (name.clone(), name.clone())).collect(),
         unmatched: Vec::new(),
@@ -109,7 +118,10 @@ fn poses(part: &Part<'_>) -> Result<(Vec<SmplPose>, bool), ClientError> {
         return Ok((rows, false));
     }
     let rows = array.rows::<156>().ok_or_else(|| {
-        let message = format!("the shape is {:?}, [F, 72] or [F, 156] is needed", array.shape);
+        let message = format!(
+            "the shape is {:?}, [F, 72] or [F, 156] is needed",
+            array.shape
+        );
         part.fault("SIZE_MISMATCH", message)
     })?;
     let body = |row: &[f64; 156]| {

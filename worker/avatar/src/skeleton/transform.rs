@@ -93,6 +93,34 @@ pub fn rodrigues(r: Vec3) -> Mat3 {
     ]
 }
 
+/// The axis-angle of the rotation by `first` and then by `then`, its angle from 0 to π; radians.
+pub fn after(then: Vec3, first: Vec3) -> Vec3 {
+    // (cos, axis sin) of half the angle.
+    let quaternion = |v: Vec3| {
+        let angle = length(v);
+        let by = if angle < 1e-9 {
+            0.5
+        } else {
+            (0.5 * angle).sin() / angle
+        };
+        ((0.5 * angle).cos(), scale(v, by))
+    };
+    let ((a, u), (b, v)) = (quaternion(then), quaternion(first));
+    let (mut real, mut vector) = (
+        a * b - dot(u, v),
+        add(add(scale(v, a), scale(u, b)), cross(u, v)),
+    );
+    if real < 0.0 {
+        (real, vector) = (-real, scale(vector, -1.0));
+    }
+    let sine = length(vector);
+    if sine < 1e-12 {
+        scale(vector, 2.0)
+    } else {
+        scale(vector, 2.0 * sine.atan2(real) / sine)
+    }
+}
+
 /// `[rotation | translation]`.
 pub fn rigid(rotation: Mat3, translation: Vec3) -> Mat34 {
     std::array::from_fn(|i| {
@@ -138,6 +166,25 @@ pub fn position(m: &Mat34) -> Vec3 {
 mod tests {
     use super::*;
     use std::f64::consts::PI;
+
+    #[test]
+    fn rotations_follow_each_other() {
+        for (then, first) in [
+            ([0.3, -0.2, 0.9], [1.2, 0.4, -0.7]),
+            ([0.0, 3.0, 0.0], [0.0, 2.0, 0.0]),
+            ([0.0; 3], [0.1, 0.0, 0.0]),
+            ([1.0, 2.0, 3.0], [-1.0, -2.0, -3.0]),
+        ] {
+            let both = compose(
+                &rigid(rodrigues(then), [0.0; 3]),
+                &rigid(rodrigues(first), [0.0; 3]),
+            );
+            let one = rigid(rodrigues(after(then, first)), [0.0; 3]);
+            for probe in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, -0.4, 2.0]] {
+                assert!(length(sub(apply(&both, probe), apply(&one, probe))) < 1e-12);
+            }
+        }
+    }
 
     #[test]
     fn rotations_are_orthonormal_at_every_angle() {

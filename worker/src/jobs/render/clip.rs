@@ -49,12 +49,17 @@ pub(super) fn views(
         let field = |field: &str| format!("clip.poses[{at}].{field}");
         let read = Pose::from_proto(moved)
             .map_err(|error| JobFailure::invalid("render", &field(&error.field), error.message))?;
-        let taken = retarget(&driver, body, &read)
-            .map_err(|error| JobFailure::invalid("render", &field("rotations"), error.to_string()))?;
+        let taken = retarget(&driver, body, &read).map_err(|error| {
+            JobFailure::invalid("render", &field("rotations"), error.to_string())
+        })?;
         poses.push(taken);
     }
     let Some(first) = poses.first().cloned() else {
-        return Err(JobFailure::invalid("render", "clip.poses", "there is none".to_owned()));
+        return Err(JobFailure::invalid(
+            "render",
+            "clip.poses",
+            "there is none".to_owned(),
+        ));
     };
     let [x, y, z, _] = camera.e[1];
     let stand = Stand::new(&first, &pose(frame)?, world_up([-x, -y, -z]));
@@ -234,8 +239,14 @@ mod tests {
         let cases: [(Break, &str); 5] = [
             (|clip| clip.skeleton = None, "clip.skeleton"),
             (|clip| clip.poses.clear(), "clip.poses"),
-            (|clip| clip.poses[1].translation[0] = f32::NAN, "clip.poses[1].translation[0]"),
-            (|clip| clip.poses[1].rotations.truncate(3), "clip.poses[1].rotations"),
+            (
+                |clip| clip.poses[1].translation[0] = f32::NAN,
+                "clip.poses[1].translation[0]",
+            ),
+            (
+                |clip| clip.poses[1].rotations.truncate(3),
+                "clip.poses[1].rotations",
+            ),
             (|clip| clip.camera_frame = Some(99), "clip.camera_frame"),
         ];
         for (break_it, field) in cases {

@@ -63,7 +63,7 @@ pub(super) fn views(
 }
 
 /// `camera` with `size` pixels on its longest side, larger than the capture's if asked for.
-fn sized(camera: &Camera, size: u32) -> Camera {
+pub(super) fn sized(camera: &Camera, size: u32) -> Camera {
     let zoom = f64::from(size) / f64::from(camera.width.max(camera.height));
     let side = |pixels: u32| ((f64::from(pixels) * zoom).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))

@@ -60,7 +60,7 @@ fn circled(capture: &Camera, root: Vec3, angle: f64, size: u32) -> Camera {
 
 /// The world's up: the axis nearest to the capture camera's up, since people stand upright
 /// in pictures while a pose track does not say which axis that is.
-fn world_up(camera_up: Vec3) -> Vec3 {
+pub(super) fn world_up(camera_up: Vec3) -> Vec3 {
     let axis = (0..3).fold(0, |best, i| {
         if camera_up[i].abs() > camera_up[best].abs() {
             i

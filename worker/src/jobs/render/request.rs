@@ -94,6 +94,11 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
             );
             need(SIDES.contains(&orbit.size), "orbit.size", sized(orbit.size));
         }
+        What::Clip(clip) => {
+            let count = u32::try_from(clip.poses.len()).unwrap_or(u32::MAX);
+            need(VIEWS.contains(&count), "clip.poses", counted(count));
+            need(SIDES.contains(&clip.size), "clip.size", sized(clip.size));
+        }
         What::Motion(motion) => {
             // 0 stands for every frame that is left.
             let count = motion.frame_count;

@@ -1,0 +1,90 @@
+//! `yoto motion`: what a motion file holds, and which joints it moves.
+
+use super::table;
+use crate::import::motion::{DEFAULT_JOINT_MAP, Motion, MotionOptions, Up, read};
+use anyhow::Context;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+const AFTER_HELP: &str = "\
+A joint map is JSON: each joint of a person with the names that motions have for it, e.g.
+  {\"l_knee\": [\"LeftLeg\", \"LeftKnee\"], …}
+
+Examples:
+  yoto motion walk.bvh
+  yoto motion walk.bvh --write-map joints.json    # edit it, then:
+  yoto motion walk.bvh --joint-map joints.json
+  yoto render duo --subject bob --motion-file walk.bvh --joint-map joints.json --out out/walk";
+
+/// Show what a motion file holds and which of a person's joints it moves.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct MotionCommand {
+    /// BVH, AMASS-style .npz, or a pose track (.json, .pb).
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Write the usual joint map to a file, for editing.
+    #[arg(long, value_name = "FILE")]
+    write_map: Option<PathBuf>,
+    #[command(flatten)]
+    reading: MotionArgs,
+}
+
+/// How a motion file is read.
+#[derive(Debug, Args)]
+pub(super) struct MotionArgs {
+    /// Joint names of BVH files, as JSON; `yoto motion --write-map` writes one to edit.
+    #[arg(long, value_name = "FILE")]
+    joint_map: Option<PathBuf>,
+    /// Your copy of SMPL's body model (.npz or .pkl), for the legs' length in .npz motions.
+    #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
+    smpl: Option<PathBuf>,
+    /// Which axis of a motion file is up [default: z of AMASS's files, y of others].
+    #[arg(long, value_name = "AXIS")]
+    up: Option<Up>,
+}
+
+impl MotionArgs {
+    /// Whether anything was said; a body model may stand in the environment for all commands.
+    pub(super) fn any(&self) -> bool {
+        self.joint_map.is_some() || self.up.is_some()
+    }
+
+    /// Reads a motion and says what had to be assumed.
+    pub(super) fn read(&self, file: &Path) -> anyhow::Result<Motion> {
+        let options = MotionOptions {
+            joint_map: self.joint_map.clone(),
+            body_model: self.smpl.clone(),
+            up: self.up,
+        };
+        let motion = read(file, &options)?;
+        for note in &motion.notes {
+            eprintln!("note: {note}");
+        }
+        Ok(motion)
+    }
+}
+
+impl MotionCommand {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        if let Some(path) = &self.write_map {
+            std::fs::write(path, DEFAULT_JOINT_MAP)
+                .with_context(|| format!("writing {}", path.display()))?;
+            eprintln!("wrote {}", path.display());
+        }
+        let motion = self.reading.read(&self.file)?;
+        println!(
+            "{} frames at {:.2} a second: {:.1} s",
+            motion.frames.len(),
+            motion.fps,
+            motion.frames.len() as f64 / motion.fps
+        );
+        let row = |(joint, name): &(String, String)| vec![joint.clone(), name.clone()];
+        let rows: Vec<Vec<String>> = motion.matched.iter().map(row).collect();
+        println!("{}", table::table(&["JOINT", "MOVED BY"], &rows));
+        if !motion.unmatched.is_empty() {
+            println!("moving nothing: {}", motion.unmatched.join(", "));
+        }
+        Ok(())
+    }
+}
