@@ -139,7 +139,8 @@ fn wrong_numbers_are_named_with_their_field() {
         })
     };
     let frame = "frame_000001";
-    let cases: [(&dyn Fn(&mut serde_json::Value), &str); 6] = [
+    type Change<'a> = &'a dyn Fn(&mut serde_json::Value);
+    let cases: [(Change<'_>, &str); 6] = [
         (
             &|json| json[frame]["poses"][7] = 1e30.into(),
             "frame 1: frame_000001.poses[7]: 1",

@@ -178,7 +178,7 @@ fn check_clip(clip: &MotionClip) -> Checked {
     check_side(&format!("{field}.size"), clip.size)?;
     let message = clip.skeleton.clone().unwrap_or_default();
     let invalid = |fault: &Violation| {
-        RequestError::invalid(&format!("{field}.{}", fault.field), fault.message.clone())
+        RequestError::invalid(format!("{field}.{}", fault.field), fault.message.clone())
     };
     let mut skeleton = Skeleton::from_proto(message).map_err(|fault| invalid(&fault))?;
     let joints = skeleton.parents.len();
