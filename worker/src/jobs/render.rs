@@ -86,7 +86,7 @@ fn expand(
         }
         What::Clip(clip) => {
             let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
-            clip::views(&stage, clip, &shard.track, skeleton)
+            clip::views(&stage, clip, &shard.track, skeleton)?
         }
         What::Motion(transfer) => {
             let (_, shard) = shard::fetch(context, inputs, &transfer.driver)?;
