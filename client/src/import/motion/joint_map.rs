@@ -2,8 +2,9 @@
 //!
 //! A map is JSON: `{"l_knee": ["LeftLeg", "LeftKnee"], …}`, each joint of the person with the names
 //! that motions have for it. The first name that the motion has, and that no earlier joint took,
-//! is meant; a joint's own name is always understood. Case does not matter, nor what stands before
-//! a colon (`mixamorig:Hips`).
+//! is meant. A joint's own name is always understood: before all others where the motion writes it
+//! in the same letters, after them where it does not, since `Spine1` is `spine1` to few writers.
+//! Otherwise case does not matter, nor what stands before a colon (`mixamorig:Hips`).
 
 use crate::api::ClientError;
 use std::collections::HashSet;
@@ -69,11 +70,13 @@ impl JointMap {
         let mut taken = HashSet::new();
         let mut found = Vec::new();
         for (joint, wanted) in &self.0 {
-            let own = std::iter::once(joint);
-            let place = own.chain(wanted).find_map(|wanted| {
-                let wanted = plain(wanted);
-                let mut places = (0..known.len()).filter(|at| known.get(*at) == Some(&wanted));
-                places.find(|at| !taken.contains(at))
+            let own = names.iter().position(|name| name == joint);
+            let place = own.filter(|at| !taken.contains(at)).or_else(|| {
+                wanted.iter().chain([joint]).find_map(|wanted| {
+                    let wanted = plain(wanted);
+                    let mut places = (0..known.len()).filter(|at| known.get(*at) == Some(&wanted));
+                    places.find(|at| !taken.contains(at))
+                })
             });
             if let Some(place) = place {
                 taken.insert(place);
