@@ -42,7 +42,8 @@ impl<B: Backend + AvatarOps> Backward<B, 2> for HashBackward {
         let [table_node, points_node] = ops.parents;
         let grad = grads.consume::<B>(&ops.node);
         let (table, points, grid) = ops.state;
-        let (to_table, to_points) = B::hash_encode_backward(table, points, grad, grid);
+        let (to_table, to_points) =
+            B::hash_encode_backward(table, points, grad, grid, points_node.is_some());
         if let Some(node) = table_node {
             grads.register::<B>(node.id, to_table);
         }
@@ -146,12 +147,14 @@ impl<B: Backend + AvatarOps, C: CheckpointStrategy> AvatarOps for Autodiff<B, C>
         points: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         grid: HashGrid,
+        points_too: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>) {
         let (a, b) = B::hash_encode_backward(
             table.into_primitive(),
             points.into_primitive(),
             grad.into_primitive(),
             grid,
+            points_too,
         );
         (constant::<B, C>(a), constant::<B, C>(b))
     }

@@ -9,6 +9,12 @@ fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
     FlexTensor::from_data(TensorData::new(values, shape))
 }
 
+/// The tensor with its numbers in order. The given handle on them goes: while two are held, a
+/// write copies them all first.
+fn contiguous(tensor: FlexTensor) -> FlexTensor {
+    tensor.to_contiguous()
+}
+
 impl AvatarOps for Flex {
     fn warp(
         weights: FloatTensor<Self>,
@@ -90,6 +96,7 @@ impl AvatarOps for Flex {
         points: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         grid: hash::HashGrid,
+        points_too: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>) {
         let (entries, rows) = (table.shape()[0], points.shape()[0]);
         let (table, points, grad) = (
@@ -97,11 +104,16 @@ impl AvatarOps for Flex {
             points.to_contiguous(),
             grad.to_contiguous(),
         );
-        let (to_table, to_points) =
-            hash::cpu::backward(table.storage(), points.storage(), grad.storage(), &grid);
+        let (to_table, to_points) = hash::cpu::backward(
+            table.storage(),
+            points.storage(),
+            grad.storage(),
+            &grid,
+            points_too,
+        );
         (
             tensor(to_table, [entries, grid.features]),
-            tensor(to_points, [rows, 3]),
+            tensor(to_points, [if points_too { rows } else { 0 }, 3]),
         )
     }
 
@@ -112,8 +124,8 @@ impl AvatarOps for Flex {
         moment_2: FloatTensor<Self>,
         rates: adam::AdamRates,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
-        let (mut param, grad) = (param.to_contiguous(), grad.to_contiguous());
-        let (mut moment_1, mut moment_2) = (moment_1.to_contiguous(), moment_2.to_contiguous());
+        let grad = grad.to_contiguous();
+        let [mut param, mut moment_1, mut moment_2] = [param, moment_1, moment_2].map(contiguous);
         // `storage_mut` copies first when another tensor still shares the memory.
         adam::cpu::update(
             param.storage_mut(),

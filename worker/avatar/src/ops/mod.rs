@@ -8,6 +8,7 @@ pub mod adam;
 mod autodiff;
 pub mod composite;
 mod flex;
+pub mod form;
 pub mod hash;
 pub mod mlp;
 pub mod warp;
@@ -55,12 +56,14 @@ pub trait AvatarOps: Backend {
         points: FloatTensor<Self>,
         grid: hash::HashGrid,
     ) -> FloatTensor<Self>;
-    /// Gradients of [`hash::encode`] to the table and the points.
+    /// Gradients of [`hash::encode`] to the table and, if `points_too`, the points; else an
+    /// empty one in its place.
     fn hash_encode_backward(
         table: FloatTensor<Self>,
         points: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         grid: hash::HashGrid,
+        points_too: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
     /// One Adam update: parameter, gradient, both moments → parameter, both moments.
     fn adam_update(

@@ -9,6 +9,9 @@ use super::{AvatarOps, on_cpu};
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
+/// What y and z of a node are multiplied by in its hash (Instant NGP's).
+pub(crate) const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
+
 /// Where a level's entries stand and how they are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
@@ -27,7 +30,7 @@ pub struct Level {
 pub struct HashGrid {
     /// Coarsest level first.
     pub levels: Vec<Level>,
-    /// Numbers an entry: 1, 2, 4 or 8.
+    /// Numbers an entry: 1, 2, 4, 8 or 16.
     pub features: usize,
     /// Smallest corner of the box, metres.
     pub min: [f32; 3],
@@ -47,27 +50,20 @@ impl HashGrid {
         min: [f32; 3],
         side: f32,
     ) -> Self {
-        let most = 1usize << log2_rows;
-        let mut offset = 0;
-        let levels = (0..levels)
-            .map(|l| {
-                let cells = (base as f64 * growth.powi(l as i32)).floor() as u32;
-                let nodes = (cells as usize + 1).saturating_pow(3);
-                let level = Level {
-                    cells,
-                    offset,
-                    rows: nodes.min(most),
-                    dense: nodes <= most,
-                };
-                offset += level.rows;
-                level
-            })
-            .collect();
+        let cells = |l| (base as f64 * growth.powi(l as i32)).floor() as u32;
         Self {
-            levels,
+            levels: lay_out((0..levels).map(cells), log2_rows),
             features,
             min,
             side,
+        }
+    }
+
+    /// The same cells in tables of at most `2^log2_rows` rows.
+    pub fn within(&self, log2_rows: u32) -> Self {
+        Self {
+            levels: lay_out(self.levels.iter().map(|level| level.cells), log2_rows),
+            ..self.clone()
         }
     }
 
@@ -82,15 +78,34 @@ impl HashGrid {
     }
 }
 
+/// Levels with these cells, one after the other.
+fn lay_out(cells: impl Iterator<Item = u32>, log2_rows: u32) -> Vec<Level> {
+    let most = 1usize << log2_rows;
+    let mut offset = 0;
+    cells
+        .map(|cells| {
+            let nodes = (cells as usize + 1).saturating_pow(3);
+            let level = Level {
+                cells,
+                offset,
+                rows: nodes.min(most),
+                dense: nodes <= most,
+            };
+            offset += level.rows;
+            level
+        })
+        .collect()
+}
+
 impl Level {
-    /// Row of a node, relative to the level's first. The primes are Instant NGP's.
+    /// Row of a node, relative to the level's first.
     #[inline(always)]
     pub fn row(&self, [x, y, z]: [u32; 3]) -> usize {
         if self.dense {
             let n = self.cells + 1;
             ((z * n + y) * n + x) as usize
         } else {
-            let hash = x ^ y.wrapping_mul(2_654_435_761) ^ z.wrapping_mul(805_459_861);
+            let hash = x ^ y.wrapping_mul(PRIMES[0]) ^ z.wrapping_mul(PRIMES[1]);
             hash as usize & (self.rows - 1)
         }
     }

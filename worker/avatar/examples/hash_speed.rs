@@ -1,0 +1,111 @@
+//! How long the hash grid takes on this machine, form by form, on points as training has them:
+//! patches of neighbouring rays through a body. Prints the shortest of many alternating runs on
+//! one thread, in time that the thread ran where the system tells it (Linux), so that other
+//! programs' load hardly shows.
+//!
+//! `cargo run --workspace --example hash_speed`
+
+use std::time::Instant;
+use yoto_avatar::ops::adam::{self, AdamRates};
+use yoto_avatar::ops::form::Form;
+use yoto_avatar::ops::hash::{HashGrid, cpu};
+
+/// Runs of each form.
+const RUNS: usize = 25;
+/// Patches, their side in pixels, and samples of a ray that are inside the body.
+const PATCHES: usize = 8;
+const SIDE: usize = 12;
+const SAMPLES: usize = 23;
+
+fn noise(i: usize) -> f32 {
+    let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    (hash ^ hash >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) as u32 as f32 / u32::MAX as f32
+}
+
+/// `[N, 3]` metres: pixels 1.5 cm apart, samples 1.2 cm.
+fn points() -> Vec<f32> {
+    let mut points = Vec::new();
+    for patch in 0..PATCHES {
+        let corner: [f32; 3] = std::array::from_fn(|a| 0.3 + noise(3 * patch + a));
+        for pixel in 0..SIDE * SIDE {
+            for sample in 0..SAMPLES {
+                let jitter = noise(1000 + points.len());
+                points.push(corner[0] + 0.015 * (pixel % SIDE) as f32);
+                points.push(corner[1] + 0.015 * (pixel / SIDE) as f32);
+                points.push(corner[2] + 0.012 * (sample as f32 + jitter));
+            }
+        }
+    }
+    points
+}
+
+/// Seconds that this thread has run, or of the clock where the system does not tell.
+fn seconds(clock: Instant) -> f64 {
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let ran = told.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    match ran {
+        Some(nanoseconds) if nanoseconds > 0.0 => 1e-9 * nanoseconds,
+        _ => clock.elapsed().as_secs_f64(),
+    }
+}
+
+/// Shortest seconds of each work, taken in turn.
+fn shortest<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let clock = Instant::now();
+    let mut best = [f64::INFINITY; N];
+    for _ in 0..RUNS {
+        for (work, best) in works.iter_mut().zip(&mut best) {
+            let start = seconds(clock);
+            work();
+            *best = best.min(seconds(clock) - start);
+        }
+    }
+    best
+}
+
+fn measure() {
+    // The tier `fast`.
+    let grid = HashGrid::new(8, 16, 1.45, 15, 2, [0.0; 3], 2.0);
+    let points = points();
+    let n = points.len() / 3;
+    let table: Vec<f32> = (0..grid.rows() * 2).map(|i| noise(i) - 0.5).collect();
+    let full: Vec<f32> = (0..n * grid.width()).map(|i| noise(i) - 0.5).collect();
+    let mut half = full.clone();
+    for row in half.chunks_exact_mut(grid.width()).skip(1).step_by(2) {
+        row.fill(0.0);
+    }
+    println!(
+        "{n} points, {} levels, {} rows",
+        grid.levels.len(),
+        grid.rows()
+    );
+    println!("form      forward ms  backward ms  table only ms  half the points ms");
+    for form in Form::available() {
+        let back = |grad: &[f32], too| {
+            drop(cpu::backward_in(form, &table, &points, grad, &grid, too));
+        };
+        let times = shortest([
+            &mut || drop(cpu::forward_in(form, &table, &points, &grid)),
+            &mut || back(&full, true),
+            &mut || back(&full, false),
+            &mut || back(&half, true),
+        ]);
+        let [a, b, c, d] = times.map(|seconds| 1e3 * seconds);
+        println!("{:<8} {a:>11.2} {b:>12.2} {c:>14.2} {d:>19.2}", form.name());
+    }
+    let (mut param, mut first, mut second) = (table.clone(), table.clone(), table.clone());
+    second.iter_mut().for_each(|v| *v = v.abs());
+    let rates = AdamRates::new(1e-2, 0.9, 0.999, 1e-8, 3);
+    let [adam] = shortest([&mut || {
+        adam::cpu::update(&mut param, &table, &mut first, &mut second, rates);
+    }]);
+    println!("Adam over the table: {:.2} ms", 1e3 * adam);
+}
+
+fn main() -> Result<(), rayon::ThreadPoolBuildError> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()?
+        .install(measure);
+    Ok(())
+}
