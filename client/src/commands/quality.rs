@@ -6,6 +6,7 @@ use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
+use yoto_avatar::config::Sharing;
 use yoto_avatar::train::Budget;
 
 const AFTER_HELP: &str = "\
@@ -47,6 +48,10 @@ pub(super) struct Quality {
     /// Model variant of the paper's ablation.
     #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]
     variant: String,
+    /// What people share of the hash grid: own, split:ROWS (everybody's table and one of at most 2
+    /// to this many rows a level each) or bases:COUNT (rows that each mixes); else as the tier says.
+    #[arg(long, value_name = "KIND")]
+    sharing: Option<Sharing>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -68,6 +73,7 @@ impl Quality {
                 None => Budget::Seconds(self.seconds),
             },
             measured: self.measure.map_or(usize::MAX, |count| count as usize),
+            sharing: self.sharing,
             tier: self.tier,
             variant: self.variant,
             seed: self.seed,

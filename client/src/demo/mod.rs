@@ -162,6 +162,7 @@ async fn drive(
         variant: VARIANT.into(),
         size: options.size,
         seed: options.seed,
+        sharing: None,
     };
     Ok(score::report(scores, &renders, trained, settings))
 }

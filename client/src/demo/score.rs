@@ -55,6 +55,7 @@ pub(super) fn report(
         steps_per_second: trained.steps as f64 / trained.train_seconds.max(f64::EPSILON),
         parameters: trained.parameters,
         checkpoint_bytes: trained.checkpoint_bytes,
+        person_bytes: None,
         device: trained.device,
         objective: trained.objective,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,

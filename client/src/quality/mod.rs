@@ -15,7 +15,7 @@ use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectSco
 use anyhow::{Context, ensure};
 use captures::{Recording, Split, View};
 use std::path::PathBuf;
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Sharing};
 use yoto_avatar::evaluate::{Examiner, LpipsMetric, Protocol};
 use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
 use yoto_proto::protocols::HELD_OUT;
@@ -43,6 +43,8 @@ pub struct QualityOptions {
     pub tier: String,
     /// Model variant.
     pub variant: String,
+    /// What people share of the hash grid, in place of what the tier says.
+    pub sharing: Option<Sharing>,
     /// Seed of everything random.
     pub seed: u64,
     /// Where to write truth and render of each held-out picture side by side.
@@ -55,7 +57,10 @@ pub struct QualityOptions {
 /// At the first thing that fails, saying what: a capture that can't be read, a tier or
 /// variant that nobody knows, training that diverges.
 pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
-    let config = ModelConfig::named(&options.tier, &options.variant)?;
+    let mut config = ModelConfig::named(&options.tier, &options.variant)?;
+    if let Some(sharing) = options.sharing {
+        config = config.shared(sharing)?;
+    }
     let protocol = Protocol::named(HELD_OUT)?;
     let recordings = captures::read_all(&options.captures, options.size, protocol)?;
     let picked = pick_device();
@@ -194,6 +199,7 @@ fn finish(
         steps_per_second: progress.step as f64 / progress.train_seconds.max(f64::EPSILON),
         parameters: trainer.parameters(),
         checkpoint_bytes: checkpoint_bytes(trainer)?,
+        person_bytes: Some(4 * trainer.parameters_of_a_person()),
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
         render_seconds_per_frame: seconds / done.max(1) as f64,
@@ -202,6 +208,7 @@ fn finish(
             variant: options.variant.clone(),
             size: options.size,
             seed: options.seed,
+            sharing: options.sharing.map(|sharing| sharing.to_string()),
         },
         curve: Some(curve),
     })

@@ -24,6 +24,10 @@ pub struct Report {
     pub parameters: u64,
     /// Size of a checkpoint with optimiser state, bytes.
     pub checkpoint_bytes: u64,
+    /// How much larger a further person makes the weights, bytes (with optimiser state it is three
+    /// times as much); absent where it was not asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub person_bytes: Option<u64>,
     /// What it ran on.
     pub device: String,
     /// What was minimised, e.g. "lpips+mse", or the fallback without LPIPS weights.
@@ -48,6 +52,9 @@ pub struct Settings {
     pub size: u32,
     /// Seed of everything random.
     pub seed: u64,
+    /// What people share of the hash grid, where it is not the tier's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sharing: Option<String>,
 }
 
 /// One person's figures.
@@ -207,6 +214,7 @@ mod tests {
             steps_per_second: 8.0,
             parameters: 1_500_000,
             checkpoint_bytes: 18_000_000,
+            person_bytes: None,
             device: "cpu".into(),
             objective: "mse+ssim".into(),
             render_seconds_per_frame: 0.8,
@@ -215,6 +223,7 @@ mod tests {
                 variant: "yoto".into(),
                 size: 128,
                 seed: 7,
+                sharing: None,
             },
             curve: None,
         }

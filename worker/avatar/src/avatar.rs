@@ -11,6 +11,7 @@ use crate::motion::correction::PoseCorrection;
 use crate::motion::posed;
 use crate::motion::released;
 use crate::motion::weights::MotionWeights;
+use crate::ops::hash::HashGrid;
 use crate::ops::warp;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
@@ -81,7 +82,7 @@ impl Avatar {
             _ => identities,
         };
         let code_width = if codes > 0 { config.code_width } else { 0 };
-        let rows = rows(&config.canonical.encoding);
+        let grid = any_grid(&config.canonical.encoding);
         Self {
             codes: (0..codes)
                 .map(|slot| {
@@ -108,10 +109,16 @@ impl Avatar {
                 &config.canonical,
                 identities,
                 code_width,
-                rows,
+                grid.as_ref(),
                 config.precision,
             ),
         }
+    }
+
+    /// Numbers that each further identity of a model of several adds.
+    pub fn parameters_of_a_person(config: &ModelConfig, joints: usize) -> u64 {
+        let count = |slots| Self::new(config, slots, joints, 0, &Device::flex()).num_params();
+        (count(2) - count(1)) as u64
     }
 
     /// Poses the identity in `slot`, which the caller has checked to exist. `step` opens what
@@ -246,13 +253,13 @@ impl Avatar {
     }
 }
 
-/// Table rows an identity, the same for every box.
-fn rows(encoding: &Encoding) -> usize {
+/// The hash grid of an encoding over some box: its rows are the same for every box.
+fn any_grid(encoding: &Encoding) -> Option<HashGrid> {
     let anywhere = warp::WarpGrid {
         min: [0.0; 3],
         max: [1.0; 3],
         resolution: 2,
         floor: 0.0,
     };
-    hash_grid(encoding, &anywhere).map_or(0, |grid| grid.rows())
+    hash_grid(encoding, &anywhere)
 }

@@ -2,6 +2,10 @@
 //! a place on the speed/accuracy curve; a variant switches parts of the model off. Neither is
 //! ever a fork of the code.
 
+mod sharing;
+
+pub use sharing::Sharing;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use yoto_proto::tiers;
@@ -217,7 +221,7 @@ pub enum Encoding {
         /// Frequency bands.
         bands: usize,
     },
-    /// Multiresolution hash grid: a table for each identity.
+    /// Multiresolution hash grid.
     Hash {
         /// Levels.
         levels: usize,
@@ -227,8 +231,11 @@ pub enum Encoding {
         growth: f64,
         /// Largest level has 2 to this many rows.
         log2_rows: u32,
-        /// Numbers a row: 1, 2, 4 or 8.
+        /// Numbers of an identity's row: 1, 2, 4 or 8.
         features: usize,
+        /// Which of its entries people share.
+        #[serde(default)]
+        sharing: Sharing,
     },
 }
 
@@ -305,6 +312,24 @@ impl ModelConfig {
         paper(Variant::HumanNerf)
     }
 
+    /// The same with a hash grid that people share like this.
+    ///
+    /// # Errors
+    /// When the model has no hash grid, or not one that can be shared so.
+    pub fn shared(mut self, kind: Sharing) -> Result<Self, ConfigError> {
+        match &mut self.canonical.encoding {
+            Encoding::Hash { sharing, .. } => *sharing = kind,
+            Encoding::Fourier { .. } => {
+                return Err(ConfigError::Field {
+                    field: "canonical.encoding.sharing",
+                    message: format!("the tier '{}' has no tables to share", self.tier),
+                });
+            }
+        }
+        self.check()?;
+        Ok(self)
+    }
+
     /// # Errors
     /// Names the first field that no model can be made with.
     pub fn check(&self) -> Result<(), ConfigError> {
@@ -359,6 +384,7 @@ impl ModelConfig {
             growth,
             log2_rows,
             features,
+            sharing,
         } = self.canonical.encoding
         {
             let finest = base as f64 * growth.powi(levels as i32);
@@ -375,6 +401,23 @@ impl ModelConfig {
             }
             if ![1, 2, 4, 8].contains(&features) {
                 return fail("canonical.encoding.features", "must be 1, 2, 4 or 8");
+            }
+            match sharing {
+                Sharing::Split { own_log2_rows } if !(4..=log2_rows).contains(&own_log2_rows) => {
+                    return fail(
+                        "canonical.encoding.sharing.own_log2_rows",
+                        "must be 4 to log2_rows",
+                    );
+                }
+                Sharing::Bases { count }
+                    if ![2, 4, 8, 16].contains(&count) || count * features > 16 =>
+                {
+                    return fail(
+                        "canonical.encoding.sharing.count",
+                        "must be 2, 4, 8 or 16, and with features no more than 16 numbers",
+                    );
+                }
+                _ => {}
             }
         }
         if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
@@ -467,6 +510,7 @@ fn grid_tier(
                 growth: 1.45,
                 log2_rows,
                 features: 2,
+                sharing: Sharing::Own,
             },
             layers: LayersConfig {
                 width,
@@ -612,12 +656,45 @@ mod tests {
 
     #[test]
     fn a_configuration_survives_json() {
-        let config = ModelConfig::named("fast", "no-identity").expect("named");
-        let json = serde_json::to_string(&config).expect("serialises");
-        assert_eq!(
-            serde_json::from_str::<ModelConfig>(&json).expect("reads"),
-            config
-        );
+        let named = ModelConfig::named("fast", "no-identity").expect("named");
+        for kind in [
+            Sharing::Own,
+            Sharing::Split { own_log2_rows: 11 },
+            Sharing::Bases { count: 4 },
+        ] {
+            let config = named.clone().shared(kind).expect("possible");
+            let json = serde_json::to_string(&config).expect("serialises");
+            assert_eq!(
+                serde_json::from_str::<ModelConfig>(&json).expect("reads"),
+                config
+            );
+        }
+    }
+
+    #[test]
+    fn a_grid_that_says_nothing_of_sharing_shares_nothing() {
+        let json =
+            r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2}"#;
+        let read: Encoding = serde_json::from_str(json).expect("an older checkpoint's");
+        let fast = ModelConfig::named("fast", "yoto").expect("named");
+        assert_eq!(read, fast.canonical.encoding);
+    }
+
+    #[test]
+    fn impossible_sharing_is_named() {
+        for (kind, field) in [
+            (Sharing::Split { own_log2_rows: 3 }, "own_log2_rows"),
+            (Sharing::Split { own_log2_rows: 16 }, "own_log2_rows"),
+            (Sharing::Bases { count: 3 }, "count"),
+            (Sharing::Bases { count: 16 }, "count"),
+        ] {
+            let fast = ModelConfig::named("fast", "yoto").expect("named");
+            let error = fast.shared(kind).expect_err("impossible").to_string();
+            assert!(error.contains(field), "{error}");
+        }
+        let paper = ModelConfig::named("paper", "yoto").expect("named");
+        let error = paper.shared(Sharing::Own).expect_err("no grid").to_string();
+        assert!(error.contains("no tables"), "{error}");
     }
 
     #[test]

@@ -97,6 +97,22 @@ impl<'a> Initial<'a> {
         })
     }
 
+    /// `[sets, R]` coefficients of mixtures: the first of a set is 1, the others are normal with
+    /// standard deviation `deviation`.
+    pub fn mixture(&self, path: &str, shape: [usize; 2], deviation: f64) -> Param<Tensor<2>> {
+        let mut stream = self.stream(path);
+        let mut drawn = 0;
+        self.filled(path, shape, || {
+            let first = drawn % shape[1] == 0;
+            drawn += 1;
+            if first {
+                1.0
+            } else {
+                normal(&mut stream, deviation)
+            }
+        })
+    }
+
     /// Normal with standard deviation `deviation`, by Box and Muller.
     pub fn normal<const D: usize>(
         &self,
@@ -105,10 +121,12 @@ impl<'a> Initial<'a> {
         deviation: f64,
     ) -> Param<Tensor<D>> {
         let mut stream = self.stream(path);
-        self.filled(path, shape, || {
-            let radius = (-2.0 * (1.0 - stream.random::<f64>()).ln()).sqrt();
-            let angle = std::f64::consts::TAU * stream.random::<f64>();
-            (deviation * radius * angle.cos()) as f32
-        })
+        self.filled(path, shape, || normal(&mut stream, deviation))
     }
+}
+
+fn normal(stream: &mut ChaCha8Rng, deviation: f64) -> f32 {
+    let radius = (-2.0 * (1.0 - stream.random::<f64>()).ln()).sqrt();
+    let angle = std::f64::consts::TAU * stream.random::<f64>();
+    (deviation * radius * angle.cos()) as f32
 }

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig};
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 use yoto_avatar::loss::Objective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
@@ -334,15 +334,32 @@ fn every_group_of_a_model_with_bands() {
     groups_agree(Encoding::Fourier { bands: 3 }, &GROUPS);
 }
 
-#[test]
-fn every_group_of_a_model_with_tables() {
-    let encoding = Encoding::Hash {
+/// A small grid whose entries are shared like this.
+fn grid(sharing: Sharing) -> Encoding {
+    Encoding::Hash {
         levels: 2,
         base: 2,
         growth: 2.0,
         log2_rows: 6,
         features: 4,
-    };
+        sharing,
+    }
+}
+
+#[test]
+fn every_group_of_a_model_with_tables() {
     let groups: Vec<&str> = GROUPS.into_iter().chain(["canonical.tables.0"]).collect();
-    groups_agree(encoding, &groups);
+    groups_agree(grid(Sharing::Own), &groups);
+}
+
+#[test]
+fn tables_that_are_split() {
+    let sharing = Sharing::Split { own_log2_rows: 5 };
+    groups_agree(grid(sharing), &["canonical.tables.0", "canonical.shared"]);
+}
+
+#[test]
+fn tables_that_are_mixed() {
+    let sharing = Sharing::Bases { count: 2 };
+    groups_agree(grid(sharing), &["canonical.mixes.0", "canonical.shared"]);
 }

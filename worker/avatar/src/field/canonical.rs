@@ -1,10 +1,11 @@
 //! The canonical field (model.md §6): colour and density of everybody, told apart by their
-//! identity codes and, with the hash encoding, by a table each.
+//! identity codes and, with the hash encoding, by tables ([`super::tables`]).
 
 use super::mlp::{Mlp, MlpShape};
+use super::tables::{self, Tables};
 use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
 use crate::init::Initial;
-use crate::ops::hash::{self, HashGrid};
+use crate::ops::hash::HashGrid;
 use crate::ops::mlp::Input;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
@@ -15,6 +16,10 @@ use burn::tensor::activation::{relu, sigmoid, softplus};
 pub struct Canonical {
     /// One `[rows, F]` an identity; none with the Fourier encoding.
     tables: Vec<Param<Tensor<2>>>,
+    /// Everybody's, where entries are shared.
+    shared: Option<Param<Tensor<2>>>,
+    /// One `[L, R]` an identity, where they mix shared entries.
+    mixes: Vec<Param<Tensor<2>>>,
     mlp: Mlp,
 }
 
@@ -25,9 +30,6 @@ pub struct FieldValues {
     /// `[N]`, 1/m.
     pub density: Tensor<1>,
 }
-
-/// Table entries start uniform in ± this (Instant NGP).
-const TABLE_BOUND: f64 = 1e-4;
 
 impl Canonical {
     /// Multiplies in `precision` from now on.
@@ -40,24 +42,16 @@ impl Canonical {
         config: &CanonicalConfig,
         slots: usize,
         code_width: usize,
-        rows: usize,
+        grid: Option<&HashGrid>,
         precision: Precision,
     ) -> Self {
-        let (input, tables) = match config.encoding {
-            Encoding::Fourier { bands } => (3 + 6 * bands, Vec::new()),
+        let input = match config.encoding {
+            Encoding::Fourier { bands } => 3 + 6 * bands,
             Encoding::Hash {
                 levels, features, ..
-            } => {
-                let table = |slot| {
-                    init.uniform(
-                        &format!("canonical.tables.{slot}"),
-                        [rows, features],
-                        TABLE_BOUND,
-                    )
-                };
-                (levels * features, (0..slots).map(table).collect())
-            }
+            } => levels * features,
         };
+        let tables = Tables::new(init, "canonical", &config.encoding, grid, slots);
         let codes: &[_] = if code_width > 0 {
             &[(config.layers.inject, code_width)]
         } else {
@@ -75,7 +69,9 @@ impl Canonical {
             precision,
         };
         Self {
-            tables,
+            tables: tables.own,
+            shared: tables.shared,
+            mixes: tables.mixes,
             mlp: Mlp::new(init, &shape),
         }
     }
@@ -90,13 +86,22 @@ impl Canonical {
         grid: Option<&HashGrid>,
         code: Option<Tensor<1>>,
     ) -> FieldValues {
-        let (input, kind) = match (self.tables.get(slot), grid) {
-            (Some(table), Some(grid)) => {
-                let width = grid.width();
-                let features = hash::encode(table.val(), points, grid);
+        let by_grid = grid.and_then(|grid| {
+            tables::encode(
+                &config.encoding,
+                self.tables.get(slot),
+                self.shared.as_ref(),
+                self.mixes.get(slot),
+                points.clone(),
+                grid,
+            )
+        });
+        let (input, kind) = match by_grid {
+            Some(features) => {
+                let [_, width] = features.dims();
                 (features, Input::Features { width })
             }
-            _ => {
+            None => {
                 let kind = Input::Frequencies {
                     bands: config.encoding.bands(),
                     unit: 1.0,

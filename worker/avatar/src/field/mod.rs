@@ -5,3 +5,4 @@ pub mod canonical;
 pub mod encoding;
 pub mod mlp;
 pub mod non_rigid;
+mod tables;

@@ -1,7 +1,7 @@
 //! What is fixed of one identity: its skeleton, canonical box, and prior.
 
 use super::prior::{canonical_grid, prior};
-use crate::config::{Encoding, ModelConfig, Numerics};
+use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
 use crate::ops::hash::HashGrid;
 use crate::ops::warp::WarpGrid;
 use crate::skeleton::Skeleton;
@@ -17,7 +17,8 @@ pub struct Body {
     pub skeleton: Skeleton,
     /// Box of the motion weights.
     pub grid: WarpGrid,
-    /// Hash grid over the same box, when the configuration has one.
+    /// Hash grid over the same box, when the configuration has one: the shared one, where
+    /// entries are shared.
     pub hash: Option<HashGrid>,
     /// `[K + 1, D³]`.
     pub log_prior: Tensor<2>,
@@ -55,9 +56,14 @@ pub fn hash_grid(encoding: &Encoding, grid: &WarpGrid) -> Option<HashGrid> {
         growth,
         log2_rows,
         features,
+        sharing,
     } = *encoding
     else {
         return None;
+    };
+    let features = match sharing {
+        Sharing::Bases { count } => count * features,
+        Sharing::Own | Sharing::Split { .. } => features,
     };
     let side = (0..3)
         .map(|a| grid.max[a] - grid.min[a])

@@ -75,6 +75,7 @@ pub fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
     let group = |path: &str, scale: f64| (ParamGroup::from_predicate(path), ScaledAdam { scale });
     let groups = [
         group("canonical.tables", config.table_rate),
+        group("canonical.shared", config.table_rate),
         group("motion.", config.motion_rate),
         group("correction.", config.slow_rate),
         group("condition.", config.slow_rate),

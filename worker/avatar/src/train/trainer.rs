@@ -424,6 +424,11 @@ impl Trainer {
         )
     }
 
+    /// Numbers that a further person would add.
+    pub fn parameters_of_a_person(&self) -> u64 {
+        Avatar::parameters_of_a_person(&self.config, self.joints)
+    }
+
     /// Numbers that are learned.
     pub fn parameters(&self) -> u64 {
         self.course.avatar().num_params() as u64

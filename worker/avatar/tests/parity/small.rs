@@ -4,7 +4,7 @@ use crate::case::path;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig};
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 
 /// Joints of the small tree.
 const JOINTS: usize = 5;
@@ -22,6 +22,7 @@ pub const HASH: Encoding = Encoding::Hash {
     growth: 1.6,
     log2_rows: 7,
     features: 2,
+    sharing: Sharing::Own,
 };
 
 /// Where the gradients are taken.
