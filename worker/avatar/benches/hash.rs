@@ -1,11 +1,11 @@
 //! How long the hash grid takes on this machine, form by form, on points as training has them:
-//! patches of neighbouring rays through a body. Prints the shortest of many alternating runs on
-//! one thread, in time that the thread ran where the system tells it (Linux), so that other
-//! programs' load hardly shows.
+//! patches of neighbouring rays through a body. Prints the shortest processor time of many
+//! alternating runs on one thread, so that other programs' load hardly shows.
 //!
-//! `cargo run --workspace --example hash_speed`
+//! `cargo bench --workspace --bench hash --profile dev`: the profile that programs run with.
 
-use std::time::Instant;
+use cpu_time::ThreadTime;
+use std::time::Duration;
 use yoto_avatar::ops::adam::{self, AdamRates};
 use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::hash::{HashGrid, cpu};
@@ -39,28 +39,17 @@ fn points() -> Vec<f32> {
     points
 }
 
-/// Seconds that this thread has run, or of the clock where the system does not tell.
-fn seconds(clock: Instant) -> f64 {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let ran = told.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
-    match ran {
-        Some(nanoseconds) if nanoseconds > 0.0 => 1e-9 * nanoseconds,
-        _ => clock.elapsed().as_secs_f64(),
-    }
-}
-
-/// Shortest seconds of each work, taken in turn.
+/// Shortest milliseconds of each work, taken in turn.
 fn shortest<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
-    let clock = Instant::now();
-    let mut best = [f64::INFINITY; N];
+    let mut best = [Duration::MAX; N];
     for _ in 0..RUNS {
         for (work, best) in works.iter_mut().zip(&mut best) {
-            let start = seconds(clock);
+            let start = ThreadTime::now();
             work();
-            *best = best.min(seconds(clock) - start);
+            *best = (*best).min(start.elapsed());
         }
     }
-    best
+    best.map(|time| 1e3 * time.as_secs_f64())
 }
 
 fn measure() {
@@ -84,13 +73,12 @@ fn measure() {
         let back = |grad: &[f32], too| {
             drop(cpu::backward_in(form, &table, &points, grad, &grid, too));
         };
-        let times = shortest([
+        let [a, b, c, d] = shortest([
             &mut || drop(cpu::forward_in(form, &table, &points, &grid)),
             &mut || back(&full, true),
             &mut || back(&full, false),
             &mut || back(&half, true),
         ]);
-        let [a, b, c, d] = times.map(|seconds| 1e3 * seconds);
         println!("{:<8} {a:>11.2} {b:>12.2} {c:>14.2} {d:>19.2}", form.name());
     }
     let (mut param, mut first, mut second) = (table.clone(), table.clone(), table.clone());
@@ -99,7 +87,7 @@ fn measure() {
     let [adam] = shortest([&mut || {
         adam::cpu::update(&mut param, &table, &mut first, &mut second, rates);
     }]);
-    println!("Adam over the table: {:.2} ms", 1e3 * adam);
+    println!("Adam over the table: {adam:.2} ms");
 }
 
 fn main() -> Result<(), rayon::ThreadPoolBuildError> {
