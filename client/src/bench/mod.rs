@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use yoto_avatar::capture::ShardBuilder;
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::render::RenderView;
 use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
@@ -48,6 +48,8 @@ pub struct BenchOptions {
     pub steps: u64,
     /// Whether to render a frame with what was trained, too.
     pub frame: bool,
+    /// Whether to measure networks with bf16 factors, too.
+    pub bf16: bool,
     /// Seed of people, weights and draws.
     pub seed: u64,
 }
@@ -87,6 +89,9 @@ pub struct BenchReport {
     pub steps: u64,
     /// Single precision.
     pub f32: StepTimes,
+    /// Networks with bf16 factors, when asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bf16: Option<StepTimes>,
     /// Most memory of all, bytes.
     pub peak_bytes: Option<u64>,
     /// As in `f32`.
@@ -106,21 +111,39 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     config.non_rigid.kick_in = 0;
     config.non_rigid.full_at = 1;
     let cast = SyntheticPerson::cast(options.people, options.seed);
-    let mut trainer = trainer(config, options, people(&cast, options.size)?)?;
-    let mut f32 = times(&mut trainer, options)?;
-    if options.frame {
-        f32.frame_seconds = Some(frame_seconds(&trainer, &cast, options.size)?);
-    }
+    let people = people(&cast, options.size)?;
+    let device = device::pick().device;
+    let mut measure = |precision| -> anyhow::Result<(StepTimes, Trainer)> {
+        config.precision = precision;
+        let training = training(options);
+        let mut trainer = Trainer::new(config.clone(), training, people.clone(), &device)?;
+        let mut times = times(&mut trainer, options)?;
+        if options.frame {
+            times.frame_seconds = Some(frame_seconds(&trainer, &cast, options.size)?);
+        }
+        Ok((times, trainer))
+    };
+    // One after the other, so that neither holds memory while the other is measured.
+    let (f32, parameters, objective) = {
+        let (times, trainer) = measure(Precision::F32)?;
+        let objective = trainer.progress().objective.to_owned();
+        (times, trainer.parameters(), objective)
+    };
+    let bf16 = match options.bf16 {
+        true => Some(measure(Precision::Bf16)?.0),
+        false => None,
+    };
     Ok(BenchReport {
         tier: options.tier.clone(),
-        parameters: trainer.parameters(),
-        objective: trainer.progress().objective.to_owned(),
+        parameters,
+        objective,
         settle: options.settle,
         steps: options.steps,
         peak_bytes: f32.peak_bytes,
         live_samples: f32.live_samples,
         samples: f32.samples,
         f32,
+        bf16,
     })
 }
 
@@ -165,21 +188,15 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
         .collect()
 }
 
-fn trainer(
-    config: ModelConfig,
-    options: &BenchOptions,
-    people: Vec<Person>,
-) -> anyhow::Result<Trainer> {
-    let training = TrainOptions {
+fn training(options: &BenchOptions) -> TrainOptions {
+    TrainOptions {
         budget: Budget::Steps(options.settle + options.steps),
         used_seconds: 0.0,
         used_steps: 0,
         seed: options.seed,
         image_size: 0,
         holdout_every: 0,
-    };
-    let device = device::pick();
-    Ok(Trainer::new(config, training, people, &device.device)?)
+    }
 }
 
 fn times(trainer: &mut Trainer, options: &BenchOptions) -> anyhow::Result<StepTimes> {

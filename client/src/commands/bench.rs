@@ -43,6 +43,9 @@ pub(super) struct Bench {
     /// Time a rendered frame of the same size, too.
     #[arg(long)]
     frame: bool,
+    /// Measure f32 alone, not networks with bf16 factors as well.
+    #[arg(long)]
+    f32_only: bool,
     /// Also write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -57,6 +60,7 @@ impl Bench {
             settle: self.settle,
             steps: self.steps,
             frame: self.frame,
+            bf16: !self.f32_only,
             seed: self.seed,
         })?;
         if let Some(path) = &self.json {
@@ -73,7 +77,8 @@ fn shown(report: &BenchReport) -> String {
         "tier {}, {} parameters, objective {}; {} steps after {}\n",
         report.tier, report.parameters, report.objective, report.steps, report.settle
     );
-    head + &lines("f32", &report.f32)
+    let bf16 = report.bf16.as_ref().map(|times| lines("bf16", times));
+    head + &lines("f32", &report.f32) + &bf16.unwrap_or_default()
 }
 
 fn lines(precision: &str, times: &StepTimes) -> String {
