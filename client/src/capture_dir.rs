@@ -16,7 +16,9 @@
 
 use crate::api::{ClientError, FileSource, UploadFile};
 use std::path::Path;
+use yoto_proto::correction::{Correction, Source};
 use yoto_proto::pose_track::{FILE, FILES, PoseTrack, violation};
+use yoto_proto::v1::Violation;
 
 /// Where a capture's images may stand, below its folder.
 const IMAGE_FOLDERS: [&str; 2] = ["train", ""];
@@ -41,6 +43,15 @@ impl CaptureDir {
     /// [`ClientError::File`] when `poses.json` can't be read; [`ClientError::BadCapture`]
     /// with everything that is wrong with it or missing.
     pub fn open(dir: &Path) -> Result<Self, ClientError> {
+        Self::open_corrected(dir, &Correction::default())
+    }
+
+    /// As [`CaptureDir::open`], with the numbers read as `correction` says: the track, and
+    /// what is uploaded, are as the files should have been.
+    ///
+    /// # Errors
+    /// As [`CaptureDir::open`], and a correction that can't be applied.
+    pub fn open_corrected(dir: &Path, correction: &Correction) -> Result<Self, ClientError> {
         let bad = |violations| ClientError::BadCapture {
             place: dir.display().to_string(),
             violations,
@@ -49,19 +60,20 @@ impl CaptureDir {
         let name = there.unwrap_or(FILE);
         let poses = dir.join(name);
         let bytes_of_track = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
-        let track = PoseTrack::from_file(name, &bytes_of_track).map_err(bad)?;
+        let (track, sources, uploaded) =
+            read_track(name, bytes_of_track, correction).map_err(bad)?;
         let images = IMAGE_FOLDERS
             .map(|below| dir.join(below))
             .into_iter()
             .find(|root| root.join("frames").is_dir());
         let images = images.unwrap_or_else(|| dir.to_owned());
 
-        let (mut files, mut missing, mut bytes) =
-            (Vec::new(), Vec::new(), bytes_of_track.len() as u64);
-        for frame in &track.frames {
-            for folder in ["frames", "masks"] {
+        let (name, content) = uploaded;
+        let (mut files, mut missing, mut bytes) = (Vec::new(), Vec::new(), content.len() as u64);
+        for (frame, source) in track.frames.iter().zip(&sources) {
+            for (folder, file) in [("frames", source.image), ("masks", source.mask)] {
                 let path = format!("{folder}/{:06}.png", frame.index);
-                let disk = images.join(&path);
+                let disk = images.join(format!("{folder}/{file:06}.png"));
                 match disk.metadata().ok().filter(std::fs::Metadata::is_file) {
                     Some(meta) => {
                         bytes += meta.len();
@@ -83,7 +95,7 @@ impl CaptureDir {
         }
         files.push(UploadFile {
             path: name.into(),
-            source: FileSource::Memory(bytes_of_track),
+            source: FileSource::Memory(content),
         });
         Ok(Self {
             track,
@@ -91,6 +103,38 @@ impl CaptureDir {
             bytes,
         })
     }
+}
+
+/// The track that a file means under `correction`, where its pictures come from, and the file to
+/// upload: as it stands where nothing is corrected, as it may say more than a track does.
+///
+/// Corrections come before checks: lengths in millimetres are out of range.
+#[allow(clippy::type_complexity)]
+fn read_track<'a>(
+    name: &'a str,
+    bytes: Vec<u8>,
+    correction: &Correction,
+) -> Result<(PoseTrack, Vec<Source>, (&'a str, Vec<u8>)), Vec<Violation>> {
+    if correction.is_identity() {
+        let track = PoseTrack::from_file(name, &bytes)?;
+        let sources = track.frames.iter().map(|frame| Source {
+            image: frame.index,
+            mask: frame.index,
+        });
+        return Ok((track.clone(), sources.collect(), (name, bytes)));
+    }
+    let fault = |code: &str, message: String| vec![violation(code, name, None, "", message)];
+    let track = PoseTrack::from_file_unchecked(name, &bytes)?;
+    let corrected = correction
+        .apply(&track)
+        .map_err(|error| fault("NOT_CORRECTABLE", error.to_string()))?;
+    let violations = corrected.track.check();
+    if !violations.is_empty() {
+        return Err(violations);
+    }
+    let json = serde_json::to_vec(&corrected.track)
+        .map_err(|error| fault("UNREADABLE", error.to_string()))?;
+    Ok((corrected.track, corrected.sources, (FILE, json)))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! - [`api`]: the service's calls, for programs.
 //! - [`capture_dir`]: a capture as a folder on disk, checked before it is uploaded.
 //! - [`import`]: captures and motions of other programs.
+//!   (`capture_check` looks at its pictures as well.)
 //! - [`progress`]: showing how a job gets on.
 //! - [`commands`]: the command line.
 //!
@@ -13,6 +14,8 @@
 
 pub mod allocator;
 pub mod api;
+#[cfg(feature = "embedded")]
+pub mod capture_check;
 pub mod capture_dir;
 pub mod commands;
 pub mod import;

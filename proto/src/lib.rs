@@ -5,6 +5,7 @@
 //! checks, the joints of SMPL by name, the checkpoint manifest, and the names of tiers, variants
 //! and evaluation protocols.
 
+pub mod correction;
 pub mod keys;
 pub mod manifest;
 pub mod names;

@@ -7,6 +7,8 @@
 mod ablation;
 #[cfg(feature = "embedded")]
 mod bench;
+mod capture;
+mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
@@ -73,6 +75,8 @@ enum Command {
     #[cfg(feature = "embedded")]
     Demo(demo::Demo),
     Import(import::Import),
+    #[cfg(feature = "embedded")]
+    Capture(capture::CaptureCommand),
     Subject(subject::SubjectCommand),
     Model(model::ModelCommand),
     Train(train::Train),
@@ -129,6 +133,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "embedded")]
         Command::Demo(command) => runtime.block_on(command.run()),
         Command::Import(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::Capture(command) => command.run(),
         Command::Subject(command) => runtime.block_on(command.run()),
         Command::Model(command) => runtime.block_on(command.run()),
         Command::Train(command) => runtime.block_on(command.run()),
@@ -201,6 +207,8 @@ mod tests {
             "yoto serve --data d --listen 127.0.0.1:0 --no-worker",
             "yoto worker --objects file:///d/objects/ --name w",
             "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
+            "yoto capture check a",
+            "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
             "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
             "yoto quality --capture a --steps 500 --measure 6 --tier paper --out r.json",
             "yoto model info checkpoints/5",
@@ -218,6 +226,7 @@ mod tests {
         ];
         let over_the_api = [
             "yoto subject add ada --capture c --consent signed --no-wait",
+            "yoto subject add ada --capture c --mirror images --k-scale 0.5 --units mm",
             "yoto subject list --server http://127.0.0.1:1",
             "yoto model create duo --subjects ada,bob --tier fast --variant yoto",
             "yoto model list",

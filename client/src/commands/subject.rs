@@ -1,7 +1,7 @@
 //! `yoto subject`: people and the captures of them.
 
 use super::import::ImportOptions;
-use super::{Server, table};
+use super::{Server, correction::CorrectionArgs, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
 use crate::import::{Format, TrackForm};
@@ -22,7 +22,10 @@ Examples:
   yoto subject add ada --capture captures/ada --consent 'signed 2026-03-01'
   yoto subject add bob --capture captures/bob --no-wait
   yoto subject add eve --from zju --capture CoreView_377 --smpl SMPL_NEUTRAL.npz
-  (what --from takes is told by `yoto import --help`)";
+  (what --from takes is told by `yoto import --help`)
+  yoto subject add eve --capture captures/eve --extrinsics c2w --units camera=mm
+
+`yoto capture check captures/eve` says which of the options below are needed, if any.";
 
 const LIST_HELP: &str = "\
 Example:
@@ -66,6 +69,8 @@ struct Add {
     /// Return once everything is uploaded; the service goes on by itself.
     #[arg(long)]
     no_wait: bool,
+    #[command(flatten)]
+    correction: CorrectionArgs,
     #[command(flatten)]
     server: Server,
 }
@@ -118,7 +123,7 @@ impl Add {
     async fn run(self) -> anyhow::Result<()> {
         let imported = self.imported()?;
         let folder = imported.as_ref().map_or(&*self.capture, TempDir::path);
-        let capture = CaptureDir::open(folder)?;
+        let capture = CaptureDir::open_corrected(folder, &self.correction.correction())?;
         let client = self.server.connect().await?;
         let subject = self.subject(&client).await?;
 

@@ -1,7 +1,9 @@
 //! The pose track as files have it: constant cameras, and pixels counted either way.
 
 use super::check::{Report, located};
-use super::{BINARY_FILE, FILE, Frame, NO_DISTORTION, PoseTrack, Skeleton, describe, violation};
+use super::{
+    BINARY_FILE, FILE, Frame, NO_DISTORTION, PoseTrack, Skeleton, describe, is_binary, violation,
+};
 use crate::v1::Violation;
 use serde::{Deserialize, Serialize};
 
@@ -63,17 +65,7 @@ impl PoseTrack {
     /// # Errors
     /// Everything that is wrong with it, up to a limit; never empty.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
-        // serde_json reads NaN and 1e999 as syntax or range errors with a line and column.
-        let file: FileTrack = serde_json::from_slice(bytes).map_err(|error| {
-            vec![violation(
-                "UNREADABLE",
-                FILE,
-                None,
-                format!("line {} column {}", error.line(), error.column()),
-                error.to_string(),
-            )]
-        })?;
-        file.checked()
+        FileTrack::from_json(bytes)?.checked()
     }
 
     /// As [`Self::from_json`], in protocol buffers (`yoto.v1.PoseTrack`).
@@ -86,6 +78,27 @@ impl PoseTrack {
             .map_err(|violations| located(violations, BINARY_FILE))
     }
 
+    /// The track of a file whose numbers are to be corrected before they are checked: lengths in
+    /// millimetres are out of range. What a file must have is asked for all the same.
+    ///
+    /// # Errors
+    /// When the file can't be read, or lacks something.
+    pub fn from_file_unchecked(name: &str, bytes: &[u8]) -> Result<Self, Vec<Violation>> {
+        let file = if is_binary(name) {
+            FileTrack::from_binary(bytes)?
+        } else {
+            FileTrack::from_json(bytes)?
+        };
+        let mut report = Report::new();
+        let track = file.resolved(&mut report);
+        let violations = report.into_violations();
+        if violations.is_empty() {
+            Ok(track)
+        } else {
+            Err(violations)
+        }
+    }
+
     /// The track in protocol buffers; a camera that stands still is written once.
     pub fn to_binary(&self) -> Vec<u8> {
         FileTrack::from(self.clone()).to_binary()
@@ -93,6 +106,19 @@ impl PoseTrack {
 }
 
 impl FileTrack {
+    fn from_json(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
+        // serde_json reads NaN and 1e999 as syntax or range errors with a line and column.
+        serde_json::from_slice(bytes).map_err(|error| {
+            vec![violation(
+                "UNREADABLE",
+                FILE,
+                None,
+                format!("line {} column {}", error.line(), error.column()),
+                error.to_string(),
+            )]
+        })
+    }
+
     /// The track with a camera in every frame and pixel centres at +0.5, checked.
     fn checked(self) -> Result<PoseTrack, Vec<Violation>> {
         let mut report = Report::new();

@@ -106,6 +106,11 @@ pub fn describe(violation: &Violation) -> String {
     format!("{text}: {}", violation.message)
 }
 
+/// Whether a file's name says that it holds protocol buffers.
+fn is_binary(name: &str) -> bool {
+    name.to_ascii_lowercase().ends_with(".pb")
+}
+
 impl PoseTrack {
     /// Reads and checks a pose track in the form that its file name says: protocol buffers for
     /// a name that ends in `.pb`, JSON for every other.
@@ -113,7 +118,7 @@ impl PoseTrack {
     /// # Errors
     /// Everything that is wrong with it, up to a limit; never empty.
     pub fn from_file(name: &str, bytes: &[u8]) -> Result<Self, Vec<Violation>> {
-        if name.to_ascii_lowercase().ends_with(".pb") {
+        if is_binary(name) {
             Self::from_binary(bytes)
         } else {
             Self::from_json(bytes)

@@ -18,6 +18,7 @@ mod init;
 pub mod loss;
 pub mod motion;
 pub mod ops;
+mod projected_box;
 pub mod render;
 pub mod skeleton;
 pub mod synthetic;

@@ -5,6 +5,7 @@
 //! maps into memory: the same frames, decoded, checked, cropped to the person.
 
 mod builder;
+pub mod check;
 mod files;
 mod folder;
 mod held_out;

@@ -1,6 +1,6 @@
 //! Rendering what a picture shows, and scoring the render by a protocol.
 
-use super::projected_box::outside;
+use crate::projected_box::outside;
 use super::score::unit;
 use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, compare};
 use crate::camera::{Camera, Pose};

@@ -7,7 +7,6 @@
 pub mod examine;
 pub mod lpips;
 pub mod metrics;
-mod projected_box;
 pub mod protocol;
 pub mod published;
 pub mod score;

@@ -1,0 +1,66 @@
+//! `yoto capture`: captures on this disk, without a service.
+
+use super::correction::CorrectionArgs;
+use crate::capture_check;
+use anyhow::Context;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+const CHECK_HELP: &str = "\
+Projects the skeleton onto the frames, measures how bodies, masks and images agree, and tries
+the common mistakes (extrinsics the wrong way round, other units, left for right, K of another
+resolution, masks of other frames, other axes). Writes report.json and sheet.png; the exit
+status is 1 when anything fails.
+
+Examples:
+  yoto capture check captures/ada
+  yoto capture check captures/ada --out check/ada
+  yoto capture check captures/ada --extrinsics c2w --units camera=mm";
+
+/// Look at captures before they are uploaded.
+#[derive(Debug, Args)]
+pub(super) struct CaptureCommand {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Check that poses, cameras, masks and images belong together.
+    #[command(after_help = CHECK_HELP)]
+    Check(Check),
+}
+
+#[derive(Debug, Args)]
+struct Check {
+    /// Folder with poses.json, frames and masks.
+    capture: PathBuf,
+    /// Where report.json and sheet.png go.
+    #[arg(long, value_name = "DIR", default_value = "check")]
+    out: PathBuf,
+    #[command(flatten)]
+    correction: CorrectionArgs,
+}
+
+impl CaptureCommand {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let Action::Check(check) = self.action;
+        let checked = capture_check::check(&check.capture, &check.correction.correction())?;
+        let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;
+        let write = |name: &str, bytes: &[u8]| {
+            let path = check.out.join(name);
+            std::fs::create_dir_all(&check.out)
+                .and_then(|()| std::fs::write(&path, bytes))
+                .with_context(|| format!("writing {}", path.display()))
+        };
+        write("report.json", &json)?;
+        let sheet = check.out.join("sheet.png");
+        crate::pictures::write(&sheet, &checked.sheet()?)?;
+        print!("{}", checked.text());
+        println!("report: {}", check.out.join("report.json").display());
+        println!("sheet: {}", sheet.display());
+        let failed = checked.failed();
+        anyhow::ensure!(failed == 0, "{failed} of the capture's measures failed");
+        Ok(())
+    }
+}

@@ -1,0 +1,408 @@
+//! Mending a pose track whose numbers mean something else than the schema says.
+//!
+//! Programs that write poses and cameras disagree about units, about which way extrinsics
+//! go, about axes and about left and right. Each disagreement is one field here, so that a
+//! check can try them and a command line can ask for them: both mean the same by a name.
+
+mod rotation;
+
+use crate::pose_track::{Frame, PoseTrack, Skeleton};
+use rotation::{turned, turned_about_x};
+use std::fmt;
+
+/// Which way a file's extrinsics go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Extrinsics {
+    /// World to camera: what a pose track means.
+    #[default]
+    WorldToCamera,
+    /// Camera to world: the camera's own pose, as renderers and NeRF files keep it.
+    CameraToWorld,
+}
+
+/// Which axes a file's cameras have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CameraAxes {
+    /// x right, y down, z forward: what a pose track means.
+    #[default]
+    OpenCv,
+    /// x right, y up, z backward.
+    OpenGl,
+}
+
+/// A unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Unit {
+    /// What a pose track means.
+    #[default]
+    Metre,
+    /// A hundredth.
+    Centimetre,
+    /// A thousandth.
+    Millimetre,
+}
+
+impl Unit {
+    /// Metres in one of it.
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 0.01,
+            Self::Millimetre => 0.001,
+        }
+    }
+
+    /// `m`, `cm` or `mm`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+        }
+    }
+}
+
+/// In which unit each kind of length stands; files mix them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Units {
+    /// The translation in each frame's extrinsics.
+    pub camera: Unit,
+    /// Each frame's root translation.
+    pub root: Unit,
+    /// The rest joints.
+    pub skeleton: Unit,
+}
+
+impl Units {
+    /// One unit for all lengths.
+    pub fn all(unit: Unit) -> Self {
+        Self {
+            camera: unit,
+            root: unit,
+            skeleton: unit,
+        }
+    }
+}
+
+/// What is the wrong way round, left for right.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mirror {
+    /// Nothing.
+    #[default]
+    None,
+    /// The poses: rotations and root positions mirrored about the world's x = 0, and joints
+    /// exchanged with their other side. What estimators give on flipped images.
+    Poses,
+    /// The limbs only: as [`Mirror::Poses`], but the root keeps its rotation and place.
+    Limbs,
+    /// The names only: each joint's rotation stands at its other side, unmirrored.
+    Labels,
+    /// Images and masks. The pictures stay as they are and the scene is mirrored with its
+    /// cameras, which fits them exactly; the avatar is that of the mirrored person.
+    Images,
+}
+
+/// How the numbers of a pose track are to be read. The default changes nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correction {
+    /// Which way its extrinsics go.
+    pub extrinsics: Extrinsics,
+    /// Which axes its cameras have.
+    pub camera_axes: CameraAxes,
+    /// In which units its lengths are.
+    pub units: Units,
+    /// Turns all bodies about the world's x axis, degrees: -90 stands z-up poses upright
+    /// before cameras in a y-up world.
+    pub turn_bodies: f64,
+    /// What is mirrored.
+    pub mirror: Mirror,
+    /// Factor on intrinsics that are for images of another size.
+    pub k_scale: f64,
+    /// The mask of the frame at position p stands at position p + this.
+    pub mask_shift: i32,
+    /// The pose of the frame at position p stands at position p + this.
+    pub pose_shift: i32,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self {
+            extrinsics: Extrinsics::default(),
+            camera_axes: CameraAxes::default(),
+            units: Units::default(),
+            turn_bodies: 0.0,
+            mirror: Mirror::default(),
+            k_scale: 1.0,
+            mask_shift: 0,
+            pose_shift: 0,
+        }
+    }
+}
+
+/// Why a correction can't be applied.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum CorrectionError {
+    /// Mirroring exchanges joints with their other side; this one has none.
+    #[error(
+        "skeleton.rest_joints[{0}]: no other joint stands across the body's middle from it, so \
+         left and right can't be exchanged"
+    )]
+    NotSymmetric(usize),
+    /// No frame is left.
+    #[error("shifting by {shift} leaves none of {frames} frames")]
+    NothingLeft {
+        /// Frames of the track.
+        frames: usize,
+        /// What was asked for.
+        shift: i32,
+    },
+}
+
+/// Where a corrected frame's pictures come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Source {
+    /// Index in the name of its image file.
+    pub image: u32,
+    /// Index in the name of its mask file.
+    pub mask: u32,
+}
+
+/// A corrected track, with where each of its frames' pictures come from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrected {
+    /// What it should have said.
+    pub track: PoseTrack,
+    /// One entry a frame.
+    pub sources: Vec<Source>,
+}
+
+impl Correction {
+    /// Whether it changes nothing.
+    pub fn is_identity(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// `track` as it should have been. Frames whose mask or pose a shift pushes off the end
+    /// are left out. The result is not checked: [`PoseTrack::check`] does that.
+    ///
+    /// # Errors
+    /// Mirroring a skeleton without two sides; a shift that leaves no frame.
+    pub fn apply(&self, track: &PoseTrack) -> Result<Corrected, CorrectionError> {
+        let mut skeleton = track.skeleton.clone();
+        for value in skeleton.rest_joints.iter_mut().flatten() {
+            *value *= self.units.skeleton.metres();
+        }
+        let sides = match self.mirror {
+            Mirror::None => Vec::new(),
+            _ => other_sides(&skeleton)?,
+        };
+        let root = skeleton.rest_joints.first().copied().unwrap_or_default();
+        let width = f64::from(track.image_size[0]);
+        let frames = &track.frames;
+        let at = |position: usize, shift: i32| {
+            let moved = i64::try_from(position).ok()? + i64::from(shift);
+            frames.get(usize::try_from(moved).ok()?)
+        };
+        let mut corrected = Vec::with_capacity(frames.len());
+        let mut sources = Vec::with_capacity(frames.len());
+        for (position, frame) in frames.iter().enumerate() {
+            let (Some(mask), Some(posed)) =
+                (at(position, self.mask_shift), at(position, self.pose_shift))
+            else {
+                continue;
+            };
+            let mut frame = Frame {
+                pose: posed.pose.clone(),
+                translation: posed.translation,
+                ..frame.clone()
+            };
+            self.camera(&mut frame);
+            self.body(&mut frame, root, &sides, width);
+            sources.push(Source {
+                image: frame.index,
+                mask: mask.index,
+            });
+            corrected.push(frame);
+        }
+        if corrected.is_empty() && !frames.is_empty() {
+            let shift = if self.mask_shift == 0 {
+                self.pose_shift
+            } else {
+                self.mask_shift
+            };
+            return Err(CorrectionError::NothingLeft {
+                frames: frames.len(),
+                shift,
+            });
+        }
+        if self.mirror == Mirror::Images {
+            let rest = &skeleton.rest_joints;
+            let mirrored = |&other: &usize| rest.get(other).copied().map(flipped);
+            skeleton.rest_joints = sides.iter().filter_map(mirrored).collect();
+        }
+        Ok(Corrected {
+            track: PoseTrack {
+                skeleton,
+                frames: corrected,
+                ..track.clone()
+            },
+            sources,
+        })
+    }
+
+    /// Units, direction, axes and intrinsics of a frame's camera.
+    fn camera(&self, frame: &mut Frame) {
+        for row in &mut frame.e[..3] {
+            row[3] *= self.units.camera.metres();
+        }
+        if self.extrinsics == Extrinsics::CameraToWorld {
+            frame.e = inverse(&frame.e);
+        }
+        if self.camera_axes == CameraAxes::OpenGl {
+            for row in &mut frame.e[1..3] {
+                *row = row.map(|value| -value);
+            }
+        }
+        for value in frame.k[..2].iter_mut().flatten() {
+            *value *= self.k_scale;
+        }
+    }
+
+    /// Units, uprightness and sides of a frame's body. `root` is the root's rest position,
+    /// `sides` each joint's other side, `width` the images' in pixels.
+    fn body(&self, frame: &mut Frame, root: [f64; 3], sides: &[usize], width: f64) {
+        frame.translation = frame.translation.map(|v| v * self.units.root.metres());
+        if self.turn_bodies != 0.0 {
+            let degrees = self.turn_bodies;
+            if let Some(rotation) = frame.pose.first_chunk_mut::<3>() {
+                *rotation = turned(*rotation, degrees);
+            }
+            let place = std::array::from_fn(|i| root[i] + frame.translation[i]);
+            let place = turned_about_x(place, degrees);
+            frame.translation = std::array::from_fn(|i| place[i] - root[i]);
+        }
+        if self.mirror == Mirror::None {
+            return;
+        }
+        let pose = frame.pose.clone();
+        let (old, new) = (pose.as_chunks::<3>().0, frame.pose.as_chunks_mut::<3>().0);
+        for (joint, (rotation, &other)) in new.iter_mut().zip(sides).enumerate() {
+            let Some(&[x, y, z]) = old.get(other) else {
+                continue;
+            };
+            match self.mirror {
+                Mirror::Labels => *rotation = [x, y, z],
+                Mirror::Limbs if joint == 0 => {}
+                _ => *rotation = [x, -y, -z],
+            }
+        }
+        match self.mirror {
+            Mirror::Poses => frame.translation[0] = -2.0 * root[0] - frame.translation[0],
+            Mirror::Images => {
+                frame.translation = flipped(frame.translation);
+                for (i, row) in frame.e[..3].iter_mut().enumerate() {
+                    for (j, value) in row.iter_mut().enumerate() {
+                        if (i == 0) != (j == 0) {
+                            *value = -*value;
+                        }
+                    }
+                }
+                frame.k[0][1] = -frame.k[0][1];
+                frame.k[0][2] = width - frame.k[0][2];
+            }
+            Mirror::None | Mirror::Limbs | Mirror::Labels => {}
+        }
+    }
+}
+
+/// The options of the command line that ask for it, e.g. `--extrinsics c2w --units camera=mm`.
+impl fmt::Display for Correction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut options = Vec::new();
+        if self.extrinsics == Extrinsics::CameraToWorld {
+            options.push("--extrinsics c2w".to_owned());
+        }
+        if self.camera_axes == CameraAxes::OpenGl {
+            options.push("--camera-axes opengl".to_owned());
+        }
+        let units = self.units;
+        if units != Units::default() {
+            let parts = [
+                ("camera", units.camera),
+                ("root", units.root),
+                ("skeleton", units.skeleton),
+            ];
+            let text = if units == Units::all(units.camera) {
+                units.camera.symbol().to_owned()
+            } else {
+                let parts = parts.iter().filter(|(_, unit)| *unit != Unit::Metre);
+                let parts = parts.map(|(name, unit)| format!("{name}={}", unit.symbol()));
+                parts.collect::<Vec<_>>().join(",")
+            };
+            options.push(format!("--units {text}"));
+        }
+        if self.turn_bodies != 0.0 {
+            options.push(format!("--turn-bodies {}", self.turn_bodies));
+        }
+        let mirror = match self.mirror {
+            Mirror::None => None,
+            Mirror::Poses => Some("poses"),
+            Mirror::Limbs => Some("limbs"),
+            Mirror::Labels => Some("labels"),
+            Mirror::Images => Some("images"),
+        };
+        options.extend(mirror.map(|what| format!("--mirror {what}")));
+        if self.k_scale != 1.0 {
+            let digits = (self.k_scale * 1e4).round() / 1e4;
+            options.push(format!("--k-scale {digits}"));
+        }
+        for (name, shift) in [("mask", self.mask_shift), ("pose", self.pose_shift)] {
+            if shift != 0 {
+                options.push(format!("--{name}-shift {shift}"));
+            }
+        }
+        f.write_str(&options.join(" "))
+    }
+}
+
+/// For each joint the one across the body's middle (x of the root), itself for a joint on it.
+fn other_sides(skeleton: &Skeleton) -> Result<Vec<usize>, CorrectionError> {
+    let rest = &skeleton.rest_joints;
+    let middle = rest.first().map_or(0.0, |root| root[0]);
+    let distance = |a: [f64; 3], b: [f64; 3]| -> f64 {
+        (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+    };
+    let mut sides = Vec::with_capacity(rest.len());
+    for &[x, y, z] in rest {
+        let across = [2.0 * middle - x, y, z];
+        let nearest = (0..rest.len()).min_by(|&a, &b| {
+            distance(rest[a], across).total_cmp(&distance(rest[b], across))
+        });
+        sides.extend(nearest);
+    }
+    let lonely = |&joint: &usize| sides.get(sides[joint]) != Some(&joint);
+    match (0..sides.len()).find(lonely) {
+        Some(joint) => Err(CorrectionError::NotSymmetric(joint)),
+        None => Ok(sides),
+    }
+}
+
+fn flipped([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [-x, y, z]
+}
+
+/// The inverse of a rigid motion.
+fn inverse(e: &[[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    let mut out = [[0.0; 4]; 4];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[i][j] = e[j][i];
+            out[i][3] -= e[j][i] * e[j][3];
+        }
+    }
+    out[3][3] = 1.0;
+    out
+}
+
+#[cfg(test)]
+mod tests;

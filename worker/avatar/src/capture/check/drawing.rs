@@ -1,0 +1,54 @@
+//! What a picture sheet draws onto a frame.
+
+use super::fit::view;
+use crate::projected_box::ProjectedBox;
+use crate::skeleton::{Skeleton, SkeletonError};
+use yoto_proto::pose_track::PoseTrack;
+
+/// A frame's body in its image, pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    /// Where each joint falls; none for one behind the camera.
+    pub joints: Vec<Option<[f64; 2]>>,
+    /// For each bone the numbers of its joints, the parent first.
+    pub bones: Vec<[usize; 2]>,
+    /// Which side of the body each joint is on at rest: above 0 left (+x), under 0 right.
+    pub sides: Vec<f64>,
+    /// The corners of the box that rays are cut to. Bit i of a corner's number is its end of
+    /// axis i, so an edge joins numbers that differ in one bit.
+    pub corners: [Option<[f64; 2]>; 8],
+}
+
+impl Drawing {
+    /// The frame at `position` of `track`.
+    ///
+    /// # Errors
+    /// A skeleton that is none.
+    pub fn of(track: &PoseTrack, position: usize) -> Result<Self, SkeletonError> {
+        let skeleton = Skeleton::from_track(&track.skeleton)?;
+        let Some(frame) = track.frames.get(position) else {
+            return Ok(Self {
+                joints: Vec::new(),
+                bones: Vec::new(),
+                sides: Vec::new(),
+                corners: [None; 8],
+            });
+        };
+        let (pose, camera) = view(frame, track.image_size);
+        let middle = skeleton.rest.first().map_or(0.0, |root| root[0]);
+        let bones = skeleton.parents.iter().enumerate();
+        Ok(Self {
+            joints: skeleton
+                .posed_joints(&pose)
+                .into_iter()
+                .map(|joint| camera.project(joint))
+                .collect(),
+            bones: bones
+                .filter_map(|(joint, parent)| Some([(*parent)?, joint]))
+                .collect(),
+            sides: skeleton.rest.iter().map(|rest| rest[0] - middle).collect(),
+            corners: ProjectedBox::new(&skeleton, &pose, &camera)
+                .map_or([None; 8], |projected| projected.corners()),
+        })
+    }
+}
