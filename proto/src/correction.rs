@@ -375,9 +375,8 @@ fn other_sides(skeleton: &Skeleton) -> Result<Vec<usize>, CorrectionError> {
     let mut sides = Vec::with_capacity(rest.len());
     for &[x, y, z] in rest {
         let across = [2.0 * middle - x, y, z];
-        let nearest = (0..rest.len()).min_by(|&a, &b| {
-            distance(rest[a], across).total_cmp(&distance(rest[b], across))
-        });
+        let nearest = (0..rest.len())
+            .min_by(|&a, &b| distance(rest[a], across).total_cmp(&distance(rest[b], across)));
         sides.extend(nearest);
     }
     let lonely = |&joint: &usize| sides.get(sides[joint]) != Some(&joint);

@@ -14,6 +14,11 @@ pub fn shard(capture_id: &str, job_id: &str, token: u64) -> String {
     format!("captures/{capture_id}/{job_id}-{token}/shard.bin")
 }
 
+/// The report of the check that ingest made of a capture.
+pub fn check(capture_id: &str, job_id: &str, token: u64) -> String {
+    format!("captures/{capture_id}/{job_id}-{token}/check.json")
+}
+
 /// The folder of one checkpoint.
 pub fn checkpoint(model_id: &str, job_id: &str, token: u64, step: u64) -> String {
     format!("models/{model_id}/{job_id}-{token}/{step:09}")

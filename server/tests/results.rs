@@ -31,6 +31,7 @@ async fn a_worker_may_only_name_objects_of_its_own_lease() {
             frames: 1,
             width: 1,
             height: 1,
+            ..IngestResult::default()
         };
         job_result::Kind::Ingest(result)
     };

@@ -90,7 +90,10 @@ impl Checked {
         );
         for it in &report.measures {
             let (grade, title) = (it.grade.name(), it.kind.title());
-            text += &format!("  {grade:<4}  {title:<22}  {:<16}  {}\n", it.shown, it.meaning);
+            text += &format!(
+                "  {grade:<4}  {title:<22}  {:<16}  {}\n",
+                it.shown, it.meaning
+            );
             if let Some(cause) = &it.cause {
                 text += &format!("        {cause}\n");
             }
@@ -98,6 +101,9 @@ impl Checked {
                 let frames: Vec<String> = it.frames.iter().map(u32::to_string).collect();
                 text += &format!("        see frames {}\n", frames.join(", "));
             }
+        }
+        if !report.causes.is_empty() && !self.asked.is_identity() {
+            text += &format!("what follows comes on top of `{}`\n", self.asked);
         }
         for cause in &report.causes {
             text += &format!("likeliest cause: {}\n", cause.sentence());

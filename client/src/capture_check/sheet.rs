@@ -34,7 +34,8 @@ fn colour(grade: Grade) -> Colour {
 /// A line of the table.
 struct Line {
     indent: u32,
-    parts: Vec<(Colour, String)>,
+    ink: Colour,
+    words: String,
 }
 
 impl Checked {
@@ -68,11 +69,7 @@ impl Checked {
         self.headings(&mut page, TABLE + 190, y + 130);
         self.timing(&mut page, TABLE + 40, y + 270);
         for it in lines {
-            let mut x = GAP + it.indent;
-            for (ink, words) in it.parts {
-                text::write(&mut page, x, y, SCALE, ink, &words);
-                x += words.chars().count() as u32 * text::LETTER * SCALE;
-            }
+            text::write(&mut page, GAP + it.indent, y, SCALE, it.ink, &it.words);
             y += LINE;
         }
         Ok(page)
@@ -80,7 +77,11 @@ impl Checked {
 
     /// The track under the first correction that was found, and the options that ask for it.
     fn mended(&self) -> Option<(PoseTrack, Vec<u32>, String)> {
-        let cause = self.report.causes.iter().find(|it| !it.options.is_empty())?;
+        let cause = self
+            .report
+            .causes
+            .iter()
+            .find(|it| !it.options.is_empty())?;
         let correction = cause.correction?;
         let corrected = correction.apply(&self.track).ok()?;
         let masks = corrected.sources.iter().map(|it| it.mask).collect();
@@ -96,10 +97,16 @@ impl Checked {
         } else {
             format!("read with {}", self.asked)
         };
-        let shown = if mended.is_some() { COLUMNS } else { 2 * COLUMNS } as usize;
+        let shown = if mended.is_some() {
+            COLUMNS
+        } else {
+            2 * COLUMNS
+        } as usize;
         let count = self.track.frames.len();
         let shown = shown.min(count);
-        let positions: Vec<usize> = (0..shown).map(|i| (2 * i + 1) * count / (2 * shown)).collect();
+        let positions: Vec<usize> = (0..shown)
+            .map(|i| (2 * i + 1) * count / (2 * shown))
+            .collect();
         let mut given = Vec::new();
         for &position in &positions {
             let drawing = Drawing::of(&self.track, position)?;
@@ -139,32 +146,47 @@ impl Checked {
         let columns = (TABLE / (text::LETTER * SCALE)) as usize - 2;
         let letter = text::LETTER * SCALE;
         let mut lines = Vec::new();
-        let mut push = |indent: u32, ink: Colour, words: &str| {
+        let wrapped = |indent: u32, ink: Colour, words: &str| -> Vec<Line> {
             let room = columns - (indent / letter) as usize;
-            for words in text::wrapped(words, room) {
-                let parts = vec![(ink, words)];
-                lines.push(Line { indent, parts });
-            }
+            let words = text::wrapped(words, room).into_iter();
+            words.map(|words| Line { indent, ink, words }).collect()
         };
         for cause in &self.report.causes {
-            push(0, colour(Grade::Fail), &format!("Likeliest: {}", cause.sentence()));
+            lines.extend(wrapped(
+                0,
+                colour(Grade::Fail),
+                &format!("Likeliest: {}", cause.sentence()),
+            ));
         }
         for it in &self.report.measures {
-            let words = format!("{:<4} {:<22} {}", it.grade.name(), it.kind.title(), it.shown);
-            push(0, colour(it.grade), words.trim_end());
+            let words = format!(
+                "{:<4} {:<22} {}",
+                it.grade.name(),
+                it.kind.title(),
+                it.shown
+            );
+            lines.push(Line {
+                indent: 0,
+                ink: colour(it.grade),
+                words,
+            });
             let told = self
                 .report
                 .causes
                 .iter()
                 .any(|cause| Some(cause.sentence()) == it.cause);
             if it.grade != Grade::Pass {
-                push(5 * letter, FAINT, &it.meaning);
+                lines.extend(wrapped(5 * letter, FAINT, &it.meaning));
                 if let Some(cause) = it.cause.as_ref().filter(|_| !told) {
-                    push(5 * letter, INK, cause);
+                    lines.extend(wrapped(5 * letter, INK, cause));
                 }
                 if !it.frames.is_empty() {
                     let frames: Vec<String> = it.frames.iter().map(u32::to_string).collect();
-                    push(5 * letter, INK, &format!("frames {}", frames.join(" ")));
+                    lines.extend(wrapped(
+                        5 * letter,
+                        INK,
+                        &format!("frames {}", frames.join(" ")),
+                    ));
                 }
             }
         }
@@ -173,7 +195,14 @@ impl Checked {
 
     /// From where the body is seen: a ring of 12 directions around it, its front below.
     fn headings(&self, page: &mut RgbImage, x: u32, y: u32) {
-        let most = self.report.headings.iter().copied().max().unwrap_or(0).max(1);
+        let most = self
+            .report
+            .headings
+            .iter()
+            .copied()
+            .max()
+            .unwrap_or(0)
+            .max(1);
         let centre = [f64::from(x), f64::from(y)];
         text::write(page, x - 110, y - 124, SCALE, INK, "seen from");
         for (i, &count) in self.report.headings.iter().enumerate() {
@@ -196,7 +225,10 @@ impl Checked {
     fn timing(&self, page: &mut RgbImage, x: u32, y: u32) {
         let shifts = &self.report.mask_shifts;
         text::write(page, x, y, SCALE, INK, "mask shift");
-        let most = shifts.iter().map(|(_, gain)| gain.abs()).fold(1e-6, f64::max);
+        let most = shifts
+            .iter()
+            .map(|(_, gain)| gain.abs())
+            .fold(1e-6, f64::max);
         let best = shifts.iter().map(|(_, gain)| *gain).fold(0.0, f64::max);
         for (i, (shift, gain)) in (0..).zip(shifts) {
             // The best is highest; what overlaps less hangs lower.

@@ -8,7 +8,14 @@ use image::RgbImage;
 pub(super) const LETTER: u32 = 8;
 
 /// Writes one line with its top left corner at `x`, `y`; `scale` pixels a dot.
-pub(super) fn write(picture: &mut RgbImage, x: u32, y: u32, scale: u32, colour: Colour, text: &str) {
+pub(super) fn write(
+    picture: &mut RgbImage,
+    x: u32,
+    y: u32,
+    scale: u32,
+    colour: Colour,
+    text: &str,
+) {
     for (column, letter) in (0..).zip(text.chars()) {
         let glyph = BASIC_FONTS
             .get(letter)

@@ -83,10 +83,8 @@ pub(super) fn tile(frame: &FrameImage, drawing: &Drawing, index: u32) -> RgbImag
     let source = |x: u32, y: u32| {
         let column = (window.x + (f64::from(x) + 0.5) * step).floor();
         let row = (window.y + (f64::from(y) + 0.5) * step).floor();
-        let inside = column >= 0.0
-            && row >= 0.0
-            && column < frame.width as f64
-            && row < frame.height as f64;
+        let inside =
+            column >= 0.0 && row >= 0.0 && column < frame.width as f64 && row < frame.height as f64;
         inside.then(|| row as usize * frame.width + column as usize)
     };
     let covered = |x: u32, y: u32| source(x, y).is_some_and(|at| frame.mask[at] >= 128);
@@ -109,11 +107,12 @@ pub(super) fn tile(frame: &FrameImage, drawing: &Drawing, index: u32) -> RgbImag
         }
     }
     skeleton(&mut picture, frame, drawing, &window);
-    let inside = drawing.joints.iter().filter(|j| in_mask(frame, **j)).count();
-    let caption = format!(
-        "frame {index}: {inside}/{} joints in",
-        drawing.joints.len()
-    );
+    let inside = drawing
+        .joints
+        .iter()
+        .filter(|j| in_mask(frame, **j))
+        .count();
+    let caption = format!("frame {index}: {inside}/{} joints in", drawing.joints.len());
     let mut tile = RgbImage::from_pixel(SIDE, SIDE + CAPTION, PAPER);
     for (x, y, pixel) in picture.enumerate_pixels() {
         dot(&mut tile, i64::from(x), i64::from(y), *pixel);

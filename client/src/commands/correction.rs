@@ -27,10 +27,20 @@ pub(super) struct CorrectionArgs {
     #[arg(long, value_name = "S", default_value = "1", value_parser = scale)]
     k_scale: f64,
     /// Give each frame the mask that stands N frames later (earlier when negative).
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
     mask_shift: i32,
     /// Give each frame the pose that stands N frames later (earlier when negative).
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        allow_negative_numbers = true
+    )]
     pose_shift: i32,
 }
 
@@ -114,7 +124,11 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 fn scale(text: &str) -> Result<f64, String> {
-    number(text, |value| (1e-3..=1e3).contains(&value), "between 0.001 and 1000")
+    number(
+        text,
+        |value| (1e-3..=1e3).contains(&value),
+        "between 0.001 and 1000",
+    )
 }
 
 fn number(text: &str, fits: impl Fn(f64) -> bool, range: &str) -> Result<f64, String> {

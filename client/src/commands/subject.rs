@@ -152,6 +152,9 @@ impl Add {
                     "ready, {} frames of {}x{}",
                     ingest.frames, ingest.width, ingest.height
                 ));
+                for warning in &ingest.warnings {
+                    eprintln!("warning: {warning}");
+                }
             }
             _ => display.finish("ready"),
         }

@@ -19,11 +19,7 @@ pub(super) fn turned(r: [f64; 3], degrees: f64) -> [f64; 3] {
     let (s, c) = (degrees.to_radians() / 2.0).sin_cos();
     // The quaternion product (c, s x) (w, v).
     let mut w_out = c * w - s * v[0];
-    let mut v_out = [
-        c * v[0] + s * w,
-        c * v[1] - s * v[2],
-        c * v[2] + s * v[1],
-    ];
+    let mut v_out = [c * v[0] + s * w, c * v[1] - s * v[2], c * v[2] + s * v[1]];
     if w_out < 0.0 {
         w_out = -w_out;
         v_out = v_out.map(|value| -value);

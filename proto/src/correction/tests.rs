@@ -43,7 +43,12 @@ fn difference(a: &PoseTrack, b: &PoseTrack) -> f64 {
     let numbers = |t: &PoseTrack| -> Vec<f64> {
         let frames = t.frames.iter().flat_map(|f| {
             let (k, e) = (f.k.into_iter().flatten(), f.e.into_iter().flatten());
-            f.pose.iter().copied().chain(f.translation).chain(k).chain(e)
+            f.pose
+                .iter()
+                .copied()
+                .chain(f.translation)
+                .chain(k)
+                .chain(e)
         });
         frames
             .chain(t.skeleton.rest_joints.iter().flatten().copied())
@@ -51,7 +56,10 @@ fn difference(a: &PoseTrack, b: &PoseTrack) -> f64 {
     };
     let (a, b) = (numbers(a), numbers(b));
     assert_eq!(a.len(), b.len());
-    a.iter().zip(&b).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+    a.iter()
+        .zip(&b)
+        .map(|(x, y)| (x - y).abs())
+        .fold(0.0, f64::max)
 }
 
 #[test]
@@ -127,7 +135,10 @@ fn units_and_scales_are_those_named() {
     let frame = &apply(correction, &original).track.frames[0];
     assert!((frame.e[2][3] - 0.003).abs() < 1e-12);
     assert!((frame.translation[0] - 0.002).abs() < 1e-12);
-    assert_eq!(frame.k, [[25.0, 0.0, 15.0], [0.0, 25.0, 16.5], [0.0, 0.0, 1.0]]);
+    assert_eq!(
+        frame.k,
+        [[25.0, 0.0, 15.0], [0.0, 25.0, 16.5], [0.0, 0.0, 1.0]]
+    );
     assert_eq!(
         correction.to_string(),
         "--units camera=mm,root=cm --k-scale 0.5"
@@ -150,7 +161,11 @@ fn shifts_pair_frames_with_the_masks_and_poses_beside_them() {
         ..Correction::default()
     };
     let corrected = apply(correction, &original);
-    let pairs: Vec<_> = corrected.sources.iter().map(|s| (s.image, s.mask)).collect();
+    let pairs: Vec<_> = corrected
+        .sources
+        .iter()
+        .map(|s| (s.image, s.mask))
+        .collect();
     assert_eq!(pairs, [(11, 12), (12, 13)]);
     assert_eq!(corrected.track.frames[0].pose, original.frames[0].pose);
     assert_eq!(corrected.track.frames[0].index, 11);

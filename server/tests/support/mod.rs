@@ -232,6 +232,7 @@ impl Service {
             frames: 2,
             width: 8,
             height: 8,
+            ..IngestResult::default()
         };
         self.complete(lease, job_result::Kind::Ingest(result))
             .await

@@ -6,6 +6,7 @@
 
 use super::{JobContext, JobFailure, context::id};
 use std::collections::HashMap;
+use yoto_avatar::capture::check::{Checker, Grade, Report};
 use yoto_avatar::capture::{CaptureError, FrameImage, ShardBuilder};
 use yoto_proto::{
     keys,
@@ -32,20 +33,35 @@ pub fn run(
     if !missing.is_empty() {
         return Err(JobFailure::Rejected(missing));
     }
-    let builder = decode(context, &uploads, track.clone())?;
+    let (builder, report) = decode(context, &uploads, track.clone())?;
     let shard = builder.finish().map_err(|error| packing(&error))?;
-    let key = keys::shard(
-        id(Collection::Captures, &spec.capture)?,
-        context.job_id()?,
-        context.token,
-    );
+    let capture = id(Collection::Captures, &spec.capture)?;
+    let key = keys::shard(capture, context.job_id()?, context.token);
+    let check = keys::check(capture, context.job_id()?, context.token);
+    let json = serde_json::to_vec(&report)
+        .map_err(|error| JobFailure::failed("INTERNAL", "writing the check's report", &error))?;
     let [width, height] = track.image_size;
     Ok(IngestResult {
         shard: Some(context.put(&key, shard.to_bytes())?),
         frames: track.frames.len() as u32,
         width,
         height,
+        check: Some(context.put(&check, json)?),
+        warnings: warnings(&report),
     })
+}
+
+/// What the owner should know although the capture serves.
+fn warnings(report: &Report) -> Vec<String> {
+    let measures = report.measures.iter();
+    measures
+        .filter(|it| it.grade != Grade::Pass)
+        .map(|it| {
+            let cause = it.cause.as_ref().map(|cause| format!(": {cause}"));
+            let (title, shown) = (it.kind.title(), &it.shown);
+            format!("{title}: {shown}{}", cause.unwrap_or_default())
+        })
+        .collect()
 }
 
 /// The uploaded files by path.
@@ -128,14 +144,17 @@ fn distorted(track: &PoseTrack, file: &str) -> Option<Violation> {
     (!track.is_pinhole()).then(|| violation("DISTORTED", file, None, "distortion", message))
 }
 
-/// Every frame in order, unless something is wrong with any of them.
+/// Every frame in order with the check's report on them, unless something is wrong with any.
+/// What the check warns of is no fault; a capture that nothing can be learnt from is.
 fn decode(
     context: &JobContext,
     uploads: &Uploads<'_>,
     track: PoseTrack,
-) -> Result<ShardBuilder, JobFailure> {
+) -> Result<(ShardBuilder, Report), JobFailure> {
     let indices: Vec<u32> = track.frames.iter().map(|frame| frame.index).collect();
     let size = track.image_size;
+    let mut checker = Checker::new(track.clone())
+        .map_err(|error| JobFailure::failed("INTERNAL", "checking the capture", &error))?;
     let mut builder = ShardBuilder::new(track);
     let mut violations = Vec::new();
     let mut anybody = false;
@@ -147,6 +166,7 @@ fn decode(
         let mask = uploads.read(context, &names.1)?.unwrap_or_default();
         match FrameImage::decode(&image, &mask, size, index, (&names.0, &names.1)) {
             Ok(frame) if violations.is_empty() => {
+                checker.look(done, &frame);
                 anybody |= frame.mask.iter().any(|&coverage| coverage > 0);
                 builder.push(&frame).map_err(|error| packing(&error))?;
             }
@@ -168,10 +188,19 @@ fn decode(
             "no mask covers a single pixel: nobody can be seen",
         ));
     }
-    if violations.is_empty() {
-        Ok(builder)
-    } else {
-        Err(JobFailure::Rejected(violations))
+    if !violations.is_empty() {
+        return Err(JobFailure::Rejected(violations));
+    }
+    let report = checker.finish();
+    match report.pointless() {
+        None => Ok((builder, report)),
+        Some(reason) => Err(JobFailure::Rejected(vec![violation(
+            "MISALIGNED",
+            FILE,
+            None,
+            "",
+            reason,
+        )])),
     }
 }
 

@@ -1,10 +1,10 @@
 //! Rendering what a picture shows, and scoring the render by a protocol.
 
-use crate::projected_box::outside;
 use super::score::unit;
 use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, compare};
 use crate::camera::{Camera, Pose};
 use crate::capture::FrameImage;
+use crate::projected_box::outside;
 use crate::render::{RenderView, Renderer};
 use std::time::Instant;
 

@@ -137,6 +137,31 @@ async fn a_good_capture_becomes_a_shard_with_its_frames() {
     assert_eq!(image.mask[middle], 255);
     assert_eq!(image.rgb[3 * middle..3 * middle + 3], [200, 8, 50]);
     assert_eq!(context.progress.borrow().phase, "decoding");
+    let check = result.check.expect("a report");
+    assert_eq!(check.key, "captures/c/test-3/check.json");
+    let json = context.objects.get(&check).await.expect("stored");
+    let report: Report = serde_json::from_slice(&json).expect("reads");
+    assert_eq!((report.frames, report.looked_at), (3, 3));
+    let views = |line: &String| line.starts_with("view coverage: 1 of 12");
+    assert!(result.warnings.iter().any(views), "{:?}", result.warnings);
+}
+
+#[tokio::test]
+async fn poses_that_miss_every_mask_are_refused_with_the_reason() {
+    let found = rejected(|files| {
+        let track = file(files, FILE);
+        let mut json: serde_json::Value = serde_json::from_slice(track).expect("JSON");
+        for frame in json["frames"].as_array_mut().expect("frames") {
+            frame["E"][0][3] = 900.0.into();
+        }
+        *track = serde_json::to_vec(&json).expect("JSON");
+    })
+    .await;
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(
+        found[0].starts_with("poses.json: joints in the mask: 0.0 %"),
+        "{found:?}"
+    );
 }
 
 #[tokio::test]

@@ -69,7 +69,9 @@ impl Agreement {
             .map(|it| it.content.area / it.mask.area.max(1e-9))
             .collect();
         spill.sort_by(f64::total_cmp);
-        let over_black = spill.get(spill.len() / 2).is_some_and(|it| *it < OVER_BLACK);
+        let over_black = spill
+            .get(spill.len() / 2)
+            .is_some_and(|it| *it < OVER_BLACK);
         Self {
             joints_in_mask: mean(&joints),
             joints_out: worst(joints),
@@ -113,7 +115,9 @@ pub(super) fn duplicates(
     let places = |it: &Observation| {
         let (pose, camera) = view(&track.frames[it.position], track.image_size);
         let joints = skeleton.posed_joints(&pose).into_iter();
-        joints.map(|joint| camera.project(joint)).collect::<Vec<_>>()
+        joints
+            .map(|joint| camera.project(joint))
+            .collect::<Vec<_>>()
     };
     let (mut found, mut compared) = (Vec::new(), 0);
     for pair in seen.windows(2) {

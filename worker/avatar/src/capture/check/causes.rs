@@ -20,7 +20,19 @@ const KEPT: usize = 12;
 const OCTAVES: i32 = 14;
 /// Ratios between common image sizes; a fitted scale this near one (relative) is taken for it.
 const RATIOS: [f64; 13] = [
-    0.125, 0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75, 0.8, 1.25, 4.0 / 3.0, 1.5, 2.0, 3.0, 4.0,
+    0.125,
+    0.25,
+    1.0 / 3.0,
+    0.5,
+    2.0 / 3.0,
+    0.75,
+    0.8,
+    1.25,
+    4.0 / 3.0,
+    1.5,
+    2.0,
+    3.0,
+    4.0,
 ];
 const NEAR: f64 = 0.02;
 
@@ -125,9 +137,8 @@ pub(super) fn search(fitter: &mut Fitter<'_>) -> Option<Search> {
         let correction = scaled(fitter, correction);
         push(fitter, &mut pairs, correction);
     }
-    let pair = best(&pairs).filter(|it| {
-        decisive(&it.fit, so_far, SECOND_GAIN) && decisive(&it.fit, &given, GAIN)
-    });
+    let pair = best(&pairs)
+        .filter(|it| decisive(&it.fit, so_far, SECOND_GAIN) && decisive(&it.fit, &given, GAIN));
     let chosen = pair.or(single);
     let rivals = if pair.is_some() { &pairs } else { &singles };
     let cause = chosen.map(|it| cause(it, rivals, &given));
@@ -201,7 +212,10 @@ fn scaled(fitter: &mut Fitter<'_>, correction: Correction) -> Correction {
 fn cause(reading: &Reading, rivals: &[Reading], given: &Fit) -> Cause {
     let options = reading.correction.to_string();
     let close = |it: &&Reading| it.fit.mean >= reading.fit.mean - AS_GOOD;
-    let others = rivals.iter().filter(close).map(|it| it.correction.to_string());
+    let others = rivals
+        .iter()
+        .filter(close)
+        .map(|it| it.correction.to_string());
     Cause {
         what: what(&reading.correction),
         alternatives: others.filter(|it| *it != options).take(3).collect(),
@@ -242,7 +256,11 @@ pub(super) fn what(correction: &Correction) -> String {
                 Unit::Centimetre => "centimetres",
                 _ => "millimetres",
             };
-            parts.push(format!("{} look like {unit}", these.join(" and ")));
+            let these = match these.len() {
+                3 => "all lengths".to_owned(),
+                _ => these.join(" and "),
+            };
+            parts.push(format!("{these} look like {unit}"));
         }
     }
     match correction.mirror {

@@ -10,6 +10,7 @@ use super::fit::Fitter;
 use super::motion::Motion;
 use super::observe::Observation;
 use super::plan::spread;
+use super::precision;
 use super::report::{Cause, Grade, Kind, Measure, Report};
 use super::timing::{self, Shifts};
 use crate::skeleton::Skeleton;
@@ -30,21 +31,41 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     let motion = Motion::of(track, skeleton);
     let inverted = median(people.iter().map(|it| it.covered)).is_some_and(|it| it > 0.5)
         && agreement.joints_in_mask.is_some_and(|it| it < 0.5);
-    let mut fitter = Fitter::new(track, spread(&people, SAMPLE));
-    let found = search(&mut fitter);
-    let reading = found.as_ref().map_or_else(Correction::default, |it| it.best);
+    let given = Fitter::new(track, spread(&people, SAMPLE)).fit(&Correction::default());
+    // Inverted masks fit nothing; the right way round they tell of further mistakes.
+    let righted: Vec<Observation>;
+    let seen_right = if inverted {
+        righted = seen.iter().map(Observation::inverted).collect();
+        &righted
+    } else {
+        seen
+    };
+    let people: Vec<&Observation> = seen_right.iter().filter(|it| it.somebody()).collect();
+    let found = search(&mut Fitter::new(track, spread(&people, SAMPLE)));
+    let reading = found
+        .as_ref()
+        .map_or_else(Correction::default, |it| it.best);
     let fatness = found.as_ref().map_or(1.0, |it| it.best_fit.fatness);
-    let bodies = timing::bodies(track, &reading, fatness, seen);
+    let bodies = timing::bodies(track, &reading, fatness, seen_right);
     let images = match agreement.image_in_mask {
-        Some(_) => timing::images(seen),
+        Some(_) => timing::images(seen_right),
         None => Shifts::default(),
     };
 
     let mut causes = Vec::new();
     let span = size(skeleton);
     if inverted {
-        causes.push(fault("masks look inverted: they cover what is not the person", &found));
-    } else if let Some(cause) = giant(span, found.as_ref()) {
+        let mended = found.as_ref().map_or(0.0, |it| it.given.mean);
+        causes.push(Cause {
+            what: "masks look inverted: they cover what is not the person".to_owned(),
+            options: String::new(),
+            correction: None,
+            fit: given.map_or(0.0, |it| it.mean),
+            fit_mended: mended,
+            alternatives: Vec::new(),
+        });
+    }
+    if let Some(cause) = giant(span, found.as_ref()) {
         causes.push(cause);
     } else {
         causes.extend(found.as_ref().and_then(|it| it.cause.clone()));
@@ -67,6 +88,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         views(&motion),
         jumps(track, &motion),
         jitter(&motion),
+        wander(precision::scatter(track, &reading, fatness, seen_right)),
         repeats(track, skeleton, seen),
         blur(track, seen),
         exposure(seen),
@@ -93,19 +115,6 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         headings: motion.headings,
         tried: found.map(|it| it.tried).unwrap_or_default(),
         mask_shifts: bodies.gains,
-    }
-}
-
-/// A cause that no option undoes.
-fn fault(what: &str, found: &Option<Search>) -> Cause {
-    let fit = found.as_ref().map_or(0.0, |it| it.given.mean);
-    Cause {
-        what: what.to_owned(),
-        options: String::new(),
-        correction: None,
-        fit,
-        fit_mended: fit,
-        alternatives: Vec::new(),
     }
 }
 
@@ -236,7 +245,13 @@ fn share(kind: Kind, value: Option<f64>, bounds: [f64; 2], meaning: &str) -> Mea
 fn reading_of(cause: Option<&Cause>) -> Measure {
     let Some(cause) = cause else {
         let meaning = "no other reading of poses and cameras fits the masks decisively better";
-        return measure(Kind::Reading, Grade::Pass, Some(0.0), "as given".to_owned(), meaning);
+        return measure(
+            Kind::Reading,
+            Grade::Pass,
+            Some(0.0),
+            "as given".to_owned(),
+            meaning,
+        );
     };
     let gain = cause.fit_mended - cause.fit;
     let shown = format!("+{:.0} % overlap", 100.0 * gain);
@@ -255,13 +270,25 @@ fn timing_of(cause: Option<&Cause>, bodies: &Shifts, images: &Shifts) -> Measure
     };
     let Some(cause) = cause else {
         let meaning = "masks and poses are of the same frames, as far as outlines tell";
-        return measure(Kind::Timing, Grade::Pass, Some(0.0), "0 frames".to_owned(), meaning);
+        return measure(
+            Kind::Timing,
+            Grade::Pass,
+            Some(0.0),
+            "0 frames".to_owned(),
+            meaning,
+        );
     };
     let shown = format!("{shift:+} frames");
     let meaning = "outlines of another moment blur moving limbs away";
     Measure {
         cause: Some(cause.sentence()),
-        ..measure(Kind::Timing, Grade::Fail, Some(f64::from(shift)), shown, meaning)
+        ..measure(
+            Kind::Timing,
+            Grade::Fail,
+            Some(f64::from(shift)),
+            shown,
+            meaning,
+        )
     }
 }
 
@@ -280,13 +307,24 @@ fn body_size(span: f64) -> Measure {
     });
     Measure {
         cause,
-        ..measure(Kind::BodySize, grade, Some(span), format!("{span:.2} m"), meaning)
+        ..measure(
+            Kind::BodySize,
+            grade,
+            Some(span),
+            format!("{span:.2} m"),
+            meaning,
+        )
     }
 }
 
 fn joints(agreement: &Agreement) -> Measure {
     let meaning = "joints outside are learnt as empty space";
-    let mut it = share(Kind::JointsInMask, agreement.joints_in_mask, [0.9, 0.6], meaning);
+    let mut it = share(
+        Kind::JointsInMask,
+        agreement.joints_in_mask,
+        [0.9, 0.6],
+        meaning,
+    );
     if it.grade != Grade::Pass {
         it.cause = Some("poses or cameras are of another person, video or time".to_owned());
         it.frames.clone_from(&agreement.joints_out);
@@ -316,7 +354,13 @@ fn silhouette(fit: Option<f64>) -> Measure {
 fn image_in_mask(agreement: &Agreement) -> Measure {
     let Some(value) = agreement.image_in_mask else {
         let meaning = "images are not over black, so they can't be compared with masks";
-        return measure(Kind::ImageInMask, Grade::Pass, None, "not over black".to_owned(), meaning);
+        return measure(
+            Kind::ImageInMask,
+            Grade::Pass,
+            None,
+            "not over black".to_owned(),
+            meaning,
+        );
     };
     let meaning = "overlap of what images show with masks; the rest is learnt as haze or holes";
     let mut it = share(Kind::ImageInMask, Some(value), [0.85, 0.6], meaning);
@@ -375,7 +419,13 @@ fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> Measure {
     }
     if inverted {
         let meaning = "masks cover the background";
-        found = measure(Kind::Masks, Grade::Fail, Some(1.0), "inverted".to_owned(), meaning);
+        found = measure(
+            Kind::Masks,
+            Grade::Fail,
+            Some(1.0),
+            "inverted".to_owned(),
+            meaning,
+        );
         found.cause = Some("write 255 - value into each mask".to_owned());
     }
     found
@@ -430,13 +480,32 @@ fn jitter(motion: &Motion) -> Measure {
     };
     let mut it = measure(
         Kind::Jitter,
-        at_most(value, 0.006, 0.03),
+        at_most(value, 0.015, 0.05),
         Some(value),
         format!("{:.1} mm", 1000.0 * value),
         meaning,
     );
     if it.grade != Grade::Pass {
         it.cause = Some("poses were estimated a frame at a time: smooth them".to_owned());
+    }
+    it
+}
+
+fn wander(value: Option<f64>) -> Measure {
+    let meaning = "how far bodies wander off their masks; detail smaller than that is lost";
+    let Some(value) = value else {
+        let shown = "too few frames".to_owned();
+        return measure(Kind::Precision, Grade::Pass, None, shown, meaning);
+    };
+    let mut it = measure(
+        Kind::Precision,
+        at_most(value, 0.01, 0.1),
+        Some(value),
+        format!("{:.1} mm", 1000.0 * value),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        it.cause = Some("poses are noisy, as estimators give them".to_owned());
     }
     it
 }
@@ -497,7 +566,13 @@ fn exposure(seen: &[Observation]) -> Measure {
     );
     let meaning = "colours at either end are lost";
     let grade = at_most(burnt, 0.05, 0.5).max(at_most(black, 0.3, 0.8));
-    let mut it = measure(Kind::Exposure, grade, Some(burnt.max(black)), shown, meaning);
+    let mut it = measure(
+        Kind::Exposure,
+        grade,
+        Some(burnt.max(black)),
+        shown,
+        meaning,
+    );
     if grade != Grade::Pass {
         let cause = if burnt > 0.05 {
             "over-exposed"

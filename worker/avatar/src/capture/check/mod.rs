@@ -16,6 +16,7 @@ mod measures;
 mod motion;
 mod observe;
 mod plan;
+mod precision;
 mod report;
 mod silhouette;
 mod timing;

@@ -1,8 +1,8 @@
 //! What the pose track tells by itself: how the body moves, and from where it is seen.
 
 use super::fit::view;
-use crate::skeleton::transform::{Vec3, add, apply, inverse, length, scale, sub};
 use crate::skeleton::Skeleton;
+use crate::skeleton::transform::{Vec3, add, apply, inverse, length, scale, sub};
 use yoto_proto::pose_track::PoseTrack;
 
 /// Nothing that a person does moves a joint faster, metres a second.
@@ -50,7 +50,10 @@ fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
         .windows(2)
         .enumerate()
         .map(|(i, pair)| {
-            let moved = pair[0].iter().zip(&pair[1]).map(|(a, b)| length(sub(*b, *a)));
+            let moved = pair[0]
+                .iter()
+                .zip(&pair[1])
+                .map(|(a, b)| length(sub(*b, *a)));
             moved.fold(0.0, f64::max) / gap(track, i + 1)
         })
         .collect();
@@ -127,7 +130,11 @@ mod tests {
     #[test]
     fn a_body_that_turns_is_seen_from_all_sides() {
         let turning = motion(120, |_| {});
-        assert!(turning.headings.iter().all(|&n| n >= 6), "{:?}", turning.headings);
+        assert!(
+            turning.headings.iter().all(|&n| n >= 6),
+            "{:?}",
+            turning.headings
+        );
         assert!(turning.jumps.is_empty(), "{:?}", turning.jumps);
         let still = motion(24, |track| {
             for frame in &mut track.frames {
@@ -167,6 +174,9 @@ mod tests {
             }
         });
         let noisy = noisy.jitter.expect("enough frames");
-        assert!(smooth < 0.01 && (noisy - 0.02).abs() < 0.006, "{smooth} {noisy}");
+        assert!(
+            smooth < 0.01 && (noisy - 0.02).abs() < 0.006,
+            "{smooth} {noisy}"
+        );
     }
 }

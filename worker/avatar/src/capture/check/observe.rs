@@ -61,6 +61,15 @@ impl Observation {
         }
     }
 
+    /// The same with the mask the other way round.
+    pub(super) fn inverted(&self) -> Self {
+        let cells = self.mask.cells.iter().map(|&value| 255 - value);
+        Self {
+            mask: Thumb::new(cells.collect()),
+            ..self.clone()
+        }
+    }
+
     /// Whether anybody is in the mask.
     pub(super) fn somebody(&self) -> bool {
         self.mask.area >= 4.0
@@ -114,7 +123,9 @@ fn edge_width(frame: &FrameImage) -> Option<f64> {
     for y in 2..height.saturating_sub(2) {
         for x in 2..width.saturating_sub(2) {
             let inside = row(y)[x - 2..=x + 2].iter().all(|&m| m == 255)
-                && [y - 2, y - 1, y + 1, y + 2].iter().all(|&y| row(y)[x] == 255);
+                && [y - 2, y - 1, y + 1, y + 2]
+                    .iter()
+                    .all(|&y| row(y)[x] == 255);
             if !inside {
                 continue;
             }
@@ -206,10 +217,13 @@ mod tests {
 
     #[test]
     fn masks_tell_pieces_borders_and_light() {
-        let two = Observation::of(0, &frame(|x, y| {
-            let here = (4..14).contains(&y) && ((4..24).contains(&x) || (40..50).contains(&x));
-            (if here { 255 } else { 0 }, if here { 255 } else { 0 })
-        }));
+        let two = Observation::of(
+            0,
+            &frame(|x, y| {
+                let here = (4..14).contains(&y) && ((4..24).contains(&x) || (40..50).contains(&x));
+                (if here { 255 } else { 0 }, if here { 255 } else { 0 })
+            }),
+        );
         assert!((two.scattered - 1.0 / 3.0).abs() < 1e-9 && !two.cut_off);
         assert_eq!((two.burnt, two.black), (1.0, 0.0));
         assert!(two.mask.overlap_with(&two.content) > 0.99);

@@ -52,6 +52,8 @@ pub enum Kind {
     Jumps,
     /// How far joints tremble, metres.
     Jitter,
+    /// How far poses wander off their frames, metres.
+    Precision,
     /// Frames that repeat the one before although the pose moved.
     Duplicates,
     /// Width of edges, pixels.
@@ -75,6 +77,7 @@ impl Kind {
             Self::Views => "view coverage",
             Self::Jumps => "pose jumps",
             Self::Jitter => "pose jitter",
+            Self::Precision => "pose precision",
             Self::Duplicates => "duplicate frames",
             Self::Blur => "blur",
             Self::Exposure => "exposure",

@@ -186,7 +186,14 @@ mod tests {
         assert_eq!(thumb.overlap_with(&thumb), 1.0);
         let fat = thumb.overlap(canvas.draw(&[capsule], &camera, 2.0));
         assert!((0.3..0.6).contains(&fat), "{fat}");
-        let behind = Camera::look_at([0.0, 0.0, -4.0], [0.0, 0.0, -9.0], [0.0, 1.0, 0.0], 200.0, 384, 192);
+        let behind = Camera::look_at(
+            [0.0, 0.0, -4.0],
+            [0.0, 0.0, -9.0],
+            [0.0, 1.0, 0.0],
+            200.0,
+            384,
+            192,
+        );
         assert!(canvas.draw(&[capsule], &behind, 1.0).is_empty());
     }
 }
