@@ -48,8 +48,7 @@ impl<'a> Figure<'a> {
         let size = size(skeleton) / HEIGHT;
         let children = skeleton.children();
         let mut capsules = Vec::new();
-        for joint in 0..skeleton.joints() {
-            let at = skeleton.rest[joint];
+        for (joint, &at) in skeleton.rest.iter().enumerate() {
             let radius = radius(&skeleton.names[joint]);
             let Some(parent) = skeleton.parents[joint] else {
                 // A bone by itself is a dot, so that even a single joint shows.

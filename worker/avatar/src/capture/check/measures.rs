@@ -219,7 +219,8 @@ fn at_most(value: f64, pass: f64, warn: f64) -> Grade {
 }
 
 fn percent(share: f64) -> String {
-    format!("{:.1} %", 100.0 * share)
+    // An empty sum is -0, which would show its sign.
+    format!("{:.1} %", 100.0 * share + 0.0)
 }
 
 /// A share of which `None` says that nobody was there to measure.

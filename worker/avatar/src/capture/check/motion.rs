@@ -76,8 +76,9 @@ fn jitter(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Option<f64> {
         if (1..4).any(|i| gap(track, start + i) > 1.0) {
             continue;
         }
-        for joint in 0..four[0].len() {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|i| four[i][joint]);
+        let earlier = four[0].iter().zip(&four[1]);
+        let later = four[2].iter().zip(&four[3]);
+        for ((&a, &b), (&c, &d)) in earlier.zip(later) {
             let third = add(sub(d, a), scale(sub(b, c), 3.0));
             found.push(length(third));
         }

@@ -1,5 +1,5 @@
-//! How precisely poses follow their frames: the offset at which each frame's body covers its
-//! mask best, and how far these offsets scatter.
+//! How precisely poses follow their frames: how far each frame's body is off its mask, centre
+//! from centre, and how far these offsets scatter.
 //!
 //! A wrong camera or body shape moves all frames alike, while the errors of a pose estimator
 //! wander, smooth as they may be.
@@ -18,8 +18,6 @@ use yoto_proto::pose_track::PoseTrack;
 const MOST: usize = 100;
 /// Frames from which a scatter is told, at least.
 const ENOUGH: usize = 8;
-/// Offsets tried, cells either way.
-const REACH: i32 = 4;
 
 /// Root mean square of the offsets about their mean, metres in the plane of the image; none
 /// with too few frames. `track` is read as `reading` says.
@@ -34,7 +32,9 @@ pub(super) fn scatter(
     let figure = Figure::of(&skeleton);
     let grid = Grid::of(track.image_size);
     let mut canvas = Canvas::new(grid);
-    let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+    // What is beyond the image's border pulls no mask's centre.
+    let whole = |it: &&Observation| it.somebody() && !it.cut_off;
+    let people: Vec<&Observation> = seen.iter().filter(whole).collect();
     let mut offsets = Vec::new();
     for it in spread(&people, MOST) {
         let (pose, camera) = view(track.frames.get(it.position)?, track.image_size);
@@ -63,47 +63,22 @@ pub(super) fn scatter(
     Some((variance(0) + variance(1)).sqrt())
 }
 
-/// By how many cells, across and down, the drawing has to move to cover the mask best, to a
-/// fraction of a cell; none where even that covers nothing.
+/// From the centre of the drawing to that of the mask, cells across and down; none where
+/// nothing is drawn.
 fn offset(cells: &[u32], mask: &Thumb, grid: Grid) -> Option<[f64; 2]> {
-    let covered = |across: i32, down: i32| -> f64 {
-        let sum: u64 = cells
-            .iter()
-            .map(|&cell| {
-                let x = (cell as usize % grid.width) as i64 + i64::from(across);
-                let y = (cell as usize / grid.width) as i64 + i64::from(down);
-                let inside =
-                    (0..grid.width as i64).contains(&x) && (0..grid.height as i64).contains(&y);
-                let at = (y * grid.width as i64 + x) as usize;
-                if inside { u64::from(mask.cells[at]) } else { 0 }
-            })
-            .sum();
-        sum as f64
-    };
-    let mut best = (0.0, 0, 0);
-    for down in -REACH..=REACH {
-        for across in -REACH..=REACH {
-            let sum = covered(across, down);
-            if sum > best.0 {
-                best = (sum, across, down);
-            }
-        }
+    let drawn = centre(cells.iter().map(|&cell| (cell as usize, 1.0)), grid)?;
+    let covered = mask.cells.iter().enumerate();
+    let seen = centre(covered.map(|(cell, &m)| (cell, f64::from(m))), grid)?;
+    Some([seen[0] - drawn[0], seen[1] - drawn[1]])
+}
+
+/// The centre of weighted cells.
+fn centre(cells: impl Iterator<Item = (usize, f64)>, grid: Grid) -> Option<[f64; 2]> {
+    let (mut x, mut y, mut total) = (0.0, 0.0, 0.0);
+    for (cell, weight) in cells {
+        x += weight * (cell % grid.width) as f64;
+        y += weight * (cell / grid.width) as f64;
+        total += weight;
     }
-    let (top, across, down) = best;
-    if top <= 0.0 {
-        return None;
-    }
-    // The peak of the parabola through the best and its neighbours.
-    let peak = |before: f64, after: f64| {
-        let bend = 2.0 * top - before - after;
-        if bend > 0.0 {
-            ((after - before) / (2.0 * bend)).clamp(-0.5, 0.5)
-        } else {
-            0.0
-        }
-    };
-    Some([
-        f64::from(across) + peak(covered(across - 1, down), covered(across + 1, down)),
-        f64::from(down) + peak(covered(across, down - 1), covered(across, down + 1)),
-    ])
+    (total > 0.0).then(|| [x / total, y / total])
 }
