@@ -42,7 +42,7 @@ pub(super) struct SubjectCommand {
 enum Action {
     /// Add a person: upload a capture folder and wait until it is ready for training.
     #[command(after_help = ADD_HELP)]
-    Add(Add),
+    Add(Box<Add>),
     /// List the people the service knows.
     #[command(after_help = LIST_HELP)]
     List {

@@ -29,6 +29,7 @@ fn track(frames: u32) -> PoseTrack {
             ],
         },
         image_size: [64, 64],
+        distortion: [0.0; 5],
         fps: 15.0,
         frames: (0..frames).map(frame).collect(),
     }

@@ -117,6 +117,7 @@ mod tests {
         let mut track = PoseTrack {
             skeleton: person.skeleton(),
             image_size: [32, 32],
+            distortion: [0.0; 5],
             fps: 15.0,
             frames: (0..)
                 .zip(&poses)

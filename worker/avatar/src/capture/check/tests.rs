@@ -21,6 +21,7 @@ fn film() -> (PoseTrack, Vec<FrameImage>) {
         let track = PoseTrack {
             skeleton: person.skeleton(),
             image_size: [SIZE; 2],
+            distortion: [0.0; 5],
             fps: 15.0,
             frames: (0..)
                 .zip(&poses)
