@@ -19,6 +19,8 @@ pub mod capture_check;
 pub mod capture_dir;
 pub mod commands;
 pub mod import;
+#[cfg(feature = "embedded")]
+mod memory;
 pub mod progress;
 
 #[cfg(feature = "embedded")]

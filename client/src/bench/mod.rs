@@ -3,9 +3,9 @@
 //! The captures are made up, so that anyone can run the same measurement. All parts of the model
 //! take part from the first step on, whatever their kick-in.
 
-mod memory;
 mod stages;
 
+use crate::memory;
 use anyhow::{Context, ensure};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -203,7 +203,7 @@ fn times(trainer: &mut Trainer, options: &BenchOptions) -> anyhow::Result<StepTi
     for _ in 0..options.settle {
         trainer.step()?;
     }
-    memory::reset();
+    let counted = memory::reset_peak();
     let before = trainer.progress().samples;
     let start = Instant::now();
     let (outcome, seconds) = stages::timed(|| {
@@ -230,7 +230,7 @@ fn times(trainer: &mut Trainer, options: &BenchOptions) -> anyhow::Result<StepTi
         step_seconds,
         stages: in_stages,
         operations: mean(&|name| !STAGES.contains(&name)),
-        peak_bytes: memory::peak_bytes(),
+        peak_bytes: counted.ok().and_then(|()| memory::peak()),
         live_samples: (after.evaluated - before.evaluated) as f64 / steps,
         samples: (after.placed - before.placed) / options.steps,
         frame_seconds: None,

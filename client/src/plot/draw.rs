@@ -155,18 +155,21 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
     fn series(&self, plot: &Plot) -> anyhow::Result<()> {
         let mut taken = self.legend(plot)?;
         for (series, colour) in plot.series.iter().zip(COLOURS.iter().cycle()) {
-            let mut front: Vec<&Mark> = labelled(&series.marks).collect();
-            front.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let line: Vec<_> = front.iter().map(|it| self.at(it.cost, it.gain)).collect();
+            let mut joined: Vec<&Mark> = series.marks.iter().filter(|it| it.joined).collect();
+            joined.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let line: Vec<_> = joined.iter().map(|it| self.at(it.cost, it.gain)).collect();
             if line.len() > 1 {
                 self.line(&line, *colour, 1.5)?;
+                for ends in line.windows(2) {
+                    taken.extend(Frame::along(ends[0], ends[1], 5.0 * self.unit));
+                }
             }
             for mark in &series.marks {
                 let at = self.at(mark.cost, mark.gain);
-                let radius = if mark.label.is_some() { 5.0 } else { 2.5 } * self.unit;
-                let style = match mark.label {
-                    Some(_) => colour.filled(),
-                    None => colour.mix(0.45).filled(),
+                let radius = if mark.best { 5.0 } else { 2.5 } * self.unit;
+                let style = match mark.best {
+                    true => colour.filled(),
+                    false => colour.mix(0.45).filled(),
                 };
                 let dot = Circle::new(pixel(at), radius.round() as i32, style);
                 self.area.draw(&dot).map_err(failed)?;
@@ -175,7 +178,7 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
             }
         }
         for (series, colour) in plot.series.iter().zip(COLOURS.iter().cycle()) {
-            for mark in labelled(&series.marks) {
+            for mark in &series.marks {
                 self.label(mark, *colour, &mut taken)?;
             }
         }
@@ -206,6 +209,7 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
         );
         if (nearest.0 - at.0).hypot(nearest.1 - at.1) > 12.0 * self.unit {
             self.line(&[at, nearest], colour, 0.7)?;
+            taken.extend(Frame::along(at, nearest, 4.0 * self.unit));
         }
         let middle = (
             (frame.left + frame.right) / 2.0,
@@ -256,10 +260,6 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
         }
         Ok(vec![frame])
     }
-}
-
-fn labelled(marks: &[Mark]) -> impl Iterator<Item = &Mark> {
-    marks.iter().filter(|mark| mark.label.is_some())
 }
 
 fn pixel((x, y): (f64, f64)) -> (i32, i32) {

@@ -20,6 +20,19 @@ impl Frame {
         }
     }
 
+    /// Squares of `side` that cover the line between two points.
+    pub(super) fn along(from: (f64, f64), to: (f64, f64), side: f64) -> Vec<Self> {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let count = (dx.hypot(dy) / side).ceil().max(1.0) as usize;
+        let at = |i: usize| {
+            let share = i as f64 / count as f64;
+            (from.0 + share * dx, from.1 + share * dy)
+        };
+        (0..=count)
+            .map(|i| Self::around(at(i), (side, side)))
+            .collect()
+    }
+
     fn meets(&self, other: &Self) -> bool {
         self.left < other.right
             && other.left < self.right
@@ -95,6 +108,14 @@ mod tests {
             );
             taken.push(frame);
         }
+    }
+
+    #[test]
+    fn a_label_keeps_off_a_line() {
+        let line = Frame::along((0.0, 300.0), (400.0, 0.0), 5.0);
+        assert!(line.windows(2).all(|it| it[0].right >= it[1].left));
+        let frame = room((200.0, 150.0), (90.0, 14.0), &PAPER, &line, 1.0).expect("room");
+        assert!(!line.iter().any(|it| it.meets(&frame)), "{frame:?}");
     }
 
     #[test]

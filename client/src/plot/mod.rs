@@ -50,7 +50,11 @@ pub struct Mark {
     pub cost: f64,
     /// Any number.
     pub gain: f64,
-    /// Points with a label are large and joined by a line; the others are small.
+    /// Large, because nothing beats it.
+    pub best: bool,
+    /// Joined by a line to the others of its series that are.
+    pub joined: bool,
+    /// Written beside it where there is room.
     pub label: Option<String>,
 }
 
@@ -113,6 +117,8 @@ mod tests {
         Mark {
             cost,
             gain,
+            best: label.is_some(),
+            joined: label.is_some(),
             label: label.map(Into::into),
         }
     }

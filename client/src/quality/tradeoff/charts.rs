@@ -3,7 +3,13 @@
 use super::rows::{render_front, settings, training_front};
 use super::{Tradeoff, Trained};
 use crate::plot::{Mark, Plot, Series};
-use yoto_avatar::tradeoff::Curve;
+use std::collections::HashSet;
+use yoto_avatar::tradeoff::{Curve, Point};
+
+/// Points nearer to each other than this, as a share of their seconds, and than so many dB are
+/// one to the eye.
+const NEAR_SECONDS: f64 = 0.15;
+const NEAR_DECIBELS: f64 = 0.15;
 
 /// Each plot with its file's name.
 pub(super) fn all(tradeoff: &Tradeoff) -> Vec<(&'static str, Plot)> {
@@ -24,7 +30,9 @@ fn training(tradeoff: &Tradeoff) -> Plot {
         let mark = Mark {
             cost: it.train_seconds,
             gain: it.scores.novel_view.psnr,
-            label: best.contains(&i).then(|| reached(it)),
+            best: best.contains(&i),
+            joined: true,
+            label: Some(reached(it)),
         };
         match series.iter_mut().find(|series| series.name == it.tier) {
             Some(series) => series.marks.push(mark),
@@ -37,7 +45,7 @@ fn training(tradeoff: &Tradeoff) -> Plot {
     Plot {
         title: format!("Training: {} at {} pixels", people(tradeoff), tradeoff.size),
         subtitle: format!(
-            "Large points: nothing is better in less time. {}",
+            "Large points: nothing is better in less time. Labels: budget, size of a checkpoint. {}",
             tradeoff.machine.device
         ),
         cost: "seconds of training".into(),
@@ -67,7 +75,8 @@ fn rendering(tradeoff: &Tradeoff) -> Plot {
             tradeoff.size
         ),
         subtitle: format!(
-            "Labels: samples a ray · resolution · likelihood bound · least light · precision. {}",
+            "Labels: samples a ray · resolution, and what differs from the model's own: likelihood bound ε, \
+             least light T, precision. {}",
             tradeoff.machine.device
         ),
         cost: "seconds a frame".into(),
@@ -78,6 +87,16 @@ fn rendering(tradeoff: &Tradeoff) -> Plot {
 
 fn curve(curve: &Curve) -> Series {
     let best = render_front(curve);
+    let told = told(curve, &best);
+    let own = curve.full().map(|full| full.settings);
+    let label = |i: usize, point: &Point| match own {
+        Some(_) if i == 0 => Some(format!(
+            "own: {}",
+            settings(&point.settings, &point.settings)
+        )),
+        Some(own) if told.contains(&i) => Some(settings(&point.settings, &own)),
+        _ => None,
+    };
     let points = curve.points.iter().enumerate();
     Series {
         name: curve.tier.clone(),
@@ -85,10 +104,32 @@ fn curve(curve: &Curve) -> Series {
             .map(|(i, point)| Mark {
                 cost: point.seconds,
                 gain: point.fidelity(),
-                label: best.contains(&i).then(|| settings(point)),
+                best: i == 0 || best.contains(&i),
+                joined: best.contains(&i),
+                label: label(i, point),
             })
             .collect(),
     }
+}
+
+/// Those of the `best` that lie apart from each other; of points that differ by less than noise
+/// the better is told.
+fn told(curve: &Curve, best: &HashSet<usize>) -> HashSet<usize> {
+    let mut order: Vec<usize> = best.iter().copied().collect();
+    let point = |i: usize| &curve.points[i];
+    order.sort_by(|&a, &b| point(b).fidelity().total_cmp(&point(a).fidelity()));
+    let mut told: Vec<usize> = Vec::new();
+    for i in order {
+        let near = |&other: &usize| {
+            let seconds = (point(i).seconds / point(other).seconds).ln().abs();
+            let fidelity = (point(i).fidelity() - point(other).fidelity()).abs();
+            seconds < NEAR_SECONDS && fidelity < NEAR_DECIBELS
+        };
+        if !told.iter().any(near) {
+            told.push(i);
+        }
+    }
+    told.into_iter().collect()
 }
 
 fn people(tradeoff: &Tradeoff) -> String {

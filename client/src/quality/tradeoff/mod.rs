@@ -2,7 +2,6 @@
 //! tier gives, and what rendering faster costs.
 
 mod charts;
-mod memory;
 mod rows;
 mod training;
 

@@ -3,6 +3,7 @@
 use super::{Tradeoff, Trained};
 use std::collections::HashSet;
 use yoto_avatar::config::Precision;
+use yoto_avatar::render::RenderSettings;
 use yoto_avatar::tradeoff::pareto::front;
 use yoto_avatar::tradeoff::{Curve, Point};
 
@@ -78,18 +79,20 @@ fn precision(precision: Precision) -> &'static str {
     }
 }
 
-/// What settings are called in a plot: samples a ray, share of the resolution, likelihood bound,
-/// least light, precision.
-pub(super) fn settings(point: &Point) -> String {
-    let it = &point.settings;
-    format!(
-        "{} · {:.0}% · {} · {} · {}",
-        it.samples,
-        100.0 * it.scale,
-        it.epsilon,
-        it.min_transmittance,
-        precision(it.precision)
-    )
+/// What settings are called: samples a ray, share of the resolution, and what else differs from
+/// the model's `own`: likelihood bound (ε), least light (T), precision.
+pub(super) fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
+    let mut text = format!("{} · {:.0}%", it.samples, 100.0 * it.scale);
+    if it.epsilon != own.epsilon {
+        text += &format!(" · ε {}", it.epsilon);
+    }
+    if it.min_transmittance != own.min_transmittance {
+        text += &format!(" · T {}", it.min_transmittance);
+    }
+    if it.precision != own.precision {
+        text += &format!(" · {}", precision(it.precision));
+    }
+    text
 }
 
 /// The fronts of all curves, and how well predictions for other sizes did, for people.
@@ -114,6 +117,9 @@ pub fn summary(tradeoff: &Tradeoff) -> String {
     }
     for curve in &tradeoff.rendering {
         let best = render_front(curve);
+        let Some(own) = curve.full().map(|full| full.settings) else {
+            continue;
+        };
         let mut kept: Vec<&Point> = curve
             .points
             .iter()
@@ -130,7 +136,7 @@ pub fn summary(tradeoff: &Tradeoff) -> String {
                 curve.tier,
                 point.seconds,
                 point.psnr_to_full,
-                settings(point)
+                settings(&point.settings, &own)
             ));
         }
         for check in &curve.checks {
@@ -145,4 +151,29 @@ pub fn summary(tradeoff: &Tradeoff) -> String {
         }
     }
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_told_by_what_differs() {
+        let own = RenderSettings {
+            samples: 64,
+            epsilon: 1e-4,
+            min_transmittance: 1e-3,
+            precision: Precision::F32,
+            scale: 1.0,
+        };
+        assert_eq!(settings(&own, &own), "64 · 100%");
+        let other = RenderSettings {
+            samples: 32,
+            epsilon: 0.03,
+            min_transmittance: 0.05,
+            precision: Precision::Bf16,
+            scale: 0.75,
+        };
+        assert_eq!(settings(&other, &own), "32 · 75% · ε 0.03 · T 0.05 · bf16");
+    }
 }

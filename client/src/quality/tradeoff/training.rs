@@ -2,7 +2,8 @@
 
 use super::super::captures::{Recording, Split};
 use super::super::{checkpoint_bytes, lpips, measure, shown, train_options};
-use super::{TradeoffOptions, Trained, memory};
+use super::{TradeoffOptions, Trained};
+use crate::memory;
 use crate::progress::ProgressDisplay;
 use crate::report::{SplitScores, SubjectScore};
 use anyhow::Context;

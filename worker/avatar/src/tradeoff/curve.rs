@@ -71,7 +71,7 @@ pub struct Curve {
     pub repeats: usize,
     /// Mean rays through the body's box in a view.
     pub rays: f64,
-    /// Seconds of a frame that no ray of hits the body: posing, and looking for rays.
+    /// Seconds of a frame of next to no pixels: posing the body.
     pub fixed_seconds: f64,
     /// The first is the model's own settings at full size.
     pub points: Vec<Point>,
@@ -99,7 +99,8 @@ impl Curve {
     ///
     /// A frame's time is a fixed part (posing the body) and one that grows with the rays
     /// through the body's box, of which each costs the same on average: how much of the body a
-    /// ray meets depends on pose and view, hardly on resolution.
+    /// ray meets depends on pose and view, hardly on resolution. Pixels beside the box cost
+    /// little, and grow with those inside when only the size changes.
     pub fn predict(&self, point: &Point, rays: f64) -> f64 {
         let fixed = self.fixed_seconds.min(point.seconds);
         fixed + (point.seconds - fixed) * rays / self.rays

@@ -7,12 +7,12 @@ use std::io;
 ///
 /// # Errors
 /// Where the system has no such count, or does not let a process reset its own.
-pub(super) fn reset_peak() -> io::Result<()> {
+pub(crate) fn reset_peak() -> io::Result<()> {
     fs::write("/proc/self/clear_refs", "5")
 }
 
 /// Most memory resident since [`reset_peak`], bytes; `None` where the system does not tell.
-pub(super) fn peak() -> Option<u64> {
+pub(crate) fn peak() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status
         .lines()

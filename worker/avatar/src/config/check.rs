@@ -1,0 +1,113 @@
+//! Which configurations a model can be made with.
+
+use super::{ConfigError, Encoding, ModelConfig, MotionForm, Sharing};
+
+impl ModelConfig {
+    /// # Errors
+    /// Names the first field that no model can be made with.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let fail = |field, message: &str| {
+            Err(ConfigError::Field {
+                field,
+                message: message.into(),
+            })
+        };
+        if self.motion.resolution < 2 || self.motion.resolution > 256 {
+            return fail("motion.resolution", "must be 2 to 256");
+        }
+        if let MotionForm::Deconv {
+            embedding,
+            hidden,
+            channels,
+        } = &self.motion.form
+        {
+            let doubled = 1usize.checked_shl(channels.len() as u32 + 1);
+            if doubled != Some(self.motion.resolution)
+                || *embedding == 0
+                || *hidden == 0
+                || channels.contains(&0)
+            {
+                return fail(
+                    "motion.form",
+                    "widths at least 1, and motion.resolution two to the number of channels plus one",
+                );
+            }
+        }
+        if !(1..=4096).contains(&self.code_width) {
+            return fail("code_width", "must be 1 to 4096");
+        }
+        for (field, layers) in [
+            ("non_rigid.layers", &self.non_rigid.layers),
+            ("canonical.layers", &self.canonical.layers),
+        ] {
+            if layers.width == 0
+                || layers.depth == 0
+                || layers.inject >= layers.depth
+                || layers.skip.is_some_and(|s| s == 0 || s >= layers.depth)
+            {
+                return fail(
+                    field,
+                    "width and depth at least 1, inject and skip name a layer, and skip not the first",
+                );
+            }
+        }
+        if let Encoding::Hash {
+            levels,
+            base,
+            growth,
+            log2_rows,
+            features,
+            sharing,
+        } = self.canonical.encoding
+        {
+            let finest = base as f64 * growth.powi(levels as i32);
+            if !(1..=32).contains(&levels)
+                || base < 1
+                || growth < 1.0
+                || finest > 65_536.0
+                || !(4..=24).contains(&log2_rows)
+            {
+                return fail(
+                    "canonical.encoding",
+                    "levels 1 to 32, base at least 1, growth at least 1, finest level under 65,536 cells, log2_rows 4 to 24",
+                );
+            }
+            if ![1, 2, 4, 8].contains(&features) {
+                return fail("canonical.encoding.features", "must be 1, 2, 4 or 8");
+            }
+            match sharing {
+                Sharing::Split { own_log2_rows } if !(4..=log2_rows).contains(&own_log2_rows) => {
+                    return fail(
+                        "canonical.encoding.sharing.own_log2_rows",
+                        "must be 4 to log2_rows",
+                    );
+                }
+                Sharing::Bases { count }
+                    if ![2, 4, 8, 16].contains(&count) || count * features > 16 =>
+                {
+                    return fail(
+                        "canonical.encoding.sharing.count",
+                        "must be 2, 4, 8 or 16, and with features no more than 16 numbers",
+                    );
+                }
+                _ => {}
+            }
+        }
+        if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
+            return fail("march", "at least 2 samples, epsilon in [0, 1)");
+        }
+        if !(0.0..1.0).contains(&self.march.min_transmittance) {
+            return fail("march.min_transmittance", "must be in [0, 1)");
+        }
+        if self.march.occupancy_cells > 512 || !(0.0..1.0).contains(&self.march.occupancy_alpha) {
+            return fail(
+                "march.occupancy",
+                "at most 512 cells, occupancy_alpha in [0, 1)",
+            );
+        }
+        if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
+            return fail("optimise", "at least one patch of one pixel");
+        }
+        Ok(())
+    }
+}
