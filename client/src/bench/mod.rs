@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use yoto_avatar::capture::ShardBuilder;
-use yoto_avatar::config::{ModelConfig, Precision};
+use yoto_avatar::config::{ModelConfig, Precision, Setting};
 use yoto_avatar::render::RenderView;
 use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
@@ -52,6 +52,8 @@ pub struct BenchOptions {
     pub bf16: bool,
     /// Seed of people, weights and draws.
     pub seed: u64,
+    /// In place of the tier's.
+    pub settings: Vec<Setting>,
 }
 
 /// One precision's figures.
@@ -110,6 +112,7 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     config.correction.kick_in = 0;
     config.non_rigid.kick_in = 0;
     config.non_rigid.full_at = 1;
+    config = config.with(&options.settings)?;
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;
     let device = device::pick().device;

@@ -6,6 +6,7 @@ use crate::bench::{BenchOptions, BenchReport, StepTimes, run};
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
+use yoto_avatar::config::Setting;
 
 const AFTER_HELP: &str = "\
 Trains on made-up people, so that the same measurement can be run anywhere, with every part of
@@ -46,6 +47,9 @@ pub(super) struct Bench {
     /// Measure f32 alone, not networks with bf16 factors as well.
     #[arg(long)]
     f32_only: bool,
+    /// Another value of one of the tier's settings, as march.epsilon=1e-3; may be given again.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<Setting>,
     /// Also write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -62,6 +66,7 @@ impl Bench {
             frame: self.frame,
             bf16: !self.f32_only,
             seed: self.seed,
+            settings: self.settings,
         })?;
         if let Some(path) = &self.json {
             let json = serde_json::to_vec_pretty(&report)?;

@@ -6,7 +6,7 @@ use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
-use yoto_avatar::config::Sharing;
+use yoto_avatar::config::{Setting, Sharing};
 use yoto_avatar::train::Budget;
 
 const AFTER_HELP: &str = "\
@@ -52,6 +52,9 @@ pub(super) struct Quality {
     /// to this many rows a level each) or bases:COUNT (rows that each mixes); else as the tier says.
     #[arg(long, value_name = "KIND")]
     sharing: Option<Sharing>,
+    /// Another value of one of the tier's settings, as march.epsilon=1e-3; may be given again.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<Setting>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -74,6 +77,7 @@ impl Quality {
             },
             measured: self.measure.map_or(usize::MAX, |count| count as usize),
             sharing: self.sharing,
+            settings: self.settings,
             tier: self.tier,
             variant: self.variant,
             seed: self.seed,

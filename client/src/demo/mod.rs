@@ -163,6 +163,7 @@ async fn drive(
         size: options.size,
         seed: options.seed,
         sharing: None,
+        changed: Vec::new(),
     };
     Ok(score::report(scores, &renders, trained, settings))
 }

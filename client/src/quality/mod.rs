@@ -15,7 +15,7 @@ use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectSco
 use anyhow::{Context, ensure};
 use captures::{Recording, Split, View};
 use std::path::PathBuf;
-use yoto_avatar::config::{ModelConfig, Sharing};
+use yoto_avatar::config::{ModelConfig, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, LpipsMetric, Protocol};
 use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
 use yoto_proto::protocols::HELD_OUT;
@@ -45,6 +45,8 @@ pub struct QualityOptions {
     pub variant: String,
     /// What people share of the hash grid, in place of what the tier says.
     pub sharing: Option<Sharing>,
+    /// In place of what the tier says, too.
+    pub settings: Vec<Setting>,
     /// Seed of everything random.
     pub seed: u64,
     /// Where to write truth and render of each held-out picture side by side.
@@ -61,6 +63,7 @@ pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
     if let Some(sharing) = options.sharing {
         config = config.shared(sharing)?;
     }
+    config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
     let recordings = captures::read_all(&options.captures, options.size, protocol)?;
     let picked = pick_device();
@@ -209,6 +212,7 @@ fn finish(
             size: options.size,
             seed: options.seed,
             sharing: options.sharing.map(|sharing| sharing.to_string()),
+            changed: options.settings.iter().map(Setting::to_string).collect(),
         },
         curve: Some(curve),
     })

@@ -55,6 +55,9 @@ pub struct Settings {
     /// What people share of the hash grid, where it is not the tier's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharing: Option<String>,
+    /// Settings that are not the tier's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changed: Vec<String>,
 }
 
 /// One person's figures.
@@ -224,6 +227,7 @@ mod tests {
                 size: 128,
                 seed: 7,
                 sharing: None,
+                changed: Vec::new(),
             },
             curve: None,
         }

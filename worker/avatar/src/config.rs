@@ -4,8 +4,10 @@
 
 mod check;
 mod named_tiers;
+mod setting;
 mod sharing;
 
+pub use setting::Setting;
 pub use sharing::Sharing;
 
 use serde::{Deserialize, Serialize};
@@ -289,6 +291,15 @@ pub struct OptimiseConfig {
     pub final_rate: f64,
     /// Share of 1 − SSIM in the loss, beside the mean squared error.
     pub ssim_weight: f64,
+    /// Share of the samples with a gradient that it is computed of, the larger the likelier;
+    /// 1: all. A smaller one makes steps faster and noisier.
+    #[serde(default = "whole")]
+    pub backward_share: f32,
+}
+
+/// All samples.
+fn whole() -> f32 {
+    1.0
 }
 
 impl ModelConfig {

@@ -143,6 +143,7 @@ fn densities_and_steps() {
                 let seen = composite(
                     &samples,
                     0.0,
+                    None,
                     rgb.clone().reshape([3, 3]),
                     sigma.clone(),
                     m.clone(),

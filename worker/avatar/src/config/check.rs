@@ -108,6 +108,10 @@ impl ModelConfig {
         if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
             return fail("optimise", "at least one patch of one pixel");
         }
+        let share = self.optimise.backward_share;
+        if !(share > 0.0 && share <= 1.0) {
+            return fail("optimise.backward_share", "must be over 0 and at most 1");
+        }
         Ok(())
     }
 }

@@ -106,6 +106,7 @@ fn grid_tier(
             slow_rate: 5e-4,
             final_rate: 0.05,
             ssim_weight: 0.02,
+            backward_share: 1.0,
         },
     }
 }
@@ -170,6 +171,7 @@ fn paper(variant: Variant) -> ModelConfig {
             // 0.1^(400 k / 500 k) over a whole run.
             final_rate: 0.158,
             ssim_weight: 0.1,
+            backward_share: 1.0,
         },
     }
 }

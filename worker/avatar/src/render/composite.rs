@@ -2,7 +2,7 @@
 //! marched samples.
 
 use super::march::Samples;
-use crate::ops::composite;
+use crate::ops::composite::{self, Thinning};
 use burn::tensor::Tensor;
 
 /// What rays see.
@@ -16,10 +16,12 @@ pub struct Composite {
 }
 
 /// Composites live samples: `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]`. What is
-/// behind a transmittance under `min_transmittance` weighs nothing; 0 stops no ray.
+/// behind a transmittance under `min_transmittance` weighs nothing; 0 stops no ray. Gradients
+/// flow to the samples that `thinning` leaves.
 pub fn composite(
     samples: &Samples,
     min_transmittance: f32,
+    thinning: Option<Thinning>,
     rgb: Tensor<2>,
     density: Tensor<1>,
     likelihood: Tensor<1>,
@@ -29,6 +31,7 @@ pub fn composite(
         steps: samples.steps.as_slice().into(),
         depths: samples.depths.as_slice().into(),
         min_transmittance,
+        thinning,
     };
     let rays = samples.rays;
     let seen = composite::composite(rgb, density, likelihood, &along);
@@ -60,7 +63,7 @@ mod tests {
         let rgb =
             Tensor::<2>::from_floats([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], &device);
         let likelihood = Tensor::ones([3], &device);
-        let seen = composite(&samples, 0.0, rgb, density.clone(), likelihood);
+        let seen = composite(&samples, 0.0, None, rgb, density.clone(), likelihood);
         let colour: Vec<f32> = seen.rgb.clone().try_into_vec_as().expect("f32");
         // What is behind is dimmed to the 1e-10 that keeps the transmittance over 0.
         assert!(

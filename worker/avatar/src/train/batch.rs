@@ -10,6 +10,7 @@ use crate::camera::Pose;
 use crate::config::ModelConfig;
 use crate::loss::Objective;
 use crate::motion::body::Body;
+use crate::ops::composite::Thinning;
 use crate::render::RenderError;
 use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
@@ -17,6 +18,7 @@ use crate::render::march::{SampleCounts, Volume, march};
 use crate::render::occupancy::Occupancy;
 use crate::render::rays::Ray;
 use burn::tensor::{Tensor, TensorData};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
 
@@ -71,7 +73,8 @@ pub struct Outcome {
 }
 
 /// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
-/// are jittered by `jitter`, or in the middle of their strata without.
+/// are jittered by `jitter`, or in the middle of their strata without; gradients then flow to all
+/// of them, too.
 ///
 /// # Errors
 /// When the device fails.
@@ -80,7 +83,7 @@ pub fn outcome(
     scene: &Scene,
     batch: &Batch,
     objective: &Objective,
-    jitter: Option<&mut ChaCha8Rng>,
+    mut jitter: Option<&mut ChaCha8Rng>,
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
     let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
@@ -93,7 +96,7 @@ pub fn outcome(
         march(
             &batch.rays,
             &config.march,
-            jitter,
+            jitter.as_deref_mut(),
             &Volume {
                 weights: &weights,
                 transforms: &transforms,
@@ -120,9 +123,16 @@ pub fn outcome(
         None => None,
     };
     let _span = trace_span!("composite").entered();
+    let share = config.optimise.backward_share;
+    let thinning = jitter.filter(|_| share < 1.0).map(|rng| Thinning {
+        share,
+        density_scale: config.canonical.density_scale,
+        seed: rng.random(),
+    });
     let seen = composite(
         &samples,
         config.march.min_transmittance,
+        thinning,
         values.rgb,
         values.density,
         likelihood,

@@ -28,6 +28,7 @@ fn compositing() {
     let seen = composite(
         &samples,
         0.0,
+        None,
         rgb.clone(),
         density.clone(),
         likelihood.clone(),

@@ -160,5 +160,8 @@ pub fn backward(
                 }
             }
         });
+    if let Some(thinning) = &samples.thinning {
+        thinning.apply(rgb, density, likelihood, &mut to);
+    }
     to
 }

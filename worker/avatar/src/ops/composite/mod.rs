@@ -8,8 +8,11 @@
 pub mod cpu;
 mod integrate;
 pub mod reference;
+mod thinning;
 
 pub use cpu::Light;
+pub use thinning::Thinning;
+
 pub(super) use integrate::{Three, flex, flex_backward, tracked};
 
 use super::{AvatarOps, on_cpu};
@@ -32,6 +35,9 @@ pub struct RaySamples {
     pub depths: Arc<[f32]>,
     /// Samples behind this transmittance weigh nothing; 0 keeps all.
     pub min_transmittance: f32,
+    /// Which samples gradients flow to, on the CPU; `None`: to all. A GPU runs all rows of its
+    /// networks at once and would gain nothing.
+    pub thinning: Option<Thinning>,
 }
 
 impl RaySamples {

@@ -1,0 +1,210 @@
+//! Which samples a step learns from, when it can't afford all of them.
+//!
+//! The gradient of most samples is next to nothing: empty space that is known to be empty, and
+//! what is hidden. The networks' backward pass costs as much for these as for any other. So a
+//! sample is kept with a probability that rises with the size of its gradient, and the gradient
+//! of a kept one is divided by that probability: the expected gradient of every parameter is what
+//! it was without (Russian roulette, Arvo and Kirk 1990). What is paid is variance.
+
+use super::cpu::Gradients;
+
+/// How a step's samples are thinned out on the way back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thinning {
+    /// Share of the samples with a gradient that is kept, about; 1 or more keeps all.
+    pub share: f32,
+    /// What one unit of the density field's output means, 1/m: a gradient to a density is
+    /// compared with others by what it means to that output.
+    pub density_scale: f32,
+    /// Decides between the samples; another each step.
+    pub seed: u64,
+}
+
+/// A density counts as at least this share of the scale. Softplus needs none; a ReLU has a full
+/// slope even where its density is nearly 0, so that probabilities must not vanish there.
+const FLOOR: f32 = 1e-2;
+/// Halvings of the interval of the bound: to a millionth.
+const HALVINGS: u32 = 20;
+
+impl Thinning {
+    /// Sets the gradients of the samples that are left out to 0 and enlarges the others.
+    pub(super) fn apply(
+        &self,
+        rgb: &[f32],
+        density: &[f32],
+        likelihood: &[f32],
+        to: &mut Gradients,
+    ) {
+        if self.share >= 1.0 {
+            return;
+        }
+        let sizes: Vec<f32> = (0..density.len())
+            .map(|i| {
+                let channels = 3 * i..3 * i + 3;
+                let colour = rgb[channels.clone()].iter().zip(&to.rgb[channels]);
+                // Through a sigmoid; through a softplus; through a sum of softmax weights.
+                let colour: f32 = colour.map(|(c, g)| (g * c * (1.0 - c)).powi(2)).sum();
+                let density = to.density[i] * self.slope(density[i]);
+                let likelihood = to.likelihood[i] * likelihood[i];
+                (colour + density.powi(2) + likelihood.powi(2)).sqrt()
+            })
+            .collect();
+        let bound = bound(&sizes, self.share);
+        for (i, size) in sizes.into_iter().enumerate() {
+            // What is not a number is kept, for whoever watches over gradients to see.
+            if size >= bound || !size.is_finite() {
+                continue;
+            }
+            let chance = size / bound;
+            let factor = match uniform(self.seed, i as u64) < chance {
+                true => 1.0 / chance,
+                false => 0.0,
+            };
+            for g in &mut to.rgb[3 * i..3 * i + 3] {
+                *g *= factor;
+            }
+            to.density[i] *= factor;
+            to.likelihood[i] *= factor;
+        }
+    }
+
+    /// Of a softplus where it is `density`, times the scale.
+    fn slope(&self, density: f32) -> f32 {
+        let share = 1.0 - (-density / self.density_scale).exp();
+        self.density_scale * share.max(FLOOR)
+    }
+}
+
+/// The size from which on a sample is kept for certain, so that `share` of those with any size
+/// are kept in expectation.
+fn bound(sizes: &[f32], share: f32) -> f32 {
+    let finite = || sizes.iter().copied().filter(|s| s.is_finite() && *s > 0.0);
+    let wanted = f64::from(share) * finite().count() as f64;
+    let (mut low, mut high) = (0f32, finite().fold(0.0, f32::max));
+    // With the largest size as the bound, all chances are at their smallest for any bound under
+    // it; fewer can be wanted still.
+    while high > 0.0 && kept(finite(), high) > wanted && high < f32::MAX / 2.0 {
+        high *= 2.0;
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if kept(finite(), middle) > wanted {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+fn kept(sizes: impl Iterator<Item = f32>, bound: f32) -> f64 {
+    sizes.map(|s| f64::from((s / bound).min(1.0))).sum()
+}
+
+/// In [0, 1): a hash of both numbers (SplitMix64), so that no order of work changes it.
+fn uniform(seed: u64, index: u64) -> f32 {
+    let mut z = seed.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ z >> 31) >> 40) as f32 / (1u64 << 24) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLES: usize = 400;
+
+    /// Values and gradients whose sizes span two powers of ten.
+    fn samples() -> (Vec<f32>, Vec<f32>, Vec<f32>, Gradients) {
+        let wave = |i: usize, k: f32| 0.5 + 0.4 * (i as f32 * k).sin();
+        let size = |i: usize| 10f32.powf(-2.0 * i as f32 / SAMPLES as f32);
+        let rgb = (0..3 * SAMPLES).map(|i| wave(i, 0.7)).collect();
+        let density = (0..SAMPLES).map(|i| 30.0 * wave(i, 1.3)).collect();
+        let likelihood = (0..SAMPLES).map(|i| wave(i, 0.3)).collect();
+        let gradients = Gradients {
+            rgb: (0..3 * SAMPLES)
+                .map(|i| size(i / 3) * (1.0 - 2.0 * wave(i, 2.1)))
+                .collect(),
+            density: (0..SAMPLES).map(|i| 1e-2 * size(i)).collect(),
+            likelihood: (0..SAMPLES).map(|i| -size(i)).collect(),
+        };
+        (rgb, density, likelihood, gradients)
+    }
+
+    fn thinned(share: f32, seed: u64) -> Gradients {
+        let (rgb, density, likelihood, mut to) = samples();
+        let thinning = Thinning {
+            share,
+            density_scale: 50.0,
+            seed,
+        };
+        thinning.apply(&rgb, &density, &likelihood, &mut to);
+        to
+    }
+
+    #[test]
+    fn the_expected_gradient_is_the_whole_one() {
+        const DRAWS: u64 = 4000;
+        let whole = samples().3;
+        let mut sums = vec![0f64; SAMPLES];
+        let mut kept = 0usize;
+        for seed in 0..DRAWS {
+            let to = thinned(0.1, seed * 977);
+            kept += to.density.iter().filter(|g| **g != 0.0).count();
+            for (sum, g) in sums.iter_mut().zip(&to.density) {
+                *sum += f64::from(*g);
+            }
+        }
+        let share = kept as f64 / (DRAWS as usize * SAMPLES) as f64;
+        assert!((share - 0.1).abs() < 2e-3, "{share}");
+        // Of a sum over samples, the draws' mean is near; of one sample it may be far.
+        let groups = sums
+            .chunks(SAMPLES / 8)
+            .zip(whole.density.chunks(SAMPLES / 8));
+        for (sums, whole) in groups {
+            let mean = sums.iter().sum::<f64>() / DRAWS as f64;
+            let whole: f64 = whole.iter().map(|g| f64::from(*g)).sum();
+            assert!((mean / whole - 1.0).abs() < 0.1, "{mean} {whole}");
+        }
+    }
+
+    #[test]
+    fn a_sample_goes_or_stays_as_a_whole_and_large_ones_stay_as_they_are() {
+        let (whole, to) = (samples().3, thinned(0.25, 5));
+        for i in 0..SAMPLES {
+            let gone = to.density[i] == 0.0;
+            assert_eq!(gone, to.likelihood[i] == 0.0, "{i}");
+            assert_eq!(
+                gone,
+                to.rgb[3 * i..3 * i + 3].iter().all(|g| *g == 0.0),
+                "{i}"
+            );
+            let factor = to.density[i] / whole.density[i];
+            assert!(gone || factor > 0.999, "{i}: {factor}");
+        }
+        assert_eq!(to.density[0], whole.density[0]);
+    }
+
+    #[test]
+    fn a_share_of_one_changes_nothing_and_what_is_no_number_stays() {
+        let (whole, to) = (samples().3, thinned(1.0, 5));
+        assert_eq!((to.rgb, to.density), (whole.rgb, whole.density));
+        let (rgb, density, likelihood, mut to) = samples();
+        to.density[SAMPLES - 1] = f32::NAN;
+        let thinning = Thinning {
+            share: 0.01,
+            density_scale: 50.0,
+            seed: 1,
+        };
+        thinning.apply(&rgb, &density, &likelihood, &mut to);
+        assert!(to.density[SAMPLES - 1].is_nan());
+        let mut nothing = Gradients {
+            rgb: vec![0.0; 3],
+            density: vec![0.0],
+            likelihood: vec![0.0],
+        };
+        thinning.apply(&[0.5; 3], &[1.0], &[1.0], &mut nothing);
+        assert_eq!(nothing.density, [0.0]);
+    }
+}
