@@ -5,10 +5,10 @@
 //! The budget is divided among them: each variant gets the same training in total, which is
 //! the comparison that an operator with a given machine and evening has to make.
 
-use super::captures::{self, Recording, Split};
+use super::captures::{self, Recording};
 use super::{lpips, measure, pick_device, shown, train_options};
 use crate::progress::ProgressDisplay;
-use crate::report::{Score, SplitScores, SubjectScore};
+use crate::report::{SplitScores, SubjectScore};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,6 @@ use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::tiers::VARIANTS;
-use yoto_proto::v1::Progress;
 use yoto_worker::PickedDevice;
 
 /// The file that holds everything an ablation found.
@@ -199,7 +198,9 @@ impl Bench<'_> {
         self.keep(&trainer, folder)?;
         let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(&self.picked)?);
         for (slot, &at) in group.iter().enumerate() {
-            let subject = self.measure(&examiner, slot, at, &mut display)?;
+            let recording = &self.recordings[at];
+            let pictures = self.options.pictures;
+            let subject = measure::subject(&examiner, slot, recording, pictures, &mut display)?;
             found.subjects.push(subject);
         }
         display.finish(&format!("{} steps", progress.step));
@@ -212,40 +213,6 @@ impl Bench<'_> {
         trainer
             .save(&folder)
             .with_context(|| format!("saving the model in {}", folder.display()))
-    }
-
-    /// One person's figures, by a model that has them in `slot`.
-    fn measure(
-        &self,
-        examiner: &Examiner,
-        slot: usize,
-        at: usize,
-        display: &mut ProgressDisplay,
-    ) -> anyhow::Result<SubjectScore> {
-        let recording = &self.recordings[at];
-        let mut score = |split: Split| -> anyhow::Result<Score> {
-            let pictures = self.options.pictures;
-            let of = recording.subset(split, pictures).count();
-            let mut done = 0;
-            measure::person(examiner, slot, recording, split, pictures, |_, _| {
-                done += 1;
-                display.progress(&Progress {
-                    phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),
-                    fraction: done as f64 / of as f64,
-                    ..Progress::default()
-                });
-                Ok(())
-            })
-        };
-        let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
-        Ok(SubjectScore {
-            name: recording.name.clone(),
-            scores: SplitScores {
-                novel_view,
-                novel_pose,
-            },
-            black_image_psnr: novel_view.black_psnr,
-        })
     }
 }
 

@@ -2,10 +2,13 @@
 
 use super::captures::{Recording, Split, View};
 use crate::pictures;
+use crate::progress::ProgressDisplay;
+use crate::report::{SplitScores, SubjectScore};
 use anyhow::Context;
 use image::{GenericImage, RgbImage};
 use std::path::Path;
 use yoto_avatar::evaluate::{Examined, Examiner, Mean, Score, Truth};
+use yoto_proto::v1::Progress;
 
 /// The mean over a fixed subset of each capture, at most `count` pictures of each, by a model
 /// that has the recordings in its slots in their order.
@@ -41,6 +44,39 @@ pub(super) fn person(
         on_picture(view, &examined)?;
     }
     Ok(mean.score())
+}
+
+/// One person's figures of both splits, at most `pictures` pictures of each, by a model that has
+/// them in `slot`.
+pub(super) fn subject(
+    examiner: &Examiner,
+    slot: usize,
+    recording: &Recording,
+    pictures: usize,
+    display: &mut ProgressDisplay,
+) -> anyhow::Result<SubjectScore> {
+    let mut score = |split: Split| -> anyhow::Result<Score> {
+        let of = recording.subset(split, pictures).count();
+        let mut done = 0;
+        person(examiner, slot, recording, split, pictures, |_, _| {
+            done += 1;
+            display.progress(&Progress {
+                phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),
+                fraction: done as f64 / of as f64,
+                ..Progress::default()
+            });
+            Ok(())
+        })
+    };
+    let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
+    Ok(SubjectScore {
+        name: recording.name.clone(),
+        scores: SplitScores {
+            novel_view,
+            novel_pose,
+        },
+        black_image_psnr: novel_view.black_psnr,
+    })
 }
 
 fn examine(examiner: &Examiner, slot: usize, view: &View) -> anyhow::Result<Examined> {

@@ -69,7 +69,7 @@ fn measure() {
         grid.rows()
     );
     println!("form      forward ms  backward ms  table only ms  half the points ms");
-    for form in Form::available() {
+    for form in Form::of_loops() {
         let back = |grad: &[f32], too| {
             drop(cpu::backward_in(form, &table, &points, grad, &grid, too));
         };

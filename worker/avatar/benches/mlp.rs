@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
 use yoto_avatar::config::Precision;
-use yoto_avatar::ops::mlp::cpu::form::Form;
+use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::mlp::cpu::{backward, forward};
 use yoto_avatar::ops::mlp::{self, Hidden, Input, MlpPlan};
 
@@ -175,13 +175,14 @@ mod peak {
 #[cfg(target_arch = "x86_64")]
 fn peak() -> Option<f64> {
     const STEPS: usize = 3_000_000;
-    let best = Form::best();
-    let run: fn() -> f64 = match best {
-        // SAFETY: the form was found on this machine.
-        Form::Avx512 | Form::Avx512Bf16 => || unsafe { peak::avx512(STEPS) },
-        // SAFETY: the form was found on this machine.
-        Form::Avx2 => || unsafe { peak::avx2(2 * STEPS) },
-        Form::Portable => return None,
+    let run: fn() -> f64 = if is_x86_feature_detected!("avx512f") {
+        // SAFETY: its instructions were just found on this machine.
+        || unsafe { peak::avx512(STEPS) }
+    } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        // SAFETY: its instructions were just found on this machine.
+        || unsafe { peak::avx2(2 * STEPS) }
+    } else {
+        return None;
     };
     let mut done = 0.0;
     let [seconds] = seconds([&mut || done = run()]);
@@ -215,7 +216,7 @@ fn report(name: &str) {
     for precision in [Precision::F32, Precision::Bf16] {
         let plan = case.with(precision);
         for form in Form::available() {
-            let peak = peak();
+            let (named, peak) = (form.name(), peak());
             let mut gradients = Vec::new();
             let [there, back] = seconds([
                 &mut || {
@@ -230,7 +231,7 @@ fn report(name: &str) {
                 exact.clone_from(&gradients);
             }
             println!(
-                "| {name} | {precision:?} | {form:?} | {} | {} | {} | 1 − {:.0e} |",
+                "| {name} | {precision:?} | {named} | {} | {} | {} | 1 − {:.0e} |",
                 share(products, there, peak),
                 share(3.0 * products, back, peak),
                 // What is useful: forward, and twice that backward; the rest is run again.

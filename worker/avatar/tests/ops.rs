@@ -178,7 +178,7 @@ fn hash_encoding_equals_its_reference_in_every_form() {
         let reference = run(hash::reference::encode);
         let mut forms = vec![("tracked", run(hash::encode))];
         let (table, points) = (values(table.clone()), values(points.clone()));
-        for form in Form::available() {
+        for form in Form::of_loops() {
             let output = hash::cpu::forward_in(form, &table, &points, &grid);
             let (to_table, to_points) =
                 hash::cpu::backward_in(form, &table, &points, &towards, &grid, true);
@@ -231,7 +231,7 @@ fn points_that_are_no_numbers_stay_inside_the_table() {
         .flat_map(|i| [odd[i % 5], odd[i / 5 % 5], odd[i / 25]])
         .collect();
     let grad = vec![1.0; points.len() / 3 * grid.width()];
-    for form in Form::available() {
+    for form in Form::of_loops() {
         let output = hash::cpu::forward_in(form, &table, &points, &grid);
         let (to_table, _) = hash::cpu::backward_in(form, &table, &points, &grad, &grid, true);
         for (point, row) in points

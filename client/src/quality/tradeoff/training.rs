@@ -1,17 +1,16 @@
 //! One tier, one budget: training and measuring.
 
-use super::super::captures::{Recording, Split};
+use super::super::captures::Recording;
 use super::super::{checkpoint_bytes, lpips, measure, shown, train_options};
 use super::{TradeoffOptions, Trained};
 use crate::memory;
 use crate::progress::ProgressDisplay;
-use crate::report::{SplitScores, SubjectScore};
+use crate::report::SplitScores;
 use anyhow::Context;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::evaluate::{Examiner, Protocol, Score};
+use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{Budget, Trainer};
-use yoto_proto::v1::Progress;
 use yoto_worker::PickedDevice;
 
 /// The variant that tiers are compared with.
@@ -52,7 +51,9 @@ impl Bench<'_> {
         let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(self.picked)?);
         let mut subjects = Vec::new();
         for (slot, recording) in self.recordings.iter().enumerate() {
-            subjects.push(self.measure(&examiner, slot, recording, &mut display)?);
+            let pictures = self.options.pictures;
+            let subject = measure::subject(&examiner, slot, recording, pictures, &mut display)?;
+            subjects.push(subject);
         }
         let scores = SplitScores::mean(&subjects);
         let psnr = scores.novel_view.psnr;
@@ -69,37 +70,5 @@ impl Bench<'_> {
             scores,
         };
         Ok((trained, examiner.into_renderer()))
-    }
-
-    fn measure(
-        &self,
-        examiner: &Examiner,
-        slot: usize,
-        recording: &Recording,
-        display: &mut ProgressDisplay,
-    ) -> anyhow::Result<SubjectScore> {
-        let mut score = |split: Split| -> anyhow::Result<Score> {
-            let pictures = self.options.pictures;
-            let of = recording.subset(split, pictures).count();
-            let mut done = 0;
-            measure::person(examiner, slot, recording, split, pictures, |_, _| {
-                done += 1;
-                display.progress(&Progress {
-                    phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),
-                    fraction: done as f64 / of as f64,
-                    ..Progress::default()
-                });
-                Ok(())
-            })
-        };
-        let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
-        Ok(SubjectScore {
-            name: recording.name.clone(),
-            scores: SplitScores {
-                novel_view,
-                novel_pose,
-            },
-            black_image_psnr: novel_view.black_psnr,
-        })
     }
 }

@@ -1,21 +1,28 @@
 //! Which instructions a CPU form runs with: decided when the program runs, so that one build
 //! serves every x86 machine and still uses what a newer one offers.
 //!
-//! Plain loops over fixed-size arrays are written once and compiled several times, each time
-//! with other instructions allowed. There is no AVX-512 form: with those instructions allowed the
-//! compiler makes gathers and scatters of single look-ups, which took the hash grid twice as long
-//! as AVX2 on the Zen processor it was measured on.
+//! Networks have products of their own for each form ([`super::mlp::cpu`]). Plain loops over
+//! fixed-size arrays ([`Work`]) are written once and compiled twice, the second time with AVX2
+//! allowed. With AVX-512 allowed, too, the compiler makes gathers and scatters of single look-ups,
+//! which took the hash grid twice as long as AVX2 on the Zen processor it was measured on.
+
+use std::sync::OnceLock;
 
 /// Instructions that this machine has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form(Kind);
 
-// Private, so that a form that the machine lacks can't be named: running one is undefined.
+// Made in this file alone, so that a form that the machine lacks can't be had: running one is
+// undefined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+    #[cfg(target_arch = "x86_64")]
+    Avx512Bf16,
 }
 
 /// Work that is compiled for each form. `run` must be `#[inline(always)]`, as must all that it
@@ -29,22 +36,38 @@ pub trait Work {
 }
 
 impl Form {
-    /// The fastest of [`Self::available`].
-    pub fn best() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma") {
-            return Self(Kind::Avx2);
-        }
-        Self(Kind::Portable)
-    }
-
-    /// All forms that this machine can run, plainest first.
+    /// All forms that this machine can run, the best last.
     pub fn available() -> Vec<Self> {
         let mut forms = vec![Self(Kind::Portable)];
-        if Self::best() != forms[0] {
-            forms.push(Self::best());
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            forms.push(Self(Kind::Avx2));
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
+                forms.push(Self(Kind::Avx512));
+                if is_x86_feature_detected!("avx512bf16") {
+                    forms.push(Self(Kind::Avx512Bf16));
+                }
+            }
         }
         forms
+    }
+
+    /// Of them, those whose [`Work`] differs, the best last.
+    pub fn of_loops() -> Vec<Self> {
+        let mut forms = Self::available();
+        forms.truncate(2);
+        forms
+    }
+
+    /// The best of this machine, found once.
+    pub fn best() -> Self {
+        static BEST: OnceLock<Form> = OnceLock::new();
+        *BEST.get_or_init(|| Self::available().pop().unwrap_or(Self(Kind::Portable)))
+    }
+
+    /// Which it is, for whoever has instances of their own.
+    pub(super) fn kind(self) -> Kind {
+        self.0
     }
 
     /// For figures.
@@ -53,6 +76,10 @@ impl Form {
             Kind::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => "avx512",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512Bf16 => "avx512 bf16",
         }
     }
 
@@ -61,10 +88,10 @@ impl Form {
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
             Kind::Portable => work.run::<false>(),
-            // SAFETY: a form of this kind is made only where the CPU was seen to have its
-            // instructions.
+            // SAFETY: a form of these kinds is made only where the CPU was seen to have AVX2 and
+            // FMA.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => unsafe { with_avx2(work) },
+            Kind::Avx2 | Kind::Avx512 | Kind::Avx512Bf16 => unsafe { with_avx2(work) },
         }
     }
 }

@@ -4,19 +4,22 @@ pub mod batch;
 mod checkpoint;
 mod guard;
 mod optimiser;
+mod options;
 mod parts;
 mod patches;
 mod people;
 mod progress;
 mod trainer;
+mod validate;
 
 pub use checkpoint::State;
 pub(crate) use checkpoint::save_model;
 pub use optimiser::optimiser;
+pub use options::{Budget, TrainOptions};
 pub use parts::read_parts;
 pub use people::{Person, is_held_out};
 pub use progress::TrainProgress;
-pub use trainer::{Budget, TrainOptions, Trainer};
+pub use trainer::Trainer;
 
 use crate::capture::CaptureError;
 use crate::config::ConfigError;

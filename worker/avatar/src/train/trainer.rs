@@ -4,18 +4,18 @@ use super::batch::{Scene, outcome};
 use super::checkpoint::{self, State};
 use super::guard::{Course, Guard, Verdict};
 use super::optimiser::optimiser;
+use super::options::{Budget, TrainOptions};
 use super::patches;
 use super::people::{Person, Trainee, check_people};
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
 use crate::config::{ConfigError, ModelConfig, Numerics};
-use crate::evaluate::{psnr, ssim};
 use crate::loss::Objective;
 use crate::motion::body::Body;
 use crate::ops::mlp::check_device;
+use crate::render::Renderer;
 use crate::render::frame::read;
 use crate::render::occupancy::Occupancy;
-use crate::render::{RenderView, Renderer};
 use crate::skeleton::Skeleton;
 use burn::module::Module;
 use burn::optim::GradientsParams;
@@ -30,40 +30,12 @@ use tracing::trace_span;
 const WARM_UP: u64 = 50;
 /// Weight of the newest value in smoothed figures.
 const SMOOTHING: f64 = 0.02;
-/// Held-out frames a person that are rendered to see how training does.
-const VALIDATION_FRAMES: usize = 2;
-
-/// How long to train.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Budget {
-    /// Seconds spent in steps.
-    Seconds(f64),
-    /// Steps.
-    Steps(u64),
-}
-
-/// How to train.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrainOptions {
-    /// How long; the learning rate falls over it.
-    pub budget: Budget,
-    /// Seconds of the budget that were spent before.
-    pub used_seconds: f64,
-    /// Steps of the budget that were taken before.
-    pub used_steps: u64,
-    /// Of the initial weights and all drawing.
-    pub seed: u64,
-    /// Longest image side, pixels; 0 keeps the capture's.
-    pub image_size: u32,
-    /// Every n-th frame is kept out of training for validation; 0: none.
-    pub holdout_every: usize,
-}
 
 /// A training under way.
 pub struct Trainer {
     config: ModelConfig,
     options: TrainOptions,
-    trainees: Vec<Trainee>,
+    pub(super) trainees: Vec<Trainee>,
     slots: Vec<Option<Skeleton>>,
     joints: usize,
     course: Course,
@@ -77,7 +49,7 @@ pub struct Trainer {
     /// Within this budget.
     budget_steps: u64,
     budget_seconds: f64,
-    progress: TrainProgress,
+    pub(super) progress: TrainProgress,
 }
 
 impl Trainer {
@@ -348,41 +320,6 @@ impl Trainer {
             train_seconds: self.budget_seconds,
             ..self.progress.clone()
         }
-    }
-
-    /// Renders held-out frames and notes PSNR and SSIM, means over the people. Its time is not
-    /// training time.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn validate(&mut self) -> Result<(), TrainError> {
-        let renderer = self.renderer();
-        let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, 0.0, 0usize);
-        for trainee in &self.trainees {
-            for frame in trainee.held_out.iter().take(VALIDATION_FRAMES) {
-                let view = RenderView {
-                    slot: trainee.slot,
-                    pose: frame.pose.clone(),
-                    camera: frame.camera.clone(),
-                    background: [0.0; 3],
-                };
-                let rendered = renderer.render(&view)?;
-                let truth: Vec<f32> = frame
-                    .image
-                    .rgb
-                    .iter()
-                    .map(|v| f32::from(*v) / 255.0)
-                    .collect();
-                psnr_sum += psnr(&rendered.rgb, &truth);
-                ssim_sum += ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
-                images += 1;
-            }
-        }
-        if images > 0 {
-            self.progress.psnr = Some(psnr_sum / images as f64);
-            self.progress.ssim = Some(ssim_sum / images as f64);
-        }
-        Ok(())
     }
 
     /// Writes weights, optimiser and state into `dir`.

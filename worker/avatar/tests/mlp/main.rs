@@ -10,7 +10,7 @@ use exact::exact;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::config::Precision;
-use yoto_avatar::ops::mlp::cpu::form::Form;
+use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::mlp::cpu::{backward, forward};
 use yoto_avatar::ops::mlp::{self, Hidden, Input, MlpPlan};
 

@@ -1,7 +1,8 @@
 //! Unwraps the Flex backend's tensors for the `cpu` form.
 
 use super::MlpPlan;
-use super::cpu::{self, form::Form};
+use super::cpu;
+use crate::ops::form::Form;
 use burn::backend::TensorMetadata;
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;

@@ -2,7 +2,7 @@
 //! before they are unpacked.
 
 use super::encode::Angles;
-use super::form::Kernels;
+use super::kernels::Kernels;
 use super::memory::Words;
 use super::vector::{bf16_bits, bf16_rounded};
 use crate::ops::mlp::{Input, MlpPlan};

@@ -9,7 +9,7 @@
 
 mod arithmetic;
 mod encode;
-pub mod form;
+mod kernels;
 mod layout;
 mod memory;
 mod product;
@@ -21,7 +21,8 @@ mod x86;
 mod x86_bf16;
 
 use super::MlpPlan;
-use form::Form;
+use crate::ops::form::Form;
+use kernels::kernels;
 use layout::Layout;
 use memory::{Words, with_scratch};
 use rayon::prelude::*;
@@ -38,7 +39,7 @@ const TILES: usize = 6;
 /// When the sizes are not the plan's.
 pub fn forward(params: &[f32], input: &[f32], plan: &MlpPlan, form: Form) -> Vec<f32> {
     let rows = check(params, input, plan);
-    let layout = Layout::new(plan, form.kernels(plan.precision));
+    let layout = Layout::new(plan, kernels(form, plan.precision));
     let packed = layout.pack(params, false);
     let tiles = Tiles::new(&layout, &packed, input, false);
     let mut output = vec![0f32; rows * layout.output];
@@ -69,7 +70,7 @@ pub fn backward(
 ) -> (Vec<f32>, Option<Vec<f32>>) {
     let rows = check(params, input, plan);
     assert_eq!(grad.len(), rows * plan.output, "a gradient of another size");
-    let layout = Layout::new(plan, form.kernels(plan.precision));
+    let layout = Layout::new(plan, kernels(form, plan.precision));
     let given = layout.given();
     let live: Vec<u32> = grad
         .chunks_exact(layout.output)

@@ -1,7 +1,7 @@
 //! Vectors of f32 as the products use them, and the form for any machine.
 //!
 //! The products are written once over this trait. Each of their instances is inlined into a
-//! function that turns the machine's vector instructions on (see [`super::form`]).
+//! function that turns the machine's vector instructions on (see [`super::kernels`]).
 
 /// Some f32 that are computed with at once.
 ///

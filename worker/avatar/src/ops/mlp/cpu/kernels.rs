@@ -1,70 +1,27 @@
-//! The forms of the products, and which of them this machine has.
+//! The products of each form: what is compiled with which instructions.
 
 use super::arithmetic::{Arithmetic, Plain};
 use super::encode::{self, Angles};
 use super::product::{self, Fill, Gradient, Product};
 use super::vector::Portable;
 use crate::config::Precision;
+use crate::ops::form::{Form, Kind};
 
-/// Instructions that products are made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// Those of the compilation's target.
-    Portable,
-    /// AVX2 and FMA.
-    Avx2,
-    /// AVX-512F.
-    Avx512,
-    /// AVX-512 with bf16's products; f32 is multiplied as in [`Form::Avx512`].
-    Avx512Bf16,
-}
-
-impl Form {
-    /// The forms of this machine, the best last.
-    pub fn available() -> Vec<Self> {
-        let mut forms = vec![Self::Portable];
+/// The products of `form`, f32 with bf16's instructions as without.
+pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
+    match (form.kind(), precision) {
         #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                forms.push(Self::Avx2);
-            }
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
-                forms.push(Self::Avx512);
-                if is_x86_feature_detected!("avx512bf16") {
-                    forms.push(Self::Avx512Bf16);
-                }
-            }
-        }
-        forms
-    }
-
-    /// The best form of this machine, found once.
-    pub fn best() -> Self {
-        static BEST: std::sync::OnceLock<Form> = std::sync::OnceLock::new();
-        *BEST.get_or_init(|| Self::available().last().copied().unwrap_or(Self::Portable))
-    }
-
-    /// The products of this form, or of [`Form::Portable`] where the machine lacks it.
-    pub(super) fn kernels(self, precision: Precision) -> &'static Kernels {
-        let form = if Self::available().contains(&self) {
-            self
-        } else {
-            Self::Portable
-        };
-        match (form, precision) {
-            #[cfg(target_arch = "x86_64")]
-            (Self::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
-            #[cfg(target_arch = "x86_64")]
-            (Self::Avx512 | Self::Avx512Bf16, Precision::F32) => &x86::avx512::KERNELS,
-            #[cfg(target_arch = "x86_64")]
-            (Self::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
-            #[cfg(target_arch = "x86_64")]
-            (Self::Avx2, Precision::F32) => &x86::avx2::KERNELS,
-            #[cfg(target_arch = "x86_64")]
-            (Self::Avx2, Precision::Bf16) => &x86::avx2_rounded::KERNELS,
-            (_, Precision::F32) => &portable::KERNELS,
-            (_, Precision::Bf16) => &portable_rounded::KERNELS,
-        }
+        (Kind::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
+        #[cfg(target_arch = "x86_64")]
+        (Kind::Avx512 | Kind::Avx512Bf16, Precision::F32) => &x86::avx512::KERNELS,
+        #[cfg(target_arch = "x86_64")]
+        (Kind::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
+        #[cfg(target_arch = "x86_64")]
+        (Kind::Avx2, Precision::F32) => &x86::avx2::KERNELS,
+        #[cfg(target_arch = "x86_64")]
+        (Kind::Avx2, Precision::Bf16) => &x86::avx2_rounded::KERNELS,
+        (Kind::Portable, Precision::F32) => &portable::KERNELS,
+        (Kind::Portable, Precision::Bf16) => &portable_rounded::KERNELS,
     }
 }
 

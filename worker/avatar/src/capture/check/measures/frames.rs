@@ -1,0 +1,223 @@
+//! Whether the frames themselves can be learned from.
+
+use super::super::agreement::duplicates;
+use super::super::motion::Motion;
+use super::super::observe::Observation;
+use super::super::report::{Grade, Kind, Measure};
+use super::NAMED;
+use super::grading::{at_least, at_most, measure, median, percent};
+use crate::skeleton::Skeleton;
+use yoto_proto::pose_track::PoseTrack;
+
+pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> Measure {
+    let index = |it: &Observation| track.frames[it.position].index;
+    let named = |fits: &dyn Fn(&Observation) -> bool| -> Vec<u32> {
+        seen.iter().filter(|it| fits(it)).map(index).collect()
+    };
+    let empty = named(&|it| !it.somebody());
+    let pieces = named(&|it| it.scattered > 0.1);
+    let cut = named(&|it| it.somebody() && it.cut_off);
+    let share = |frames: &[u32]| frames.len() as f64 / seen.len().max(1) as f64;
+    let faults = [
+        (&empty, 0.3, "empty", "nobody is in some masks"),
+        (
+            &pieces,
+            0.6,
+            "in pieces",
+            "some masks fall into pieces: somebody else, or holes",
+        ),
+        (
+            &cut,
+            1.1,
+            "cut off",
+            "the person leaves the image: what is outside is not learnt",
+        ),
+    ];
+    let meaning = "masks show one whole person";
+    let mut found = measure(
+        Kind::Masks,
+        Grade::Pass,
+        Some(0.0),
+        "whole".to_owned(),
+        meaning,
+    );
+    for (frames, fail, shown, meaning) in faults {
+        let value = share(frames);
+        let grade = at_most(value, 0.02, fail);
+        if grade > found.grade {
+            found = measure(
+                Kind::Masks,
+                grade,
+                Some(value),
+                format!("{} {shown}", percent(value)),
+                meaning,
+            );
+            found.frames = frames.iter().copied().take(NAMED).collect();
+        }
+    }
+    if inverted {
+        let meaning = "masks cover the background";
+        found = measure(
+            Kind::Masks,
+            Grade::Fail,
+            Some(1.0),
+            "inverted".to_owned(),
+            meaning,
+        );
+        found.cause = Some("write 255 - value into each mask".to_owned());
+    }
+    found
+}
+
+pub(super) fn views(motion: &Motion) -> Measure {
+    let seen = motion.headings.iter().filter(|&&n| n > 0).count();
+    let meaning = "sides that no camera saw are guessed";
+    let mut it = measure(
+        Kind::Views,
+        at_least(seen as f64, 10.0, 2.0),
+        Some(seen as f64),
+        format!("{seen} of 12"),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        let missing: Vec<String> = (0..12)
+            .filter(|&i| motion.headings[i] == 0)
+            .map(|i| format!("{}°", 30 * i))
+            .collect();
+        it.cause = Some(format!(
+            "the person does not turn all the way round; missing from the front to the left: {}",
+            missing.join(" ")
+        ));
+    }
+    it
+}
+
+pub(super) fn jumps(track: &PoseTrack, motion: &Motion) -> Measure {
+    let count = motion.jumps.len();
+    let value = count as f64 / track.frames.len().max(1) as f64;
+    let meaning = "frames before which a joint jumps as no body can";
+    let mut it = measure(
+        Kind::Jumps,
+        at_most(value, 0.0, 0.05),
+        Some(count as f64),
+        format!("{count} frames"),
+        meaning,
+    );
+    if count > 0 {
+        it.cause = Some("cuts in the film, missing frames, or a tracker that lost hold".to_owned());
+        it.frames = motion.jumps.iter().copied().take(NAMED).collect();
+    }
+    it
+}
+
+pub(super) fn jitter(motion: &Motion) -> Measure {
+    let meaning = "how far joints tremble from frame to frame; it blurs what is learnt";
+    let Some(value) = motion.jitter else {
+        let shown = "too few frames".to_owned();
+        return measure(Kind::Jitter, Grade::Pass, None, shown, meaning);
+    };
+    let mut it = measure(
+        Kind::Jitter,
+        at_most(value, 0.015, 0.05),
+        Some(value),
+        format!("{:.1} mm", 1000.0 * value),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        it.cause = Some("poses were estimated a frame at a time: smooth them".to_owned());
+    }
+    it
+}
+
+pub(super) fn wander(value: Option<f64>) -> Measure {
+    let meaning = "how far bodies wander off their masks; detail smaller than that is lost";
+    let Some(value) = value else {
+        let shown = "too few frames".to_owned();
+        return measure(Kind::Precision, Grade::Pass, None, shown, meaning);
+    };
+    let mut it = measure(
+        Kind::Precision,
+        at_most(value, 0.01, 0.1),
+        Some(value),
+        format!("{:.1} mm", 1000.0 * value),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        it.cause = Some("poses are noisy, as estimators give them".to_owned());
+    }
+    it
+}
+
+pub(super) fn repeats(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Measure {
+    let (frames, compared) = duplicates(track, skeleton, seen);
+    let value = frames.len() as f64 / compared.max(1) as f64;
+    let meaning = "frames that repeat the one before although the pose moved";
+    let mut it = measure(
+        Kind::Duplicates,
+        at_most(value, 0.01, 0.3),
+        Some(value),
+        percent(value),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        it.cause = Some("the video was brought to a higher frame rate by repeating".to_owned());
+        it.frames = frames.into_iter().take(NAMED).collect();
+    }
+    it
+}
+
+pub(super) fn blur(track: &PoseTrack, seen: &[Observation]) -> Measure {
+    let meaning = "width of the person's edges (sigma of a blur); finer detail can't be learnt";
+    let Some(value) = median(seen.iter().filter_map(|it| it.blur)) else {
+        let shown = "no texture".to_owned();
+        return measure(Kind::Blur, Grade::Pass, None, shown, meaning);
+    };
+    let mut it = measure(
+        Kind::Blur,
+        at_most(value, 2.0, 5.0),
+        Some(value),
+        format!("{value:.2} px"),
+        meaning,
+    );
+    if it.grade != Grade::Pass {
+        it.cause = Some("out of focus, moved, compressed hard, or enlarged".to_owned());
+    }
+    let blurred = |o: &&Observation| o.blur.is_some_and(|b| b > 2.0 * value && b > 2.0);
+    let frames = seen.iter().filter(blurred);
+    it.frames = frames
+        .map(|o| track.frames[o.position].index)
+        .take(NAMED)
+        .collect();
+    it
+}
+
+pub(super) fn exposure(seen: &[Observation]) -> Measure {
+    let people = || seen.iter().filter(|it| it.somebody());
+    let burnt = median(people().map(|it| it.burnt)).unwrap_or(0.0);
+    let black = median(people().map(|it| it.black)).unwrap_or(0.0);
+    let bright = median(people().map(|it| it.brightness)).unwrap_or(0.0);
+    let shown = format!(
+        "{} burnt out, {} black, mean {:.2}",
+        percent(burnt),
+        percent(black),
+        bright
+    );
+    let meaning = "colours at either end are lost";
+    let grade = at_most(burnt, 0.05, 0.5).max(at_most(black, 0.3, 0.8));
+    let mut it = measure(
+        Kind::Exposure,
+        grade,
+        Some(burnt.max(black)),
+        shown,
+        meaning,
+    );
+    if grade != Grade::Pass {
+        let cause = if burnt > 0.05 {
+            "over-exposed"
+        } else {
+            "under-exposed, or the images are black under their masks"
+        };
+        it.cause = Some(cause.to_owned());
+    }
+    it
+}

@@ -1,0 +1,199 @@
+//! Grades: what each figure means for training.
+//!
+//! The bounds come from captures that are known to be right (made-up people and rendered
+//! characters, whose body fits by 0.7 and more) and from the same with deliberate errors.
+
+mod frames;
+mod geometry;
+mod grading;
+
+use super::agreement::Agreement;
+use super::causes::{Search, search, what};
+use super::figure::size;
+use super::fit::Fitter;
+use super::motion::Motion;
+use super::observe::Observation;
+use super::plan::spread;
+use super::precision;
+use super::report::{Cause, Grade, Kind, Report};
+use super::timing::{self, Shifts};
+use crate::skeleton::Skeleton;
+use frames::{blur, exposure, jitter, jumps, masks, repeats, views, wander};
+use geometry::{body_size, boxed, image_in_mask, joints, reading_of, silhouette, timing_of};
+use grading::median;
+use yoto_proto::correction::{Correction, Unit, Units};
+use yoto_proto::pose_track::PoseTrack;
+
+/// Frames that readings are tried on.
+const SAMPLE: usize = 32;
+/// Rest joints that span more are in another unit, metres.
+const GIANT: f64 = 10.0;
+/// Frames named of one fault.
+const NAMED: usize = 8;
+
+/// Everything about `track` and the frames that were looked at.
+pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Report {
+    let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+    let agreement = Agreement::of(track, skeleton, seen);
+    let motion = Motion::of(track, skeleton);
+    let inverted = median(people.iter().map(|it| it.covered)).is_some_and(|it| it > 0.5)
+        && agreement.joints_in_mask.is_some_and(|it| it < 0.5);
+    let given = Fitter::new(track, spread(&people, SAMPLE)).fit(&Correction::default());
+    // Inverted masks fit nothing; the right way round they tell of further mistakes.
+    let righted: Vec<Observation>;
+    let seen_right = if inverted {
+        righted = seen.iter().map(Observation::inverted).collect();
+        &righted
+    } else {
+        seen
+    };
+    let people: Vec<&Observation> = seen_right.iter().filter(|it| it.somebody()).collect();
+    let found = search(&mut Fitter::new(track, spread(&people, SAMPLE)));
+    let reading = found
+        .as_ref()
+        .map_or_else(Correction::default, |it| it.best);
+    let fatness = found.as_ref().map_or(1.0, |it| it.best_fit.fatness);
+    let bodies = timing::bodies(track, &reading, fatness, seen_right);
+    let images = match agreement.image_in_mask {
+        Some(_) => timing::images(seen_right),
+        None => Shifts::default(),
+    };
+
+    let mut causes = Vec::new();
+    let span = size(skeleton);
+    if inverted {
+        let mended = found.as_ref().map_or(0.0, |it| it.given.mean);
+        causes.push(Cause {
+            what: "masks look inverted: they cover what is not the person".to_owned(),
+            options: String::new(),
+            correction: None,
+            fit: given.map_or(0.0, |it| it.mean),
+            fit_mended: mended,
+            alternatives: Vec::new(),
+        });
+    }
+    if let Some(cause) = giant(span, found.as_ref()) {
+        causes.push(cause);
+    } else {
+        causes.extend(found.as_ref().and_then(|it| it.cause.clone()));
+    }
+    let late = late(&bodies, &images, &reading);
+    let geometry = causes.first().cloned();
+    causes.extend(late.clone());
+
+    let explained = causes.first().map(Cause::sentence);
+    let fit = found.as_ref().map(|it| it.given.mean);
+    let mut measures = vec![
+        reading_of(geometry.as_ref()),
+        timing_of(late.as_ref(), &bodies, &images),
+        body_size(span),
+        joints(&agreement),
+        boxed(&agreement),
+        silhouette(fit),
+        image_in_mask(&agreement),
+        masks(track, seen, inverted),
+        views(&motion),
+        jumps(track, &motion),
+        jitter(&motion),
+        wander(precision::scatter(track, &reading, fatness, seen_right)),
+        repeats(track, skeleton, seen),
+        blur(track, seen),
+        exposure(seen),
+    ];
+    for measure in &mut measures {
+        let geometric = matches!(
+            measure.kind,
+            Kind::JointsInMask | Kind::MaskInBox | Kind::Silhouette | Kind::ImageInMask
+        );
+        if geometric && measure.grade != Grade::Pass {
+            measure.cause = explained.clone().or_else(|| measure.cause.take());
+        }
+    }
+    Report {
+        frames: track.frames.len(),
+        looked_at: seen.len(),
+        grade: measures
+            .iter()
+            .map(|it| it.grade)
+            .max()
+            .unwrap_or(Grade::Pass),
+        measures,
+        causes,
+        headings: motion.headings,
+        tried: found.map(|it| it.tried).unwrap_or_default(),
+        mask_shifts: bodies.gains,
+    }
+}
+
+/// A body of many metres whose picture fits: all its lengths are in another unit, which
+/// leaves projections as they are.
+fn giant(span: f64, found: Option<&Search>) -> Option<Cause> {
+    let search = found.filter(|it| span > GIANT && it.cause.is_none())?;
+    let unit = if span > 500.0 {
+        Unit::Millimetre
+    } else {
+        Unit::Centimetre
+    };
+    let correction = Correction {
+        units: Units::all(unit),
+        ..Correction::default()
+    };
+    Some(Cause {
+        what: what(&correction),
+        options: correction.to_string(),
+        correction: Some(correction),
+        fit: search.given.mean,
+        fit_mended: search.given.mean,
+        alternatives: Vec::new(),
+    })
+}
+
+/// Masks or poses of other frames, and which of the two.
+fn late(bodies: &Shifts, images: &Shifts, reading: &Correction) -> Option<Cause> {
+    let frames = |n: i32| match n.abs() {
+        1 => "1 frame".to_owned(),
+        n => format!("{n} frames"),
+    };
+    let when = |n: i32| if n > 0 { "late" } else { "early" };
+    // Images that show their masks at no shift acquit the masks: the poses are off.
+    let masks_fit_images = !images.gains.is_empty() && images.best == 0;
+    let shift = bodies.best;
+    let (correction, what) = if shift == 0 && images.best == 0 {
+        return None;
+    } else if shift != 0 && masks_fit_images {
+        let what = format!("poses come {} {}", frames(shift), when(-shift));
+        let correction = Correction {
+            pose_shift: -shift,
+            ..*reading
+        };
+        (correction, what)
+    } else {
+        let shift = if shift == 0 { images.best } else { shift };
+        let what = format!("masks come {} {}", frames(shift), when(shift));
+        let correction = Correction {
+            mask_shift: shift,
+            ..*reading
+        };
+        (correction, what)
+    };
+    let shifts = if shift == 0 { images } else { bodies };
+    let other = Correction {
+        mask_shift: -correction.pose_shift,
+        pose_shift: -correction.mask_shift,
+        ..*reading
+    };
+    // Without a background of black nothing tells which of the two is off.
+    let unsure = images.gains.is_empty();
+    Some(Cause {
+        what,
+        options: correction.to_string(),
+        correction: Some(correction),
+        fit: shifts.fit,
+        fit_mended: shifts.fit_mended,
+        alternatives: if unsure {
+            vec![other.to_string()]
+        } else {
+            Vec::new()
+        },
+    })
+}

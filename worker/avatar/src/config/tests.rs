@@ -1,0 +1,103 @@
+//! Names, refusals and round trips of configurations.
+
+use super::*;
+
+#[test]
+fn every_listed_tier_and_variant_exists() {
+    for (tier, _) in tiers::TIERS {
+        for (variant, _) in tiers::VARIANTS {
+            let config = ModelConfig::named(tier, variant).expect("both are listed");
+            assert_eq!(config.variant.name(), *variant, "{tier}");
+        }
+    }
+    assert_eq!(
+        ModelConfig::named("warp", "yoto"),
+        Err(ConfigError::UnknownTier("warp".into()))
+    );
+    assert!(ModelConfig::named("fast", "x").is_err_and(|e| e.to_string().contains("humannerf")));
+}
+
+#[test]
+fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
+    let config = ModelConfig::named("fast", "yoto").expect("named");
+    assert!(config.march.min_transmittance > 0.0 && config.march.occupancy_cells > 0);
+    let mut json = serde_json::to_value(&config).expect("serialises");
+    let march = json["march"].as_object_mut().expect("an object");
+    for field in ["min_transmittance", "occupancy_cells", "occupancy_alpha"] {
+        assert!(march.remove(field).is_some(), "{field}");
+    }
+    let old: ModelConfig = serde_json::from_value(json).expect("reads");
+    assert_eq!(
+        (old.march.min_transmittance, old.march.occupancy_cells),
+        (0.0, 0)
+    );
+    let mut bad = config.clone();
+    bad.march.min_transmittance = 1.0;
+    assert!(
+        bad.check()
+            .is_err_and(|e| e.to_string().starts_with("march.min_transmittance"))
+    );
+    let mut bad = config;
+    bad.march.occupancy_alpha = f32::NAN;
+    assert!(
+        bad.check()
+            .is_err_and(|e| e.to_string().starts_with("march.occupancy"))
+    );
+}
+
+#[test]
+fn a_configuration_survives_json() {
+    let named = ModelConfig::named("fast", "no-identity").expect("named");
+    for kind in [
+        Sharing::Own,
+        Sharing::Split { own_log2_rows: 11 },
+        Sharing::Bases { count: 4 },
+    ] {
+        let config = named.clone().shared(kind).expect("possible");
+        let json = serde_json::to_string(&config).expect("serialises");
+        assert_eq!(
+            serde_json::from_str::<ModelConfig>(&json).expect("reads"),
+            config
+        );
+    }
+}
+
+#[test]
+fn a_grid_that_says_nothing_of_sharing_shares_nothing() {
+    let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2}"#;
+    let read: Encoding = serde_json::from_str(json).expect("an older checkpoint's");
+    let fast = ModelConfig::named("fast", "yoto").expect("named");
+    assert_eq!(read, fast.canonical.encoding);
+}
+
+#[test]
+fn impossible_sharing_is_named() {
+    for (kind, field) in [
+        (Sharing::Split { own_log2_rows: 3 }, "own_log2_rows"),
+        (Sharing::Split { own_log2_rows: 16 }, "own_log2_rows"),
+        (Sharing::Bases { count: 3 }, "count"),
+        (Sharing::Bases { count: 16 }, "count"),
+    ] {
+        let fast = ModelConfig::named("fast", "yoto").expect("named");
+        let error = fast.shared(kind).expect_err("impossible").to_string();
+        assert!(error.contains(field), "{error}");
+    }
+    let paper = ModelConfig::named("paper", "yoto").expect("named");
+    let error = paper.shared(Sharing::Own).expect_err("no grid").to_string();
+    assert!(error.contains("no tables"), "{error}");
+}
+
+#[test]
+fn a_configuration_without_a_precision_is_f32_and_an_unknown_one_is_named() {
+    let config = ModelConfig::named("fast", "yoto").expect("named");
+    let json = serde_json::to_string(&config).expect("serialises");
+    let named = r#""precision":"f32","#;
+    assert!(json.contains(named), "{json}");
+    let read = |json: String| serde_json::from_str::<ModelConfig>(&json);
+    let without = read(json.replace(named, "")).expect("older checkpoints have none");
+    assert_eq!(without.precision, Precision::F32);
+    let half = read(json.replace(named, r#""precision":"bf16","#)).expect("reads");
+    assert_eq!(half.precision, Precision::Bf16);
+    let error = read(json.replace(named, r#""precision":"f8","#)).expect_err("no such one");
+    assert!(error.to_string().contains("f8"), "{error}");
+}

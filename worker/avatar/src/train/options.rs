@@ -1,0 +1,27 @@
+//! How long and on what to train.
+
+/// How long to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// Seconds spent in steps.
+    Seconds(f64),
+    /// Steps.
+    Steps(u64),
+}
+
+/// How to train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainOptions {
+    /// How long; the learning rate falls over it.
+    pub budget: Budget,
+    /// Seconds of the budget that were spent before.
+    pub used_seconds: f64,
+    /// Steps of the budget that were taken before.
+    pub used_steps: u64,
+    /// Of the initial weights and all drawing.
+    pub seed: u64,
+    /// Longest image side, pixels; 0 keeps the capture's.
+    pub image_size: u32,
+    /// Every n-th frame is kept out of training for validation; 0: none.
+    pub holdout_every: usize,
+}
