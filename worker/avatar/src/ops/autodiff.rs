@@ -1,7 +1,7 @@
 //! Connects the operations' hand-written backward forms to Burn's automatic differentiation.
 
 use super::composite::{self, RaySamples};
-use super::{AvatarOps, adam::AdamRates, hash::HashGrid, mlp, warp::WarpGrid};
+use super::{AvatarOps, CpuOps, adam::AdamRates, hash::HashGrid, mlp, warp::WarpGrid};
 use burn::backend::{
     Autodiff, Backend,
     autodiff::{
@@ -179,7 +179,9 @@ impl<B: Backend + AvatarOps, C: CheckpointStrategy> AvatarOps for Autodiff<B, C>
             constant::<B, C>(c),
         )
     }
+}
 
+impl<B: Backend + CpuOps, C: CheckpointStrategy> CpuOps for Autodiff<B, C> {
     fn mlp(
         params: FloatTensor<Self>,
         input: FloatTensor<Self>,

@@ -1,6 +1,6 @@
 //! Unwraps the Flex backend's tensors into slices for the `cpu` forms.
 
-use super::{AvatarOps, adam, composite, hash, mlp, warp};
+use super::{AvatarOps, CpuOps, adam, composite, hash, mlp, warp};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;
@@ -136,7 +136,9 @@ impl AvatarOps for Flex {
         );
         (param, moment_1, moment_2)
     }
+}
 
+impl CpuOps for Flex {
     fn mlp(
         params: FloatTensor<Self>,
         input: FloatTensor<Self>,

@@ -1,12 +1,15 @@
 //! Tensor operations of our own, each in a folder: the pure-tensor `reference`, which runs on
-//! every device and which the tests compare with, and the `cpu` form.
+//! every device and which the tests compare with, the `cpu` form, and with the feature `gpu`
+//! the `cube` form.
 //!
-//! The CPU form is reached through Burn's backend extension, so that it takes part in
+//! The latter two are reached through Burn's backend extension, so that they take part in
 //! automatic differentiation like any built-in operation.
 
 pub mod adam;
 mod autodiff;
 pub mod composite;
+#[cfg(feature = "gpu")]
+mod cube;
 mod flex;
 pub mod form;
 pub mod hash;
@@ -16,11 +19,12 @@ pub mod warp;
 use burn::backend::{Backend, backend_extension, tensor::FloatTensor};
 use burn::tensor::Device;
 
-/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`], [`mlp`],
+/// The operations as a backend sees them. Call the wrappers in [`warp`], [`hash`],
 /// [`composite`](mod@composite) and [`adam`] instead: they choose the form for the tensor's device.
-#[backend_extension(Autodiff, Flex)]
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait AvatarOps: Backend {
     /// Forward of [`warp::warp`].
+    #[fusion(dtype = points, shape = warp::output_shape(points))]
     fn warp(
         weights: FloatTensor<Self>,
         transforms: FloatTensor<Self>,
@@ -28,6 +32,7 @@ pub trait AvatarOps: Backend {
         grid: warp::WarpGrid,
     ) -> FloatTensor<Self>;
     /// Gradients of [`warp::warp`] to the weights and the transforms.
+    #[fusion(meta = |weights, transforms, _, _, _| (weights.clone(), transforms.clone()))]
     fn warp_backward(
         weights: FloatTensor<Self>,
         transforms: FloatTensor<Self>,
@@ -36,6 +41,7 @@ pub trait AvatarOps: Backend {
         grid: warp::WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
     /// Forward of [`composite::composite`].
+    #[fusion(dtype = rgb, shape = composite::output_shape(samples))]
     fn composite(
         rgb: FloatTensor<Self>,
         density: FloatTensor<Self>,
@@ -43,6 +49,9 @@ pub trait AvatarOps: Backend {
         samples: composite::RaySamples,
     ) -> FloatTensor<Self>;
     /// Gradients of [`composite::composite`] to rgb, density and likelihood.
+    #[fusion(meta = |rgb, density, likelihood, _, _| {
+        (rgb.clone(), density.clone(), likelihood.clone())
+    })]
     fn composite_backward(
         rgb: FloatTensor<Self>,
         density: FloatTensor<Self>,
@@ -51,6 +60,7 @@ pub trait AvatarOps: Backend {
         samples: composite::RaySamples,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
     /// Forward of [`hash::encode`].
+    #[fusion(dtype = points, shape = hash::output_shape(points, grid))]
     fn hash_encode(
         table: FloatTensor<Self>,
         points: FloatTensor<Self>,
@@ -58,6 +68,7 @@ pub trait AvatarOps: Backend {
     ) -> FloatTensor<Self>;
     /// Gradients of [`hash::encode`] to the table and, if `points_too`, the points; else an
     /// empty one in its place.
+    #[fusion(meta = |table, points, _, _, _| (table.clone(), points.clone()))]
     fn hash_encode_backward(
         table: FloatTensor<Self>,
         points: FloatTensor<Self>,
@@ -66,6 +77,9 @@ pub trait AvatarOps: Backend {
         points_too: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
     /// One Adam update: parameter, gradient, both moments → parameter, both moments.
+    #[fusion(meta = |param, _, moment_1, moment_2, _| {
+        (param.clone(), moment_1.clone(), moment_2.clone())
+    })]
     fn adam_update(
         param: FloatTensor<Self>,
         grad: FloatTensor<Self>,
@@ -73,6 +87,11 @@ pub trait AvatarOps: Backend {
         moment_2: FloatTensor<Self>,
         rates: adam::AdamRates,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// The operations that only CPUs have a form of. Call [`mlp::mlp`] instead.
+#[backend_extension(Autodiff, Flex)]
+pub trait CpuOps: Backend {
     /// Forward of [`mlp::mlp`].
     fn mlp(
         params: FloatTensor<Self>,
@@ -97,4 +116,13 @@ pub fn on_cpu(device: &Device) -> bool {
         device.clone().inner().as_dispatch(),
         DispatchDevice::Flex(_)
     )
+}
+
+/// Whether the operations have a form of their own for `device`: the `cpu` or the `cube` one.
+pub fn has_own_form(device: &Device) -> bool {
+    #[cfg(feature = "gpu")]
+    if let burn::backend::DispatchDevice::Cube(_) = device.clone().inner().as_dispatch() {
+        return true;
+    }
+    on_cpu(device)
 }

@@ -2,9 +2,11 @@
 //! a million numbers costs more than the rest of the step.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub(super) mod cube;
 pub mod reference;
 
-use super::{AvatarOps, on_cpu};
+use super::{AvatarOps, has_own_form};
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
@@ -44,7 +46,7 @@ pub fn update<const D: usize>(
     moment_2: Tensor<D>,
     rates: AdamRates,
 ) -> (Tensor<D>, Tensor<D>, Tensor<D>) {
-    if on_cpu(&param.device()) {
+    if has_own_form(&param.device()) {
         let (param, moment_1, moment_2) = Dispatch::adam_update(
             param.into_dispatch(),
             grad.into_dispatch(),

@@ -6,6 +6,8 @@
 //! can leave them out. Colour and opacity are then wrong by at most the bound.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub(super) mod cube;
 mod integrate;
 pub mod reference;
 mod thinning;
@@ -15,7 +17,7 @@ pub use thinning::Thinning;
 
 pub(super) use integrate::{Three, flex, flex_backward, tracked};
 
-use super::{AvatarOps, on_cpu};
+use super::{AvatarOps, has_own_form};
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 use std::sync::Arc;
@@ -47,6 +49,12 @@ impl RaySamples {
     }
 }
 
+/// Of what [`composite`] yields.
+#[cfg(feature = "gpu")]
+pub(super) fn output_shape(samples: &RaySamples) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([samples.rays(), 5])
+}
+
 /// `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]` → `[R, 5]`: colour over black,
 /// opacity, and Σ T α z in metres, not divided by opacity. Gradients flow to all three.
 pub fn composite(
@@ -55,7 +63,7 @@ pub fn composite(
     likelihood: Tensor<1>,
     samples: &RaySamples,
 ) -> Tensor<2> {
-    if on_cpu(&rgb.device()) {
+    if has_own_form(&rgb.device()) {
         Tensor::from_dispatch(Dispatch::composite(
             rgb.into_dispatch(),
             density.into_dispatch(),

@@ -3,9 +3,11 @@
 //! the network behind it can be small.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub(super) mod cube;
 pub mod reference;
 
-use super::{AvatarOps, on_cpu};
+use super::{AvatarOps, has_own_form};
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
@@ -111,10 +113,16 @@ impl Level {
     }
 }
 
+/// Of what [`encode`] yields for `points` of this shape.
+#[cfg(feature = "gpu")]
+pub(super) fn output_shape(points: &burn::tensor::Shape, grid: &HashGrid) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([points[0], grid.width()])
+}
+
 /// Features of points: `table` `[rows, F]`, `points` `[N, 3]` metres → `[N, L F]`, coarsest
 /// level first. A point outside the box takes the nearest inside. Gradients flow to both.
 pub fn encode(table: Tensor<2>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {
-    if on_cpu(&points.device()) {
+    if has_own_form(&points.device()) {
         Tensor::from_dispatch(Dispatch::hash_encode(
             table.into_dispatch(),
             points.into_dispatch(),

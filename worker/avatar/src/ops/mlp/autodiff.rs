@@ -1,7 +1,7 @@
 //! Connects the hand-written backward form to Burn's automatic differentiation.
 
 use super::MlpPlan;
-use crate::ops::AvatarOps;
+use crate::ops::CpuOps;
 use burn::backend::{
     Autodiff, Backend,
     autodiff::{
@@ -15,7 +15,7 @@ use burn::backend::{
 #[derive(Debug)]
 struct MlpBackward;
 
-impl<B: Backend + AvatarOps> Backward<B, 2> for MlpBackward {
+impl<B: Backend + CpuOps> Backward<B, 2> for MlpBackward {
     type State = (FloatTensor<B>, FloatTensor<B>, MlpPlan);
 
     fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
@@ -34,7 +34,7 @@ impl<B: Backend + AvatarOps> Backward<B, 2> for MlpBackward {
 }
 
 /// See [`super::mlp`].
-pub fn mlp<B: Backend + AvatarOps, C: CheckpointStrategy>(
+pub fn mlp<B: Backend + CpuOps, C: CheckpointStrategy>(
     params: FloatTensor<Autodiff<B, C>>,
     input: FloatTensor<Autodiff<B, C>>,
     plan: MlpPlan,

@@ -10,7 +10,7 @@ pub mod reference;
 
 pub use plan::{Hidden, Input, LayerShape, MlpPlan, Part};
 
-use super::{AvatarOps, on_cpu};
+use super::{CpuOps, on_cpu};
 use crate::config::{ConfigError, Precision};
 use burn::backend::Dispatch;
 use burn::tensor::{Device, Tensor};

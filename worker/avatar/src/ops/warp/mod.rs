@@ -4,19 +4,29 @@
 //! foreground likelihood.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub(super) mod cube;
 mod grid;
+#[cfg(feature = "gpu")]
+mod lattice;
 pub mod likelihood;
 pub mod reference;
 mod visits;
 
 pub use grid::WarpGrid;
 
-use super::{AvatarOps, on_cpu};
+use super::{AvatarOps, has_own_form};
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
 /// The least sum of weights that the canonical point is divided by (HumanNeRF's 1e-4).
 pub const MIN_WEIGHT_SUM: f32 = 1e-4;
+
+/// Of what [`warp`] yields for `points` of this shape.
+#[cfg(feature = "gpu")]
+pub(super) fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([points[0], 4])
+}
 
 /// Canonical points and foreground likelihoods.
 ///
@@ -30,7 +40,7 @@ pub fn warp(
     points: Tensor<2>,
     grid: &WarpGrid,
 ) -> Tensor<2> {
-    if on_cpu(&points.device()) {
+    if has_own_form(&points.device()) {
         Tensor::from_dispatch(Dispatch::warp(
             weights.into_dispatch(),
             transforms.into_dispatch(),

@@ -1,0 +1,201 @@
+//! Compositing on a GPU: a thread walks a ray front to back, and for gradients back again, as
+//! `cpu` does.
+
+use super::{OPAQUE, RaySamples};
+use crate::ops::cube::tensors::{each, empty, rows, upload};
+use burn::tensor::Shape;
+use burn_cubecl::tensor::CubeTensor;
+use cubecl::prelude::*;
+
+/// `[R, 5]` as in [`super::composite`].
+pub fn forward(
+    rgb: CubeTensor,
+    density: CubeTensor,
+    likelihood: CubeTensor,
+    samples: &RaySamples,
+) -> CubeTensor {
+    let (rgb, density, likelihood) = (rows(rgb), rows(density), rows(likelihood));
+    let output = empty(&rgb, super::output_shape(samples));
+    let client = output.client.clone();
+    if samples.rays() > 0 {
+        let (count, dim) = each(&client, samples.rays());
+        see::launch(
+            &client,
+            count,
+            dim,
+            rgb.into_buffer_arg(),
+            density.into_buffer_arg(),
+            likelihood.into_buffer_arg(),
+            upload(&client, &starts(samples)),
+            upload(&client, &samples.steps),
+            upload(&client, &samples.depths),
+            output.clone().into_buffer_arg(),
+            samples.min_transmittance,
+        );
+    }
+    output
+}
+
+/// Gradients to rgb `[n, 3]`, density `[n]` and likelihood `[n]`, from `grad` `[R, 5]`.
+pub fn backward(
+    rgb: CubeTensor,
+    density: CubeTensor,
+    likelihood: CubeTensor,
+    grad: CubeTensor,
+    samples: &RaySamples,
+) -> (CubeTensor, CubeTensor, CubeTensor) {
+    let (rgb, density) = (rows(rgb), rows(density));
+    let (likelihood, grad) = (rows(likelihood), rows(grad));
+    let n = samples.steps.len();
+    let to_rgb = empty(&rgb, Shape::new([n, 3]));
+    let to_density = empty(&rgb, Shape::new([n]));
+    let to_likelihood = empty(&rgb, Shape::new([n]));
+    let client = rgb.client.clone();
+    if samples.rays() > 0 {
+        let (count, dim) = each(&client, samples.rays());
+        feel::launch(
+            &client,
+            count,
+            dim,
+            rgb.into_buffer_arg(),
+            density.into_buffer_arg(),
+            likelihood.into_buffer_arg(),
+            upload(&client, &starts(samples)),
+            upload(&client, &samples.steps),
+            upload(&client, &samples.depths),
+            grad.into_buffer_arg(),
+            to_rgb.clone().into_buffer_arg(),
+            to_density.clone().into_buffer_arg(),
+            to_likelihood.clone().into_buffer_arg(),
+            samples.min_transmittance,
+        );
+    }
+    (to_rgb, to_density, to_likelihood)
+}
+
+fn starts(samples: &RaySamples) -> Vec<u32> {
+    samples.starts.iter().map(|start| *start as u32).collect()
+}
+
+/// What a sample of opacity `alpha` lets through. In two sums: 1 + 1e-10 is 1 in f32.
+#[cube]
+fn through(alpha: f32) -> f32 {
+    (1.0 - alpha) + OPAQUE
+}
+
+#[cube(launch)]
+#[allow(clippy::too_many_arguments)]
+fn see(
+    rgb: &[f32],
+    density: &[f32],
+    likelihood: &[f32],
+    starts: &[u32],
+    steps: &[f32],
+    depths: &[f32],
+    output: &mut [f32],
+    min_transmittance: f32,
+) {
+    let ray = ABSOLUTE_POS;
+    if ray >= starts.len() - 1 {
+        terminate!();
+    }
+    let end = starts[ray + 1] as usize;
+    let mut i = starts[ray] as usize;
+    let mut clear = 1.0f32;
+    let mut red = 0.0f32;
+    let mut green = 0.0f32;
+    let mut blue = 0.0f32;
+    let mut opacity = 0.0f32;
+    let mut depth = 0.0f32;
+    while i < end {
+        let alpha = (1.0 - f32::exp(-density[i] * steps[i])) * likelihood[i];
+        let weight = clear * alpha;
+        red += weight * rgb[3 * i];
+        green += weight * rgb[3 * i + 1];
+        blue += weight * rgb[3 * i + 2];
+        opacity += weight;
+        depth += weight * depths[i];
+        clear *= through(alpha);
+        i += 1;
+        if clear < min_transmittance {
+            i = end;
+        }
+    }
+    output[5 * ray] = red;
+    output[5 * ray + 1] = green;
+    output[5 * ray + 2] = blue;
+    output[5 * ray + 3] = opacity;
+    output[5 * ray + 4] = depth;
+}
+
+#[cube(launch)]
+#[allow(clippy::too_many_arguments)]
+fn feel(
+    rgb: &[f32],
+    density: &[f32],
+    likelihood: &[f32],
+    starts: &[u32],
+    steps: &[f32],
+    depths: &[f32],
+    grad: &[f32],
+    to_rgb: &mut [f32],
+    to_density: &mut [f32],
+    to_likelihood: &mut [f32],
+    min_transmittance: f32,
+) {
+    let ray = ABSOLUTE_POS;
+    if ray >= starts.len() - 1 {
+        terminate!();
+    }
+    let start = starts[ray] as usize;
+    let end = starts[ray + 1] as usize;
+    let red = grad[5 * ray];
+    let green = grad[5 * ray + 1];
+    let blue = grad[5 * ray + 2];
+    let to_opacity = grad[5 * ray + 3];
+    let to_depth = grad[5 * ray + 4];
+
+    // Front to back. The transmittance before a sample waits in its density's gradient.
+    let mut clear = 1.0f32;
+    let mut stop = start;
+    let mut open = true;
+    for i in start..end {
+        to_density[i] = clear;
+        if open {
+            stop = i + 1;
+            let alpha = (1.0 - f32::exp(-density[i] * steps[i])) * likelihood[i];
+            clear *= through(alpha);
+            if clear < min_transmittance {
+                open = false;
+            }
+        } else {
+            to_rgb[3 * i] = 0.0;
+            to_rgb[3 * i + 1] = 0.0;
+            to_rgb[3 * i + 2] = 0.0;
+            to_density[i] = 0.0;
+            to_likelihood[i] = 0.0;
+        }
+    }
+
+    // Back to front, with what a unit of light that passes the sample would still see.
+    let mut behind = 0.0f32;
+    for k in 0..stop - start {
+        let i = stop - 1 - k;
+        let before = to_density[i];
+        let left = f32::exp(-density[i] * steps[i]);
+        let alpha = (1.0 - left) * likelihood[i];
+        let value = red * rgb[3 * i]
+            + green * rgb[3 * i + 1]
+            + blue * rgb[3 * i + 2]
+            + to_opacity
+            + to_depth * depths[i];
+        let to_alpha = before * (value - behind);
+        let weight = before * alpha;
+        to_rgb[3 * i] = red * weight;
+        to_rgb[3 * i + 1] = green * weight;
+        to_rgb[3 * i + 2] = blue * weight;
+        to_density[i] = to_alpha * likelihood[i] * steps[i] * left;
+        to_likelihood[i] = to_alpha * (1.0 - left);
+        behind = alpha * value + through(alpha) * behind;
+    }
+}

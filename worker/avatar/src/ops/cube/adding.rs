@@ -1,0 +1,77 @@
+//! Sums that many threads add to. The order of the additions is not fixed, so that the last
+//! bits of a gradient differ from run to run; the CPU forms repeat bit for bit.
+
+use cubecl::features::AtomicUsage;
+use cubecl::ir::{FloatKind, Type};
+use cubecl::prelude::*;
+
+/// How a kernel adds to a float that other threads add to as well.
+#[cube]
+pub(in crate::ops) trait AddFloat: Send + Sync + 'static {
+    /// What the float's four bytes are bound as.
+    type Bound: Numeric;
+    /// `sum += value`, whole against other threads' additions. Adding 0 touches nothing.
+    fn add(sum: &mut Atomic<Self::Bound>, value: f32);
+}
+
+/// By the device's own atomic addition of floats.
+#[derive(CubeType)]
+pub(in crate::ops) struct Native;
+
+/// By comparing and exchanging the float's bits until no other thread came between: for
+/// devices without the former (SwiftShader, older mobile GPUs).
+#[derive(CubeType)]
+pub(in crate::ops) struct Exchanging;
+
+#[cube]
+impl AddFloat for Native {
+    type Bound = f32;
+
+    fn add(sum: &mut Atomic<f32>, value: f32) {
+        if value != 0.0 {
+            sum.fetch_add(value);
+        }
+    }
+}
+
+#[cube]
+impl AddFloat for Exchanging {
+    type Bound = u32;
+
+    fn add(sum: &mut Atomic<u32>, value: f32) {
+        if value != 0.0 {
+            let mut current = sum.load();
+            loop {
+                let expected = current;
+                let wanted = (f32::from_bits(expected) + value).to_bits();
+                current = sum.compare_exchange_weak(expected, wanted);
+                if current == expected {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// What [`AddFloat`] binds a buffer of floats as.
+pub(in crate::ops) type Bound<A> = <A as AddFloat>::Bound;
+
+/// Whether [`Native`] is to be had.
+pub(in crate::ops) fn adds_natively(client: &Client) -> bool {
+    client
+        .properties()
+        .atomic_type_usage(Type::atomic(FloatKind::F32))
+        .contains(AtomicUsage::Add)
+}
+
+/// Launches the form of a kernel generic over [`AddFloat`] that the device can run.
+macro_rules! launch_adding {
+    ($kernel:ident, $client:expr, $($argument:expr),+ $(,)?) => {
+        if $crate::ops::cube::adding::adds_natively($client) {
+            $kernel::launch::<$crate::ops::cube::adding::Native>($client, $($argument),+)
+        } else {
+            $kernel::launch::<$crate::ops::cube::adding::Exchanging>($client, $($argument),+)
+        }
+    };
+}
+pub(in crate::ops) use launch_adding;

@@ -1,0 +1,49 @@
+//! Tensors, buffers and launch sizes that the kernels share. Kernels see plain rows of `f32`.
+
+use burn::tensor::{DType, Shape};
+use burn_cubecl::kernel::into_contiguous;
+use burn_cubecl::ops::numeric::{empty_device_dtype, zeros_client};
+use burn_cubecl::tensor::CubeTensor;
+use cubecl::calculate_cube_count_elemwise;
+use cubecl::prelude::*;
+
+/// Row after row without gaps.
+///
+/// # Panics
+/// When it is not of `f32`: no other type reaches the operations.
+pub(in crate::ops) fn rows(tensor: CubeTensor) -> CubeTensor {
+    assert_eq!(tensor.dtype, DType::F32, "the kernels compute in f32");
+    into_contiguous(tensor)
+}
+
+/// Fresh memory where `beside` lies.
+pub(in crate::ops) fn empty(beside: &CubeTensor, shape: Shape) -> CubeTensor {
+    // As one row, since rows of more than one may be padded.
+    let flat = Shape::new([shape.num_elements()]);
+    let (client, device) = (beside.client.clone(), beside.device.clone());
+    shaped(empty_device_dtype(client, device, flat, DType::F32), shape)
+}
+
+/// The same, of zeros.
+pub(in crate::ops) fn zeros(beside: &CubeTensor, shape: Shape) -> CubeTensor {
+    let flat = Shape::new([shape.num_elements()]);
+    let (client, device) = (beside.client.clone(), beside.device.clone());
+    shaped(zeros_client(client, device, flat, DType::F32), shape)
+}
+
+fn shaped(flat: CubeTensor, shape: Shape) -> CubeTensor {
+    CubeTensor::new_contiguous(flat.client, flat.device, shape, flat.handle, flat.dtype)
+}
+
+/// Numbers of the host as a kernel's argument.
+pub(in crate::ops) fn upload<E: CubeElement>(client: &Client, values: &[E]) -> BufferArg {
+    let handle = client.create_from_slice(E::as_bytes(values));
+    // SAFETY: the buffer was made from exactly these values.
+    unsafe { BufferArg::from_raw_parts(handle, values.len()) }
+}
+
+/// One thread for each of `threads`, of which a kernel sends the surplus home.
+pub(in crate::ops) fn each(client: &Client, threads: usize) -> (CubeCount, CubeDim) {
+    let dim = CubeDim::new(client, threads);
+    (calculate_cube_count_elemwise(client, threads, dim), dim)
+}

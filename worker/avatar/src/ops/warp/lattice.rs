@@ -1,0 +1,145 @@
+//! Inside a kernel: where a bone carries a point to, and the nodes of the grid around it. The
+//! counterpart of `grid`.
+
+use cubecl::prelude::*;
+
+/// The grid of motion weights.
+#[derive(CubeType, CubeLaunch)]
+pub(super) struct Lattice {
+    /// Smallest corner, metres.
+    pub min_x: f32,
+    pub min_y: f32,
+    pub min_z: f32,
+    /// Cells a metre.
+    pub scale_x: f32,
+    pub scale_y: f32,
+    pub scale_z: f32,
+    /// Nodes an axis.
+    pub d: usize,
+}
+
+/// A point as a bone carries it.
+#[derive(CubeType, Clone, Copy)]
+pub(super) struct Place {
+    /// Whether the bone can weigh it. The rest is only of use then.
+    pub inside: bool,
+    /// Metres.
+    pub x: f32,
+    pub y: f32,
+    pub z: f32,
+    /// Lowest node of its cell, from −1 on.
+    pub i: i32,
+    pub j: i32,
+    pub k: i32,
+    /// Offset from that node, cells.
+    pub u: f32,
+    pub v: f32,
+    pub w: f32,
+}
+
+/// One of the eight nodes of a cell.
+#[derive(CubeType, Clone, Copy)]
+pub(super) struct Tap {
+    /// Whether the grid has it; others weigh nothing.
+    pub inside: bool,
+    /// Its number in a bone's volume.
+    pub node: usize,
+    /// Its share along each axis.
+    pub u: f32,
+    pub v: f32,
+    pub w: f32,
+    /// The shares' derivatives by the offset.
+    pub du: f32,
+    pub dv: f32,
+    pub dw: f32,
+}
+
+#[cube]
+fn carried(transforms: &[f32], at: usize, x: f32, y: f32, z: f32) -> f32 {
+    transforms[at] * x + transforms[at + 1] * y + transforms[at + 2] * z + transforms[at + 3]
+}
+
+/// Whether `g`, in cells, is within a cell of the nodes from `low` to `high`.
+#[cube]
+fn near(g: f32, low: u32, high: u32) -> bool {
+    g > f32::cast_from(low) - 1.0 && g < f32::cast_from(high) + 1.0
+}
+
+#[cube]
+pub(super) fn place(
+    transforms: &[f32],
+    points: &[f32],
+    supports: &[u32],
+    bone: usize,
+    point: usize,
+    lattice: &Lattice,
+) -> Place {
+    let px = points[3 * point];
+    let py = points[3 * point + 1];
+    let pz = points[3 * point + 2];
+    let x = carried(transforms, 12 * bone, px, py, pz);
+    let y = carried(transforms, 12 * bone + 4, px, py, pz);
+    let z = carried(transforms, 12 * bone + 8, px, py, pz);
+    let gx = (x - lattice.min_x) * lattice.scale_x;
+    let gy = (y - lattice.min_y) * lattice.scale_y;
+    let gz = (z - lattice.min_z) * lattice.scale_z;
+    let low_x = f32::floor(gx);
+    let low_y = f32::floor(gy);
+    let low_z = f32::floor(gz);
+    let s = 6 * bone;
+    Place {
+        inside: near(gx, supports[s], supports[s + 3])
+            && near(gy, supports[s + 1], supports[s + 4])
+            && near(gz, supports[s + 2], supports[s + 5]),
+        x,
+        y,
+        z,
+        i: i32::cast_from(low_x),
+        j: i32::cast_from(low_y),
+        k: i32::cast_from(low_z),
+        u: gx - low_x,
+        v: gy - low_y,
+        w: gz - low_z,
+    }
+}
+
+/// Share of a node along an axis: that of the upper one is the part.
+#[cube]
+fn share(part: f32, upper: i32) -> f32 {
+    let mut share = 1.0 - part;
+    if upper == 1 {
+        share = part;
+    }
+    share
+}
+
+#[cube]
+fn slope(upper: i32) -> f32 {
+    2.0 * f32::cast_from(upper) - 1.0
+}
+
+#[cube]
+pub(super) fn tap(place: &Place, corner: u32, d: usize) -> Tap {
+    let upper_x = i32::cast_from(corner & 1);
+    let upper_y = i32::cast_from((corner >> 1) & 1);
+    let upper_z = i32::cast_from(corner >> 2);
+    let i = place.i + upper_x;
+    let j = place.j + upper_y;
+    let k = place.k + upper_z;
+    let side = i32::cast_from(d);
+    let inside = i >= 0 && j >= 0 && k >= 0 && i < side && j < side && k < side;
+    let mut node = 0;
+    if inside {
+        node = usize::cast_from((k * side + j) * side + i);
+    }
+    Tap {
+        inside,
+        node,
+        u: share(place.u, upper_x),
+        v: share(place.v, upper_y),
+        w: share(place.w, upper_z),
+        du: slope(upper_x),
+        dv: slope(upper_y),
+        dw: slope(upper_z),
+    }
+}

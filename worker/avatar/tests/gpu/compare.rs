@@ -1,0 +1,61 @@
+//! Numbers made on two devices.
+
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Numbers in host memory, drawn once for all devices.
+#[derive(Clone)]
+pub struct Numbers<const D: usize> {
+    values: Vec<f32>,
+    shape: [usize; D],
+}
+
+impl<const D: usize> Numbers<D> {
+    pub fn drawn(rng: &mut ChaCha8Rng, shape: [usize; D], low: f32, high: f32) -> Self {
+        let count = shape.iter().product();
+        Self {
+            values: (0..count).map(|_| rng.random_range(low..high)).collect(),
+            shape,
+        }
+    }
+
+    /// The same after `change`.
+    pub fn with(mut self, change: impl FnOnce(&mut [f32])) -> Self {
+        change(&mut self.values);
+        self
+    }
+
+    pub fn on(&self, device: &Device) -> Tensor<D> {
+        Tensor::from_data(TensorData::new(self.values.clone(), self.shape), device)
+    }
+
+    /// The same as something to learn.
+    pub fn learned_on(&self, device: &Device) -> Tensor<D> {
+        self.on(device).require_grad()
+    }
+}
+
+pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.try_into_vec_as().expect("f32")
+}
+
+/// Largest difference over the largest reference magnitude.
+pub fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
+    assert_eq!(ours.len(), reference.len());
+    let largest = reference.iter().fold(0f32, |m, v| m.max(v.abs()));
+    assert!(largest > 0.0, "a reference of zeros proves nothing");
+    let differences = ours.iter().zip(reference).map(|(a, b)| (a - b).abs());
+    // A NaN must not hide behind `max`.
+    differences.fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m }) / largest
+}
+
+/// Fails, naming the part, where `ours` is further from the reference than `bound`.
+pub fn assert_close(parts: &[&str], ours: &[Vec<f32>], reference: &[Vec<f32>], bound: f32) {
+    assert_eq!((parts.len(), parts.len()), (ours.len(), reference.len()));
+    for ((part, a), b) in parts.iter().zip(ours).zip(reference) {
+        let error = relative_error(a, b);
+        println!("{part}: {error:e}");
+        assert!(error < bound, "{part}: {error:e}");
+    }
+}

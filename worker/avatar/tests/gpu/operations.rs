@@ -1,0 +1,211 @@
+//! Each operation's `cube` form against its reference on the CPU, values and gradients: on
+//! points inside, at the border of and outside its box, and where gradients are exactly zero.
+
+use crate::compare::{Numbers, assert_close, values};
+use crate::device::on_vulkan;
+use burn::tensor::{Device, Tensor};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use yoto_avatar::ops::adam::{self, AdamRates};
+use yoto_avatar::ops::composite::{self, RaySamples};
+use yoto_avatar::ops::hash::{self, HashGrid};
+use yoto_avatar::ops::warp::{self, WarpGrid};
+
+/// Seconds an operation may take: a software driver compiles its kernels first.
+const LIMIT: u64 = 120;
+/// Of f32 sums in another order.
+const BOUND: f32 = 2e-5;
+
+/// Rows `from..` of gradients become exactly zero.
+fn unfelt(width: usize, from: usize) -> impl FnOnce(&mut [f32]) {
+    move |values| values[width * from..].fill(0.0)
+}
+
+#[test]
+fn warp_equals_its_reference() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        // More points than one group of threads sums up, and no multiple of anything.
+        let (bones, d, n) = (5, 7, 2_300);
+        let grid = WarpGrid {
+            min: [-1.0, -0.5, -0.8],
+            max: [1.0, 1.5, 0.6],
+            resolution: d,
+            floor: 0.0,
+        };
+        let voxels = d * d * d;
+        let weights = Numbers::drawn(&mut rng, [bones + 1, voxels], 0.0, 0.3).with(|values| {
+            // A bone that weighs nothing, and one that weighs something in a corner alone.
+            values[voxels..2 * voxels].fill(0.0);
+            values[2 * voxels + 40..3 * voxels].fill(0.0);
+        });
+        let transforms = Numbers::drawn(&mut rng, [bones, 12], -0.8, 0.8);
+        let points = Numbers::drawn(&mut rng, [n, 3], -1.6, 1.6);
+        let towards = Numbers::drawn(&mut rng, [n, 4], -1.0, 1.0).with(unfelt(4, 2_000));
+
+        type Form = fn(Tensor<2>, Tensor<2>, Tensor<2>, &WarpGrid) -> Tensor<2>;
+        let run = |device: Device, form: Form| {
+            let device = device.autodiff();
+            let (weights, transforms) =
+                (weights.learned_on(&device), transforms.learned_on(&device));
+            let output = form(
+                weights.clone(),
+                transforms.clone(),
+                points.on(&device),
+                &grid,
+            );
+            let grads = (output.clone() * towards.on(&device)).sum().backward();
+            [
+                values(output),
+                values(weights.grad(&grads).expect("tracked")),
+                values(transforms.grad(&grads).expect("tracked")),
+            ]
+        };
+        assert_close(
+            &["output", "weights", "transforms"],
+            &run(vulkan, warp::warp),
+            &run(Device::flex(), warp::reference::warp),
+            BOUND,
+        );
+    });
+}
+
+#[test]
+fn hash_encoding_equals_its_reference() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        for features in [1, 2, 4, 8] {
+            let grid = HashGrid::new(4, 3, 1.9, 7, features, [-1.0, -0.5, 0.0], 2.0);
+            assert!(
+                grid.levels[0].dense && !grid.levels[3].dense,
+                "both kinds of level"
+            );
+            let table = Numbers::drawn(&mut rng, [grid.rows(), features], -1.0, 1.0);
+            let points = Numbers::drawn(&mut rng, [700, 3], -1.2, 2.2);
+            let towards = Numbers::drawn(&mut rng, [700, grid.width()], -1.0, 1.0)
+                .with(unfelt(grid.width(), 500));
+
+            type Form = fn(Tensor<2>, Tensor<2>, &HashGrid) -> Tensor<2>;
+            let run = |device: Device, form: Form| {
+                let device = device.autodiff();
+                let (table, points) = (table.learned_on(&device), points.learned_on(&device));
+                let output = form(table.clone(), points.clone(), &grid);
+                let grads = (output.clone() * towards.on(&device)).sum().backward();
+                [
+                    values(output),
+                    values(table.grad(&grads).expect("tracked")),
+                    values(points.grad(&grads).expect("tracked")),
+                ]
+            };
+            assert_close(
+                &["output", "table", "points"],
+                &run(vulkan.clone(), hash::encode),
+                &run(Device::flex(), hash::reference::encode),
+                BOUND,
+            );
+        }
+    });
+}
+
+/// Rays of 0 to 20 samples, some of them opaque.
+fn rays(rng: &mut ChaCha8Rng, count: usize, min_transmittance: f32) -> RaySamples {
+    let mut starts = vec![0];
+    for _ in 0..count {
+        starts.push(starts[starts.len() - 1] + rng.random_range(0..20usize));
+    }
+    let n = starts[count];
+    RaySamples {
+        starts: starts.into(),
+        steps: (0..n).map(|_| rng.random_range(0.01..0.2)).collect(),
+        depths: (0..n).map(|i| 1.0 + 0.1 * i as f32).collect(),
+        min_transmittance,
+    }
+}
+
+#[test]
+fn compositing_equals_its_reference() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        for min_transmittance in [0.0, 0.05] {
+            let samples = rays(&mut rng, 300, min_transmittance);
+            let n = samples.steps.len();
+            let rgb = Numbers::drawn(&mut rng, [n, 3], 0.0, 1.0);
+            let density = Numbers::drawn(&mut rng, [n], 0.0, 8.0)
+                .with(|values| values.iter_mut().step_by(37).for_each(|v| *v = 1e6));
+            let likelihood = Numbers::drawn(&mut rng, [n], 0.5, 1.0)
+                .with(|values| values.iter_mut().step_by(37).for_each(|v| *v = 1.0));
+            let towards = Numbers::drawn(&mut rng, [300, 5], -1.0, 1.0);
+
+            type Form = fn(Tensor<2>, Tensor<1>, Tensor<1>, &RaySamples) -> Tensor<2>;
+            let run = |device: Device, form: Form| {
+                let device = device.autodiff();
+                let (rgb, density, likelihood) = (
+                    rgb.learned_on(&device),
+                    density.learned_on(&device),
+                    likelihood.learned_on(&device),
+                );
+                let output = form(rgb.clone(), density.clone(), likelihood.clone(), &samples);
+                let grads = (output.clone() * towards.on(&device)).sum().backward();
+                [
+                    values(output),
+                    values(rgb.grad(&grads).expect("tracked")),
+                    values(density.grad(&grads).expect("tracked")),
+                    values(likelihood.grad(&grads).expect("tracked")),
+                ]
+            };
+            let ours = run(vulkan.clone(), composite::composite);
+            let reference = run(Device::flex(), composite::reference::composite);
+            let parts = ["output", "rgb", "density", "likelihood"];
+            assert_close(&parts, &ours, &reference, BOUND);
+            // What is left out by whoever computes the samples backwards must be the same.
+            let unfelt = |to_rgb: &[f32]| to_rgb.iter().filter(|g| **g == 0.0).count();
+            assert_eq!(unfelt(&ours[1]), unfelt(&reference[1]));
+            assert_eq!(unfelt(&ours[1]) > 0, min_transmittance > 0.0);
+        }
+    });
+}
+
+#[test]
+fn adam_equals_its_reference_and_leaves_shared_tensors_alone() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let shape = [90, 101];
+        let param = Numbers::drawn(&mut rng, shape, -1.0, 1.0);
+        let grad = Numbers::drawn(&mut rng, shape, -1.0, 1.0);
+        let moment_1 = Numbers::drawn(&mut rng, shape, -1.0, 1.0);
+        let moment_2 = Numbers::drawn(&mut rng, shape, 0.0, 1.0);
+        let rates = AdamRates::new(1e-2, 0.9, 0.999, 1e-8, 3);
+
+        let shared = param.on(&vulkan);
+        let ours = adam::update(
+            shared.clone(),
+            grad.on(&vulkan),
+            moment_1.on(&vulkan),
+            moment_2.on(&vulkan),
+            rates,
+        );
+        let cpu = Device::flex();
+        let reference = adam::reference::update(
+            param.on(&cpu),
+            grad.on(&cpu),
+            moment_1.on(&cpu),
+            moment_2.on(&cpu),
+            rates,
+        );
+        assert_close(
+            &["parameter", "first moment", "second moment"],
+            &[values(ours.0), values(ours.1), values(ours.2)],
+            &[
+                values(reference.0),
+                values(reference.1),
+                values(reference.2),
+            ],
+            1e-6,
+        );
+        assert_eq!(
+            values(shared),
+            values(param.on(&cpu)),
+            "the update must not write through a shared tensor"
+        );
+    });
+}

@@ -1,0 +1,217 @@
+//! What the operations are for: a training step and a frame of the smallest tier, on the
+//! Vulkan device and on the CPU.
+
+use crate::compare::{relative_error, values};
+use crate::device::on_vulkan;
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Tensor};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use yoto_avatar::avatar::Avatar;
+use yoto_avatar::camera::{Camera, Pose};
+use yoto_avatar::capture::ShardBuilder;
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::loss::Objective;
+use yoto_avatar::motion::body::Body;
+use yoto_avatar::render::rays::BodyView;
+use yoto_avatar::render::{RenderView, Renderer};
+use yoto_avatar::skeleton::Skeleton;
+use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_avatar::train::batch::{Batch, Scene, outcome};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+
+/// Seconds a training step or a frame may take on a software driver, which compiles about a
+/// hundred kernels for it.
+const LIMIT: u64 = 400;
+/// Side of the image, pixels.
+const SIDE: u32 = 16;
+
+/// The smallest tier, all of its parts at work from the first step.
+fn config() -> ModelConfig {
+    let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    config.correction.kick_in = 0;
+    config.non_rigid.kick_in = 0;
+    config.non_rigid.full_at = 1;
+    config.optimise.patches = 1;
+    config.optimise.patch_size = SIDE;
+    config
+}
+
+fn person() -> Person {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let (track, images) = person.capture(6, 2 * SIDE);
+    let mut builder = ShardBuilder::new(track);
+    for image in &images {
+        builder.push(image).expect("a synthetic frame is valid");
+    }
+    Person {
+        slot: 0,
+        name: person.name().into(),
+        shard: Arc::new(builder.finish().expect("all frames are there")),
+    }
+}
+
+/// The gradients to all parameters that took part, by path.
+struct Collect<'a> {
+    grads: &'a GradientsParams,
+    path: Vec<String>,
+    found: BTreeMap<String, Vec<f32>>,
+}
+
+impl ModuleVisitor for Collect<'_> {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.into());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        if let Some(grad) = self.grads.get::<D>(param.id) {
+            self.found.insert(self.path.join("."), values(grad));
+        }
+    }
+}
+
+/// Who stands where, and what a patch of them should look like.
+struct Sitting {
+    skeleton: Skeleton,
+    pose: Pose,
+    camera: Camera,
+    truth: Vec<f32>,
+}
+
+impl Sitting {
+    fn new() -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        Self {
+            skeleton: Skeleton::from_track(&person.skeleton()).expect("a skeleton"),
+            pose: person.motion(6)[1].clone(),
+            camera: SyntheticPerson::train_camera(SIDE),
+            truth: (0..SIDE * SIDE * 3).map(|_| rng.random()).collect(),
+        }
+    }
+
+    /// Loss, and the gradient to each parameter.
+    fn gradients(&self, device: &Device) -> (f32, BTreeMap<String, Vec<f32>>) {
+        let device = device.clone().autodiff();
+        let config = config();
+        let joints = self.skeleton.joints();
+        let avatar = Avatar::new(&config, 1, joints, 5, &device);
+        let body = Body::new(self.skeleton.clone(), &config, &device);
+        let sight = BodyView::new(&body, &self.pose, &self.camera);
+        let side = SIDE as usize;
+        let batch = Batch {
+            rays: (0..side * side)
+                .map(|i| sight.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
+                .collect(),
+            patch_size: side,
+            truth: self.truth.clone(),
+            background: [0.2, 0.5, 0.9],
+        };
+        let scene = Scene {
+            config: &config,
+            body: &body,
+            slot: 0,
+            pose: &self.pose,
+            step: 10,
+            occupancy: None,
+        };
+        let objective =
+            Objective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);
+        let outcome = outcome(&avatar, &scene, &batch, &objective, None)
+            .expect("a device that works")
+            .expect("rays that meet the body");
+        let loss = values(outcome.loss.clone())[0];
+        let grads = GradientsParams::from_grads(outcome.loss.backward(), &avatar);
+        let mut collect = Collect {
+            grads: &grads,
+            path: Vec::new(),
+            found: BTreeMap::new(),
+        };
+        avatar.visit(&mut collect);
+        (loss, collect.found)
+    }
+}
+
+#[test]
+fn a_training_steps_loss_and_gradients_are_the_cpus() {
+    on_vulkan(LIMIT, |vulkan| {
+        let sitting = Sitting::new();
+        let (loss, ours) = sitting.gradients(&vulkan);
+        let (expected, reference) = sitting.gradients(&Device::flex());
+        println!("loss: {loss} for {expected}");
+        assert!((loss - expected).abs() < 1e-5 * expected.abs());
+        assert!(ours.keys().eq(reference.keys()));
+        for (path, reference) in &reference {
+            let ours = &ours[path];
+            if reference.iter().all(|g| *g == 0.0) {
+                assert!(ours.iter().all(|g| *g == 0.0), "{path}");
+                continue;
+            }
+            let error = relative_error(ours, reference);
+            println!("{path}: {error:e}");
+            assert!(error < 2e-3, "{path}: {error:e}");
+        }
+    });
+}
+
+#[test]
+fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
+    on_vulkan(LIMIT, |vulkan| {
+        let train = |device: &Device| {
+            let options = TrainOptions {
+                budget: Budget::Steps(3),
+                used_seconds: 0.0,
+                used_steps: 0,
+                seed: 11,
+                image_size: 0,
+                holdout_every: 3,
+            };
+            let mut trainer =
+                Trainer::new(config(), options, vec![person()], device).expect("starts");
+            for _ in 0..3 {
+                trainer.step().expect("a step");
+            }
+            trainer
+        };
+        let ours = train(&vulkan);
+        let reference = train(&Device::flex());
+        let (loss, expected) = (ours.progress().loss, reference.progress().loss);
+        println!("loss: {loss} for {expected}");
+        assert!((loss - expected).abs() < 1e-3 * expected.abs());
+        assert_eq!(ours.progress().skipped_steps, 0);
+
+        let dir = tempfile::tempdir().expect("a folder");
+        ours.save(dir.path()).expect("saves");
+        let view = RenderView {
+            slot: 0,
+            pose: SyntheticPerson::cast(1, 7)[0].motion(6)[0].clone(),
+            camera: SyntheticPerson::train_camera(2 * SIDE),
+            background: [0.1, 0.2, 0.3],
+        };
+        let render = |device: &Device| {
+            let renderer = Renderer::load(dir.path(), device).expect("loads");
+            renderer.render(&view).expect("renders")
+        };
+        let (ours, reference) = (render(&vulkan), render(&Device::flex()));
+        assert!(
+            reference.alpha.iter().any(|a| *a > 0.01),
+            "somebody is seen"
+        );
+        for (part, a, b) in [
+            ("rgb", &ours.rgb, &reference.rgb),
+            ("alpha", &ours.alpha, &reference.alpha),
+            ("depth", &ours.depth, &reference.depth),
+        ] {
+            let error = relative_error(a, b);
+            println!("{part}: {error:e}");
+            assert!(error < 1e-4, "{part}: {error:e}");
+        }
+    });
+}
