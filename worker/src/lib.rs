@@ -13,4 +13,4 @@ pub mod objects;
 mod retry;
 
 pub use agent::{Worker, WorkerConfig, WorkerError};
-pub use device::{PickedDevice, hint_without_gpu_support, pick};
+pub use device::{PickedDevice, hint_on_cpu, pick};

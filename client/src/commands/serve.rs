@@ -54,7 +54,7 @@ impl Serve {
         }
         if !self.no_worker {
             eprintln!("computing on {}", service.device());
-            if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+            if let Some(hint) = yoto_worker::hint_on_cpu() {
                 eprintln!("{hint}");
             }
         }

@@ -41,7 +41,7 @@ impl WorkerCommand {
             .await
             .context("finding a device")?;
         eprintln!("computing on {}", picked.info.adapter);
-        if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+        if let Some(hint) = yoto_worker::hint_on_cpu() {
             eprintln!("{hint}");
         }
         let config = WorkerConfig {

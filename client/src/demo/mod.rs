@@ -94,7 +94,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     .await
     .context("starting the embedded service")?;
     eprintln!("computing on {}", service.device());
-    if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+    if let Some(hint) = yoto_worker::hint_on_cpu() {
         eprintln!("{hint}");
     }
     let client = service.client();

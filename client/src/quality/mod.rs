@@ -79,7 +79,7 @@ pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
 fn pick_device() -> PickedDevice {
     let picked = yoto_worker::pick();
     eprintln!("computing on {}", picked.info.adapter);
-    if let Some(hint) = yoto_worker::hint_without_gpu_support() {
+    if let Some(hint) = yoto_worker::hint_on_cpu() {
         eprintln!("{hint}");
     }
     picked

@@ -1,14 +1,19 @@
-//! Telling the user of a CPU build that the machine has a GPU.
+//! Telling the user why the CPU computes.
 
 use std::{fs, path::Path};
 
-/// One line on how to build with GPU support, when this build has none and a GPU is visible.
-pub fn hint_without_gpu_support() -> Option<String> {
+/// One line where the CPU computes and somebody may have hoped for a GPU: how to build with GPU
+/// support, when this build has none and a GPU is visible; that none opens, when it has.
+pub fn hint_on_cpu() -> Option<String> {
     if cfg!(feature = "gpu") {
-        return None;
+        return (!super::pick().info.gpu).then(|| NO_GPU.to_owned());
     }
     hint(Path::new("/"))
 }
+
+/// Of a build with GPU support.
+const NO_GPU: &str = "no GPU with a Vulkan driver was found, so this build computes on the CPU \
+                      (Vulkan in software does not count)";
 
 fn hint(root: &Path) -> Option<String> {
     let vendor = gpu_vendor(root)?;

@@ -4,11 +4,11 @@
 //! replace, so it never counts. A build without GPU support says how to get it.
 
 mod cpu;
-mod hint;
 #[cfg(feature = "gpu")]
-mod vulkan;
+mod gpu;
+mod hint;
 
-pub use hint::hint_without_gpu_support;
+pub use hint::hint_on_cpu;
 
 use burn::tensor::Device;
 use std::sync::OnceLock;
@@ -33,7 +33,7 @@ pub fn pick() -> PickedDevice {
     PICKED
         .get_or_init(|| {
             #[cfg(feature = "gpu")]
-            if let Some(gpu) = vulkan::pick() {
+            if let Some(gpu) = gpu::pick() {
                 return gpu;
             }
             cpu::pick()
@@ -68,6 +68,12 @@ mod tests {
         );
         let machine = picked.machine();
         assert!(machine.device.starts_with(&machine.cpu) && machine.cores > 0);
+    }
+
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn a_gpu_build_that_finds_none_says_so() {
+        assert_eq!(hint_on_cpu().is_some(), !pick().info.gpu);
     }
 
     #[test]

@@ -68,7 +68,11 @@ pub trait AvatarOps: Backend {
     ) -> FloatTensor<Self>;
     /// Gradients of [`hash::encode`] to the table and, if `points_too`, the points; else an
     /// empty one in its place.
-    #[fusion(meta = |table, points, _, _, _| (table.clone(), points.clone()))]
+    #[fusion(meta = |table, points, _, _, points_too| {
+        let mut to_points = points.clone();
+        to_points.shape = hash::points_gradient_shape(&points.shape, *points_too);
+        (table.clone(), to_points)
+    })]
     fn hash_encode_backward(
         table: FloatTensor<Self>,
         points: FloatTensor<Self>,

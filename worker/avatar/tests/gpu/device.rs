@@ -26,7 +26,7 @@ fn tune_quickly() {
 /// The first Vulkan device: a GPU before a software one.
 fn find() -> Option<Device> {
     tune_quickly();
-    let found = Device::enumerate(DeviceType::Vulkan).into_vec();
+    let found = Device::enumerate(DeviceType::Wgpu).into_vec();
     let gpus: [fn(usize) -> DeviceKind; 3] = [
         DeviceKind::DiscreteGpu,
         DeviceKind::IntegratedGpu,
@@ -38,7 +38,7 @@ fn find() -> Option<Device> {
         .chain([DeviceKind::Cpu]);
     let kind = kinds
         .into_iter()
-        .find(|kind| found.contains(&Device::vulkan(kind.clone())))?;
+        .find(|kind| found.contains(&Device::wgpu(kind.clone())))?;
     let device = Device::wgpu_options()
         .graphics_api(WgpuBackend::Vulkan)
         .device_kind(kind)

@@ -2,7 +2,7 @@
 //! `cpu` does.
 
 use super::{OPAQUE, RaySamples};
-use crate::ops::cube::tensors::{each, empty, rows, upload};
+use crate::ops::cube::tensors::{each, empty, rows, upload, zeros};
 use burn::tensor::Shape;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
@@ -15,6 +15,9 @@ pub fn forward(
     samples: &RaySamples,
 ) -> CubeTensor {
     let (rgb, density, likelihood) = (rows(rgb), rows(density), rows(likelihood));
+    if samples.steps.is_empty() {
+        return zeros(&rgb, super::output_shape(samples));
+    }
     let output = empty(&rgb, super::output_shape(samples));
     let client = output.client.clone();
     if samples.rays() > 0 {
@@ -27,8 +30,7 @@ pub fn forward(
             density.into_buffer_arg(),
             likelihood.into_buffer_arg(),
             upload(&client, &starts(samples)),
-            upload(&client, &samples.steps),
-            upload(&client, &samples.depths),
+            upload(&client, &steps_and_depths(samples)),
             output.clone().into_buffer_arg(),
             samples.min_transmittance,
         );
@@ -51,7 +53,7 @@ pub fn backward(
     let to_density = empty(&rgb, Shape::new([n]));
     let to_likelihood = empty(&rgb, Shape::new([n]));
     let client = rgb.client.clone();
-    if samples.rays() > 0 {
+    if samples.rays() > 0 && n > 0 {
         let (count, dim) = each(&client, samples.rays());
         feel::launch(
             &client,
@@ -61,8 +63,7 @@ pub fn backward(
             density.into_buffer_arg(),
             likelihood.into_buffer_arg(),
             upload(&client, &starts(samples)),
-            upload(&client, &samples.steps),
-            upload(&client, &samples.depths),
+            upload(&client, &steps_and_depths(samples)),
             grad.into_buffer_arg(),
             to_rgb.clone().into_buffer_arg(),
             to_density.clone().into_buffer_arg(),
@@ -75,6 +76,12 @@ pub fn backward(
 
 fn starts(samples: &RaySamples) -> Vec<u32> {
     samples.starts.iter().map(|start| *start as u32).collect()
+}
+
+/// `[n, 2]` in one buffer: some drivers bind no more than ten.
+fn steps_and_depths(samples: &RaySamples) -> Vec<f32> {
+    let pairs = samples.steps.iter().zip(samples.depths.iter());
+    pairs.flat_map(|(step, depth)| [*step, *depth]).collect()
 }
 
 /// What a sample of opacity `alpha` lets through. In two sums: 1 + 1e-10 is 1 in f32.
@@ -90,8 +97,7 @@ fn see(
     density: &[f32],
     likelihood: &[f32],
     starts: &[u32],
-    steps: &[f32],
-    depths: &[f32],
+    lengths: &[f32],
     output: &mut [f32],
     min_transmittance: f32,
 ) {
@@ -108,13 +114,13 @@ fn see(
     let mut opacity = 0.0f32;
     let mut depth = 0.0f32;
     while i < end {
-        let alpha = (1.0 - f32::exp(-density[i] * steps[i])) * likelihood[i];
+        let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
         let weight = clear * alpha;
         red += weight * rgb[3 * i];
         green += weight * rgb[3 * i + 1];
         blue += weight * rgb[3 * i + 2];
         opacity += weight;
-        depth += weight * depths[i];
+        depth += weight * lengths[2 * i + 1];
         clear *= through(alpha);
         i += 1;
         if clear < min_transmittance {
@@ -135,8 +141,7 @@ fn feel(
     density: &[f32],
     likelihood: &[f32],
     starts: &[u32],
-    steps: &[f32],
-    depths: &[f32],
+    lengths: &[f32],
     grad: &[f32],
     to_rgb: &mut [f32],
     to_density: &mut [f32],
@@ -163,7 +168,7 @@ fn feel(
         to_density[i] = clear;
         if open {
             stop = i + 1;
-            let alpha = (1.0 - f32::exp(-density[i] * steps[i])) * likelihood[i];
+            let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
             clear *= through(alpha);
             if clear < min_transmittance {
                 open = false;
@@ -182,19 +187,19 @@ fn feel(
     for k in 0..stop - start {
         let i = stop - 1 - k;
         let before = to_density[i];
-        let left = f32::exp(-density[i] * steps[i]);
+        let left = f32::exp(-density[i] * lengths[2 * i]);
         let alpha = (1.0 - left) * likelihood[i];
         let value = red * rgb[3 * i]
             + green * rgb[3 * i + 1]
             + blue * rgb[3 * i + 2]
             + to_opacity
-            + to_depth * depths[i];
+            + to_depth * lengths[2 * i + 1];
         let to_alpha = before * (value - behind);
         let weight = before * alpha;
         to_rgb[3 * i] = red * weight;
         to_rgb[3 * i + 1] = green * weight;
         to_rgb[3 * i + 2] = blue * weight;
-        to_density[i] = to_alpha * likelihood[i] * steps[i] * left;
+        to_density[i] = to_alpha * likelihood[i] * lengths[2 * i] * left;
         to_likelihood[i] = to_alpha * (1.0 - left);
         behind = alpha * value + through(alpha) * behind;
     }

@@ -60,8 +60,9 @@ impl AvatarOps for CubeBackend {
         points: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         grid: hash::HashGrid,
+        points_too: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>) {
-        hash::cube::backward(table, points, grad, &grid)
+        hash::cube::backward(table, points, grad, &grid, points_too)
     }
 
     fn adam_update(

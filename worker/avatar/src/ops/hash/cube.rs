@@ -30,16 +30,21 @@ pub fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTe
     output
 }
 
-/// Gradients to the table (same shape) and the points `[N, 3]`, from `grad` `[N, L F]`.
+/// Gradients to the table (same shape) and, if `points_too`, the points `[N, 3]`, from `grad`
+/// `[N, L F]`.
 pub fn backward(
     table: CubeTensor,
     points: CubeTensor,
     grad: CubeTensor,
     grid: &HashGrid,
+    points_too: bool,
 ) -> (CubeTensor, CubeTensor) {
     let (table, points, grad) = (rows(table), rows(points), rows(grad));
     let to_table = zeros(&table, table.meta.shape().clone());
-    let to_points = empty(&points, points.meta.shape().clone());
+    let to_points = empty(
+        &points,
+        super::points_gradient_shape(points.meta.shape(), points_too),
+    );
     let client = points.client.clone();
     let n = points.meta.shape()[0];
     if n > 0 && !grid.levels.is_empty() {
@@ -56,19 +61,21 @@ pub fn backward(
             cube_of(grid),
             grid.features,
         );
-        let (count, dim) = each(&client, n);
-        slope::launch(
-            &client,
-            count,
-            dim,
-            table.into_buffer_arg(),
-            points.into_buffer_arg(),
-            grad.into_buffer_arg(),
-            upload(&client, &levels(grid)),
-            to_points.clone().into_buffer_arg(),
-            cube_of(grid),
-            grid.features,
-        );
+        if points_too {
+            let (count, dim) = each(&client, n);
+            slope::launch(
+                &client,
+                count,
+                dim,
+                table.into_buffer_arg(),
+                points.into_buffer_arg(),
+                grad.into_buffer_arg(),
+                upload(&client, &levels(grid)),
+                to_points.clone().into_buffer_arg(),
+                cube_of(grid),
+                grid.features,
+            );
+        }
     }
     (to_table, to_points)
 }

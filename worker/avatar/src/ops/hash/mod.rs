@@ -119,6 +119,15 @@ pub(super) fn output_shape(points: &burn::tensor::Shape, grid: &HashGrid) -> bur
     burn::tensor::Shape::new([points[0], grid.width()])
 }
 
+/// Of the gradient to `points` of this shape: without rows unless they are to have one.
+#[cfg(feature = "gpu")]
+pub(super) fn points_gradient_shape(
+    points: &burn::tensor::Shape,
+    points_too: bool,
+) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([if points_too { points[0] } else { 0 }, 3])
+}
+
 /// Features of points: `table` `[rows, F]`, `points` `[N, 3]` metres → `[N, L F]`, coarsest
 /// level first. A point outside the box takes the nearest inside. Gradients flow to both.
 pub fn encode(table: Tensor<2>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {

@@ -6,10 +6,10 @@ use yoto_proto::v1::WorkerDevice;
 
 /// The first real GPU that opens: discrete before integrated before virtual.
 pub(super) fn pick() -> Option<PickedDevice> {
-    let found = Device::enumerate(DeviceType::Vulkan).into_vec();
+    let found = Device::enumerate(DeviceType::Wgpu).into_vec();
     candidates(found.len())
         // Comparing needs no driver call, and software Vulkan is of kind `Cpu`: not among these.
-        .filter(|kind| found.contains(&Device::vulkan(kind.clone())))
+        .filter(|kind| found.contains(&Device::wgpu(kind.clone())))
         .find_map(open)
 }
 
