@@ -1,9 +1,13 @@
 //! The `cube` forms on a Vulkan device against the CPU: each operation, a whole training step,
 //! a frame. With the feature `gpu` alone.
 //!
-//! Any Vulkan device will do, a software one too, as nothing here is measured: SwiftShader,
-//! for example, by `VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json`. Without one the
-//! tests say so and pass, unless `YOTO_TEST_VULKAN=required`.
+//! Any Vulkan device will do, a software one too, as nothing here is measured: Debian's
+//! `mesa-vulkan-drivers`, by `VK_DRIVER_FILES=/usr/share/vulkan/icd.d/lvp_icd.x86_64.json`, or the
+//! SwiftShader in its `chromium`, by `VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json`.
+//! Without one the tests say so and pass, unless `YOTO_TEST_VULKAN=required`.
+//!
+//! The whole steps run with `-- --ignored`: Burn tries a dozen kernels for every new shape of a
+//! matrix product, and compiling those takes a software driver minutes.
 #![cfg(feature = "gpu")]
 
 mod compare;

@@ -1,11 +1,13 @@
 //! Each operation's `cube` form against its reference on the CPU, values and gradients: on
 //! points inside, at the border of and outside its box, and where gradients are exactly zero.
 
-use crate::compare::{Numbers, assert_close, values};
+use crate::compare::{Numbers, assert_close, relative_error, values};
 use crate::device::on_vulkan;
 use burn::tensor::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::f32::consts::PI;
+use yoto_avatar::field::encoding::frequencies;
 use yoto_avatar::ops::adam::{self, AdamRates};
 use yoto_avatar::ops::composite::{self, RaySamples};
 use yoto_avatar::ops::hash::{self, HashGrid};
@@ -267,5 +269,23 @@ fn of_nothing_comes_nothing() {
         let line = Tensor::<1>::zeros([0], &vulkan);
         let seen = composite::composite(none, line.clone(), line, &samples);
         assert_eq!(values(seen), [0.0; 15]);
+    });
+}
+
+/// Vulkan promises sine and cosine to 2⁻¹¹ between −π and π, and nothing further out: encodings
+/// in high bands are only as exact as the driver.
+#[test]
+fn encoded_points_are_as_exact_as_vulkan_promises() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let points = Numbers::drawn(&mut rng, [500, 3], -1.0, 1.0);
+        let encode =
+            |device: &Device, bands: usize| values(frequencies(points.on(device), bands, PI, None));
+        for bands in [1, 4, 10] {
+            let ours = encode(&vulkan, bands);
+            let error = relative_error(&ours, &encode(&Device::flex(), bands));
+            println!("{bands} bands: {error:e}");
+            assert!(error < 2e-3, "{bands} bands: {error:e}");
+        }
     });
 }

@@ -23,9 +23,9 @@ use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 
-/// Seconds a training step or a frame may take on a software driver, which compiles about a
-/// hundred kernels for it.
-const LIMIT: u64 = 400;
+/// Seconds a training step or a frame may take on a software driver, which compiles a dozen
+/// candidates for every shape of a matrix product in it.
+const LIMIT: u64 = 900;
 /// Side of the image, pixels.
 const SIDE: u32 = 16;
 
@@ -140,6 +140,7 @@ impl Sitting {
 }
 
 #[test]
+#[ignore = "tuning matrix products takes a software driver minutes"]
 fn a_training_steps_loss_and_gradients_are_the_cpus() {
     on_vulkan(LIMIT, |vulkan| {
         let sitting = Sitting::new();
@@ -148,6 +149,7 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
         println!("loss: {loss} for {expected}");
         assert!((loss - expected).abs() < 1e-5 * expected.abs());
         assert!(ours.keys().eq(reference.keys()));
+        let mut far = Vec::new();
         for (path, reference) in &reference {
             let ours = &ours[path];
             if reference.iter().all(|g| *g == 0.0) {
@@ -155,13 +157,18 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
                 continue;
             }
             let error = relative_error(ours, reference);
-            println!("{path}: {error:e}");
-            assert!(error < 2e-3, "{path}: {error:e}");
+            let largest = reference.iter().fold(0f32, |m, g| m.max(g.abs()));
+            println!("{path}: {error:e} of {largest:e}");
+            if error >= 2e-3 || error.is_nan() {
+                far.push(path);
+            }
         }
+        assert!(far.is_empty(), "too far from the CPU's: {far:?}");
     });
 }
 
 #[test]
+#[ignore = "tuning matrix products takes a software driver minutes"]
 fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
     on_vulkan(LIMIT, |vulkan| {
         let train = |device: &Device| {
