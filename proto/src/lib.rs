@@ -2,12 +2,13 @@
 //!
 //! [`v1`] is generated from `yoto/v1/*.proto`. Beside it stands only what both sides must
 //! agree on and no message can say: resource names, object keys, the pose track with its
-//! checks, the joints of SMPL by name, the checkpoint manifest, and the names of tiers, variants
-//! and evaluation protocols.
+//! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, and the names of
+//! tiers, variants and evaluation protocols.
 
 pub mod correction;
 pub mod keys;
 pub mod manifest;
+pub mod media_plan;
 pub mod names;
 pub mod pose_track;
 pub mod protocols;

@@ -1,0 +1,156 @@
+//! Archives become plain files.
+//!
+//! Entries are written under numbers, never under their own names, so that no name can lead
+//! outside; the names are only checked and kept in a list. What an archive declares is
+//! compared with the limits before a byte is unpacked, and what it delivers while it is.
+
+mod name;
+mod tar;
+mod zip;
+
+use crate::{Fault, Limits, MediaError, sniff};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Bytes that an archive may always unpack to, whatever its own size.
+const ALWAYS: u64 = 64 << 20;
+
+/// The files of a capture: path inside it to path on this disk.
+pub type Files = BTreeMap<String, PathBuf>;
+
+/// Unpacks archives into one folder, within limits that hold for all of them together.
+#[derive(Debug)]
+pub struct Unpacker<'a> {
+    limits: &'a Limits,
+    folder: &'a Path,
+    written: u64,
+    entries: usize,
+}
+
+impl<'a> Unpacker<'a> {
+    /// Unpacks into `folder`, which exists.
+    pub fn new(folder: &'a Path, limits: &'a Limits) -> Self {
+        Self {
+            limits,
+            folder,
+            written: 0,
+            entries: 0,
+        }
+    }
+
+    /// The entries of the archive at `path`, by their names in it.
+    ///
+    /// # Errors
+    /// A fault, with the entry's name as its field: not an archive, cut short, encrypted;
+    /// names that are not UTF-8, leave the archive, or stand twice; links and devices; more
+    /// entries or bytes than allowed.
+    pub fn unpack(&mut self, path: &Path) -> Result<Files, MediaError> {
+        let mut file = File::open(path).map_err(MediaError::io(path))?;
+        let size = file.metadata().map_err(MediaError::io(path))?.len();
+        let mut start = Vec::new();
+        (&mut file)
+            .take(sniff::PREFIX as u64)
+            .read_to_end(&mut start)
+            .map_err(MediaError::io(path))?;
+        if start.is_empty() {
+            return Err(Fault::new("EMPTY", "the file has no bytes").into());
+        }
+        let budget = (self.limits.unpacked_bytes - self.written).min(
+            size.saturating_mul(self.limits.unpacked_ratio)
+                .saturating_add(ALWAYS),
+        );
+        let mut sink = Sink {
+            unpacker: self,
+            files: Files::new(),
+            folded: BTreeMap::new(),
+            budget,
+        };
+        match sniff::kind(&start) {
+            sniff::Kind::Zip => zip::unpack(path, &mut sink)?,
+            sniff::Kind::Tar => tar::unpack(path, false, &mut sink)?,
+            sniff::Kind::Gzip => tar::unpack(path, true, &mut sink)?,
+            other => {
+                let message = format!("is {}; zip, tar and tar.gz are unpacked", other.name());
+                return Err(Fault::undecodable(message).into());
+            }
+        }
+        Ok(sink.files)
+    }
+}
+
+/// Where entries go, one after the other.
+struct Sink<'u, 'a> {
+    unpacker: &'u mut Unpacker<'a>,
+    files: Files,
+    /// Names in lower case, since some file systems don't tell cases apart.
+    folded: BTreeMap<String, ()>,
+    /// Bytes that this archive may still unpack to.
+    budget: u64,
+}
+
+impl Sink<'_, '_> {
+    /// Checks an entry before its content is looked at. `None` for what is to be passed over.
+    fn admit(&mut self, raw: &[u8], declared: u64) -> Result<Option<String>, Fault> {
+        self.unpacker.entries += 1;
+        if self.unpacker.entries > self.unpacker.limits.entries {
+            let message = format!("more than {} entries", self.unpacker.limits.entries);
+            return Err(Fault::new("TOO_LARGE", message));
+        }
+        let Some(name) = name::checked(raw)? else {
+            return Ok(None);
+        };
+        if self.folded.insert(name.to_lowercase(), ()).is_some() {
+            let message = "the archive has two entries of this name";
+            return Err(Fault::new("DUPLICATE", message).in_field(name));
+        }
+        if declared > self.budget {
+            return Err(self.bomb(name));
+        }
+        Ok(Some(name))
+    }
+
+    /// Writes an admitted entry.
+    fn write(&mut self, name: String, content: &mut dyn Read) -> Result<(), MediaError> {
+        let path = self
+            .unpacker
+            .folder
+            .join(format!("{:06}", self.unpacker.entries));
+        let mut file = File::create(&path).map_err(MediaError::io(&path))?;
+        let mut buffer = vec![0; 64 << 10];
+        loop {
+            let count = match content.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(count) => count,
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(error) => {
+                    let message = format!("can't be unpacked: {error}");
+                    return Err(Fault::undecodable(message).in_field(name).into());
+                }
+            };
+            let bytes = count as u64;
+            if bytes > self.budget {
+                return Err(self.bomb(name).into());
+            }
+            self.budget -= bytes;
+            self.unpacker.written += bytes;
+            file.write_all(&buffer[..count])
+                .map_err(MediaError::io(&path))?;
+        }
+        self.files.insert(name, path);
+        Ok(())
+    }
+
+    fn bomb(&self, name: String) -> Fault {
+        let message = format!(
+            "unpacks to more than allowed: {} bytes for all archives of a capture, and {} times \
+             the archive's own size beyond {ALWAYS}",
+            self.unpacker.limits.unpacked_bytes, self.unpacker.limits.unpacked_ratio
+        );
+        Fault::new("TOO_LARGE", message).in_field(name)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,104 @@
+//! A picture and its mask become what training reads: the person over black.
+
+use crate::Picture;
+use yoto_proto::media_plan::Background;
+
+/// A picture outside the mask is over black when no more than this share of its pixels is
+/// brighter than [`BLACK`].
+const BRIGHT_SHARE: f64 = 0.01;
+/// Brightest level that compression leaves of black.
+const BLACK: u8 = 16;
+
+/// What stands around the person, by looking where the mask is 0; `None` when it is 0 nowhere.
+pub fn background(picture: &Picture, mask: &[u8]) -> Option<Background> {
+    let (mut outside, mut bright) = (0usize, 0usize);
+    for (pixel, &coverage) in picture.rgb.chunks_exact(3).zip(mask) {
+        if coverage == 0 {
+            outside += 1;
+            bright += usize::from(pixel.iter().any(|&v| v > BLACK));
+        }
+    }
+    (outside > 0).then(|| {
+        if bright as f64 <= BRIGHT_SHARE * outside as f64 {
+            Background::Black
+        } else {
+            Background::Scene
+        }
+    })
+}
+
+/// `[height, width, 3]` premultiplied by `mask`.
+///
+/// Over black the picture is that already; only where it was compressed with losses it is
+/// held to what premultiplied colours can be, at most the coverage. Before a scene each pixel
+/// is multiplied by its coverage.
+pub fn over_black(picture: Picture, mask: &[u8], background: Background) -> Vec<u8> {
+    let mut rgb = picture.rgb;
+    let times = |value: u8, coverage: u8| {
+        let product = u32::from(value) * u32::from(coverage);
+        ((product + 127) / 255) as u8
+    };
+    if let Some(alpha) = &picture.alpha {
+        for (pixel, &alpha) in rgb.chunks_exact_mut(3).zip(alpha) {
+            pixel
+                .iter_mut()
+                .for_each(|value| *value = times(*value, alpha));
+        }
+        if alpha == mask {
+            return rgb;
+        }
+    }
+    for (pixel, &coverage) in rgb.chunks_exact_mut(3).zip(mask) {
+        for value in pixel {
+            match background {
+                Background::Scene => *value = times(*value, coverage),
+                Background::Black if picture.lossy => *value = (*value).min(coverage),
+                Background::Black => {}
+            }
+        }
+    }
+    rgb
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(rgb: Vec<u8>, alpha: Option<Vec<u8>>, lossy: bool) -> Picture {
+        Picture {
+            width: rgb.len() / 3,
+            height: 1,
+            rgb,
+            alpha,
+            lossy,
+        }
+    }
+
+    #[test]
+    fn black_and_scenes_are_told_apart() {
+        let mask = [255, 128, 0, 0];
+        let black = picture(
+            vec![200, 200, 200, 100, 100, 100, 3, 2, 1, 0, 9, 0],
+            None,
+            true,
+        );
+        assert_eq!(background(&black, &mask), Some(Background::Black));
+        let scene = picture(vec![90; 12], None, true);
+        assert_eq!(background(&scene, &mask), Some(Background::Scene));
+        assert_eq!(background(&scene, &[1; 4]), None);
+    }
+
+    #[test]
+    fn every_source_ends_premultiplied() {
+        let mask = [255, 128, 0];
+        let rgb = vec![200, 100, 50, 200, 100, 50, 9, 9, 9];
+        let scene = over_black(picture(rgb.clone(), None, true), &mask, Background::Scene);
+        assert_eq!(scene, [200, 100, 50, 100, 50, 25, 0, 0, 0]);
+        let clamped = over_black(picture(rgb.clone(), None, true), &mask, Background::Black);
+        assert_eq!(clamped, [200, 100, 50, 128, 100, 50, 0, 0, 0]);
+        let exact = over_black(picture(rgb.clone(), None, false), &mask, Background::Black);
+        assert_eq!(exact, rgb);
+        let cut_out = picture(rgb, Some(mask.to_vec()), false);
+        assert_eq!(over_black(cut_out, &mask, Background::Scene), scene);
+    }
+}

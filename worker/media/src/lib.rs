@@ -1,0 +1,30 @@
+//! What users upload becomes pictures here: stills, videos, archives, masks.
+//!
+//! ```text
+//! archive ─► files on disk ─► sniff ─► still ┐
+//!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
+//! ```
+//!
+//! No network, no tensors, no async. Every byte is taken for hostile: sizes are compared
+//! with [`Limits`] before anything is allocated, and what is wrong is a [`Fault`] with a code
+//! and a sentence, to which the caller adds file and frame. Memory and time as such are
+//! bounded from outside: the service runs this code in a child process.
+
+pub mod archive;
+pub mod compose;
+mod fault;
+pub mod lens;
+mod limits;
+pub mod mask;
+mod picture;
+pub mod sniff;
+pub mod source;
+mod still;
+mod turn;
+pub mod video;
+
+pub use fault::{Fault, MediaError};
+pub use limits::Limits;
+pub use picture::Picture;
+pub use still::{decode_still, still_size};
+pub use turn::Turn;

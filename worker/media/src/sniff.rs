@@ -1,0 +1,112 @@
+//! What a file is, by its first bytes: names lie.
+
+/// Kinds of file that are told apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// PNG.
+    Png,
+    /// JPEG.
+    Jpeg,
+    /// WebP.
+    WebP,
+    /// MP4, MOV and their kin.
+    Mp4,
+    /// Matroska or WebM.
+    Matroska,
+    /// AVI.
+    Avi,
+    /// MPEG transport or programme stream.
+    Mpeg,
+    /// Zip.
+    Zip,
+    /// Tar.
+    Tar,
+    /// A gzipped file, which is taken for a tar.
+    Gzip,
+    /// HDF5 and NumPy's formats, which belong to an import, not to an upload.
+    Array,
+    /// Nothing known.
+    Unknown,
+}
+
+/// Bytes that [`kind`] wants to see.
+pub const PREFIX: usize = 512;
+
+/// The kind of a file that starts with `bytes`.
+pub fn kind(bytes: &[u8]) -> Kind {
+    let at = |from: usize, magic: &[u8]| {
+        bytes
+            .get(from..from + magic.len())
+            .is_some_and(|found| found == magic)
+    };
+    if at(0, b"\x89PNG\r\n\x1a\n") {
+        Kind::Png
+    } else if at(0, b"\xff\xd8\xff") {
+        Kind::Jpeg
+    } else if at(0, b"RIFF") && at(8, b"WEBP") {
+        Kind::WebP
+    } else if at(0, b"RIFF") && at(8, b"AVI ") {
+        Kind::Avi
+    } else if at(0, b"\x1a\x45\xdf\xa3") {
+        Kind::Matroska
+    } else if at(0, b"\0\0\x01\xba") || (at(0, b"\x47") && at(188, b"\x47")) {
+        Kind::Mpeg
+    } else if [&b"ftyp"[..], b"moov", b"mdat", b"wide", b"free", b"skip"]
+        .iter()
+        .any(|name| at(4, name))
+    {
+        Kind::Mp4
+    } else if at(0, b"PK\x03\x04") || at(0, b"PK\x05\x06") {
+        Kind::Zip
+    } else if at(257, b"ustar") {
+        Kind::Tar
+    } else if at(0, b"\x1f\x8b") {
+        Kind::Gzip
+    } else if at(0, b"\x89HDF") || at(0, b"\x93NUMPY") {
+        Kind::Array
+    } else {
+        Kind::Unknown
+    }
+}
+
+impl Kind {
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Png => "a PNG picture",
+            Self::Jpeg => "a JPEG picture",
+            Self::WebP => "a WebP picture",
+            Self::Mp4 => "an MP4 or MOV video",
+            Self::Matroska => "a Matroska or WebM video",
+            Self::Avi => "an AVI video",
+            Self::Mpeg => "an MPEG video",
+            Self::Zip => "a zip archive",
+            Self::Tar => "a tar archive",
+            Self::Gzip => "a gzipped file",
+            Self::Array => "an HDF5 or NumPy file",
+            Self::Unknown => "of no known format",
+        }
+    }
+
+    /// Whether it holds one picture.
+    pub fn is_still(self) -> bool {
+        matches!(self, Self::Png | Self::Jpeg | Self::WebP)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_told_by_content_and_short_files_are_unknown() {
+        assert_eq!(kind(b"\x89PNG\r\n\x1a\n...."), Kind::Png);
+        assert_eq!(kind(b"\0\0\0\x20ftypisom"), Kind::Mp4);
+        assert_eq!(kind(b"RIFF\0\0\0\0AVI LIST"), Kind::Avi);
+        assert_eq!(kind(b"RIFF\0\0\0\0WEBPVP8 "), Kind::WebP);
+        assert_eq!(kind(b"PK\x03\x04"), Kind::Zip);
+        for short in [&b""[..], b"\x89PN", b"RIFF", b"no picture at all"] {
+            assert_eq!(kind(short), Kind::Unknown);
+        }
+    }
+}

