@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use yoto_server::{
     Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, in_memory,
 };
-use yoto_worker::{PickedDevice, Worker, WorkerConfig, WorkerError};
+use yoto_worker::{IngestSettings, PickedDevice, Worker, WorkerConfig, WorkerError};
 
 /// How long the worker may take to save and hand back its job.
 const WORKER_DRAIN: Duration = Duration::from_secs(10);
@@ -35,6 +35,9 @@ pub struct EmbeddedOptions {
     pub listen: Option<SocketAddr>,
     /// Whether to run jobs here, too.
     pub worker: bool,
+    /// How the worker reads uploads. By default it starts this program again, which must call
+    /// [`yoto_worker::become_ingest_child_if_asked`] first of all.
+    pub ingest: IngestSettings,
 }
 
 /// Why the embedded service can't start or go on.
@@ -136,6 +139,7 @@ impl Embedded {
                 // Asking costs nothing in one's own process.
                 idle_poll_seconds: 0.25,
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
+                ingest: options.ingest,
                 ..WorkerConfig::default()
             };
             let worker = Worker::new(embedded.connector.channel(), &objects, picked, config)?;
@@ -293,6 +297,7 @@ mod tests {
             data,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
             worker: true,
+            ingest: IngestSettings::default(),
         }
     }
 

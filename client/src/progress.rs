@@ -1,7 +1,10 @@
-//! Showing how a job gets on: a live bar on a terminal, a plain line every few seconds
+//! Showing how a job or an upload gets on: a live bar on a terminal, a plain line every few seconds
 //! anywhere else, always on stderr, so that stdout stays for results.
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+mod rate;
+
+use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use yoto_proto::v1::{Job, Progress, job};
@@ -17,6 +20,7 @@ pub struct ProgressDisplay {
     label: String,
     bar: Option<ProgressBar>,
     last_line: Instant,
+    rate: Rate,
 }
 
 impl ProgressDisplay {
@@ -39,6 +43,7 @@ impl ProgressDisplay {
             label,
             bar,
             last_line: Instant::now(),
+            rate: Rate::new(Instant::now()),
         }
     }
 
@@ -66,27 +71,34 @@ impl ProgressDisplay {
         self.show(progress.fraction, &describe(progress));
     }
 
-    /// Shows bytes sent of bytes in all.
+    /// Shows bytes sent of bytes in all, how fast they go, and how long the rest will take.
     pub fn bytes(&mut self, sent: u64, of: u64) {
         let fraction = if of == 0 {
             1.0
         } else {
             sent as f64 / of as f64
         };
-        self.show(
-            fraction,
-            &format!(
-                "uploading {:.1} of {:.1} MB",
-                sent as f64 / 1e6,
-                of as f64 / 1e6
-            ),
-        );
+        self.rate.at(Instant::now(), sent);
+        self.show(fraction, &describe_bytes(sent, of, self.rate.a_second()));
     }
 
     /// Shows frames written of frames in all, and their bytes.
     pub fn frames(&mut self, done: usize, of: usize, bytes: u64) {
         let text = format!("frame {done} of {of}, {:.1} MB", bytes as f64 / 1e6);
         self.show(done as f64 / of.max(1) as f64, &text);
+    }
+
+    /// Shows how many of `of` pieces, each a `what`, are done.
+    pub fn count(&mut self, what: &str, done: usize, of: usize) {
+        let text = format!("{what} {done} of {of}");
+        self.show(done as f64 / of.max(1) as f64, &text);
+    }
+
+    /// Takes the bar away.
+    pub fn clear(self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
     }
 
     /// Takes the bar away and leaves one line that says how it ended.
@@ -142,6 +154,16 @@ pub fn describe(progress: &Progress) -> String {
     parts.join(" · ")
 }
 
+/// One line: bytes, rate, time left; the last two once they are known.
+fn describe_bytes(sent: u64, of: u64, a_second: Option<f64>) -> String {
+    let mut text = format!("uploading {} of {}", DecimalBytes(sent), DecimalBytes(of));
+    if let Some(rate) = a_second.filter(|rate| *rate > 0.0) {
+        let left = duration(of.saturating_sub(sent) as f64 / rate);
+        text += &format!(" · {}/s · {left} left", DecimalBytes(rate as u64));
+    }
+    text
+}
+
 /// `0:07`, `12:34`, `1:02:03`.
 pub fn duration(seconds: f64) -> String {
     let seconds = seconds.max(0.0).round() as u64;
@@ -173,6 +195,19 @@ mod tests {
         assert_eq!(
             describe(&progress),
             "training · step 120/400 · 9.3 steps/s · loss 0.01230 · held-out 24.12 dB · 1:23 left"
+        );
+    }
+
+    #[test]
+    fn an_upload_tells_bytes_rate_and_time_left() {
+        assert_eq!(
+            describe_bytes(0, 4_000_000, None),
+            "uploading 0 B of 4.00 MB"
+        );
+        let text = describe_bytes(1_000_000, 4_000_000, Some(500_000.0));
+        assert_eq!(
+            text,
+            "uploading 1.00 MB of 4.00 MB · 500.00 kB/s · 0:06 left"
         );
     }
 

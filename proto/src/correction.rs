@@ -8,20 +8,24 @@ mod rotation;
 
 use crate::pose_track::{Frame, PoseTrack, Skeleton};
 use rotation::{turned, turned_about_x};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Which way a file's extrinsics go.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Extrinsics {
     /// World to camera: what a pose track means.
     #[default]
+    #[serde(rename = "w2c")]
     WorldToCamera,
     /// Camera to world: the camera's own pose, as renderers and NeRF files keep it.
+    #[serde(rename = "c2w")]
     CameraToWorld,
 }
 
 /// Which axes a file's cameras have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum CameraAxes {
     /// x right, y down, z forward: what a pose track means.
     #[default]
@@ -31,14 +35,17 @@ pub enum CameraAxes {
 }
 
 /// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Unit {
     /// What a pose track means.
     #[default]
+    #[serde(rename = "m")]
     Metre,
     /// A hundredth.
+    #[serde(rename = "cm")]
     Centimetre,
     /// A thousandth.
+    #[serde(rename = "mm")]
     Millimetre,
 }
 
@@ -63,7 +70,8 @@ impl Unit {
 }
 
 /// In which unit each kind of length stands; files mix them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Units {
     /// The translation in each frame's extrinsics.
     pub camera: Unit,
@@ -85,7 +93,8 @@ impl Units {
 }
 
 /// What is the wrong way round, left for right.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Mirror {
     /// Nothing.
     #[default]
@@ -103,7 +112,8 @@ pub enum Mirror {
 }
 
 /// How the numbers of a pose track are to be read. The default changes nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Correction {
     /// Which way its extrinsics go.
     pub extrinsics: Extrinsics,

@@ -5,6 +5,13 @@
 //! same for the client that uploads them and the worker that reads them. What names can't say
 //! stands in [`FILE`].
 
+mod planned;
+
+pub use planned::Planned;
+
+use crate::correction::Correction;
+use crate::pose_track::violation;
+use crate::v1::Violation;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -27,10 +34,11 @@ pub const VIDEO_ENDINGS: [&str; 10] = [
 pub const ARCHIVE_ENDINGS: [&str; 4] = [".zip", ".tar", ".tar.gz", ".tgz"];
 
 /// `media.json`.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MediaPlan {
-    /// A folder of pictures or a video; by default `frames/`, else `video.*`.
+    /// A folder of pictures or a video, whose ending may be left out; by default `frames/`, else
+    /// `video.*`.
     pub images: Option<String>,
     /// What says where the person is; by default `masks/`, else `masks.*` (a video), else
     /// `background.*` (a plate), else the pictures' alpha channel.
@@ -43,6 +51,27 @@ pub struct MediaPlan {
     pub timing: Timing,
     /// Which pose frames count.
     pub selection: Selection,
+    /// How the pose track's numbers are to be read, and which masks belong to which frames.
+    pub correction: Correction,
+}
+
+impl MediaPlan {
+    /// The plan with what it leaves unsaid taken from `own`, what the capture says itself.
+    #[must_use]
+    pub fn over(self, own: Self) -> Self {
+        fn or<T: Default + PartialEq>(said: T, own: T) -> T {
+            if said == T::default() { own } else { said }
+        }
+        Self {
+            images: self.images.or(own.images),
+            masks: self.masks.or(own.masks),
+            mask_kind: or(self.mask_kind, own.mask_kind),
+            background: or(self.background, own.background),
+            timing: or(self.timing, own.timing),
+            selection: or(self.selection, own.selection),
+            correction: or(self.correction, own.correction),
+        }
+    }
 }
 
 /// What says where the person is.
@@ -64,6 +93,8 @@ pub enum MaskKind {
     /// 0 outside, 255 inside, between on the edge.
     #[default]
     Coverage,
+    /// 255 outside, 0 inside, between on the edge.
+    Inverted,
     /// 0 outside, any other number inside.
     Labels,
 }
@@ -177,9 +208,30 @@ impl Sources {
     pub fn find<'a>(
         plan: &MediaPlan,
         paths: impl Iterator<Item = &'a str> + Clone,
+    ) -> Result<Self, Violation> {
+        let sources = Self::look(plan, paths)
+            .map_err(|(field, message)| violation("MISSING", FILE, None, field, message))?;
+        let said = [
+            ("correction.mask_shift", plan.correction.mask_shift != 0),
+            ("mask_kind", plan.mask_kind != MaskKind::default()),
+        ];
+        match said.into_iter().find(|(_, said)| *said) {
+            Some((field, _)) if sources.mask_pictures().is_none() => {
+                let message = "is about pictures of masks, and this capture has none: the person \
+                               is told by the alpha channel or the clean background";
+                Err(violation("INVALID", FILE, None, field, message))
+            }
+            _ => Ok(sources),
+        }
+    }
+
+    fn look<'a>(
+        plan: &MediaPlan,
+        paths: impl Iterator<Item = &'a str> + Clone,
     ) -> Result<Self, (&'static str, String)> {
         let images = match &plan.images {
             Some(path) => pictures(path, paths.clone())
+                .or_else(|| stem(paths.clone(), path, &VIDEO_ENDINGS).map(Pictures::Video))
                 .ok_or_else(|| ("images", format!("there is nothing at '{path}'")))?,
             None => pictures("frames", paths.clone())
                 .or_else(|| stem(paths.clone(), "video", &VIDEO_ENDINGS).map(Pictures::Video))
@@ -274,7 +326,7 @@ pub fn index_in_name(path: &str) -> Option<u32> {
 mod tests {
     use super::*;
 
-    fn find(plan: &MediaPlan, paths: &[&str]) -> Result<Sources, (&'static str, String)> {
+    fn find(plan: &MediaPlan, paths: &[&str]) -> Result<Sources, Violation> {
         Sources::find(plan, paths.iter().copied())
     }
 
@@ -300,8 +352,8 @@ mod tests {
         assert_eq!(found.masks, MaskSource::Plate("background.jpg".into()));
         let found = find(&plan, &["frames/a1.webp"]).expect("found");
         assert_eq!(found.masks, MaskSource::Alpha);
-        let (field, _) = find(&plan, &["poses.json", "masks/1.png"]).expect_err("no images");
-        assert_eq!(field, "images");
+        let fault = find(&plan, &["poses.json", "masks/1.png"]).expect_err("no images");
+        assert_eq!(fault.field, "images");
     }
 
     #[test]
@@ -319,8 +371,27 @@ mod tests {
         let paths = ["frames/1.png", "video.mp4", "clean.png"];
         let found = find(&plan, &paths).expect("found");
         assert_eq!(found.images, Pictures::Video("video.mp4".into()));
-        assert_eq!(find(&plan, &paths[..1]).expect_err("missing").0, "images");
-        assert_eq!(find(&plan, &paths[..2]).expect_err("missing").0, "masks");
+        let stem = MediaPlan {
+            images: Some("video".into()),
+            ..plan.clone()
+        };
+        let found = find(&stem, &paths).expect("found");
+        assert_eq!(found.images, Pictures::Video("video.mp4".into()));
+        let field = |paths| find(&plan, paths).expect_err("missing").field;
+        assert_eq!(field(&paths[..1]), "images");
+        assert_eq!(field(&paths[..2]), "masks");
+        let shifted = MediaPlan {
+            correction: Correction {
+                mask_shift: 1,
+                ..Correction::default()
+            },
+            ..plan.clone()
+        };
+        let fault = find(&shifted, &paths).expect_err("a plate has no other frames");
+        assert_eq!(
+            (fault.code.as_str(), fault.field.as_str()),
+            ("INVALID", "correction.mask_shift")
+        );
         let unknown = serde_json::from_str::<MediaPlan>(r#"{"frame_rate": 3}"#);
         assert!(unknown.is_err(), "a misspelt field is said, not ignored");
     }

@@ -32,7 +32,7 @@ pub struct ServerConfig {
 /// Limits of one uploaded capture; they hold before anything is decoded.
 #[derive(Debug, Clone)]
 pub struct UploadLimits {
-    /// Bytes of one file, which is held in memory until its checksum is known.
+    /// Bytes of one file.
     pub file_bytes: u64,
     /// Bytes of all files.
     pub capture_bytes: u64,
@@ -54,7 +54,7 @@ impl ServerConfig {
             watch_poll: Duration::from_millis(250),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {
-                file_bytes: 64 << 20,
+                file_bytes: 8 << 30,
                 capture_bytes: 8 << 30,
                 files: 200_000,
                 idle: Duration::from_secs(60),

@@ -27,6 +27,7 @@ async fn a_worker_may_only_name_objects_of_its_own_lease() {
     let lease = service.lease(&worker).await.expect("the ingest job waits");
     let result = |shard| {
         let result = IngestResult {
+            notes: Vec::new(),
             shard: Some(shard),
             frames: 1,
             width: 1,

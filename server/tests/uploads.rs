@@ -273,3 +273,71 @@ async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
     assert_eq!(healed.state(), subject::State::Ready);
     assert_eq!(healed.captures, [first, second]);
 }
+
+#[tokio::test]
+async fn a_file_larger_than_memory_holds_is_stored_whole_or_not_at_all() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let large: Vec<u8> = (0..(9usize << 20)).map(|i| (i / 7 % 251) as u8).collect();
+    let poses = || file("poses.json", b"{}");
+    let good = service
+        .upload(&subject.name, vec![file("video.mp4", &large), poses()])
+        .await
+        .expect("is taken");
+    let capture = good.capture.expect("has one").name;
+    let root = service
+        .coordinator
+        .objects_url()
+        .to_file_path()
+        .expect("a local store");
+    let key = keys::upload(id(&capture), "video.mp4");
+    assert_eq!(std::fs::read(root.join(key)).expect("is stored"), large);
+    let before = service.stored_files();
+
+    let mut wrong = file("video.mp4", &large);
+    wrong.sha256 = yoto_proto::sha256_hex(b"other bytes");
+    let answer = service.upload(&subject.name, vec![wrong, poses()]).await;
+    assert_invalid(answer, "file.sha256");
+    let mut cut = parts(&subject.name, vec![file("video.mp4", &large)]);
+    cut.pop();
+    let answer = service.subjects().upload_capture(stream::iter(cut)).await;
+    assert_invalid(answer, "chunk");
+    assert_eq!(service.stored_files(), before);
+}
+
+#[tokio::test]
+async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_nothing() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let capture = service
+        .upload_good(&subject.name)
+        .await
+        .capture
+        .expect("has one")
+        .name;
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    let request = FailJobRequest {
+        job: support::job_name(&lease),
+        token: lease.token,
+        requeue: true,
+        error: Some(JobError {
+            code: "OBJECTS".into(),
+            message: "the store is out of reach".into(),
+            ..JobError::default()
+        }),
+        ..FailJobRequest::default()
+    };
+    let answer = service.workers().fail_job(request).await;
+    answer.expect("is recorded");
+    let job = service.get_job(&support::job_name(&lease)).await;
+    assert_eq!((job.state(), job.error), (job::State::Queued, None));
+    let waiting = service.get_capture(&capture).await;
+    assert_eq!(waiting.state(), capture::State::Ingesting);
+    assert_eq!(service.lease(&worker).await, None, "not at once");
+    let again = eventually("the next try", || service.lease(&worker)).await;
+    assert_eq!(again.token, lease.token + 1);
+    service.complete_ingest(&again).await;
+    let done = service.get_capture(&capture).await;
+    assert_eq!(done.state(), capture::State::Ready);
+}

@@ -46,6 +46,11 @@ impl Process {
         })
     }
 
+    /// Its process id.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Waits for a line that holds `needle`, and returns it.
     ///
     /// # Errors

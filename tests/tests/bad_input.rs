@@ -2,62 +2,16 @@
 //! the service lives on.
 
 use anyhow::Context;
-use std::path::Path;
 use yoto_avatar::synthetic::SyntheticPerson;
-use yoto_client::api::{FileSource, UploadFile, YotoClient};
-use yoto_proto::pose_track::describe;
+use yoto_client::api::{FileSource, YotoClient};
 use yoto_proto::v1::job::State;
-use yoto_proto::v1::{Job, capture, subject};
+use yoto_proto::v1::subject;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::upload::{Ingested, files, ingest};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const FRAMES: usize = 4;
-
-/// All files of a capture folder, read as they are: the client's own checks are passed by.
-fn files(dir: &Path) -> anyhow::Result<Vec<UploadFile>> {
-    let mut files = Vec::new();
-    for folder in ["frames", "masks"] {
-        for index in 0..FRAMES {
-            let path = format!("{folder}/{index:06}.png");
-            let source = FileSource::Memory(std::fs::read(dir.join(&path))?);
-            files.push(UploadFile { path, source });
-        }
-    }
-    let source = FileSource::Memory(std::fs::read(dir.join("poses.json"))?);
-    files.push(UploadFile {
-        path: "poses.json".into(),
-        source,
-    });
-    Ok(files)
-}
-
-/// Uploads behind the client's back and waits for the ingest to end.
-async fn ingest(
-    client: &YotoClient,
-    name: &str,
-    files: Vec<UploadFile>,
-) -> anyhow::Result<(String, Job, Vec<String>)> {
-    let subject = client.create_subject(name, "made up").await?.name;
-    let uploaded = client.upload_capture(&subject, files, |_| {}).await?;
-    let mut watch = client.watch_job(&uploaded.ingest_job);
-    let mut last = None;
-    while let Some(job) = watch.next().await? {
-        last = Some(job);
-    }
-    let capture = client
-        .get_capture(&uploaded.capture.context("a capture")?.name)
-        .await?;
-    let rejected = capture.state() == capture::State::Rejected;
-    let said = capture.violations.iter().map(describe).collect();
-    let job = last.context("the ingest was watched to its end")?;
-    assert_eq!(
-        rejected,
-        job.state() == State::Failed,
-        "capture and job agree"
-    );
-    Ok((subject, job, said))
-}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_corrupt_pose_track_or_mask_is_rejected_by_name_and_the_service_lives_on()
@@ -74,7 +28,9 @@ async fn a_corrupt_pose_track_or_mask_is_rejected_by_name_and_the_service_lives_
     json["frames"][2]["pose"][41] = serde_json::json!(1e30);
     let last = poses.last_mut().context("the pose track")?;
     last.source = FileSource::Memory(serde_json::to_vec(&json)?);
-    let (subject, job, said) = ingest(&client, "poses", poses).await?;
+    let Ingested {
+        subject, job, said, ..
+    } = ingest(&client, "poses", poses).await?;
     assert!(
         said.iter()
             .any(|line| line.starts_with("poses.json frame 2: pose[41]: ")),
@@ -92,7 +48,7 @@ async fn a_corrupt_pose_track_or_mask_is_rejected_by_name_and_the_service_lives_
     if let FileSource::Memory(bytes) = &mut mask.source {
         bytes.truncate(bytes.len() / 2);
     }
-    let (_, _, said) = ingest(&client, "masks", masks).await?;
+    let said = ingest(&client, "masks", masks).await?.said;
     assert!(
         said.iter()
             .any(|line| line.starts_with("masks/000003.png frame 3: ")),
@@ -101,14 +57,16 @@ async fn a_corrupt_pose_track_or_mask_is_rejected_by_name_and_the_service_lives_
 
     let mut gap = files(&good)?;
     gap.retain(|file| file.path != "frames/000001.png");
-    let (_, _, said) = ingest(&client, "gap", gap).await?;
+    let said = ingest(&client, "gap", gap).await?.said;
     assert!(
         said.iter()
             .any(|line| line.starts_with("frames/000001.png frame 1: ")),
         "{said:?}"
     );
 
-    let (subject, job, said) = ingest(&client, "good", files(&good)?).await?;
+    let Ingested {
+        subject, job, said, ..
+    } = ingest(&client, "good", files(&good)?).await?;
     assert_eq!((job.state(), said.len()), (State::Succeeded, 0), "{said:?}");
     assert_eq!(
         client.get_subject(&subject).await?.state(),

@@ -3,7 +3,8 @@
 //! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] do the work on a thread
 //! of their own and never touch the network except through their
 //! [`JobContext`](jobs::JobContext); [`device`] finds what this machine computes on;
-//! [`media`] encodes pictures; [`objects`] reads and writes the object store.
+//! [`media`] encodes pictures (what users upload is decoded by `yoto_media`, in a child
+//! process that [`jobs::ingest`] starts); [`objects`] reads and writes the object store.
 
 pub mod agent;
 pub mod device;
@@ -14,3 +15,4 @@ mod retry;
 
 pub use agent::{Worker, WorkerConfig, WorkerError};
 pub use device::{PickedDevice, hint_on_cpu, pick};
+pub use jobs::ingest::{IngestSettings, LocalCapture, ReadFailure, become_ingest_child_if_asked};

@@ -5,11 +5,14 @@
 
 use crate::retry::Backoff;
 use bytes::Bytes;
+use futures::StreamExt;
 use object_store::{
     ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path, prefix::PrefixStore,
 };
+use sha2::{Digest, Sha256};
 use std::{future::Future, sync::Arc, time::Duration};
 use thiserror::Error;
+use tokio::io::AsyncWriteExt;
 use url::Url;
 use yoto_proto::{sha256_hex, v1::ObjectRef};
 
@@ -65,6 +68,14 @@ pub enum ObjectsError {
         found_bytes: u64,
         /// Checksum it has.
         found: String,
+    },
+    /// This machine's disk failed.
+    #[error("{}", path.display())]
+    Disk {
+        /// What was written.
+        path: std::path::PathBuf,
+        /// Why it could not be.
+        source: std::io::Error,
     },
     /// The key is not one.
     #[error("'{key}' is not an object key")]
@@ -136,6 +147,61 @@ impl Objects {
             });
         }
         Ok(bytes)
+    }
+
+    /// Copies `object` into the file at `to`, and checks its size and SHA-256 on the way, so
+    /// that an object larger than memory can be read.
+    ///
+    /// # Errors
+    /// As [`Objects::get`]; [`ObjectsError::Disk`] when the file can't be written.
+    pub async fn get_to_file(
+        &self,
+        object: &ObjectRef,
+        to: &std::path::Path,
+    ) -> Result<(), ObjectsError> {
+        let key = &object.key;
+        let from = path(key)?;
+        let copied = self.attempt(key, || self.copy(&from, to)).await?;
+        let (found_bytes, found) = copied.map_err(|source| ObjectsError::Disk {
+            path: to.to_owned(),
+            source,
+        })?;
+        if found != object.sha256 || found_bytes != object.bytes {
+            return Err(ObjectsError::Altered {
+                key: key.clone(),
+                expected_bytes: object.bytes,
+                expected: object.sha256.clone(),
+                found_bytes,
+                found,
+            });
+        }
+        Ok(())
+    }
+
+    /// One try: bytes and SHA-256 of what was copied; the inner error is the disk's.
+    async fn copy(
+        &self,
+        from: &Path,
+        to: &std::path::Path,
+    ) -> object_store::Result<std::io::Result<(u64, String)>> {
+        let mut stream = self.store.get(from).await?.into_stream();
+        let mut file = match tokio::fs::File::create(to).await {
+            Ok(file) => file,
+            Err(error) => return Ok(Err(error)),
+        };
+        let (mut bytes, mut hash) = (0, Sha256::new());
+        while let Some(chunk) = stream.next().await {
+            let chunk = chunk?;
+            bytes += chunk.len() as u64;
+            hash.update(&chunk);
+            if let Err(error) = file.write_all(&chunk).await {
+                return Ok(Err(error));
+            }
+        }
+        Ok(file
+            .flush()
+            .await
+            .map(|()| (bytes, yoto_proto::hex(&hash.finalize()))))
     }
 
     /// Writes `bytes` at `key`, whole or not at all.

@@ -1,19 +1,24 @@
-//! Checking a capture folder before it is uploaded, and showing what was found.
+//! Checking a capture before it is uploaded, and showing what was found.
+//!
+//! Its files are found as for an upload and read as an ingest job reads them, videos, archives
+//! and all, so that both come to the same report.
 
 mod canvas;
 mod sheet;
 mod text;
 mod tiles;
 
-use crate::api::{FileSource, UploadFile};
-use crate::capture_dir::CaptureDir;
+use crate::api::FileSource;
+use crate::capture_dir::{CaptureDir, CaptureOptions};
+use crate::progress::ProgressDisplay;
 use anyhow::Context;
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 use yoto_avatar::capture::FrameImage;
 use yoto_avatar::capture::check::{Checker, Grade, Report};
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_worker::LocalCapture;
 
 /// A checked capture.
 pub struct Checked {
@@ -21,34 +26,49 @@ pub struct Checked {
     pub report: Report,
     name: String,
     asked: Correction,
-    track: PoseTrack,
-    files: HashMap<String, PathBuf>,
+    capture: LocalCapture,
 }
 
-/// Checks the capture folder `dir`, its numbers read as `correction` says.
+/// Checks the capture at `path`, a folder or an archive, read as `options` say.
 ///
 /// # Errors
 /// A capture that can't be read; each fault names file, frame and field.
-pub fn check(dir: &Path, correction: &Correction) -> anyhow::Result<Checked> {
-    let capture = CaptureDir::open_corrected(dir, correction)?;
-    let on_disk = |file: UploadFile| match file.source {
-        FileSource::Disk(path) => Some((file.path, path)),
-        FileSource::Memory(_) => None,
-    };
-    let mut checker = Checker::new(capture.track.clone())?;
-    let name = dir.file_name().unwrap_or(dir.as_os_str());
-    let mut checked = Checked {
-        name: name.to_string_lossy().into_owned(),
-        asked: *correction,
-        files: capture.files.into_iter().filter_map(on_disk).collect(),
-        report: Checker::new(capture.track.clone())?.finish(),
-        track: capture.track,
-    };
-    for position in checker.wanted().to_vec() {
-        checker.look(position, &checked.frame(position)?);
+pub fn check(path: &Path, options: &CaptureOptions) -> anyhow::Result<Checked> {
+    let found = CaptureDir::open_with(path, options)?;
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    let name = name.to_string_lossy().into_owned();
+    // The plan, and the track, are in memory; what reads the files wants them on disk.
+    let written = tempfile::tempdir().context("making a temporary folder")?;
+    let mut files = BTreeMap::new();
+    for (number, file) in found.files.into_iter().enumerate() {
+        let disk = match file.source {
+            FileSource::Disk(path) => path,
+            FileSource::Memory(bytes) => {
+                let path = written.path().join(number.to_string());
+                std::fs::write(&path, bytes)
+                    .with_context(|| format!("writing {}", path.display()))?;
+                path
+            }
+        };
+        files.insert(file.path, disk);
     }
-    checked.report = checker.finish();
-    Ok(checked)
+    let capture = LocalCapture::open(&files)?;
+    let mut checker = Checker::new(capture.track().clone())?;
+    let wanted = checker.wanted().to_vec();
+    let mut display = ProgressDisplay::new("check");
+    let mut done = 0;
+    capture.frames(&wanted, |position, frame| {
+        checker.look(position, &frame);
+        done += 1;
+        display.count("frame", done, wanted.len());
+    })?;
+    display.clear();
+    Ok(Checked {
+        report: checker.finish(),
+        asked: found.plan.correction,
+        capture,
+        name,
+    })
 }
 
 impl Checked {
@@ -59,23 +79,21 @@ impl Checked {
         measures.filter(|it| fails(it.grade)).count()
     }
 
-    /// The frame at `position`.
-    fn frame(&self, position: usize) -> anyhow::Result<FrameImage> {
-        let index = self.track.frames.get(position).map_or(0, |it| it.index);
-        let names = ["frames", "masks"].map(|kind| format!("{kind}/{index:06}.png"));
-        let read = |name: &String| -> anyhow::Result<Vec<u8>> {
-            let path = self.files.get(name).with_context(|| format!("no {name}"))?;
-            std::fs::read(path).with_context(|| format!("reading {}", path.display()))
-        };
-        let (image, mask) = (read(&names[0])?, read(&names[1])?);
-        let size = self.track.image_size;
-        Ok(FrameImage::decode(
-            &image,
-            &mask,
-            size,
-            index,
-            (&names[0], &names[1]),
-        )?)
+    /// The frames that count, as the check read them.
+    fn track(&self) -> &PoseTrack {
+        self.capture.track()
+    }
+
+    /// The frames at `positions`.
+    fn frames(&self, positions: &[usize]) -> anyhow::Result<HashMap<usize, FrameImage>> {
+        let mut rising = positions.to_vec();
+        rising.sort_unstable();
+        rising.dedup();
+        let mut frames = HashMap::new();
+        self.capture.frames(&rising, |position, frame| {
+            frames.insert(position, frame);
+        })?;
+        Ok(frames)
     }
 
     /// What was found, for a terminal.

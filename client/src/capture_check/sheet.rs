@@ -77,13 +77,11 @@ impl Checked {
 
     /// The track under the first correction that was found, and the options that ask for it.
     fn mended(&self) -> Option<(PoseTrack, Vec<u32>, String)> {
-        let cause = self
-            .report
-            .causes
-            .iter()
-            .find(|it| !it.options.is_empty())?;
-        let correction = cause.correction?;
-        let corrected = correction.apply(&self.track).ok()?;
+        let causes = self.report.causes.iter();
+        let (cause, correction) = causes
+            .filter_map(|cause| Some((cause, cause.correction?)))
+            .find(|(cause, _)| !cause.options.is_empty())?;
+        let corrected = correction.apply(self.track()).ok()?;
         let masks = corrected.sources.iter().map(|it| it.mask).collect();
         Some((corrected.track, masks, cause.options.clone()))
     }
@@ -102,19 +100,33 @@ impl Checked {
         } else {
             2 * COLUMNS
         } as usize;
-        let count = self.track.frames.len();
+        let frames = &self.track().frames;
+        let count = frames.len();
         let shown = shown.min(count);
         let positions: Vec<usize> = (0..shown)
             .map(|i| (2 * i + 1) * count / (2 * shown))
             .collect();
+        // For each position the mended track's, and where its mask stands here.
+        let position_of = |index: u32| frames.binary_search_by_key(&index, |it| it.index).ok();
+        let mended_at = |position: usize| {
+            let (track, masks, _) = mended?;
+            let index = frames.get(position)?.index;
+            let at = track.frames.iter().position(|it| it.index == index)?;
+            Some((at, position_of(*masks.get(at)?)?))
+        };
+        let masks = positions.iter().filter_map(|&it| Some(mended_at(it)?.1));
+        let shown: Vec<usize> = positions.iter().copied().chain(masks).collect();
+        let pictures = self.frames(&shown)?;
         let mut given = Vec::new();
         for &position in &positions {
-            let drawing = Drawing::of(&self.track, position)?;
-            let index = self.track.frames[position].index;
-            given.push(tiles::tile(&self.frame(position)?, &drawing, index));
+            let Some(picture) = pictures.get(&position) else {
+                continue;
+            };
+            let drawing = Drawing::of(self.track(), position)?;
+            given.push(tiles::tile(picture, &drawing, frames[position].index));
         }
         let worst = self.report.grade;
-        let Some((track, masks, options)) = mended else {
+        let Some((track, _, options)) = mended else {
             let second = given.split_off(given.len().min(COLUMNS as usize));
             let mut rows = vec![(asked, colour(worst), given)];
             if !second.is_empty() {
@@ -122,17 +134,17 @@ impl Checked {
             }
             return Ok(rows);
         };
-        let position_of = |index: u32| self.track.frames.iter().position(|it| it.index == index);
         let mut better = Vec::new();
         for &position in &positions {
-            let index = self.track.frames[position].index;
-            let Some(at) = track.frames.iter().position(|it| it.index == index) else {
+            let Some((at, mask)) = mended_at(position) else {
                 continue;
             };
-            let mut frame = self.frame(position)?;
-            if let Some(mask) = masks.get(at).and_then(|&mask| position_of(mask)) {
-                frame.mask = self.frame(mask)?.mask;
-            }
+            let (Some(picture), Some(mask)) = (pictures.get(&position), pictures.get(&mask)) else {
+                continue;
+            };
+            let mut frame = picture.clone();
+            frame.mask.clone_from(&mask.mask);
+            let index = frames[position].index;
             better.push(tiles::tile(&frame, &Drawing::of(track, at)?, index));
         }
         Ok(vec![

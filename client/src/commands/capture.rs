@@ -1,6 +1,7 @@
 //! `yoto capture`: captures on this disk, without a service.
 
 use super::correction::CorrectionArgs;
+use super::media_args::MediaArgs;
 use crate::capture_check;
 use anyhow::Context;
 use clap::{Args, Subcommand};
@@ -15,6 +16,7 @@ status is 1 when anything fails.
 Examples:
   yoto capture check captures/ada
   yoto capture check captures/ada --out check/ada
+  yoto capture check captures/ada --frames video
   yoto capture check captures/ada --extrinsics c2w --units camera=mm";
 
 /// Look at captures before they are uploaded.
@@ -33,11 +35,13 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct Check {
-    /// Folder with poses.json, frames and masks.
+    /// The capture: a folder or an archive.
     capture: PathBuf,
     /// Where report.json and sheet.png go.
     #[arg(long, value_name = "DIR", default_value = "check")]
     out: PathBuf,
+    #[command(flatten)]
+    media: MediaArgs,
     #[command(flatten)]
     correction: CorrectionArgs,
 }
@@ -45,7 +49,8 @@ struct Check {
 impl CaptureCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let Action::Check(check) = self.action;
-        let checked = capture_check::check(&check.capture, &check.correction.correction())?;
+        let options = check.media.options(check.correction.correction());
+        let checked = capture_check::check(&check.capture, &options)?;
         let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;
         let write = |name: &str, bytes: &[u8]| {
             let path = check.out.join(name);

@@ -34,6 +34,9 @@ pub(super) struct Import {
     /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
     #[arg(long)]
     binary: bool,
+    /// Which frames to take, by position, e.g. 0..570:2 [default: all].
+    #[arg(long = "frames", value_name = "A..B:STEP")]
+    frames: Option<FrameRange>,
     #[command(flatten)]
     what: ImportOptions,
 }
@@ -56,9 +59,6 @@ pub(super) struct ImportOptions {
     /// Frames a second, where no file says.
     #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
-    /// Which frames to take, by position, e.g. 0..570:2 [default: all].
-    #[arg(long = "frames", value_name = "A..B:STEP")]
-    frames: Option<FrameRange>,
 }
 
 impl ImportOptions {
@@ -69,16 +69,17 @@ impl ImportOptions {
             || self.view.is_some()
             || self.poses.is_some()
             || self.fps.is_some()
-            || self.frames.is_some()
     }
 
-    /// Reads the capture in `source` and writes it to `out`, saying how it gets on.
+    /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
+    /// saying how it gets on.
     pub(super) fn import(
         &self,
         format: Format,
         source: &Path,
         out: &Path,
         form: TrackForm,
+        frames: Option<FrameRange>,
     ) -> anyhow::Result<()> {
         let range = |range: FrameRange| {
             (
@@ -93,7 +94,7 @@ impl ImportOptions {
             camera: self.view,
             poses: self.poses.clone(),
             fps: self.fps,
-            frames: self.frames.map(range),
+            frames: frames.map(range),
         };
         let imported = read(format, source, &options)?;
         for note in &imported.notes {
@@ -121,7 +122,8 @@ impl Import {
         } else {
             TrackForm::Json
         };
-        self.what.import(self.from, &self.source, &self.out, form)?;
+        self.what
+            .import(self.from, &self.source, &self.out, form, self.frames)?;
         println!("{}", self.out.display());
         Ok(())
     }

@@ -7,14 +7,18 @@
 mod ablation;
 #[cfg(feature = "embedded")]
 mod bench;
+#[cfg(feature = "embedded")]
 mod capture;
 mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
 mod import;
+#[cfg(feature = "embedded")]
+mod ingest_args;
 mod job;
 mod logs;
+mod media_args;
 mod model;
 #[cfg(feature = "embedded")]
 mod model_import;
@@ -49,7 +53,7 @@ const AFTER_HELP: &str = "\
 First steps:
   yoto demo                                   see everything at work, in a few minutes
   yoto serve                                  run the service on this machine
-  yoto subject add ada --capture captures/ada upload a person
+  yoto subject add ada captures/ada           upload a person
   yoto train duo --subjects ada,bob           train one model of two people
   yoto render duo --subject ada --orbit 0 --animate --out out/ada
 
@@ -112,6 +116,9 @@ impl Server {
 
 /// Parses the command line, runs the command, prints what went wrong.
 pub fn main() -> ExitCode {
+    // A worker starts this program again to read an upload.
+    #[cfg(feature = "embedded")]
+    yoto_worker::become_ingest_child_if_asked();
     let cli = Cli::parse();
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
@@ -209,6 +216,7 @@ mod tests {
             "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
             "yoto capture check a",
             "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
+            "yoto capture check a.zip --frames video --masks masks.mp4 --every 3",
             "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
             "yoto quality --capture a --steps 500 --measure 6 --tier paper --out r.json",
             "yoto model info checkpoints/5",
@@ -227,6 +235,10 @@ mod tests {
         let over_the_api = [
             "yoto subject add ada --capture c --consent signed --no-wait",
             "yoto subject add ada --capture c --mirror images --k-scale 0.5 --units mm",
+            "yoto subject add ada c.tar.gz --every 2 --range 10..90",
+            "yoto subject add ada c --frames video --masks clean.png --timing time",
+            "yoto subject add ada c --masks alpha --background scene",
+            "yoto subject add ada c --frames video --mask-kind inverted --mask-shift -1",
             "yoto subject list --server http://127.0.0.1:1",
             "yoto model create duo --subjects ada,bob --tier fast --variant yoto",
             "yoto model list",
@@ -264,6 +276,10 @@ mod tests {
             "yoto render duo --subject ada --orbit 3 --motion bob --out o",
             "yoto render duo --subject ada --orbit 3 --frames 0..9 --out o",
             "yoto demo --subjects 0",
+            "yoto subject add ada",
+            "yoto subject add ada c --capture d",
+            "yoto subject add ada c --range 9..3",
+            "yoto subject add ada c --every 0",
             "yoto quality --out r.json",
             "yoto quality --capture a --seconds 5 --steps 5 --out r.json",
             "yoto evaluate",

@@ -35,6 +35,8 @@ pub(super) struct Serve {
     /// address can read and change everything.
     #[arg(long)]
     insecure: bool,
+    #[command(flatten)]
+    ingest: super::ingest_args::IngestArgs,
 }
 
 impl Serve {
@@ -44,6 +46,7 @@ impl Serve {
             data: self.data.clone(),
             listen: Some(self.listen),
             worker: !self.no_worker,
+            ingest: self.ingest.settings(),
         };
         let mut service = Embedded::start(options)
             .await

@@ -1,29 +1,34 @@
 //! `yoto subject`: people and the captures of them.
 
 use super::import::ImportOptions;
-use super::{Server, correction::CorrectionArgs, table};
+use super::{Server, correction::CorrectionArgs, media_args::MediaArgs, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
 use crate::import::{Format, TrackForm};
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{Args, Subcommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use yoto_proto::v1::{Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
-Layout of the capture folder:
+A capture is a folder, or a zip, tar or tar.gz of one; the media may stand in train/:
   poses.json             skeleton, image_size, fps, frames [index, pose, translation, K, E]
-  frames/000000.png …    one image a frame, over black (or train/frames/…)
-  masks/000000.png …     8-bit coverage of the person (or train/masks/…)
+  frames/000000.png …    pictures (PNG, JPEG, WebP), or frames.zip, frames.tar, or video.mp4
+  masks/000000.png …     coverage of the person, or masks.zip, masks.tar, masks.mp4, or
+                         background.png, the view without the person, or none: alpha channel
+  media.json             how to read them, as the options below say, if names don't tell
+
+H.264 in MP4 or MOV is decoded by the service; other videos need ffmpeg on its worker.
 
 Examples:
-  yoto subject add ada --capture captures/ada --consent 'signed 2026-03-01'
-  yoto subject add bob --capture captures/bob --no-wait
-  yoto subject add eve --from zju --capture CoreView_377 --smpl SMPL_NEUTRAL.npz
+  yoto subject add ada captures/ada --consent 'signed 2026-03-01'
+  yoto subject add ada captures/ada --frames video
+  yoto subject add bob bob.tar.gz --every 2 --range 100..400 --no-wait
+  yoto subject add eve CoreView_377 --from zju --smpl SMPL_NEUTRAL.npz
   (what --from takes is told by `yoto import --help`)
-  yoto subject add eve --capture captures/eve --extrinsics c2w --units camera=mm
+  yoto subject add eve captures/eve --extrinsics c2w --units camera=mm
 
 `yoto capture check captures/eve` says which of the options below are needed, if any.";
 
@@ -55,14 +60,19 @@ enum Action {
 struct Add {
     /// What to call the person.
     name: String,
-    /// Folder with poses.json, frames and masks, or what --from says.
-    #[arg(long, value_name = "DIR")]
-    capture: PathBuf,
+    /// The capture: a folder or an archive, or what --from says.
+    #[arg(value_name = "CAPTURE", required_unless_present = "capture_flag")]
+    capture: Option<PathBuf>,
+    /// The same as an option.
+    #[arg(long = "capture", value_name = "CAPTURE", conflicts_with = "capture")]
+    capture_flag: Option<PathBuf>,
     /// Which program wrote the capture; it is imported first.
     #[arg(long, value_name = "FORMAT")]
     from: Option<Format>,
     #[command(flatten)]
     import: ImportOptions,
+    #[command(flatten)]
+    media: MediaArgs,
     /// Under which consent the recordings are used; kept with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
@@ -106,24 +116,30 @@ impl Add {
 
     /// The capture as a folder of our own, where another program wrote it; it goes away once
     /// everything is uploaded.
-    fn imported(&self) -> anyhow::Result<Option<TempDir>> {
+    fn imported(&self, place: &Path) -> anyhow::Result<Option<TempDir>> {
         let Some(format) = self.from else {
             anyhow::ensure!(
                 !self.import.any(),
-                "--rest-joints, --view, --poses, --fps and --frames belong to an import: say --from"
+                "--rest-joints, --view, --poses and --fps belong to an import: say --from"
             );
             return Ok(None);
         };
         let folder = tempfile::tempdir().context("making a temporary folder")?;
         self.import
-            .import(format, &self.capture, folder.path(), TrackForm::Json)?;
+            .import(format, place, folder.path(), TrackForm::Json, None)?;
         Ok(Some(folder))
     }
 
     async fn run(self) -> anyhow::Result<()> {
-        let imported = self.imported()?;
-        let folder = imported.as_ref().map_or(&*self.capture, TempDir::path);
-        let capture = CaptureDir::open_corrected(folder, &self.correction.correction())?;
+        let place = self.capture.iter().chain(&self.capture_flag).next();
+        let place = place.context("which capture?")?.clone();
+        let imported = self.imported(&place)?;
+        let folder = imported.as_ref().map_or(&*place, TempDir::path);
+        let options = self.media.options(self.correction.correction());
+        let capture = CaptureDir::open_with(folder, &options)?;
+        for note in &capture.notes {
+            eprintln!("{}: {note}", self.name);
+        }
         let client = self.server.connect().await?;
         let subject = self.subject(&client).await?;
 
@@ -144,10 +160,13 @@ impl Add {
         let job = client
             .wait_for_job(&uploaded.ingest_job, |job| display.job(job))
             .await;
-        let job = job
-            .with_context(|| format!("the capture {} was not accepted", self.capture.display()))?;
+        let job =
+            job.with_context(|| format!("the capture {} was not accepted", place.display()))?;
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Ingest(ingest)) => {
+                for note in &ingest.notes {
+                    eprintln!("{}: {note}", self.name);
+                }
                 display.finish(&format!(
                     "ready, {} frames of {}x{}",
                     ingest.frames, ingest.width, ingest.height

@@ -29,6 +29,8 @@ pub(super) struct WorkerCommand {
     /// What people call this worker.
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,
+    #[command(flatten)]
+    ingest: super::ingest_args::IngestArgs,
 }
 
 impl WorkerCommand {
@@ -46,6 +48,7 @@ impl WorkerCommand {
         }
         let config = WorkerConfig {
             display_name: self.name,
+            ingest: self.ingest.settings(),
             ..WorkerConfig::default()
         };
         let worker = Worker::new(channel, &self.objects, picked, config)?;

@@ -90,6 +90,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
         data,
         listen: None,
         worker: true,
+        ingest: yoto_worker::IngestSettings::default(),
     })
     .await
     .context("starting the embedded service")?;
@@ -175,7 +176,7 @@ async fn upload(client: &YotoClient, out: &Path, actor: &Actor) -> anyhow::Resul
         .create_subject(&actor.name, "made up by yoto demo: nobody's picture")
         .await?;
     let mut display = ProgressDisplay::new(actor.name.clone());
-    let (mut sent, total) = (0, capture.bytes);
+    let (mut sent, total, frames) = (0, capture.bytes, capture.frames());
     let uploaded = client
         .upload_capture(&subject.name, capture.files, |bytes| {
             sent += bytes;
@@ -186,10 +187,7 @@ async fn upload(client: &YotoClient, out: &Path, actor: &Actor) -> anyhow::Resul
         .wait_for_job(&uploaded.ingest_job, |job| display.job(job))
         .await;
     job.with_context(|| format!("ingesting the capture of {}", actor.name))?;
-    display.finish(&format!(
-        "{} frames uploaded and ingested",
-        capture.track.frames.len()
-    ));
+    display.finish(&format!("{} frames uploaded and ingested", frames));
     Ok(subject)
 }
 

@@ -114,7 +114,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("temporary folder");
         actors[0].write_capture(dir.path()).expect("writes");
         let capture = crate::capture_dir::CaptureDir::open(dir.path()).expect("a good capture");
-        assert_eq!(capture.track.frames.len(), FRAMES);
+        assert_eq!(capture.frames(), FRAMES);
         assert_eq!(capture.files.len(), 2 * FRAMES + 1);
         assert_eq!(
             actors[0].novel_view.len(),

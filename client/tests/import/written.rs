@@ -47,7 +47,10 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     assert_eq!(heard, [(0, 3), (1, 3), (2, 3), (3, 3)]);
     let capture = CaptureDir::open(&dir).expect("a capture");
     assert_eq!(capture.bytes, bytes.expect("writes"));
-    same_track(&capture.track, &found.track);
+    same_track(
+        &capture.planned.as_ref().expect("a folder has one").track,
+        &found.track,
+    );
 
     // The union of both label images, at full coverage; black where nobody is.
     let mask = image::open(dir.join("masks/000000.png"))
@@ -83,7 +86,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     assert!(again.join(BINARY_FILE).is_file() && !again.join(FILE).exists());
     let copied = CaptureDir::open(&again).expect("a capture");
     assert_eq!(
-        copied.track, capture.track,
+        copied.planned, capture.planned,
         "binary numbers come back as they were"
     );
     let pixels = |dir: &std::path::Path| {

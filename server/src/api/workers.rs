@@ -129,6 +129,7 @@ impl WorkerService for WorkerApi {
                 return Err(RequestError::invalid("requeue", message).into());
             }
             (true, false, _) => Ending::Cancelled,
+            (false, true, Some(error)) if !error.code.is_empty() => Ending::TryLater(error),
             (false, true, _) => Ending::Requeued,
             (false, false, Some(error)) if !error.code.is_empty() => Ending::Failed(error),
             (false, false, _) => {

@@ -5,7 +5,9 @@ pub mod upload;
 
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
-use object_store::{ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
+use object_store::{
+    ObjectStore, ObjectStoreExt, WriteMultipart, local::LocalFileSystem, path::Path as Key,
+};
 use std::{path::PathBuf, sync::Arc};
 use thiserror::Error;
 use url::Url;
@@ -113,6 +115,20 @@ impl Objects {
         put.map(drop).map_err(|cause| failed("writing", key, cause))
     }
 
+    /// Starts writing an object that need not fit into memory. It is there once the writer
+    /// is finished, and not before.
+    ///
+    /// # Errors
+    /// When the key is malformed or the store fails.
+    pub async fn writer(&self, key: &str) -> Result<ObjectWriter, ObjectsError> {
+        let started = self.store.put_multipart(&parse(key)?).await;
+        let upload = started.map_err(|cause| failed("writing", key, cause))?;
+        Ok(ObjectWriter {
+            key: key.to_owned(),
+            parts: WriteMultipart::new_with_chunk_size(upload, PART_BYTES),
+        })
+    }
+
     /// Streams an object.
     ///
     /// # Errors
@@ -168,6 +184,55 @@ impl Objects {
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// Bytes of one part of an object written piece by piece.
+pub const PART_BYTES: usize = 8 << 20;
+/// Parts on their way to the store at once.
+const PARTS_AT_ONCE: usize = 2;
+
+/// An object on its way into the store.
+#[derive(Debug)]
+pub struct ObjectWriter {
+    key: String,
+    parts: WriteMultipart,
+}
+
+impl ObjectWriter {
+    /// Appends `bytes`, waiting while too much of what came before is still on its way.
+    ///
+    /// # Errors
+    /// When the store fails.
+    pub async fn write(&mut self, bytes: &[u8]) -> Result<(), ObjectsError> {
+        let free = self.parts.wait_for_capacity(PARTS_AT_ONCE).await;
+        free.map_err(|cause| failed("writing", &self.key, cause))?;
+        self.parts.write(bytes);
+        Ok(())
+    }
+
+    /// Makes the object visible, whole.
+    ///
+    /// # Errors
+    /// When the store fails.
+    pub async fn finish(self) -> Result<(), ObjectsError> {
+        let Self { key, parts } = self;
+        let finished = parts.finish().await;
+        finished
+            .map(drop)
+            .map_err(|cause| failed("writing", &key, cause))
+    }
+
+    /// Gives up what was written.
+    ///
+    /// # Errors
+    /// When the store fails.
+    pub async fn abort(self) -> Result<(), ObjectsError> {
+        let Self { key, parts } = self;
+        parts
+            .abort()
+            .await
+            .map_err(|cause| failed("giving up", &key, cause))
     }
 }
 

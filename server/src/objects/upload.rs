@@ -3,7 +3,7 @@
 //! Content is not looked at here. A capture that arrives whole but makes no sense becomes
 //! REJECTED by its ingest job, so that its owner sees what is wrong with it.
 
-use super::paths::CapturePaths;
+use super::{ObjectWriter, paths::CapturePaths};
 use crate::{
     config::{MAX_MESSAGE_BYTES, UploadLimits},
     context::Context,
@@ -17,6 +17,7 @@ use std::sync::Arc;
 use tonic::Status;
 use yoto_proto::{
     hex, keys,
+    media_plan::CAPTURE_ARCHIVES,
     names::Collection,
     pose_track,
     v1::{
@@ -27,6 +28,9 @@ use yoto_proto::{
 
 /// The ingest job's lease lists all files in one message; this leaves room for the rest.
 const MAX_LISTING_BYTES: usize = MAX_MESSAGE_BYTES - (1 << 20);
+/// A file up to this size is held in memory until its checksum is known; a larger one goes to
+/// the store as it comes, and becomes an object only if the checksum holds.
+const HELD_BYTES: u64 = 8 << 20;
 /// Memory to reserve on a file's announcement, before a byte of it has come.
 const MAX_RESERVED: u64 = 1 << 20;
 
@@ -101,14 +105,9 @@ where
     S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
 {
     let mut upload = Upload::new(context, capture_id);
-    while let Some(part) = next(context, parts).await? {
-        match part {
-            Part::Header(_) => {
-                return Err(RequestError::invalid("header", "a capture has one header"));
-            }
-            Part::File(file) => upload.begin(file).await?,
-            Part::Chunk(chunk) => upload.append(&chunk).await?,
-        }
+    if let Err(error) = upload.receive(parts).await {
+        upload.give_up().await;
+        return Err(error);
     }
     let files = upload.finish()?;
     Ok(context.store.finish_capture(capture_id, &files).await?)
@@ -140,8 +139,15 @@ where
 /// A file that is arriving.
 struct OpenFile {
     header: FileHeader,
-    bytes: Vec<u8>,
+    came: u64,
     hash: Sha256,
+    into: Destination,
+}
+
+/// Where a file's bytes go meanwhile.
+enum Destination {
+    Memory(Vec<u8>),
+    Store(Box<ObjectWriter>),
 }
 
 /// What has arrived of a capture.
@@ -167,6 +173,35 @@ impl<'a> Upload<'a> {
             open: None,
             announced_bytes: 0,
             listing_bytes: 0,
+        }
+    }
+
+    /// Takes parts until the stream ends.
+    async fn receive<S>(&mut self, parts: &mut S) -> Result<(), RequestError>
+    where
+        S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
+    {
+        while let Some(part) = next(self.context, parts).await? {
+            match part {
+                Part::Header(_) => {
+                    return Err(RequestError::invalid("header", "a capture has one header"));
+                }
+                Part::File(file) => self.begin(file).await?,
+                Part::Chunk(chunk) => self.append(&chunk).await?,
+            }
+        }
+        self.nothing_open()
+    }
+
+    /// Leaves nothing of the open file in the store.
+    async fn give_up(self) {
+        if let Some(OpenFile {
+            into: Destination::Store(writer),
+            ..
+        }) = self.open
+            && let Err(error) = writer.abort().await
+        {
+            tracing::warn!(%error, "could not give up a cut file");
         }
     }
 
@@ -205,11 +240,17 @@ impl<'a> Upload<'a> {
             );
             return Err(RequestError::invalid("file", message));
         }
-        let bytes = Vec::with_capacity(header.bytes.min(MAX_RESERVED) as usize);
+        let into = if header.bytes > HELD_BYTES {
+            let key = keys::upload(self.capture_id, &header.path);
+            Destination::Store(Box::new(self.context.objects.writer(&key).await?))
+        } else {
+            Destination::Memory(Vec::with_capacity(header.bytes.min(MAX_RESERVED) as usize))
+        };
         self.open = Some(OpenFile {
             header,
-            bytes,
+            came: 0,
             hash: Sha256::new(),
+            into,
         });
         self.store_if_whole().await
     }
@@ -221,7 +262,7 @@ impl<'a> Upload<'a> {
                 "a chunk follows a file that needs it",
             ));
         };
-        let missing = open.header.bytes - open.bytes.len() as u64;
+        let missing = open.header.bytes - open.came;
         if chunk.len() as u64 > missing {
             let message = format!(
                 "{}: more than the {} bytes announced",
@@ -230,23 +271,35 @@ impl<'a> Upload<'a> {
             return Err(RequestError::invalid("chunk", message));
         }
         open.hash.update(chunk);
-        open.bytes.extend_from_slice(chunk);
+        open.came += chunk.len() as u64;
+        match &mut open.into {
+            Destination::Memory(bytes) => bytes.extend_from_slice(chunk),
+            Destination::Store(writer) => writer.write(chunk).await?,
+        }
         self.store_if_whole().await
     }
 
     /// Checks and writes the open file once its last byte has come.
     async fn store_if_whole(&mut self) -> Result<(), RequestError> {
-        let whole = |open: &OpenFile| open.bytes.len() as u64 == open.header.bytes;
-        let Some(file) = self.open.take_if(|open| whole(open)) else {
+        let whole = |open: &OpenFile| open.came == open.header.bytes;
+        let Some(open) = self.open.as_ref().filter(|open| whole(open)) else {
             return Ok(());
         };
-        let found = hex(&file.hash.finalize());
-        if found != file.header.sha256 {
-            let message = format!("{}: the bytes that came have {found}", file.header.path);
+        let found = hex(&open.hash.clone().finalize());
+        if found != open.header.sha256 {
+            let message = format!("{}: the bytes that came have {found}", open.header.path);
             return Err(RequestError::invalid("file.sha256", message));
         }
-        let key = keys::upload(self.capture_id, &file.header.path);
-        self.context.objects.put(&key, file.bytes.into()).await?;
+        let Some(file) = self.open.take() else {
+            return Ok(());
+        };
+        match file.into {
+            Destination::Memory(bytes) => {
+                let key = keys::upload(self.capture_id, &file.header.path);
+                self.context.objects.put(&key, bytes.into()).await?;
+            }
+            Destination::Store(writer) => writer.finish().await?,
+        }
         self.done.push(uploaded(&file.header));
         Ok(())
     }
@@ -255,7 +308,7 @@ impl<'a> Upload<'a> {
         match &self.open {
             None => Ok(()),
             Some(open) => {
-                let (came, all) = (open.bytes.len(), open.header.bytes);
+                let (came, all) = (open.came, open.header.bytes);
                 let message = format!("{}: {came} of {all} bytes came", open.header.path);
                 Err(RequestError::invalid("chunk", message))
             }
@@ -263,10 +316,14 @@ impl<'a> Upload<'a> {
     }
 
     fn finish(self) -> Result<Vec<UploadedFile>, RequestError> {
-        self.nothing_open()?;
-        let is_track = |file: &UploadedFile| pose_track::FILES.contains(&file.path.as_str());
-        if !self.done.iter().any(is_track) {
-            let message = format!("{}: the capture has no such file", pose_track::FILE);
+        let told =
+            |path: &str| pose_track::FILES.contains(&path) || CAPTURE_ARCHIVES.contains(&path);
+        if !self.done.iter().any(|file| told(&file.path)) {
+            let message = format!(
+                "the capture has none of {}, {}",
+                pose_track::FILES.join(", "),
+                CAPTURE_ARCHIVES.join(", ")
+            );
             return Err(RequestError::invalid("file", message));
         }
         Ok(self.done)

@@ -212,6 +212,8 @@ pub enum Ending {
     Cancelled,
     /// The worker gives it back unharmed.
     Requeued,
+    /// What the job needs failed, not the job: try again later, but not forever.
+    TryLater(JobError),
 }
 
 /// What the reaper did with a job whose lease ran out.

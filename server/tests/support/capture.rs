@@ -36,7 +36,11 @@ pub fn parts(subject: &str, files: Vec<File>) -> Vec<UploadCaptureRequest> {
             bytes: bytes.len() as u64,
             sha256,
         }));
-        parts.extend(bytes.chunks(7).map(|chunk| Part::Chunk(chunk.to_vec())));
+        parts.extend(
+            bytes
+                .chunks(7.max(bytes.len() / 64))
+                .map(|chunk| Part::Chunk(chunk.to_vec())),
+        );
     }
     parts
         .into_iter()

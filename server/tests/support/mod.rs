@@ -228,6 +228,7 @@ impl Service {
         let key = keys::shard(id(&spec.capture), id(&job.name), lease.token);
         let shard = Some(self.put(&key, b"shard").await);
         let result = IngestResult {
+            notes: Vec::new(),
             shard,
             frames: 2,
             width: 8,

@@ -18,13 +18,13 @@ pub fn background(picture: &Picture, mask: &[u8]) -> Option<Background> {
             bright += usize::from(pixel.iter().any(|&v| v > BLACK));
         }
     }
-    (outside > 0).then(|| {
-        if bright as f64 <= BRIGHT_SHARE * outside as f64 {
-            Background::Black
-        } else {
-            Background::Scene
-        }
-    })
+    if outside == 0 {
+        None
+    } else if bright as f64 <= BRIGHT_SHARE * outside as f64 {
+        Some(Background::Black)
+    } else {
+        Some(Background::Scene)
+    }
 }
 
 /// `[height, width, 3]` premultiplied by `mask`.

@@ -5,6 +5,9 @@ use thiserror::Error;
 use yoto_proto::pose_track::violation;
 use yoto_proto::v1::Violation;
 
+/// The code of what needs more memory than there is.
+pub const MEMORY_LIMIT: &str = "MEMORY_LIMIT";
+
 /// Something wrong with a user's file, not yet with its place.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{message}")]

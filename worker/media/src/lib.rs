@@ -23,7 +23,7 @@ mod still;
 mod turn;
 pub mod video;
 
-pub use fault::{Fault, MediaError};
+pub use fault::{Fault, MEMORY_LIMIT, MediaError};
 pub use limits::Limits;
 pub use picture::Picture;
 pub use still::{decode_still, still_size};

@@ -7,6 +7,8 @@ use yoto_proto::media_plan::MaskKind;
 const KEY_LEVELS: (f32, f32) = (12.0, 36.0);
 /// A patch of the difference key smaller than this share of the largest is noise.
 const KEY_SHARE: usize = 20;
+/// Levels that JPEG or video may be off.
+const LOSSY_NOISE: u8 = 16;
 /// Labels are small numbers; a coverage mask whose brightest pixel is below this is taken
 /// for labels by mistake.
 const DARKEST_COVERAGE: u8 = 32;
@@ -18,7 +20,10 @@ const DARKEST_COVERAGE: u8 = 32;
 pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault> {
     match kind {
         MaskKind::Coverage => {
-            let coverage: Vec<u8> = picture.rgb.chunks_exact(3).map(luma).collect();
+            let mut coverage: Vec<u8> = picture.rgb.chunks_exact(3).map(luma).collect();
+            if picture.lossy {
+                coverage.iter_mut().for_each(|it| *it = snapped(*it));
+            }
             let brightest = coverage.iter().copied().max().unwrap_or_default();
             if (1..DARKEST_COVERAGE).contains(&brightest) {
                 let message = format!(
@@ -29,11 +34,29 @@ pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault>
             }
             Ok(coverage)
         }
+        MaskKind::Inverted => {
+            let mut coverage = from_picture(picture, MaskKind::Coverage)?;
+            coverage.iter_mut().for_each(|it| *it = 255 - *it);
+            Ok(coverage)
+        }
+        MaskKind::Labels if picture.lossy => Err(Fault::new(
+            "UNSUPPORTED",
+            "labels can't be read from JPEG or video, which change numbers a little; PNG keeps them",
+        )),
         MaskKind::Labels => Ok(picture
             .rgb
             .chunks_exact(3)
             .map(|pixel| if pixel == [0; 3] { 0 } else { 255 })
             .collect()),
+    }
+}
+
+/// Without the noise that compression leaves around none and full coverage.
+fn snapped(coverage: u8) -> u8 {
+    match coverage {
+        0..LOSSY_NOISE => 0,
+        _ if coverage > 255 - LOSSY_NOISE => 255,
+        other => other,
     }
 }
 
@@ -154,6 +177,22 @@ mod tests {
         assert_eq!(
             from_picture(&mask, MaskKind::Labels).expect("fine"),
             [0, 255, 255, 255]
+        );
+        assert_eq!(
+            from_picture(&mask, MaskKind::Inverted).expect("fine"),
+            levels.map(|it| 255 - it)
+        );
+        let mut film = gray(2, &[3, 15, 128, 241]);
+        film.lossy = true;
+        assert_eq!(
+            from_picture(&film, MaskKind::Coverage).expect("fine"),
+            [0, 0, 128, 255]
+        );
+        assert_eq!(
+            from_picture(&film, MaskKind::Labels)
+                .expect_err("lossy")
+                .code,
+            "UNSUPPORTED"
         );
         let labels = gray(2, &[0, 1, 2, 3]);
         let fault = from_picture(&labels, MaskKind::Coverage).expect_err("labels");

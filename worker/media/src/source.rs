@@ -99,7 +99,7 @@ impl Source {
     pub fn describe(&self) -> String {
         match &self.of {
             Of::Stills(stills) => format!("{} pictures", stills.len()),
-            Of::Video(clip) => format!("{}, {}", clip.name, clip.video.describe()),
+            Of::Video(clip) => clip.video.describe(),
         }
     }
 

@@ -1,7 +1,8 @@
 //! One picture a file: PNG, JPEG, WebP.
 
-use crate::{Fault, Limits, Picture, sniff};
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits as DecoderLimits};
+use crate::{Fault, Limits, MEMORY_LIMIT, Picture, sniff};
+use image::error::LimitErrorKind;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits as DecoderLimits};
 use std::io::Cursor;
 
 /// What a decoder may allocate beyond the pixels themselves, bytes.
@@ -19,8 +20,6 @@ pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
     let (width, height) = decoder.dimensions();
     let mut allowed = DecoderLimits::no_limits();
     allowed.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + DECODER_SLACK);
-    let undecodable =
-        |error: image::ImageError| Fault::undecodable(format!("can't be decoded: {error}"));
     decoder.set_limits(allowed).map_err(undecodable)?;
     let turn = decoder.orientation().map_err(undecodable)?;
     let lossy = !matches!(sniff::kind(bytes), sniff::Kind::Png);
@@ -44,6 +43,15 @@ pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], Fault> {
     })
 }
 
+fn undecodable(error: ImageError) -> Fault {
+    match &error {
+        ImageError::Limits(limit) if limit.kind() == LimitErrorKind::InsufficientMemory => {
+            Fault::new(MEMORY_LIMIT, "there is not memory enough to decode it")
+        }
+        _ => Fault::undecodable(format!("can't be decoded: {error}")),
+    }
+}
+
 fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, Fault> {
     if bytes.is_empty() {
         return Err(Fault::new("EMPTY", "the file has no bytes"));
@@ -53,14 +61,12 @@ fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, 
         let message = format!("is {}; PNG, JPEG and WebP pictures are read", kind.name());
         return Err(Fault::undecodable(message));
     }
-    let undecodable =
-        |error: &dyn std::fmt::Display| Fault::undecodable(format!("can't be decoded: {error}"));
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
-        .map_err(|error| undecodable(&error))?;
+        .map_err(|error| undecodable(error.into()))?;
     // The size is judged below, in our words.
     reader.no_limits();
-    let decoder = reader.into_decoder().map_err(|error| undecodable(&error))?;
+    let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     if width == 0 || height == 0 || width > limits.side || height > limits.side {
         let message = format!(

@@ -125,6 +125,7 @@ impl<'a> Leased<'a> {
             token: self.lease.token,
             device: self.worker.device.clone(),
             control: self.control.clone(),
+            ingest: self.worker.ingest.clone(),
             objects: self.worker.objects.clone(),
             client: self.worker.client.clone(),
             progress,

@@ -10,13 +10,14 @@ mod report;
 
 use crate::{
     device::PickedDevice,
-    jobs::KINDS,
+    jobs::{KINDS, ingest::IngestSettings},
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_transient},
 };
 use leased::Leased;
 use std::{
     future::Future,
+    sync::Arc,
     time::{Duration, Instant},
 };
 use thiserror::Error;
@@ -45,6 +46,8 @@ pub struct WorkerConfig {
     pub progress_seconds: f64,
     /// How long a running job may take to save and stop when the worker shuts down, seconds.
     pub drain_seconds: f64,
+    /// How uploads are read: by which program, within which limits.
+    pub ingest: IngestSettings,
 }
 
 impl Default for WorkerConfig {
@@ -55,6 +58,7 @@ impl Default for WorkerConfig {
             idle_poll_seconds: 2.0,
             progress_seconds: 0.5,
             drain_seconds: 10.0,
+            ingest: IngestSettings::default(),
         }
     }
 }
@@ -88,6 +92,7 @@ pub struct Worker {
     idle_poll: Duration,
     progress: Duration,
     drain: Duration,
+    ingest: Arc<IngestSettings>,
 }
 
 impl Worker {
@@ -111,6 +116,7 @@ impl Worker {
             idle_poll: seconds("idle_poll_seconds", config.idle_poll_seconds)?,
             progress: seconds("progress_seconds", config.progress_seconds)?,
             drain: seconds("drain_seconds", config.drain_seconds)?,
+            ingest: Arc::new(config.ingest),
         })
     }
 

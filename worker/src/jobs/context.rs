@@ -1,7 +1,7 @@
 //! Everything a job may touch, as blocking calls: it runs on a thread of its own, so that
 //! tensor work never holds up the heartbeats.
 
-use super::JobFailure;
+use super::{JobFailure, ingest::IngestSettings};
 use crate::{
     agent::control::{JobControl, StopReason},
     device::PickedDevice,
@@ -33,6 +33,8 @@ pub struct JobContext {
     pub device: PickedDevice,
     /// Whether the job may go on.
     pub control: Arc<JobControl>,
+    /// How uploads are read.
+    pub ingest: Arc<IngestSettings>,
     pub(crate) objects: Objects,
     pub(crate) client: WorkerServiceClient<Channel>,
     pub(crate) progress: watch::Sender<Progress>,
@@ -81,6 +83,14 @@ impl JobContext {
     /// As [`Objects::get`]; a lost lease ends the wait.
     pub fn get(&self, object: &ObjectRef) -> Result<Result<Bytes, ObjectsError>, JobFailure> {
         self.unless_lost(self.objects.get(object))
+    }
+
+    /// Copies an object into a file, verified.
+    ///
+    /// # Errors
+    /// As [`Objects::get_to_file`]; a lost lease ends the wait.
+    pub fn get_to_file(&self, object: &ObjectRef, to: &std::path::Path) -> Result<(), JobFailure> {
+        Ok(self.unless_lost(self.objects.get_to_file(object, to))??)
     }
 
     /// Writes an object.

@@ -20,6 +20,13 @@ pub enum JobFailure {
     LeaseLost,
     /// The worker is shutting down and gives the job back unharmed.
     Requeue,
+    /// What the job needs failed, not the job: it is to be tried again later.
+    TryLater {
+        /// For programs: `OBJECTS`, `MACHINE`.
+        code: &'static str,
+        /// For people, with the causes.
+        message: String,
+    },
     /// Anything else.
     Failed {
         /// For programs, e.g. `INTERNAL`, `OBJECTS`, `NO_CHECKPOINT`.
@@ -32,13 +39,14 @@ pub enum JobFailure {
 impl JobFailure {
     /// A failure from an error with all its causes, under what was being done.
     pub fn failed(code: &'static str, doing: &str, error: &dyn Error) -> Self {
-        let mut message = format!("{doing}: {error}");
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            message += &format!(": {error}");
-            cause = error.source();
-        }
+        let message = with_causes(doing, error);
         Self::Failed { code, message }
+    }
+
+    /// The same where another try may succeed.
+    pub fn try_later(code: &'static str, doing: &str, error: &dyn Error) -> Self {
+        let message = with_causes(doing, error);
+        Self::TryLater { code, message }
     }
 
     /// A request whose one `field` is at fault; `spec` is the kind of job.
@@ -61,6 +69,7 @@ impl JobFailure {
             Self::Requeue => (None, false, true),
             Self::Rejected(found) => (error("REJECTED", listed(&found), found), false, false),
             Self::Invalid(found) => (error("INVALID_SPEC", listed(&found), found), false, false),
+            Self::TryLater { code, message } => (error(code, message, Vec::new()), false, true),
             Self::Failed { code, message } => (error(code, message, Vec::new()), false, false),
         };
         Some(FailJobRequest {
@@ -71,6 +80,16 @@ impl JobFailure {
             requeue,
         })
     }
+}
+
+fn with_causes(doing: &str, error: &dyn Error) -> String {
+    let mut message = format!("{doing}: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        message += &format!(": {error}");
+        cause = error.source();
+    }
+    message
 }
 
 fn listed(violations: &[Violation]) -> String {
@@ -93,7 +112,11 @@ impl From<StopReason> for JobFailure {
 
 impl From<ObjectsError> for JobFailure {
     fn from(error: ObjectsError) -> Self {
-        Self::failed("OBJECTS", "the object store", &error)
+        if error.is_torn() {
+            Self::failed("OBJECTS", "the object store", &error)
+        } else {
+            Self::try_later("OBJECTS", "the object store", &error)
+        }
     }
 }
 
@@ -128,5 +151,11 @@ mod tests {
         assert_eq!(error.code, "REJECTED");
         assert_eq!(error.message, "poses.json frame 17: pose[41]: NaN");
         assert_eq!(error.violations[0].frame, Some(17));
+        let later = JobFailure::TryLater {
+            code: "OBJECTS",
+            message: "out of reach".into(),
+        };
+        let later = request(later).expect("told");
+        assert!(later.requeue && later.error.is_some_and(|it| it.code == "OBJECTS"));
     }
 }

@@ -20,6 +20,7 @@ pub(crate) fn context() -> JobContext {
         token: 3,
         device: device::pick(),
         control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
+        ingest: Arc::default(),
         objects: Objects::from_store(Arc::new(InMemory::new())),
         client: WorkerServiceClient::new(channel),
         progress: watch::Sender::default(),

@@ -1,5 +1,4 @@
-//! Pictures out: single PNGs and animations. Uploaded frames are decoded by
-//! `yoto_avatar::capture`, which owns their format.
+//! Pictures out: single PNGs and animations. What comes in is decoded by `yoto_media`.
 
 pub mod animation;
 pub mod picture;

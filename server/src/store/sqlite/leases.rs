@@ -21,7 +21,8 @@ pub async fn any_queued(conn: &mut SqliteConnection, worker_id: &str) -> Result<
     let row = sqlx::query(
         "SELECT EXISTS (
              SELECT 1 FROM jobs j JOIN worker_kinds k ON k.kind = j.kind
-             WHERE j.state = 'QUEUED' AND k.worker = w.id) AS waiting
+             WHERE j.state = 'QUEUED' AND k.worker = w.id
+               AND (j.not_before IS NULL OR j.not_before <= unixepoch('subsec'))) AS waiting
          FROM workers w WHERE w.id = ?1",
     )
     .bind(worker_id)
@@ -49,6 +50,7 @@ pub async fn lease(
          WHERE ord = (
              SELECT q.ord FROM jobs q
              WHERE q.state = 'QUEUED'
+               AND (q.not_before IS NULL OR q.not_before <= unixepoch('subsec'))
                AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1)
                AND NOT (q.kind = 'train' AND EXISTS (
                    SELECT 1 FROM jobs r

@@ -45,6 +45,7 @@ fn migrations() -> Migrator {
     let evaluate =
         include_str!("../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
     let tradeoffs = include_str!("../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
+    let retries = include_str!("../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -53,6 +54,7 @@ fn migrations() -> Migrator {
         step(1, "init", init, false),
         step(2, "evaluate jobs", evaluate, true),
         step(3, "tradeoffs", tradeoffs, false),
+        step(4, "retries", retries, false),
     ])
 }
 

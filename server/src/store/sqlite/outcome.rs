@@ -12,6 +12,14 @@ use yoto_proto::{
     v1::{JobError, JobResult, Violation, job, job_result},
 };
 
+/// How often a job is tried again after faults that are not its own: about a day long, so that
+/// a store or a machine can be mended meanwhile.
+const MAX_RETRIES: i64 = 100;
+/// Longest wait before the next try; the first is a second, and each twice the one before.
+const LONGEST_WAIT_SECONDS: i64 = 900;
+/// Doublings of the wait; more would overflow before the longest wait is taken.
+const MAX_DOUBLINGS: i64 = 20;
+
 /// Ends the job with its result.
 pub async fn complete(
     conn: &mut SqliteConnection,
@@ -48,6 +56,8 @@ pub async fn end(
         }),
         Ending::Requeued if cancel_requested => cancel(conn, lease).await,
         Ending::Requeued => requeue(conn, lease).await,
+        Ending::TryLater(_) if cancel_requested => cancel(conn, lease).await,
+        Ending::TryLater(error) => try_later(conn, lease, error).await,
     }
 }
 
@@ -109,6 +119,37 @@ pub async fn requeue(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<()
         return Err(leases::refusal(conn, lease).await);
     }
     Ok(())
+}
+
+/// Puts the leased job back into the queue for later, or ends it as FAILED when it was tried
+/// [`MAX_RETRIES`] times.
+async fn try_later(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    mut error: JobError,
+) -> Result<(), StoreError> {
+    let done = sqlx::query(
+        "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1,
+             retries = retries + 1,
+             not_before = unixepoch('subsec') + min(1 << min(retries, ?5), ?3)
+         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING' AND retries < ?4",
+    )
+    .bind(&lease.job_id)
+    .bind(leases::token(lease)?)
+    .bind(LONGEST_WAIT_SECONDS)
+    .bind(MAX_RETRIES)
+    .bind(MAX_DOUBLINGS)
+    .execute(&mut *conn)
+    .await
+    .during("putting a job back for later")?;
+    if done.rows_affected() > 0 {
+        return Ok(());
+    }
+    error.message = format!(
+        "{} (tried again {MAX_RETRIES} times; what was uploaded is not at fault)",
+        error.message
+    );
+    fail(conn, lease, error).await
 }
 
 /// Ends a job that no worker has.

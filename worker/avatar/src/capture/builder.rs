@@ -3,39 +3,81 @@
 use super::shard::{Crop, Header, MAGIC, PREFIX, Rect, Shard};
 use super::{CaptureError, FrameImage};
 use crate::evaluate::metrics::mask_box;
-use yoto_proto::pose_track::PoseTrack;
+use std::io::Write;
+use yoto_proto::pose_track::{PoseTrack, violation};
 
 /// Bytes of all crops together, at most: a trainer holds them in memory.
 const MAX_BYTES: usize = 8 << 30;
 
-/// Makes a [`Shard`] frame by frame, holding only the crops.
+/// Makes a [`Shard`] frame by frame. Crops go where `W` says: into memory, or into a file when
+/// the shard is only to be stored.
 #[derive(Debug)]
-pub struct ShardBuilder {
+pub struct ShardBuilder<W = Vec<u8>> {
     header: Header,
-    pixels: Vec<u8>,
+    pixels: W,
+    length: usize,
 }
 
 impl ShardBuilder {
-    /// A shard for `track`, whose frames [`ShardBuilder::push`] must follow.
+    /// A shard in memory for `track`, whose frames [`ShardBuilder::push`] must follow.
     pub fn new(track: PoseTrack) -> Self {
+        Self::writing_to(Vec::new(), track)
+    }
+
+    /// The shard.
+    ///
+    /// # Errors
+    /// [`CaptureError::Shard`] when frames are missing, [`CaptureError::Invalid`] when the
+    /// track is invalid.
+    pub fn finish(self) -> Result<Shard, CaptureError> {
+        let (head, crops, track, pixels) = self.head()?;
+        let pixels_at = head.len();
+        let mut bytes = head;
+        bytes.extend_from_slice(&pixels);
+        Ok(Shard {
+            track,
+            crops,
+            bytes,
+            pixels_at,
+        })
+    }
+}
+
+impl<W: Write> ShardBuilder<W> {
+    /// The same with the crops written to `pixels`. What [`ShardBuilder::finish_head`] gives
+    /// belongs before them.
+    pub fn writing_to(pixels: W, track: PoseTrack) -> Self {
         Self {
             header: Header {
                 track,
                 crops: Vec::new(),
             },
-            pixels: Vec::new(),
+            pixels,
+            length: 0,
         }
+    }
+
+    /// What stands before the crops, and where they were written: one after the other they are
+    /// a shard.
+    ///
+    /// # Errors
+    /// As [`ShardBuilder::finish`].
+    pub fn finish_head(self) -> Result<(Vec<u8>, W), CaptureError> {
+        let (head, _, _, pixels) = self.head()?;
+        Ok((head, pixels))
     }
 
     /// Appends the next frame, cropped to the mask's bounding box.
     ///
     /// # Errors
     /// [`CaptureError::Shard`] when the image has not the track's size, its buffers not the
-    /// image's, the track has no frame left, or all crops together are too large.
+    /// image's, or the track has no frame left; [`CaptureError::Invalid`], without the file,
+    /// when all crops together are too large.
     pub fn push(&mut self, image: &FrameImage) -> Result<(), CaptureError> {
         let Self {
             header: Header { track, crops },
             pixels,
+            length,
         } = self;
         let Some(frame) = track.frames.get(crops.len()) else {
             return Err(CaptureError::Shard(format!(
@@ -58,37 +100,41 @@ impl ShardBuilder {
             width: (found.x1 - found.x0) as u32,
             height: (found.y1 - found.y0) as u32,
         });
-        if pixels.len() + 4 * rect.width as usize * rect.height as usize > MAX_BYTES {
-            return Err(CaptureError::Shard(format!(
-                "frame {}: the cropped frames exceed {} GiB; send fewer or smaller ones",
-                frame.index,
+        let bytes = 4 * rect.width as usize * rect.height as usize;
+        if *length + bytes > MAX_BYTES {
+            let message = format!(
+                "the cropped frames exceed {} GiB; send fewer or smaller ones",
                 MAX_BYTES >> 30
-            )));
+            );
+            // Which file this frame came from the caller knows.
+            let fault = violation("TOO_LARGE", "", Some(frame.index), "", message);
+            return Err(CaptureError::Invalid(vec![fault]));
         }
         crops.push(Crop {
             rect,
-            offset: pixels.len() as u64,
+            offset: *length as u64,
         });
+        *length += bytes;
+        let mut write = |bytes: &[u8]| {
+            let written = pixels.write_all(bytes);
+            written.map_err(|error| CaptureError::Shard(format!("writing the crops: {error}")))
+        };
         let rows = rect.y0 as usize..(rect.y0 + rect.height) as usize;
         let columns = rect.x0 as usize..(rect.x0 + rect.width) as usize;
         for row in rows.clone() {
             let at = row * width;
-            pixels.extend_from_slice(&image.rgb[(at + columns.start) * 3..(at + columns.end) * 3]);
+            write(&image.rgb[(at + columns.start) * 3..(at + columns.end) * 3])?;
         }
         for row in rows {
             let at = row * width;
-            pixels.extend_from_slice(&image.mask[at + columns.start..at + columns.end]);
+            write(&image.mask[at + columns.start..at + columns.end])?;
         }
         Ok(())
     }
 
-    /// The shard.
-    ///
-    /// # Errors
-    /// [`CaptureError::Shard`] when frames are missing, [`CaptureError::Invalid`] when the
-    /// track is invalid.
-    pub fn finish(self) -> Result<Shard, CaptureError> {
-        let Self { header, pixels } = self;
+    /// Checks that all is there; magic and header, the header's parts, and the crops.
+    fn head(self) -> Result<(Vec<u8>, Vec<Crop>, PoseTrack, W), CaptureError> {
+        let Self { header, pixels, .. } = self;
         let violations = header.track.check();
         if !violations.is_empty() {
             return Err(CaptureError::Invalid(violations));
@@ -103,17 +149,11 @@ impl ShardBuilder {
             .map_err(|error| CaptureError::Shard(format!("header: {error}")))?;
         let length = u32::try_from(text.len())
             .map_err(|_| CaptureError::Shard("the header is over 4 GiB".into()))?;
-        let mut bytes = Vec::with_capacity(PREFIX + text.len() + pixels.len());
-        bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(&length.to_le_bytes());
-        bytes.extend_from_slice(&text);
-        bytes.extend_from_slice(&pixels);
-        Ok(Shard {
-            track: header.track,
-            crops: header.crops,
-            bytes,
-            pixels_at: PREFIX + text.len(),
-        })
+        let mut head = Vec::with_capacity(PREFIX + text.len());
+        head.extend_from_slice(MAGIC);
+        head.extend_from_slice(&length.to_le_bytes());
+        head.extend_from_slice(&text);
+        Ok((head, header.crops, header.track, pixels))
     }
 }
 
@@ -121,6 +161,22 @@ impl ShardBuilder {
 mod tests {
     use super::*;
     use crate::capture::tests::track;
+
+    #[test]
+    fn head_and_crops_apart_are_the_same_shard() {
+        let mut whole = ShardBuilder::new(track(2, [6, 4]));
+        let mut apart = ShardBuilder::writing_to(Vec::new(), track(2, [6, 4]));
+        for level in [90, 200] {
+            let mut image = FrameImage::empty(6, 4);
+            image.mask[8..10].fill(level);
+            image.rgb[24..30].fill(level / 2);
+            whole.push(&image).expect("fits");
+            apart.push(&image).expect("fits");
+        }
+        let (mut bytes, pixels) = apart.finish_head().expect("complete");
+        bytes.extend(pixels);
+        assert_eq!(bytes, whole.finish().expect("complete").to_bytes());
+    }
 
     #[test]
     fn builders_refuse_what_does_not_fit() {

@@ -234,7 +234,7 @@ fn masks_that_are_inverted_or_empty_fail() {
         }
     });
     assert!(
-        first(&inverted).0.contains("inverted"),
+        first(&inverted).0.contains("inverted") && first(&inverted).1 == "--mask-kind inverted",
         "{:?}",
         inverted.causes
     );

@@ -64,7 +64,7 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
             "inverted".to_owned(),
             meaning,
         );
-        found.cause = Some("write 255 - value into each mask".to_owned());
+        found.cause = Some("try `--mask-kind inverted`".to_owned());
     }
     found
 }

@@ -65,7 +65,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         let mended = found.as_ref().map_or(0.0, |it| it.given.mean);
         causes.push(Cause {
             what: "masks look inverted: they cover what is not the person".to_owned(),
-            options: String::new(),
+            options: "--mask-kind inverted".to_owned(),
             correction: None,
             fit: given.map_or(0.0, |it| it.mean),
             fit_mended: mended,

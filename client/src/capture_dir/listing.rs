@@ -1,0 +1,157 @@
+//! What a capture's folder holds, by the names it is uploaded under.
+
+use crate::api::ClientError;
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+use yoto_proto::media_plan::{
+    ARCHIVE_ENDINGS, PICTURE_ENDINGS, VIDEO_ENDINGS, has_ending, index_in_name,
+};
+use yoto_proto::pose_track::violation;
+
+/// Where a capture's media may stand, below its folder.
+const BELOW: [&str; 2] = ["train", ""];
+/// Folders that are looked into.
+const FOLDERS: [&str; 2] = ["frames", "masks"];
+
+/// Files at the top, and pictures by folder and frame.
+#[derive(Debug)]
+pub(super) struct Listing {
+    root: PathBuf,
+    top: BTreeMap<String, PathBuf>,
+    pictures: BTreeMap<(String, u32), PathBuf>,
+    /// What stands for a source: files, and the first picture of each folder.
+    sources: Vec<String>,
+}
+
+impl Listing {
+    /// Looks into `dir`, or its `train/` where the media stand there, and there into the usual
+    /// folders and those called `named`.
+    pub(super) fn of(dir: &Path, named: &[&str]) -> Result<Self, ClientError> {
+        let root = BELOW
+            .map(|below| dir.join(below))
+            .into_iter()
+            .find(|root| holds_images(root))
+            .unwrap_or_else(|| dir.to_owned());
+        let mut listing = Self {
+            top: BTreeMap::new(),
+            pictures: BTreeMap::new(),
+            sources: Vec::new(),
+            root,
+        };
+        for (name, path) in files(&listing.root)? {
+            let archive = ARCHIVE_ENDINGS.iter().find(|it| name.ends_with(**it));
+            if let Some(stem) = archive.and_then(|ending| name.strip_suffix(ending)) {
+                // It becomes a folder of its name.
+                listing.sources.push(format!("{stem}/"));
+            } else if has_ending(&name, &VIDEO_ENDINGS) || has_ending(&name, &PICTURE_ENDINGS) {
+                listing.sources.push(name.clone());
+            } else {
+                continue;
+            }
+            listing.top.insert(name, path);
+        }
+        let inside = |name: &&str| Path::new(name).components().all(is_plain);
+        let named = named.iter().map(|name| name.trim_end_matches('/'));
+        let mut folders: Vec<&str> = FOLDERS.into_iter().chain(named.filter(inside)).collect();
+        folders.sort_unstable();
+        folders.dedup();
+        for folder in folders {
+            listing.look_into(folder, dir)?;
+        }
+        Ok(listing)
+    }
+
+    fn look_into(&mut self, folder: &str, dir: &Path) -> Result<(), ClientError> {
+        let path = self.root.join(folder);
+        if !path.is_dir() {
+            return Ok(());
+        }
+        self.sources.push(format!("{folder}/"));
+        for (name, path) in files(&path)? {
+            let index = index_in_name(&name).filter(|_| has_ending(&name, &PICTURE_ENDINGS));
+            let Some(index) = index else { continue };
+            if let Some(other) = self.pictures.insert((folder.to_owned(), index), path) {
+                let other = other.file_name().unwrap_or_default().to_string_lossy();
+                let message = format!("{other} is a picture of the same frame");
+                let name = format!("{folder}/{name}");
+                return Err(ClientError::BadCapture {
+                    place: dir.display().to_string(),
+                    violations: vec![violation("DUPLICATE", &name, Some(index), "", message)],
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the media stand.
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Names that tell the sources.
+    pub(super) fn sources(&self) -> impl Iterator<Item = &str> + Clone {
+        self.sources.iter().map(String::as_str)
+    }
+
+    /// The video that stands for the frames.
+    pub(super) fn video(&self) -> Option<String> {
+        let fits = |name: &&String| name.starts_with("video.") && has_ending(name, &VIDEO_ENDINGS);
+        self.top.keys().find(fits).cloned()
+    }
+
+    /// Whether there are frames as pictures.
+    pub(super) fn has_frames(&self) -> bool {
+        self.sources().any(|name| name == "frames/")
+    }
+
+    /// The archive that becomes `folder`, unless the folder is there itself.
+    pub(super) fn archive_of(&self, folder: &str) -> Option<(String, PathBuf)> {
+        if self.root.join(folder).is_dir() {
+            return None;
+        }
+        let names = ARCHIVE_ENDINGS.map(|ending| format!("{folder}{ending}"));
+        names.into_iter().find_map(|name| self.file(&name))
+    }
+
+    /// A file at the top.
+    pub(super) fn file(&self, name: &str) -> Option<(String, PathBuf)> {
+        Some((name.to_owned(), self.top.get(name)?.clone()))
+    }
+
+    /// The picture of a frame, under the name that it is uploaded by: names on this disk may
+    /// hold anything.
+    pub(super) fn picture(&self, folder: &str, index: u32) -> Option<(String, PathBuf)> {
+        let path = self.pictures.get(&(folder.to_owned(), index))?;
+        let ending = path.extension()?.to_str()?.to_lowercase();
+        Some((format!("{folder}/{index:06}.{ending}"), path.clone()))
+    }
+}
+
+fn is_plain(part: Component<'_>) -> bool {
+    matches!(part, Component::Normal(_))
+}
+
+fn holds_images(root: &Path) -> bool {
+    let top = files(root).unwrap_or_default();
+    root.join("frames").is_dir()
+        || top
+            .iter()
+            .any(|(name, _)| name.starts_with("frames.") || name.starts_with("video."))
+}
+
+/// The files of a folder whose names are text, by name.
+fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, ClientError> {
+    let failed = |error| ClientError::file("reading", folder)(error);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        if let Some(name) = name.filter(|name| !name.starts_with('.'))
+            && path.is_file()
+        {
+            found.push((name.to_owned(), path));
+        }
+    }
+    found.sort();
+    Ok(found)
+}

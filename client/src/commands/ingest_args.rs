@@ -1,0 +1,36 @@
+//! Limits of the process that reads an upload.
+
+use clap::Args;
+use yoto_worker::IngestSettings;
+
+/// How much reading one upload may take.
+#[derive(Debug, Clone, Args)]
+pub(super) struct IngestArgs {
+    /// Memory for reading one upload, MiB.
+    #[arg(
+        long,
+        env = "YOTO_INGEST_MEMORY_MIB",
+        value_name = "MIB",
+        default_value_t = 4096
+    )]
+    ingest_memory_mib: u64,
+    /// Time for reading one upload, seconds.
+    #[arg(
+        long,
+        env = "YOTO_INGEST_SECONDS",
+        value_name = "SECONDS",
+        default_value_t = 3600
+    )]
+    ingest_seconds: u64,
+}
+
+impl IngestArgs {
+    /// The same for a worker.
+    pub(super) fn settings(&self) -> IngestSettings {
+        IngestSettings {
+            memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),
+            seconds: self.ingest_seconds,
+            ..IngestSettings::default()
+        }
+    }
+}

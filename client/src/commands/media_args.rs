@@ -1,0 +1,135 @@
+//! Options that say how a capture's pictures and masks are to be read.
+
+use crate::capture_dir::{CaptureOptions, Prefer};
+use clap::{Args, ValueEnum};
+use yoto_proto::correction::Correction;
+use yoto_proto::media_plan::{
+    BackgroundSetting, MaskKind, MaskSource, PICTURE_ENDINGS, Selection, Timing, has_ending,
+};
+
+/// How to read a capture where names don't tell.
+#[derive(Debug, Args)]
+pub(super) struct MediaArgs {
+    /// Which images to take where the capture has both frames/ and a video; frames/ otherwise.
+    #[arg(long, value_enum, value_name = "KIND")]
+    frames: Option<Images>,
+    /// What says where the person is: a folder, a video, a picture of the empty background,
+    /// or 'alpha'.
+    #[arg(long, value_name = "NAME")]
+    masks: Option<String>,
+    /// What mask pictures mean: coverage 0 to 255, the same inverted, or labels, any but 0 being
+    /// the person.
+    #[arg(long, value_enum, value_name = "KIND", default_value = "coverage")]
+    mask_kind: Kind,
+    /// What stands around the person in the images; looked at by default.
+    #[arg(long, value_enum, value_name = "WHAT", default_value = "auto")]
+    background: Around,
+    /// How poses find their frame of a video: by number, or by time (for variable frame rates).
+    #[arg(long, value_enum, value_name = "HOW", default_value = "index")]
+    timing: By,
+    /// Take each n-th pose frame.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Take pose frames A to B, B not included; either may be missing.
+    #[arg(long, value_name = "A..B", value_parser = range)]
+    range: Option<(u32, Option<u32>)>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Images {
+    Images,
+    Video,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Kind {
+    Coverage,
+    Inverted,
+    Labels,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Around {
+    Auto,
+    Black,
+    Scene,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum By {
+    Index,
+    Time,
+}
+
+impl MediaArgs {
+    /// The same for the library, with how the track's numbers are to be read.
+    pub(super) fn options(&self, correction: Correction) -> CaptureOptions {
+        let masks = self.masks.as_ref().map(|name| match name.as_str() {
+            "alpha" => MaskSource::Alpha,
+            name if has_ending(name, &PICTURE_ENDINGS) => MaskSource::Plate(name.to_owned()),
+            name => MaskSource::Pictures(name.to_owned()),
+        });
+        let (first, end) = self.range.unwrap_or_default();
+        CaptureOptions {
+            prefer: self.frames.map(|images| match images {
+                Images::Images => Prefer::Images,
+                Images::Video => Prefer::Video,
+            }),
+            masks,
+            mask_kind: match self.mask_kind {
+                Kind::Coverage => MaskKind::Coverage,
+                Kind::Inverted => MaskKind::Inverted,
+                Kind::Labels => MaskKind::Labels,
+            },
+            background: match self.background {
+                Around::Auto => BackgroundSetting::Auto,
+                Around::Black => BackgroundSetting::Black,
+                Around::Scene => BackgroundSetting::Scene,
+            },
+            timing: match self.timing {
+                By::Index => Timing::Index,
+                By::Time => Timing::Time,
+            },
+            selection: Selection {
+                first,
+                end,
+                every: self.every,
+            },
+            correction,
+        }
+    }
+}
+
+/// `A..B`, `A..`, `..B`.
+fn range(text: &str) -> Result<(u32, Option<u32>), String> {
+    let (first, end) = text.split_once("..").ok_or("a range is written A..B")?;
+    let number = |text: &str| {
+        text.parse::<u32>()
+            .map_err(|_| format!("'{text}' is no frame number"))
+    };
+    let first = if first.is_empty() { 0 } else { number(first)? };
+    let end = if end.is_empty() {
+        None
+    } else {
+        Some(number(end)?)
+    };
+    if end.is_some_and(|end| end <= first) {
+        return Err(format!("{text} holds no frame"));
+    }
+    Ok((first, end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_are_read_and_empty_ones_refused() {
+        assert_eq!(range("3..9"), Ok((3, Some(9))));
+        assert_eq!(range("..9"), Ok((0, Some(9))));
+        assert_eq!(range("3.."), Ok((3, None)));
+        for bad in ["", "3", "9..3", "3..3", "a..b", "-1..3"] {
+            assert!(range(bad).is_err(), "{bad}");
+        }
+    }
+}

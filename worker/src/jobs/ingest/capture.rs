@@ -1,0 +1,97 @@
+//! A capture's files become its plan, its pose track, and what there is to read.
+
+use super::failure::ReadFailure;
+use super::order::Place;
+use super::reader::Reader;
+use super::unpack::{OWN_PLAN, unpacked};
+use std::path::Path;
+use yoto_media::Limits;
+use yoto_media::archive::Files;
+use yoto_media::source::read_file;
+use yoto_media::video::Ffmpeg;
+use yoto_proto::media_plan::{self, MediaPlan, Planned, Sources};
+use yoto_proto::pose_track::{self, FILES, NO_DISTORTION, PoseTrack, violation};
+
+/// A capture whose archives are unpacked and whose pose track is in order.
+#[derive(Debug)]
+pub(super) struct Capture {
+    /// Path in the capture to path on this disk.
+    pub(super) files: Files,
+    /// What a capture may hold.
+    pub(super) limits: Limits,
+    /// How it is to be read.
+    pub(super) plan: MediaPlan,
+    /// Where pictures and masks are.
+    pub(super) sources: Sources,
+    /// The frames that count, by rising index; as a pinhole camera would have taken them.
+    pub(super) track: PoseTrack,
+    /// For each frame the index of its mask.
+    pub(super) masks: Vec<u32>,
+    /// Of the pictures as they are stored.
+    pub(super) distortion: [f64; 5],
+}
+
+impl Capture {
+    /// Reads all but the pictures; archives are unpacked into `folder`.
+    ///
+    /// # Errors
+    /// Faults of the files, and of this machine.
+    pub(super) fn read(folder: &Path, files: &Files, limits: &Limits) -> Result<Self, ReadFailure> {
+        let files = unpacked(folder, files, limits)?;
+        let there = FILES
+            .into_iter()
+            .find_map(|name| Some((name, files.get(name)?)));
+        let (name, path) = there.ok_or_else(|| {
+            let message = "a capture needs a pose track";
+            ReadFailure::of(violation("MISSING", pose_track::FILE, None, "", message))
+        })?;
+        let plan =
+            read_plan(media_plan::FILE, &files, limits)?.over(read_plan(OWN_PLAN, &files, limits)?);
+        let bytes = read_file(path, limits).map_err(|error| ReadFailure::at(error, name, None))?;
+        let planned = plan.track(name, &bytes).map_err(ReadFailure::Rejected)?;
+        let Planned { mut track, masks } = planned;
+        // Training shoots straight rays: what it reads has no distortion any more.
+        let distortion = std::mem::replace(&mut track.distortion, NO_DISTORTION);
+        let sources =
+            Sources::find(&plan, files.keys().map(String::as_str)).map_err(ReadFailure::of)?;
+        Ok(Self {
+            limits: limits.clone(),
+            files,
+            plan,
+            sources,
+            track,
+            masks,
+            distortion,
+        })
+    }
+
+    /// Opens the pictures of the frames at `positions`, which rise.
+    ///
+    /// # Errors
+    /// Every frame without a picture or mask, up to a limit; a video that can't be read.
+    pub(super) fn reader(
+        &self,
+        positions: &[usize],
+        ffmpeg: &Ffmpeg,
+        tell: &mut dyn FnMut(Place),
+    ) -> Result<Reader, ReadFailure> {
+        Reader::open(self, positions, ffmpeg, tell)
+    }
+}
+
+fn read_plan(name: &str, files: &Files, limits: &Limits) -> Result<MediaPlan, ReadFailure> {
+    let Some(path) = files.get(name) else {
+        return Ok(MediaPlan::default());
+    };
+    let json = read_file(path, limits).map_err(|error| ReadFailure::at(error, name, None))?;
+    serde_json::from_slice(&json).map_err(|error| {
+        let field = format!("line {} column {}", error.line(), error.column());
+        ReadFailure::of(violation(
+            "UNREADABLE",
+            name,
+            None,
+            field,
+            error.to_string(),
+        ))
+    })
+}

@@ -1,0 +1,64 @@
+//! A capture on this disk, read in this process as an ingest job reads an upload: what a check
+//! before the upload sees is what training will get.
+
+use super::capture::Capture;
+use super::failure::ReadFailure;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use tempfile::TempDir;
+use yoto_avatar::capture::FrameImage;
+use yoto_media::Limits;
+use yoto_media::video::Ffmpeg;
+use yoto_proto::pose_track::PoseTrack;
+
+/// A capture of one's own. No limits on memory or time hold: it is nobody else's.
+#[derive(Debug)]
+pub struct LocalCapture {
+    capture: Capture,
+    ffmpeg: Ffmpeg,
+    /// Holds what was in archives.
+    _folder: TempDir,
+}
+
+impl LocalCapture {
+    /// Reads all but the pictures of the capture of `files`: path in it to path on this disk.
+    ///
+    /// # Errors
+    /// Faults of the files, and of this machine.
+    pub fn open(files: &BTreeMap<String, PathBuf>) -> Result<Self, ReadFailure> {
+        let folder = tempfile::Builder::new()
+            .prefix("yoto-capture-")
+            .tempdir()
+            .map_err(|error| ReadFailure::Machine(format!("making a folder: {error}")))?;
+        Ok(Self {
+            capture: Capture::read(folder.path(), files, &Limits::default())?,
+            ffmpeg: Ffmpeg::find(),
+            _folder: folder,
+        })
+    }
+
+    /// The frames that count, corrected, by rising index.
+    pub fn track(&self) -> &PoseTrack {
+        &self.capture.track
+    }
+
+    /// Decodes the frames at `positions`, which rise, and hands each to `each`. Those of a
+    /// video are decoded from its beginning every time.
+    ///
+    /// # Errors
+    /// What is wrong with the first that can't be read.
+    pub fn frames(
+        &self,
+        positions: &[usize],
+        mut each: impl FnMut(usize, FrameImage),
+    ) -> Result<(), ReadFailure> {
+        let Capture { track, masks, .. } = &self.capture;
+        let mut reader = self.capture.reader(positions, &self.ffmpeg, &mut |_| {})?;
+        for &position in positions {
+            if let (Some(frame), Some(&mask)) = (track.frames.get(position), masks.get(position)) {
+                each(position, reader.frame(frame, mask, track.image_size)?);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,158 @@
+//! The child's work: files in, shard and the check's report out.
+
+use super::MAX_VIOLATIONS;
+use super::capture::Capture;
+use super::failure::ReadFailure;
+use super::order::{Order, Place, Prepared};
+use super::reader::Reader;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use yoto_avatar::capture::check::{Checker, Grade, Report};
+use yoto_avatar::capture::{CaptureError, ShardBuilder};
+use yoto_media::video::Ffmpeg;
+use yoto_proto::pose_track::{self, violation};
+
+/// Checks, decodes and packs the capture; `tell` hears where it is.
+///
+/// Everything wrong is collected, up to a limit, so that its owner mends it in one go. What the
+/// check warns of is no fault; a capture that nothing can be learnt from is. Memory holds a few
+/// pictures: crops go to disk.
+pub(super) fn prepare(
+    order: &Order,
+    ffmpeg: &Ffmpeg,
+    tell: &mut dyn FnMut(Place),
+) -> Result<Prepared, ReadFailure> {
+    for name in order.files.keys() {
+        tell(Place {
+            file: name.clone(),
+            ..Place::default()
+        });
+    }
+    let capture = Capture::read(&order.folder, &order.files, &order.limits)?;
+    let total = capture.track.frames.len();
+    let positions: Vec<usize> = (0..total).collect();
+    let mut reader = capture.reader(&positions, ffmpeg, tell)?;
+    let pixels = order.folder.join("pixels.bin");
+    let sink = File::options()
+        .create(true)
+        .truncate(true)
+        .read(true)
+        .write(true)
+        .open(&pixels)
+        .map_err(disk)?;
+    let mut builder = ShardBuilder::writing_to(BufWriter::new(sink), capture.track.clone());
+    let report = decode(&capture, &mut reader, &mut builder, tell)?;
+
+    let (head, sink) = builder
+        .finish_head()
+        .map_err(|error| packing(error, pose_track::FILE))?;
+    let mut sink = sink
+        .into_inner()
+        .map_err(|error| disk(error.into_error()))?;
+    let mut shard = File::create(order.shard()).map_err(disk)?;
+    shard.write_all(&head).map_err(disk)?;
+    sink.rewind().map_err(disk)?;
+    let crops = std::io::copy(&mut sink, &mut shard).map_err(disk)?;
+    std::fs::remove_file(&pixels).map_err(disk)?;
+    let json = serde_json::to_vec(&report).map_err(|error| disk(error.into()))?;
+    std::fs::write(order.check(), json).map_err(disk)?;
+    let mut notes = reader.notes;
+    let bytes = head.len() as u64 + crops;
+    let [width, height] = capture.track.image_size;
+    notes.push(format!(
+        "{} bytes a frame: {bytes} for {total} frames of {width}x{height}, cropped to the person",
+        bytes / total.max(1) as u64,
+    ));
+    Ok(Prepared {
+        notes,
+        warnings: warnings(&report),
+    })
+}
+
+/// Every frame in order, packed and looked at, unless something is wrong with any.
+fn decode<W: Write>(
+    capture: &Capture,
+    reader: &mut Reader,
+    builder: &mut ShardBuilder<W>,
+    tell: &mut dyn FnMut(Place),
+) -> Result<Report, ReadFailure> {
+    let track = &capture.track;
+    let total = track.frames.len();
+    let mut checker = Checker::new(track.clone())
+        .map_err(|error| ReadFailure::Machine(format!("checking the capture: {error}")))?;
+    let mut faults = Vec::new();
+    let mut anybody = false;
+    for (done, (frame, &mask)) in track.frames.iter().zip(&capture.masks).enumerate() {
+        tell(Place {
+            file: reader.file_of(frame.index).to_owned(),
+            frame: Some(frame.index),
+            done,
+            total,
+        });
+        match reader.frame(frame, mask, track.image_size) {
+            Ok(image) if faults.is_empty() => {
+                anybody |= image.mask.iter().any(|&coverage| coverage > 0);
+                checker.look(done, &image);
+                builder
+                    .push(&image)
+                    .map_err(|error| packing(error, reader.file_of(frame.index)))?;
+            }
+            // After a fault there is no shard to pack, but further faults are worth knowing.
+            Ok(_) => {}
+            Err(ReadFailure::Rejected(found)) => faults.extend(found),
+            Err(machine) => return Err(machine),
+        }
+        if faults.len() >= MAX_VIOLATIONS || (!faults.is_empty() && reader.is_video) {
+            break;
+        }
+    }
+    if faults.is_empty() && !anybody {
+        let message = "no mask covers a single pixel: nobody can be seen";
+        faults.push(violation("EMPTY", "masks", None, "", message));
+    }
+    if !faults.is_empty() {
+        return Err(ReadFailure::Rejected(faults));
+    }
+    let report = checker.finish();
+    match report.pointless() {
+        None => Ok(report),
+        Some(reason) => {
+            let fault = violation("MISALIGNED", pose_track::FILE, None, "", reason);
+            Err(ReadFailure::of(fault))
+        }
+    }
+}
+
+/// What the owner should know although the capture serves.
+fn warnings(report: &Report) -> Vec<String> {
+    let measures = report.measures.iter();
+    measures
+        .filter(|it| it.grade != Grade::Pass)
+        .map(|it| {
+            let cause = it.cause.as_ref().map(|cause| format!(": {cause}"));
+            let (title, shown) = (it.kind.title(), &it.shown);
+            format!("{title}: {shown}{}", cause.unwrap_or_default())
+        })
+        .collect()
+}
+
+fn disk(error: std::io::Error) -> ReadFailure {
+    ReadFailure::Machine(format!("writing the shard: {error}"))
+}
+
+/// A builder's fault; where it can't know the file, that is `file`.
+fn packing(error: CaptureError, file: &str) -> ReadFailure {
+    match error {
+        CaptureError::Invalid(mut found) => {
+            for fault in found.iter_mut().filter(|fault| fault.file.is_empty()) {
+                file.clone_into(&mut fault.file);
+            }
+            ReadFailure::Rejected(found)
+        }
+        other => ReadFailure::Machine(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+#[path = "prepare_tests.rs"]
+mod tests;

@@ -1,0 +1,276 @@
+//! Whole frames out of pictures, masks and lenses.
+
+use super::MAX_VIOLATIONS;
+use super::capture::Capture;
+use super::failure::ReadFailure;
+use super::order::Place;
+use yoto_avatar::capture::FrameImage;
+use yoto_media::lens::Undistortion;
+use yoto_media::source::{Source, Wanted, read_still};
+use yoto_media::video::Ffmpeg;
+use yoto_media::{Fault, Picture, compose, mask};
+use yoto_proto::media_plan::{
+    Background, BackgroundSetting, MaskKind, MaskSource, MediaPlan, Pictures,
+};
+use yoto_proto::pose_track::{Frame, NO_DISTORTION, violation};
+
+/// Makes whole frames, in rising order.
+#[derive(Debug)]
+pub(super) struct Reader {
+    images: Source,
+    masks: Masks,
+    mask_kind: MaskKind,
+    background: Option<Background>,
+    distortion: [f64; 5],
+    undistortion: Option<Undistortion>,
+    /// Whether frames build on those before: after a fault there is nothing more to find.
+    pub(super) is_video: bool,
+    /// What is read and how, for people.
+    pub(super) notes: Vec<String>,
+}
+
+#[derive(Debug)]
+enum Masks {
+    Pictures(Source),
+    Alpha,
+    Plate { name: String, plate: Picture },
+}
+
+impl Reader {
+    /// As [`Capture::reader`].
+    pub(super) fn open(
+        capture: &Capture,
+        positions: &[usize],
+        ffmpeg: &Ffmpeg,
+        tell: &mut dyn FnMut(Place),
+    ) -> Result<Self, ReadFailure> {
+        let Capture {
+            files,
+            plan,
+            sources,
+            track,
+            limits,
+            distortion,
+            ..
+        } = capture;
+        let indices = |of: &dyn Fn(usize) -> Option<u32>| -> Vec<u32> {
+            positions.iter().filter_map(|&at| of(at)).collect()
+        };
+        let image_indices = indices(&|at| Some(track.frames.get(at)?.index));
+        let mask_indices = indices(&|at| capture.masks.get(at).copied());
+        let mut open = |pictures: &Pictures, indices: &[u32]| {
+            tell(Place {
+                file: pictures.path().to_owned(),
+                total: indices.len(),
+                ..Place::default()
+            });
+            let wanted = Wanted {
+                indices,
+                fps: track.fps,
+                timing: plan.timing,
+            };
+            Source::open(pictures, files, wanted, limits, ffmpeg, MAX_VIOLATIONS)
+        };
+        let images = open(&sources.images, &image_indices);
+        let masks = sources.mask_pictures();
+        let masks = masks.map(|pictures| open(&pictures, &mask_indices));
+        let (images, masks) = match (images, masks.transpose()) {
+            (Ok(images), Ok(masks)) => (images, masks),
+            (images, masks) => {
+                let faults = images.err().into_iter().chain(masks.err()).flatten();
+                return Err(faults.collect::<Vec<_>>().into());
+            }
+        };
+        let mut notes = noted(plan, *distortion);
+        notes.push(format!("images: {}, {}", sources.images, images.describe()));
+        let kind = match plan.mask_kind {
+            MaskKind::Coverage => "coverage",
+            MaskKind::Inverted => "inverted coverage",
+            MaskKind::Labels => "labels, any but 0 is the person",
+        };
+        let masks = match (&sources.masks, masks) {
+            (MaskSource::Pictures(_), Some(masks)) => {
+                let from = sources.mask_pictures();
+                let from = from.map(|it| it.to_string()).unwrap_or_default();
+                notes.push(format!("masks: {from}, {}, {kind}", masks.describe()));
+                Masks::Pictures(masks)
+            }
+            (MaskSource::Plate(name), _) => {
+                notes.push(format!(
+                    "masks: a difference key against {name}; shadows and clothes of the \
+                     background's colour fool it"
+                ));
+                let path = files.get(name).ok_or_else(|| {
+                    ReadFailure::plan("MISSING", "masks", format!("there is no file '{name}'"))
+                })?;
+                let plate = read_still(path, limits);
+                Masks::Plate {
+                    name: name.clone(),
+                    plate: plate.map_err(|error| ReadFailure::at(error, name, None))?,
+                }
+            }
+            _ => {
+                notes.push("masks: the pictures' alpha channel".into());
+                Masks::Alpha
+            }
+        };
+        Ok(Self {
+            images,
+            masks,
+            mask_kind: plan.mask_kind,
+            background: match plan.background {
+                BackgroundSetting::Auto => None,
+                BackgroundSetting::Black => Some(Background::Black),
+                BackgroundSetting::Scene => Some(Background::Scene),
+            },
+            distortion: *distortion,
+            undistortion: None,
+            is_video: matches!(sources.images, Pictures::Video(_)),
+            notes,
+        })
+    }
+
+    /// The file that the picture of frame `index` is in.
+    pub(super) fn file_of(&self, index: u32) -> &str {
+        self.images.name(index)
+    }
+
+    /// One frame over black, undistorted; its mask is that of frame `mask`.
+    ///
+    /// # Errors
+    /// What is wrong with the picture, and with the mask.
+    pub(super) fn frame(
+        &mut self,
+        frame: &Frame,
+        mask: u32,
+        size: [u32; 2],
+    ) -> Result<FrameImage, ReadFailure> {
+        let index = frame.index;
+        let name = self.images.name(index).to_owned();
+        // Both are read, so that both are named when both are at fault.
+        let picture = self
+            .images
+            .picture(index)
+            .map_err(ReadFailure::from)
+            .and_then(|picture| of_size(picture, size, &name, index));
+        let mask = match &mut self.masks {
+            Masks::Pictures(source) => Some(mask_of(source, mask, self.mask_kind, size)),
+            Masks::Alpha | Masks::Plate { .. } => None,
+        };
+        let (mut picture, mut mask) = match (picture, mask) {
+            (Ok(picture), Some(Ok(mask))) => (picture, mask),
+            (Ok(picture), None) => {
+                let mask = self.own_mask(&picture, &name, index)?;
+                (picture, mask)
+            }
+            (Err(a), Some(Err(b))) => return Err(a.and(b)),
+            (Err(failure), _) | (_, Some(Err(failure))) => return Err(failure),
+        };
+        if self.distortion != NO_DISTORTION {
+            let coefficients = self.distortion;
+            let (width, height) = (picture.width, picture.height);
+            let fits = |it: &Undistortion| it.fits(width, height, frame.k, coefficients);
+            if !self.undistortion.as_ref().is_some_and(fits) {
+                let made = Undistortion::new(width, height, frame.k, coefficients);
+                self.undistortion = Some(made);
+            }
+            if let Some(undistortion) = &self.undistortion {
+                picture = undistortion.apply(&picture);
+                mask = undistortion.apply_mask(&mask);
+            }
+        }
+        let background = self.background(&picture, &mask);
+        Ok(FrameImage {
+            width: picture.width,
+            height: picture.height,
+            rgb: compose::over_black(picture, &mask, background),
+            mask,
+        })
+    }
+
+    /// The mask that the picture itself gives.
+    fn own_mask(&self, picture: &Picture, name: &str, index: u32) -> Result<Vec<u8>, ReadFailure> {
+        match &self.masks {
+            Masks::Plate { name, plate } => mask::difference_key(picture, plate)
+                .map_err(|fault| ReadFailure::at(fault.into(), name, Some(index))),
+            _ => picture.alpha.clone().ok_or_else(|| {
+                let message = "the capture has no masks/, no video of masks and no picture of the \
+                               clean background, and this picture has no alpha channel";
+                ReadFailure::at(Fault::new("NO_MASK", message).into(), name, Some(index))
+            }),
+        }
+    }
+
+    /// What stands around the person: as said, else as the first frame shows it.
+    fn background(&mut self, picture: &Picture, mask: &[u8]) -> Background {
+        if let Some(known) = self.background {
+            return known;
+        }
+        let found = match self.masks {
+            // A key needs a place to differ from, and a cut-out has none around it.
+            Masks::Alpha | Masks::Plate { .. } => Some(Background::Scene),
+            Masks::Pictures(_) => compose::background(picture, mask),
+        };
+        let Some(found) = found else {
+            return Background::Scene;
+        };
+        self.background = Some(found);
+        self.notes.push(match found {
+            Background::Black => "background: black, so colours are taken as premultiplied".into(),
+            Background::Scene => {
+                "background: a place, so colours are multiplied by the mask".into()
+            }
+        });
+        found
+    }
+}
+
+/// What is done to the track and its lens.
+fn noted(plan: &MediaPlan, distortion: [f64; 5]) -> Vec<String> {
+    let mut notes = Vec::new();
+    if !plan.correction.is_identity() {
+        notes.push(format!("numbers read with {}", plan.correction));
+    }
+    if distortion != NO_DISTORTION {
+        notes.push(format!(
+            "lens distortion undone, k1 k2 p1 p2 k3: {distortion:?}"
+        ));
+    }
+    notes
+}
+
+fn mask_of(
+    source: &mut Source,
+    index: u32,
+    kind: MaskKind,
+    size: [u32; 2],
+) -> Result<Vec<u8>, ReadFailure> {
+    let name = source.name(index).to_owned();
+    let mask = source.picture(index).map_err(ReadFailure::from)?;
+    let mask = of_size(mask, size, &name, index)?;
+    mask::from_picture(&mask, kind)
+        .map_err(|fault| ReadFailure::at(fault.into(), &name, Some(index)))
+}
+
+fn of_size(
+    picture: Picture,
+    size: [u32; 2],
+    name: &str,
+    frame: u32,
+) -> Result<Picture, ReadFailure> {
+    let [width, height] = size;
+    if (picture.width, picture.height) == (width as usize, height as usize) {
+        return Ok(picture);
+    }
+    let message = format!(
+        "{}x{} pixels, image_size says {width}x{height}",
+        picture.width, picture.height
+    );
+    Err(ReadFailure::of(violation(
+        "SIZE_MISMATCH",
+        name,
+        Some(frame),
+        "",
+        message,
+    )))
+}

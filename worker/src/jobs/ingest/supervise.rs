@@ -1,0 +1,317 @@
+//! The worker's side of the child: start it, listen, and say how it ended.
+
+use super::child::ARGUMENT;
+use super::order::{Line, Order, Outcome, Place};
+use super::{JobContext, JobFailure, machine};
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+use yoto_proto::pose_track::violation;
+
+/// How often to look whether the job is to stop.
+const LOOK: Duration = Duration::from_millis(100);
+/// Longest line that a child may say, bytes.
+const MAX_LINE: u64 = 1 << 20;
+/// What is kept of its complaints, bytes.
+const COMPLAINTS: usize = 8 << 10;
+
+/// Has a child do `order`. A child that exceeds a limit or breaks down is an outcome, too: the
+/// upload is rejected, with what happened and where.
+///
+/// # Errors
+/// When the child can't be started or is killed from outside, or the job is to stop.
+pub(super) fn run(context: &JobContext, order: &Order) -> Result<Outcome, JobFailure> {
+    let settings = &context.ingest;
+    let program = match &settings.program {
+        Some(program) => program.clone(),
+        None => std::env::current_exe()
+            .map_err(|error| machine("finding this program to start it again", &error))?,
+    };
+    let file = order.folder.join("order.json");
+    let written = serde_json::to_vec(order)
+        .map_err(std::io::Error::from)
+        .and_then(|json| std::fs::write(&file, json));
+    written.map_err(|error| machine("writing the child's order", &error))?;
+    let child = Command::new(&program)
+        .arg(ARGUMENT)
+        .arg(&file)
+        .args([settings.memory_bytes, settings.seconds].map(|limit| limit.to_string()))
+        .current_dir(&order.folder)
+        // Allocators reserve much address space beforehand, which the limit counts: glibc for
+        // each thread's arena, mimalloc (this figure is in KiB) for each of its own.
+        .env("MALLOC_ARENA_MAX", "1")
+        .env("MIMALLOC_ARENA_RESERVE", "65536")
+        .env("RUST_BACKTRACE", "0")
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .process_group(0)
+        .spawn()
+        .map_err(|error| machine(&format!("starting {}", program.display()), &error))?;
+    let mut running = Running::new(child);
+    let deadline = Instant::now() + Duration::from_secs(settings.seconds);
+    let mut place = Place::default();
+    let mut outcome = None;
+    let mut late = false;
+    loop {
+        match running.lines.recv_timeout(LOOK) {
+            Ok(Line::At(now)) => {
+                context.report_pieces("decoding", now.done, now.total);
+                place = now;
+            }
+            Ok(Line::End(end)) => outcome = Some(end),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        // The child is killed when `running` is dropped.
+        context.check()?;
+        if Instant::now() >= deadline {
+            late = true;
+            running.kill();
+            break;
+        }
+    }
+    let (status, complaints) = running.wait()?;
+    if outcome.is_none() {
+        // Whoever stops this worker may have stopped its child first.
+        context.check()?;
+    }
+    match outcome {
+        Some(outcome) if !late => Ok(outcome),
+        _ => {
+            let ended = Ended {
+                status,
+                late,
+                complaints: &complaints,
+                seconds: settings.seconds,
+                memory: settings.memory_bytes,
+                file_bytes: settings.limits.unpacked_bytes,
+            };
+            tracing::warn!(
+                ?status,
+                late,
+                ?place,
+                complaints,
+                "the child that reads an upload broke down"
+            );
+            match ended.reason() {
+                Reason::Upload(code, message) => {
+                    let fault = violation(code, &place.file, place.frame, "", message);
+                    Ok(Outcome::Rejected(vec![fault.into()]))
+                }
+                Reason::Outside(signal) => Err(JobFailure::TryLater {
+                    code: "KILLED",
+                    message: format!(
+                        "the process that read the upload was ended from outside ({signal}), most \
+                         likely since this machine had no memory left"
+                    ),
+                }),
+            }
+        }
+    }
+}
+
+/// How a child ended that did not say so itself.
+struct Ended<'a> {
+    status: ExitStatus,
+    late: bool,
+    complaints: &'a str,
+    seconds: u64,
+    memory: u64,
+    file_bytes: u64,
+}
+
+/// Why.
+#[derive(Debug)]
+enum Reason {
+    /// The upload is at fault; code and words for its owner.
+    Upload(&'static str, String),
+    /// Somebody, or the kernel, ended the child.
+    Outside(Signal),
+}
+
+impl Ended<'_> {
+    fn reason(&self) -> Reason {
+        let signal = self
+            .status
+            .signal()
+            .and_then(|it| Signal::try_from(it).ok());
+        // How Rust's runtime ends a program, and how a library's `expect` words it.
+        let out_of_memory = ["memory allocation of", "TryReserveError"]
+            .iter()
+            .any(|words| self.complaints.contains(words));
+        let (code, message) = match signal {
+            _ if self.late || signal == Some(Signal::SIGXCPU) => (
+                "TIME_LIMIT",
+                format!("reading the upload took more than {} seconds", self.seconds),
+            ),
+            _ if out_of_memory => (
+                "MEMORY_LIMIT",
+                format!(
+                    "reading it took more than {} MiB of memory",
+                    self.memory >> 20
+                ),
+            ),
+            Some(Signal::SIGXFSZ) => (
+                "DISK_LIMIT",
+                format!(
+                    "reading it wrote a file of more than {} MiB",
+                    self.file_bytes >> 20
+                ),
+            ),
+            Some(
+                signal @ (Signal::SIGKILL
+                | Signal::SIGTERM
+                | Signal::SIGINT
+                | Signal::SIGHUP
+                | Signal::SIGQUIT),
+            ) => return Reason::Outside(signal),
+            _ => {
+                let how = signal.map_or_else(
+                    || self.status.to_string(),
+                    |signal| signal.as_str().to_owned(),
+                );
+                // The line above a panic's message is about our sources.
+                let ours = |line: &&str| line.starts_with("thread '") || line.starts_with("note:");
+                let mut lines = self.complaints.lines();
+                let said = lines.find(|line| !line.trim().is_empty() && !ours(line));
+                let said = said.map(|line| format!(": {line}")).unwrap_or_default();
+                (
+                    "DECODER_CRASHED",
+                    format!("the decoder broke down on it ({how}){said}"),
+                )
+            }
+        };
+        Reason::Upload(code, message)
+    }
+}
+
+/// A started child with threads that listen to it; killed when dropped.
+struct Running {
+    child: Child,
+    lines: Receiver<Line>,
+    complaints: Option<std::thread::JoinHandle<String>>,
+}
+
+impl Running {
+    fn new(mut child: Child) -> Self {
+        let (send, lines) = channel();
+        if let Some(stdout) = child.stdout.take() {
+            std::thread::spawn(move || {
+                let mut stdout = BufReader::new(stdout);
+                loop {
+                    let mut line = Vec::new();
+                    let read = (&mut stdout).take(MAX_LINE).read_until(b'\n', &mut line);
+                    // A line that is none ends the talk: a broken child is not to be believed.
+                    let Ok(line) = serde_json::from_slice(&line) else {
+                        return;
+                    };
+                    if !read.is_ok_and(|count| count > 0) || send.send(line).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        let complaints = child.stderr.take().map(|mut stderr| {
+            std::thread::spawn(move || {
+                let (mut kept, mut buffer) = (Vec::new(), [0; 4096]);
+                // Read to the end, so that a talkative child does not wait for a reader.
+                while let Ok(count @ 1..) = stderr.read(&mut buffer) {
+                    let room = COMPLAINTS.saturating_sub(kept.len()).min(count);
+                    kept.extend_from_slice(&buffer[..room]);
+                }
+                String::from_utf8_lossy(&kept).into_owned()
+            })
+        });
+        Self {
+            child,
+            lines,
+            complaints,
+        }
+    }
+
+    /// Kills the child and whatever it started.
+    fn kill(&mut self) {
+        if let Ok(group) = i32::try_from(self.child.id()) {
+            // It may have ended already.
+            let _ = killpg(Pid::from_raw(group), Signal::SIGKILL);
+        }
+    }
+
+    fn wait(&mut self) -> Result<(ExitStatus, String), JobFailure> {
+        let status = self.child.wait();
+        // What it started may live on and hold its ends of the pipes.
+        self.kill();
+        let complaints = self.complaints.take().and_then(|it| it.join().ok());
+        let status = status.map_err(|error| machine("waiting for the child", &error))?;
+        Ok((status, complaints.unwrap_or_default()))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if self.complaints.is_some() {
+            self.kill();
+            let _ = self.child.wait();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reason(raw: i32, late: bool, complaints: &str) -> (&'static str, String) {
+        let ended = Ended {
+            status: ExitStatus::from_raw(raw),
+            late,
+            complaints,
+            seconds: 9,
+            memory: 64 << 20,
+            file_bytes: 3 << 20,
+        };
+        match ended.reason() {
+            Reason::Upload(code, message) => (code, message),
+            Reason::Outside(signal) => ("outside", signal.to_string()),
+        }
+    }
+
+    #[test]
+    fn each_end_has_its_code_and_words() {
+        assert_eq!(reason(9, true, "").0, "TIME_LIMIT");
+        assert_eq!(reason(Signal::SIGXCPU as i32, false, "").0, "TIME_LIMIT");
+        let (code, message) = reason(6, false, "memory allocation of 99 bytes failed");
+        assert!(
+            code == "MEMORY_LIMIT" && message.contains("64 MiB"),
+            "{message}"
+        );
+        for signal in [Signal::SIGKILL, Signal::SIGTERM, Signal::SIGINT] {
+            assert_eq!(
+                reason(signal as i32, false, ""),
+                ("outside", signal.to_string())
+            );
+        }
+        let (code, message) = reason(Signal::SIGXFSZ as i32, false, "");
+        assert!(
+            code == "DISK_LIMIT" && message.contains("3 MiB"),
+            "{message}"
+        );
+        let (code, message) = reason(11, false, "");
+        assert!(
+            code == "DECODER_CRASHED" && message.contains("SIGSEGV"),
+            "{message}"
+        );
+        let panic = "\nthread 'main' panicked at x.rs:3:\nindex out of bounds\nnote: run";
+        let (code, message) = reason(101 << 8, false, panic);
+        assert!(
+            code == "DECODER_CRASHED" && message.ends_with(": index out of bounds"),
+            "{message}"
+        );
+        let panic = "thread 'main' panicked at x.rs:3:\nroom: TryReserveError { kind: AllocError";
+        assert_eq!(reason(101 << 8, false, panic).0, "MEMORY_LIMIT");
+    }
+}
