@@ -64,7 +64,8 @@ fn words(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_be_bytes()).collect()
 }
 
-fn mp4(size: (usize, usize), fps: u32, sps: &[u8], pps: &[u8], samples: &[Vec<u8>]) -> Vec<u8> {
+/// An MP4 of `samples` of `sps` and `pps`, whatever they hold.
+pub fn mp4(size: (usize, usize), fps: u32, sps: &[u8], pps: &[u8], samples: &[Vec<u8>]) -> Vec<u8> {
     let (width, height) = (size.0 as u32, size.1 as u32);
     let count = samples.len() as u32;
     let ftyp = boxed(b"ftyp", &[b"isom", &words(&[0]), b"isomavc1"]);

@@ -67,6 +67,19 @@ impl Listing {
             return Ok(());
         }
         self.sources.push(format!("{folder}/"));
+        if let Some(name) = nameless(&path)? {
+            let message = "the name of this file is no text (UTF-8): its frame can't be told";
+            return Err(ClientError::BadCapture {
+                place: dir.display().to_string(),
+                violations: vec![violation(
+                    "BAD_NAME",
+                    &format!("{folder}/{name}"),
+                    None,
+                    "",
+                    message,
+                )],
+            });
+        }
         for (name, path) in files(&path)? {
             let index = index_in_name(&name).filter(|_| has_ending(&name, &PICTURE_ENDINGS));
             let Some(index) = index else { continue };
@@ -137,6 +150,18 @@ fn holds_images(root: &Path) -> bool {
         || top
             .iter()
             .any(|(name, _)| name.starts_with("frames.") || name.starts_with("video."))
+}
+
+/// A file of the folder whose name is no text, as far as it can be shown.
+fn nameless(folder: &Path) -> Result<Option<String>, ClientError> {
+    let failed = |error| ClientError::file("reading", folder)(error);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let name = entry.map_err(failed)?.file_name();
+        if name.to_str().is_none() {
+            return Ok(Some(name.to_string_lossy().into_owned()));
+        }
+    }
+    Ok(None)
 }
 
 /// The files of a folder whose names are text, by name.

@@ -3,10 +3,11 @@
 //! It reads the file only, in the formats listed, so that no playlist inside an upload can
 //! make it read others; it inherits the limits of this process.
 
-use crate::{Fault, Limits, MediaError, Picture};
+use crate::{Fault, Limits, MEMORY_LIMIT, MediaError, Picture};
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 
 /// The variable that names the program.
 pub const VARIABLE: &str = "YOTO_FFMPEG";
@@ -201,27 +202,55 @@ impl FfmpegVideo {
 
     /// The stream ended between two frames: well, or because the program gave up.
     fn end(&mut self) -> Result<Option<Picture>, MediaError> {
-        self.stdout = None;
-        let status = self
-            .child
-            .wait()
-            .map_err(MediaError::io(Path::new("ffmpeg")))?;
+        let status = self.wait()?;
         if status.success() && self.out > 0 {
             return Ok(None);
         }
-        self.broken()
+        Err(self.failure(status))
     }
 
+    /// The stream ended inside a frame, or brings something else.
     fn broken(&mut self) -> Result<Option<Picture>, MediaError> {
-        self.stdout = None;
-        // It may have ended already.
-        let _ = self.child.kill();
-        let said = self.complaints.take().and_then(|it| it.join().ok());
-        let said = said.unwrap_or_default();
-        let last = said.lines().rev().find(|line| !line.trim().is_empty());
-        let message = format!("ffmpeg: {}", last.unwrap_or("no frame came out"));
-        Err(Fault::undecodable(message).in_frame(self.out).into())
+        let status = self.wait()?;
+        Err(self.failure(status))
     }
+
+    /// How it ended. A program that is still writing ends now, since nobody reads any more.
+    fn wait(&mut self) -> Result<ExitStatus, MediaError> {
+        self.stdout = None;
+        self.child
+            .wait()
+            .map_err(MediaError::io(Path::new("ffmpeg")))
+    }
+
+    fn failure(&mut self, status: ExitStatus) -> MediaError {
+        let said = self.complaints.take().and_then(|it| it.join().ok());
+        failure(status, &said.unwrap_or_default(), self.out)
+    }
+}
+
+/// Whose fault it is that the program ended, having put out `frames` frames.
+fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
+    /// Interrupt, quit, kill, terminate and hang-up: signals that come from outside.
+    const OUTSIDE: [i32; 5] = [2, 3, 9, 15, 1];
+    /// The processor time that this process may take is over.
+    const OVERTIME: i32 = 24;
+    let signal = status.signal().unwrap_or_default();
+    if OUTSIDE.contains(&signal) {
+        return MediaError::Io {
+            path: "ffmpeg".into(),
+            source: std::io::Error::other(format!("was ended from outside by signal {signal}")),
+        };
+    }
+    let fault = if signal == OVERTIME {
+        Fault::new("TIME_LIMIT", "ffmpeg took all the processor time allowed")
+    } else if said.contains("Cannot allocate memory") {
+        Fault::new(MEMORY_LIMIT, "ffmpeg had not memory enough to decode it")
+    } else {
+        let last = said.lines().rev().find(|line| !line.trim().is_empty());
+        Fault::undecodable(format!("ffmpeg: {}", last.unwrap_or("no frame came out")))
+    };
+    fault.in_frame(frames).into()
 }
 
 impl Drop for FfmpegVideo {
@@ -276,6 +305,26 @@ mod tests {
         ] {
             assert!(read(bad).is_err(), "{bad:?}");
         }
+    }
+
+    #[test]
+    fn what_ended_the_program_says_whose_fault_it_was() {
+        let end = |raw: i32, said: &str| failure(ExitStatus::from_raw(raw), said, 3);
+        for signal in [1, 2, 3, 9, 15] {
+            assert!(matches!(end(signal, ""), MediaError::Io { .. }), "{signal}");
+        }
+        let code = |error: MediaError| match error {
+            MediaError::Bad(fault) => (fault.code, fault.frame, fault.message),
+            MediaError::Io { .. } => panic!("not the machine's fault"),
+        };
+        assert_eq!(code(end(24, "")).0, "TIME_LIMIT");
+        assert_eq!(
+            code(end(1 << 8, "x: Cannot allocate memory")).0,
+            MEMORY_LIMIT
+        );
+        let (kind, frame, message) = code(end(1 << 8, "one\nmoov atom not found\n"));
+        assert_eq!((kind, frame), ("UNDECODABLE", Some(3)));
+        assert!(message.ends_with("moov atom not found"), "{message}");
     }
 
     #[test]
