@@ -21,6 +21,7 @@ pub struct ProgressDisplay {
     bar: Option<ProgressBar>,
     last_line: Instant,
     rate: Rate,
+    pieces: Rate,
 }
 
 impl ProgressDisplay {
@@ -44,6 +45,7 @@ impl ProgressDisplay {
             bar,
             last_line: Instant::now(),
             rate: Rate::new(Instant::now()),
+            pieces: Rate::new(Instant::now()),
         }
     }
 
@@ -79,12 +81,22 @@ impl ProgressDisplay {
             sent as f64 / of as f64
         };
         self.rate.at(Instant::now(), sent);
-        self.show(fraction, &describe_bytes(sent, of, self.rate.a_second()));
+        let rate = self.rate.a_second().filter(|rate| *rate > 0.0);
+        let left = rate.map(|rate| of.saturating_sub(sent) as f64 / rate);
+        let what = format!("uploading {} of {}", DecimalBytes(sent), DecimalBytes(of));
+        self.show(fraction, &with_rate(what, rate, left));
     }
 
-    /// Shows frames written of frames in all, and their bytes.
+    /// Shows frames written of frames in all, their bytes, how fast those come, and how long the
+    /// rest will take. How many bytes there will be nobody knows: frames tell the time.
     pub fn frames(&mut self, done: usize, of: usize, bytes: u64) {
-        let text = format!("frame {done} of {of}, {:.1} MB", bytes as f64 / 1e6);
+        let now = Instant::now();
+        self.rate.at(now, bytes);
+        self.pieces.at(now, done as u64);
+        let frames = self.pieces.a_second().filter(|rate| *rate > 0.0);
+        let left = frames.map(|rate| of.saturating_sub(done) as f64 / rate);
+        let what = format!("frame {done} of {of} · {}", DecimalBytes(bytes));
+        let text = with_rate(what, self.rate.a_second(), left);
         self.show(done as f64 / of.max(1) as f64, &text);
     }
 
@@ -154,12 +166,13 @@ pub fn describe(progress: &Progress) -> String {
     parts.join(" · ")
 }
 
-/// One line: bytes, rate, time left; the last two once they are known.
-fn describe_bytes(sent: u64, of: u64, a_second: Option<f64>) -> String {
-    let mut text = format!("uploading {} of {}", DecimalBytes(sent), DecimalBytes(of));
-    if let Some(rate) = a_second.filter(|rate| *rate > 0.0) {
-        let left = duration(of.saturating_sub(sent) as f64 / rate);
-        text += &format!(" · {}/s · {left} left", DecimalBytes(rate as u64));
+/// One line: what is done, bytes a second, seconds left; the last two once they are known.
+fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
+    if let Some(rate) = rate {
+        text += &format!(" · {}/s", DecimalBytes(rate as u64));
+    }
+    if let Some(left) = left {
+        text += &format!(" · {} left", duration(left));
     }
     text
 }
@@ -200,13 +213,10 @@ mod tests {
 
     #[test]
     fn an_upload_tells_bytes_rate_and_time_left() {
+        let what = || "uploading 1.00 MB of 4.00 MB".to_owned();
+        assert_eq!(with_rate(what(), None, None), what());
         assert_eq!(
-            describe_bytes(0, 4_000_000, None),
-            "uploading 0 B of 4.00 MB"
-        );
-        let text = describe_bytes(1_000_000, 4_000_000, Some(500_000.0));
-        assert_eq!(
-            text,
+            with_rate(what(), Some(500_000.0), Some(6.0)),
             "uploading 1.00 MB of 4.00 MB · 500.00 kB/s · 0:06 left"
         );
     }
