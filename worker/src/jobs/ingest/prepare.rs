@@ -7,6 +7,7 @@ use super::order::{Order, Place, Prepared};
 use super::reader::Reader;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
+use std::time::{Duration, Instant};
 use yoto_avatar::capture::check::{Checker, Grade, Report};
 use yoto_avatar::capture::{CaptureError, ShardBuilder};
 use yoto_media::video::Ffmpeg;
@@ -41,7 +42,10 @@ pub(super) fn prepare(
         .open(&pixels)
         .map_err(disk)?;
     let mut builder = ShardBuilder::writing_to(BufWriter::new(sink), capture.track.clone());
-    let report = decode(&capture, &mut reader, &mut builder, tell)?;
+    let began = Instant::now();
+    let (report, decoding) = decode(&capture, &mut reader, &mut builder, tell)?;
+    let a_second = |time: Duration| total as f64 / time.as_secs_f64().max(1e-9);
+    let (decoded, checked) = (a_second(decoding), a_second(began.elapsed()));
 
     let (head, sink) = builder
         .finish_head()
@@ -63,25 +67,31 @@ pub(super) fn prepare(
         "{} bytes a frame: {bytes} for {total} frames of {width}x{height}, cropped to the person",
         bytes / total.max(1) as u64,
     ));
+    notes.push(format!(
+        "decoded {decoded:.0} frames a second, {checked:.0} with the check and packing{}",
+        peak_memory().unwrap_or_default()
+    ));
     Ok(Prepared {
         notes,
         warnings: warnings(&report),
     })
 }
 
-/// Every frame in order, packed and looked at, unless something is wrong with any.
+/// Every frame in order, packed and looked at, unless something is wrong with any; the check's
+/// report, and how long pictures and masks took to decode.
 fn decode<W: Write>(
     capture: &Capture,
     reader: &mut Reader,
     builder: &mut ShardBuilder<W>,
     tell: &mut dyn FnMut(Place),
-) -> Result<Report, ReadFailure> {
+) -> Result<(Report, Duration), ReadFailure> {
     let track = &capture.track;
     let total = track.frames.len();
     let mut checker = Checker::new(track.clone())
         .map_err(|error| ReadFailure::Machine(format!("checking the capture: {error}")))?;
     let mut faults = Vec::new();
     let mut anybody = false;
+    let mut decoding = Duration::ZERO;
     for (done, (frame, &mask)) in track.frames.iter().zip(&capture.masks).enumerate() {
         tell(Place {
             file: reader.file_of(frame.index).to_owned(),
@@ -89,7 +99,10 @@ fn decode<W: Write>(
             done,
             total,
         });
-        match reader.frame(frame, mask, track.image_size) {
+        let began = Instant::now();
+        let image = reader.frame(frame, mask, track.image_size);
+        decoding += began.elapsed();
+        match image {
             Ok(image) if faults.is_empty() => {
                 anybody |= image.mask.iter().any(|&coverage| coverage > 0);
                 checker.look(done, &image);
@@ -115,12 +128,21 @@ fn decode<W: Write>(
     }
     let report = checker.finish();
     match report.pointless() {
-        None => Ok(report),
+        None => Ok((report, decoding)),
         Some(reason) => {
             let fault = violation("MISALIGNED", pose_track::FILE, None, "", reason);
             Err(ReadFailure::of(fault))
         }
     }
+}
+
+/// The most memory that this process had at once, where the system tells. (`getrusage` would
+/// count what the worker had when it started this process.)
+fn peak_memory() -> Option<String> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|it| it.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(format!(", in {} MiB of memory at most", kib >> 10))
 }
 
 /// What the owner should know although the capture serves.
