@@ -11,7 +11,8 @@ use super::held_out::{HeldOut, HeldOutView};
 use super::{CaptureError, FrameImage, Shard, ShardBuilder};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::media_plan::{self, MediaPlan};
+use yoto_proto::pose_track::{self, PoseTrack, violation};
 use yoto_proto::v1::Violation;
 
 /// Most missing files that are named.
@@ -49,6 +50,7 @@ impl CaptureFolder {
     /// training image that is missing; [`CaptureError::Io`] when the file system fails.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, CaptureError> {
         let root = dir.as_ref().to_path_buf();
+        check_plan(&root)?;
         let binary = !root.join(pose_track::FILE).is_file();
         let binary = binary && root.join(pose_track::BINARY_FILE).is_file();
         let file = pose_track::FILES[usize::from(binary)];
@@ -170,6 +172,22 @@ impl CaptureFolder {
             Err(CaptureError::Invalid(missing))
         }
     }
+}
+
+/// A plan that says more than names do would have to be followed, as ingest does.
+fn check_plan(root: &Path) -> Result<(), CaptureError> {
+    let (name, path) = (media_plan::FILE, root.join(media_plan::FILE));
+    if !path.is_file() {
+        return Ok(());
+    }
+    let plan = serde_json::from_slice::<MediaPlan>(&read_file(&path, name, None)?);
+    if plan.is_ok_and(|plan| plan == MediaPlan::default()) {
+        return Ok(());
+    }
+    let message = "here captures are read as they stand, without corrections and selections; \
+                   `yoto import --from folder` makes a plain capture of one with a plan";
+    let fault = violation("UNSUPPORTED", name, None, "", message);
+    Err(CaptureError::Invalid(vec![fault]))
 }
 
 #[cfg(test)]
@@ -298,5 +316,13 @@ mod tests {
         scratch.images("", 1, 1);
         scratch.write("masks/000001.png", b"not a picture");
         assert!(fault().starts_with("masks/000001.png frame 1: can't be decoded"));
+        scratch.write("media.json", "{}");
+        assert!(fault().starts_with("masks/000001.png frame 1: can't be decoded"));
+        scratch.write("media.json", r#"{"correction": {"mask_shift": 1}}"#);
+        assert!(
+            fault().starts_with("media.json: here captures are read"),
+            "{}",
+            fault()
+        );
     }
 }
