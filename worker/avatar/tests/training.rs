@@ -187,7 +187,7 @@ fn samples_that_are_left_out_do_not_show() {
     let text = std::fs::read_to_string(&state).expect("written");
     let mut exact = text;
     for (bound, none) in [
-        ("\"epsilon\": 0.0001", "\"epsilon\": 0.0"),
+        ("\"epsilon\": 0.001", "\"epsilon\": 0.0"),
         ("\"min_transmittance\": 0.001", "\"min_transmittance\": 0.0"),
         ("\"occupancy_cells\": 64", "\"occupancy_cells\": 0"),
     ] {

@@ -95,7 +95,7 @@ fn grid_tier(
             epsilon: 1e-3,
             min_transmittance: 1e-3,
             occupancy_cells: 64,
-            occupancy_alpha: 1e-2,
+            occupancy_alpha: 2e-3,
         },
         optimise: OptimiseConfig {
             patches: 8,
