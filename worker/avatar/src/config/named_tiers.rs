@@ -79,7 +79,10 @@ fn grid_tier(
                 growth: 1.45,
                 log2_rows,
                 features: 2,
-                sharing: Sharing::Own,
+                // By experiment (docs/tiers.md).
+                sharing: Sharing::Split {
+                    own_log2_rows: log2_rows - 3,
+                },
             },
             layers: LayersConfig {
                 width,

@@ -67,7 +67,8 @@ fn a_grid_that_says_nothing_of_sharing_shares_nothing() {
     let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2}"#;
     let read: Encoding = serde_json::from_str(json).expect("an older checkpoint's");
     let fast = ModelConfig::named("fast", "yoto").expect("named");
-    assert_eq!(read, fast.canonical.encoding);
+    let own = fast.shared(Sharing::Own).expect("possible");
+    assert_eq!(read, own.canonical.encoding);
 }
 
 #[test]
