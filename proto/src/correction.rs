@@ -5,6 +5,9 @@
 //! check can try them and a command line can ask for them: both mean the same by a name.
 
 mod rotation;
+mod units;
+
+pub use units::{Unit, Units};
 
 use crate::pose_track::{Frame, PoseTrack, Skeleton};
 use rotation::{turned, turned_about_x};
@@ -32,64 +35,6 @@ pub enum CameraAxes {
     OpenCv,
     /// x right, y up, z backward.
     OpenGl,
-}
-
-/// A unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Unit {
-    /// What a pose track means.
-    #[default]
-    #[serde(rename = "m")]
-    Metre,
-    /// A hundredth.
-    #[serde(rename = "cm")]
-    Centimetre,
-    /// A thousandth.
-    #[serde(rename = "mm")]
-    Millimetre,
-}
-
-impl Unit {
-    /// Metres in one of it.
-    pub fn metres(self) -> f64 {
-        match self {
-            Self::Metre => 1.0,
-            Self::Centimetre => 0.01,
-            Self::Millimetre => 0.001,
-        }
-    }
-
-    /// `m`, `cm` or `mm`.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Metre => "m",
-            Self::Centimetre => "cm",
-            Self::Millimetre => "mm",
-        }
-    }
-}
-
-/// In which unit each kind of length stands; files mix them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Units {
-    /// The translation in each frame's extrinsics.
-    pub camera: Unit,
-    /// Each frame's root translation.
-    pub root: Unit,
-    /// The rest joints.
-    pub skeleton: Unit,
-}
-
-impl Units {
-    /// One unit for all lengths.
-    pub fn all(unit: Unit) -> Self {
-        Self {
-            camera: unit,
-            root: unit,
-            skeleton: unit,
-        }
-    }
 }
 
 /// What is the wrong way round, left for right.

@@ -1,0 +1,213 @@
+//! What is uploaded of a capture, and what is refused before.
+
+use super::*;
+use yoto_proto::correction::Unit;
+use yoto_proto::pose_track::{Frame, PoseTrack, Skeleton};
+
+fn write_capture(dir: &Path, below: &str, break_it: fn(&mut PoseTrack)) {
+    let identity = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    let frame = |index| Frame {
+        index,
+        pose: vec![0.0; 3],
+        translation: [0.0; 3],
+        k: [[9.0, 0.0, 4.0], [0.0, 9.0, 4.0], [0.0, 0.0, 1.0]],
+        e: std::array::from_fn(|i| std::array::from_fn(|j| identity(i, j))),
+    };
+    let skeleton = Skeleton {
+        names: vec!["root".into()],
+        parents: vec![-1],
+        rest_joints: vec![[0.0; 3]],
+    };
+    let mut track = PoseTrack {
+        skeleton,
+        image_size: [8, 8],
+        fps: 15.0,
+        distortion: [0.0; 5],
+        frames: vec![frame(0), frame(7)],
+    };
+    break_it(&mut track);
+    std::fs::write(
+        dir.join(FILE),
+        serde_json::to_vec(&track).expect("serialises"),
+    )
+    .expect("writes");
+    for folder in ["frames", "masks"] {
+        let folder = dir.join(below).join(folder);
+        std::fs::create_dir_all(&folder).expect("creates");
+        for index in [0, 7] {
+            std::fs::write(folder.join(format!("{index:06}.png")), b"12345").expect("writes");
+        }
+    }
+}
+
+#[test]
+fn both_layouts_upload_the_same_paths() {
+    for below in ["", "train"] {
+        let dir = tempfile::tempdir().expect("temporary folder");
+        write_capture(dir.path(), below, |_| {});
+        let capture = CaptureDir::open(dir.path()).expect("a good capture");
+        let paths: Vec<&str> = capture
+            .files
+            .iter()
+            .map(|file| file.path.as_str())
+            .collect();
+        let expected = [
+            "frames/000000.png",
+            "masks/000000.png",
+            "frames/000007.png",
+            "masks/000007.png",
+            "poses.json",
+        ];
+        assert_eq!(paths, expected, "in {below:?}");
+        let json = std::fs::metadata(dir.path().join(FILE))
+            .expect("exists")
+            .len();
+        assert_eq!(capture.bytes, json + 4 * 5);
+    }
+}
+
+#[test]
+fn a_video_or_an_archive_goes_up_as_it_is() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "train", |_| {});
+    std::fs::write(dir.path().join("train/video.mp4"), b"film").expect("writes");
+    let paths = |capture: &CaptureDir| -> Vec<String> {
+        capture.files.iter().map(|file| file.path.clone()).collect()
+    };
+    let images = CaptureDir::open(dir.path()).expect("a good capture");
+    assert_eq!(paths(&images).len(), 5, "pictures, unless asked otherwise");
+    assert!(
+        images.notes[0].contains("--frames video"),
+        "{:?}",
+        images.notes
+    );
+
+    let mut options = CaptureOptions {
+        prefer: Some(Prefer::Video),
+        ..CaptureOptions::default()
+    };
+    options.selection.end = Some(7);
+    let video = CaptureDir::open_with(dir.path(), &options).expect("a good capture");
+    let expected = ["video.mp4", "masks/000000.png", "media.json", "poses.json"];
+    assert_eq!(paths(&video), expected);
+
+    std::fs::remove_dir_all(dir.path().join("train/frames")).expect("removes");
+    std::fs::remove_dir_all(dir.path().join("train/masks")).expect("removes");
+    std::fs::write(dir.path().join("train/masks.tar"), b"tar").expect("writes");
+    let film = CaptureDir::open(dir.path()).expect("a good capture");
+    assert_eq!(paths(&film), ["video.mp4", "masks.tar", "poses.json"]);
+
+    let whole = dir.path().join("ada.tar.gz");
+    std::fs::write(&whole, b"packed").expect("writes");
+    let packed = CaptureDir::open(&whole).expect("not looked into");
+    assert_eq!(
+        (paths(&packed), packed.bytes),
+        (vec!["capture.tar.gz".to_owned()], 6)
+    );
+    let other = dir.path().join("train/video.mp4");
+    assert!(CaptureDir::open(&other).is_err(), "a video is no capture");
+}
+
+#[test]
+fn pictures_of_any_name_are_found_by_their_number() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |_| {});
+    let frames = dir.path().join("frames");
+    std::fs::rename(frames.join("000007.png"), frames.join("shot 7.JPG")).expect("renames");
+    let capture = CaptureDir::open(dir.path()).expect("a good capture");
+    let uploaded = |name: &str| capture.files.iter().any(|file| file.path == name);
+    assert!(uploaded("frames/000007.jpg"), "{:?}", capture.files);
+    std::fs::copy(frames.join("shot 7.JPG"), frames.join("7.png")).expect("copies");
+    let error = CaptureDir::open(dir.path())
+        .expect_err("two of a kind")
+        .to_string();
+    assert!(
+        error.contains("frame 7") && error.contains("shot 7.JPG"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_correction_goes_up_beside_the_files_as_they_are() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |track| {
+        track.frames[0].translation[2] = 3000.0;
+        track.frames[1].translation[2] = 20_000.0;
+    });
+    assert!(CaptureDir::open(dir.path()).is_err(), "20 km away");
+    let mut options = CaptureOptions::default();
+    options.correction.units.root = Unit::Millimetre;
+    options.correction.mask_shift = 1;
+    let capture = CaptureDir::open_with(dir.path(), &options).expect("a good capture");
+    let paths: Vec<&str> = capture.files.iter().map(|it| it.path.as_str()).collect();
+    let expected = [
+        "frames/000000.png",
+        "masks/000007.png",
+        "media.json",
+        "poses.json",
+    ];
+    assert_eq!(paths, expected);
+    let planned = capture.planned.expect("a folder has one");
+    assert_eq!(planned.track.frames[0].translation[2], 3.0);
+    let in_memory = |path: &str| {
+        let file = capture.files.iter().find(|it| it.path == path);
+        match file.map(|it| &it.source) {
+            Some(FileSource::Memory(bytes)) => bytes.clone(),
+            other => panic!("{path}: {other:?}"),
+        }
+    };
+    let plan: MediaPlan = serde_json::from_slice(&in_memory("media.json")).expect("reads");
+    assert_eq!(plan.correction, options.correction);
+    assert_eq!(
+        plan.track("poses.json", &in_memory("poses.json")),
+        Ok(planned),
+        "the job reads the same"
+    );
+}
+
+#[cfg(feature = "embedded")]
+#[test]
+fn the_model_reads_the_same_files() {
+    use std::collections::BTreeSet;
+    use yoto_avatar::capture::CaptureFolder;
+    let dir = tempfile::tempdir().expect("temporary folder");
+    // A folder with both layouts, as one that was unpacked over another.
+    for below in ["", "train"] {
+        write_capture(dir.path(), below, |_| {});
+        let capture = CaptureDir::open(dir.path()).expect("a good capture");
+        let ours: BTreeSet<_> = capture
+            .files
+            .into_iter()
+            .map(|file| {
+                let disk = match file.source {
+                    FileSource::Disk(path) => path,
+                    FileSource::Memory(_) => dir.path().join(FILE),
+                };
+                (file.path, disk)
+            })
+            .collect();
+        let folder = CaptureFolder::open(dir.path()).expect("a good capture");
+        let theirs = folder.files().into_iter().map(|it| (it.relative, it.path));
+        assert_eq!(ours, theirs.collect(), "after {below:?}");
+    }
+}
+
+#[test]
+fn a_missing_mask_and_a_bad_pose_are_named() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |_| {});
+    std::fs::remove_file(dir.path().join("masks/000007.png")).expect("removes");
+    let error = CaptureDir::open(dir.path())
+        .expect_err("a mask is missing")
+        .to_string();
+    assert!(
+        error.contains("masks/000007.png frame 7: there is no such file"),
+        "{error}"
+    );
+
+    write_capture(dir.path(), "", |track| track.frames[1].pose[2] = 1e9);
+    let error = CaptureDir::open(dir.path())
+        .expect_err("a pose is out of range")
+        .to_string();
+    assert!(error.contains("poses.json frame 7: pose[2]"), "{error}");
+}
