@@ -114,6 +114,9 @@ pub(super) fn silhouette(fit: Option<f64>) -> Measure {
     it
 }
 
+/// Overlap of images and masks from which on it passes, and warns.
+pub(super) const IMAGE_IN_MASK: [f64; 2] = [0.85, 0.6];
+
 pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
     let Some(value) = agreement.image_in_mask else {
         let meaning = "images are not over black, so they can't be compared with masks";
@@ -126,7 +129,7 @@ pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
         );
     };
     let meaning = "overlap of what images show with masks; the rest is learnt as haze or holes";
-    let mut it = share(Kind::ImageInMask, Some(value), [0.85, 0.6], meaning);
+    let mut it = share(Kind::ImageInMask, Some(value), IMAGE_IN_MASK, meaning);
     if it.grade != Grade::Pass {
         it.cause = Some("masks are of other frames, or rough".to_owned());
         it.frames.clone_from(&agreement.image_out);

@@ -19,7 +19,9 @@ use super::report::{Cause, Grade, Kind, Report};
 use super::timing::{self, Shifts};
 use crate::skeleton::Skeleton;
 use frames::{blur, exposure, jitter, jumps, masks, repeats, views, wander};
-use geometry::{body_size, boxed, image_in_mask, joints, reading_of, silhouette, timing_of};
+use geometry::{
+    IMAGE_IN_MASK, body_size, boxed, image_in_mask, joints, reading_of, silhouette, timing_of,
+};
 use grading::median;
 use yoto_proto::correction::{Correction, Unit, Units};
 use yoto_proto::pose_track::PoseTrack;
@@ -77,7 +79,10 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     } else {
         causes.extend(found.as_ref().and_then(|it| it.cause.clone()));
     }
-    let late = late(&bodies, &images, &reading);
+    let fitting = agreement
+        .image_in_mask
+        .is_some_and(|it| it >= IMAGE_IN_MASK[0]);
+    let late = late(&bodies, &images, fitting, &reading);
     let geometry = causes.first().cloned();
     causes.extend(late.clone());
 
@@ -148,15 +153,16 @@ fn giant(span: f64, found: Option<&Search>) -> Option<Cause> {
     })
 }
 
-/// Masks or poses of other frames, and which of the two.
-fn late(bodies: &Shifts, images: &Shifts, reading: &Correction) -> Option<Cause> {
+/// Masks or poses of other frames, and which of the two. `fitting`: images show what is in their
+/// masks.
+fn late(bodies: &Shifts, images: &Shifts, fitting: bool, reading: &Correction) -> Option<Cause> {
     let frames = |n: i32| match n.abs() {
         1 => "1 frame".to_owned(),
         n => format!("{n} frames"),
     };
     let when = |n: i32| if n > 0 { "late" } else { "early" };
-    // Images that show their masks at no shift acquit the masks: the poses are off.
-    let masks_fit_images = !images.gains.is_empty() && images.best == 0;
+    // Images that show their masks, and at no shift better, acquit the masks: the poses are off.
+    let masks_fit_images = fitting && images.best == 0;
     let shift = bodies.best;
     let (correction, what) = if shift == 0 && images.best == 0 {
         return None;
@@ -182,8 +188,9 @@ fn late(bodies: &Shifts, images: &Shifts, reading: &Correction) -> Option<Cause>
         pose_shift: -correction.mask_shift,
         ..*reading
     };
-    // Without a background of black nothing tells which of the two is off.
-    let unsure = images.gains.is_empty();
+    // Without a background of black, or where images fit their masks at no shift, nothing tells
+    // which of the two is off.
+    let unsure = !masks_fit_images && images.best == 0;
     Some(Cause {
         what,
         options: correction.to_string(),
