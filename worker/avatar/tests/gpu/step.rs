@@ -159,9 +159,9 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
         println!("loss: {loss} for {expected}");
         assert!((loss - expected).abs() < 1e-5 * expected.abs());
         assert!(ours.keys().eq(reference.keys()));
-        // Where sines are less exact, a ReLU of the non-rigid network here and there takes another
-        // side than on the CPU.
-        let bound = (500.0 * sine_error(&vulkan)).max(2e-3);
+        // Less exact sines turn a ReLU of the non-rigid network here and there: SwiftShader's fail.
+        println!("sines: {:e}", sine_error(&vulkan));
+        let bound = 2e-3;
         let mut far = Vec::new();
         for (path, reference) in &reference {
             let ours = &ours[path];
