@@ -1,26 +1,26 @@
-//! How long the hash grid takes on this machine, form by form, on points as training has them:
+//! How long the hash grid takes on this machine, form by form and beside the same in Burn's own
+//! tensor operations, on points as training has them:
 //! patches of neighbouring rays through a body. Prints the shortest processor time of many
 //! alternating runs on one thread, so that other programs' load hardly shows.
 //!
 //! `cargo bench --workspace --bench hash --profile dev`: the profile that programs run with.
 
-use cpu_time::ThreadTime;
-use std::time::Duration;
+mod timing;
+
+use burn::tensor::{Device, Tensor, TensorData};
+use timing::{heading, line, noise, on_one_thread, shortest};
 use yoto_avatar::ops::adam::{self, AdamRates};
 use yoto_avatar::ops::form::Form;
-use yoto_avatar::ops::hash::{HashGrid, cpu};
+use yoto_avatar::ops::hash::{self, HashGrid, cpu};
 
 /// Runs of each form.
 const RUNS: usize = 25;
+/// Runs beside the reference, which takes long.
+const REFERENCE_RUNS: usize = 5;
 /// Patches, their side in pixels, and samples of a ray that are inside the body.
 const PATCHES: usize = 8;
 const SIDE: usize = 12;
 const SAMPLES: usize = 23;
-
-fn noise(i: usize) -> f32 {
-    let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    (hash ^ hash >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) as u32 as f32 / u32::MAX as f32
-}
 
 /// `[N, 3]` metres: pixels 1.5 cm apart, samples 1.2 cm.
 fn points() -> Vec<f32> {
@@ -39,17 +39,33 @@ fn points() -> Vec<f32> {
     points
 }
 
-/// Shortest milliseconds of each work, taken in turn.
-fn shortest<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
-    let mut best = [Duration::MAX; N];
-    for _ in 0..RUNS {
-        for (work, best) in works.iter_mut().zip(&mut best) {
-            let start = ThreadTime::now();
-            work();
-            *best = (*best).min(start.elapsed());
-        }
-    }
-    best.map(|time| 1e3 * time.as_secs_f64())
+/// The operation through Burn's automatic differentiation beside its reference.
+fn against_burn(grid: &HashGrid, table: &[f32], points: &[f32]) {
+    let device = Device::flex().autodiff();
+    let two = |values: &[f32], width: usize| {
+        let data = TensorData::new(values.to_vec(), [values.len() / width, width]);
+        Tensor::<2>::from_data(data, &device).require_grad()
+    };
+    let (table, points) = (two(table, grid.features), two(points, 3));
+    let ours = || hash::encode(table.clone(), points.clone(), grid);
+    let burns = || hash::reference::encode(table.clone(), points.clone(), grid);
+    heading();
+    line(
+        "hash grid, forward",
+        shortest(
+            REFERENCE_RUNS,
+            [&mut || drop(ours()), &mut || drop(burns())],
+        ),
+    );
+    line(
+        "hash grid, both ways",
+        shortest(
+            REFERENCE_RUNS,
+            [&mut || drop(ours().sum().backward()), &mut || {
+                drop(burns().sum().backward())
+            }],
+        ),
+    );
 }
 
 fn measure() {
@@ -73,27 +89,30 @@ fn measure() {
         let back = |grad: &[f32], too| {
             drop(cpu::backward_in(form, &table, &points, grad, &grid, too));
         };
-        let [a, b, c, d] = shortest([
-            &mut || drop(cpu::forward_in(form, &table, &points, &grid)),
-            &mut || back(&full, true),
-            &mut || back(&full, false),
-            &mut || back(&half, true),
-        ]);
+        let [a, b, c, d] = shortest(
+            RUNS,
+            [
+                &mut || drop(cpu::forward_in(form, &table, &points, &grid)),
+                &mut || back(&full, true),
+                &mut || back(&full, false),
+                &mut || back(&half, true),
+            ],
+        );
         println!("{:<8} {a:>11.2} {b:>12.2} {c:>14.2} {d:>19.2}", form.name());
     }
     let (mut param, mut first, mut second) = (table.clone(), table.clone(), table.clone());
     second.iter_mut().for_each(|v| *v = v.abs());
     let rates = AdamRates::new(1e-2, 0.9, 0.999, 1e-8, 3);
-    let [adam] = shortest([&mut || {
-        adam::cpu::update(&mut param, &table, &mut first, &mut second, rates);
-    }]);
+    let [adam] = shortest(
+        RUNS,
+        [&mut || {
+            adam::cpu::update(&mut param, &table, &mut first, &mut second, rates);
+        }],
+    );
     println!("Adam over the table: {adam:.2} ms");
+    against_burn(&grid, &table, &points);
 }
 
 fn main() -> Result<(), rayon::ThreadPoolBuildError> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()?
-        .install(measure);
-    Ok(())
+    on_one_thread(measure)
 }

@@ -6,12 +6,15 @@
 //! faster than the reference it is. The reference takes turns with the operation. Then divan's
 //! figures, in wall time.
 
+mod timing;
+
 use burn::tensor::{Device, Tensor, TensorData};
-use cpu_time::ThreadTime;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::hint::black_box;
+use timing::shortest;
 use yoto_avatar::config::Precision;
+use yoto_avatar::ops::encode::Bands;
 use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::mlp::cpu::{backward, forward};
 use yoto_avatar::ops::mlp::{self, Hidden, Input, MlpPlan};
@@ -33,10 +36,8 @@ struct Case {
 impl Case {
     fn new(name: &str) -> Self {
         let frequencies = |bands, raw| Input::Frequencies {
-            bands,
-            unit: 1.0,
+            bands: Bands::new(bands, 1.0),
             raw,
-            window: None,
         };
         let (input, width, depth, skip, output, rows) = match name {
             "canonical" => (frequencies(10, true), 256, 8, Some(5), 4, 4096),
@@ -115,17 +116,9 @@ impl Case {
 
 type Run = fn(Tensor<1>, Tensor<2>, &MlpPlan) -> Tensor<2>;
 
-/// CPU seconds of this thread, the fewest of all turns, of each of `runs`.
-fn seconds<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
-    let mut least = [f64::INFINITY; N];
-    for _ in 0..TURNS {
-        for (least, run) in least.iter_mut().zip(&mut runs) {
-            let start = ThreadTime::now();
-            run();
-            *least = least.min(start.elapsed().as_secs_f64());
-        }
-    }
-    least
+/// Seconds of this thread's processor time of each work.
+fn seconds<const N: usize>(works: [&mut dyn FnMut(); N]) -> [f64; N] {
+    shortest(TURNS, works).map(|milliseconds| milliseconds / 1e3)
 }
 
 #[cfg(target_arch = "x86_64")]

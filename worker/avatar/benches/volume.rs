@@ -1,14 +1,16 @@
-//! How long warp, compositing and Adam take on this machine beside the same in Burn's own tensor
+//! How long warp, compositing, the motion decoder's layers and Adam take on this machine beside the same in Burn's own tensor
 //! operations, at the sizes of a step of the tier `fast`. Prints the shortest processor time of
 //! many alternating runs on one thread, so that other programs' load hardly shows.
 //!
 //! `cargo bench --workspace --bench volume --profile dev`: the profile that programs run with.
 
+mod timing;
+
 use burn::tensor::{Device, Tensor, TensorData};
-use cpu_time::ThreadTime;
-use std::time::Duration;
+use timing::{heading, line, many, noise, on_one_thread, shortest};
 use yoto_avatar::ops::adam::{self, AdamRates};
 use yoto_avatar::ops::composite::{self, RaySamples};
+use yoto_avatar::ops::deconv;
 use yoto_avatar::ops::warp::{self, WarpGrid};
 
 /// Runs of each form.
@@ -21,32 +23,6 @@ const BONES: usize = 24;
 const SIDE: usize = 24;
 /// Numbers that Adam updates.
 const PARAMETERS: usize = 1 << 20;
-
-fn noise(i: usize) -> f32 {
-    let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    (hash ^ hash >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) as u32 as f32 / u32::MAX as f32
-}
-
-fn many(count: usize, scale: f32) -> Vec<f32> {
-    (0..count).map(|i| scale * noise(i)).collect()
-}
-
-/// Shortest milliseconds of both works, taken in turn.
-fn shortest(mut works: [&mut dyn FnMut(); 2]) -> [f64; 2] {
-    let mut best = [Duration::MAX; 2];
-    for _ in 0..RUNS {
-        for (work, best) in works.iter_mut().zip(&mut best) {
-            let start = ThreadTime::now();
-            work();
-            *best = (*best).min(start.elapsed());
-        }
-    }
-    best.map(|time| 1e3 * time.as_secs_f64())
-}
-
-fn line(name: &str, [ours, burns]: [f64; 2]) {
-    println!("{name:<28} {ours:>8.2} {burns:>10.2} {:>7.1}", burns / ours);
-}
 
 /// Weights that fall off around a joint, as learned ones do: most of the volume is next to 0.
 fn weights() -> Vec<f32> {
@@ -87,13 +63,16 @@ fn warps(device: &Device) {
         || warp::reference::warp(weights.clone(), transforms.clone(), points.clone(), &grid);
     line(
         "warp, forward",
-        shortest([&mut || drop(ours()), &mut || drop(burns())]),
+        shortest(RUNS, [&mut || drop(ours()), &mut || drop(burns())]),
     );
     line(
         "warp, forward and backward",
-        shortest([&mut || drop(ours().sum().backward()), &mut || {
-            drop(burns().sum().backward())
-        }]),
+        shortest(
+            RUNS,
+            [&mut || drop(ours().sum().backward()), &mut || {
+                drop(burns().sum().backward())
+            }],
+        ),
     );
 }
 
@@ -117,14 +96,57 @@ fn composites(device: &Device) {
     };
     line(
         "compositing, forward",
-        shortest([&mut || drop(ours()), &mut || drop(burns())]),
+        shortest(RUNS, [&mut || drop(ours()), &mut || drop(burns())]),
     );
     line(
         "compositing, both ways",
-        shortest([&mut || drop(ours().sum().backward()), &mut || {
-            drop(burns().sum().backward())
-        }]),
+        shortest(
+            RUNS,
+            [&mut || drop(ours().sum().backward()), &mut || {
+                drop(burns().sum().backward())
+            }],
+        ),
     );
+}
+
+/// All five layers of the paper's motion decoder.
+fn deconvs(device: &Device) {
+    let widths = [1024, 512, 512, 256, 256, BONES + 1];
+    let layers: Vec<(Tensor<4>, Tensor<5>)> = widths
+        .windows(2)
+        .enumerate()
+        .map(|(layer, width)| {
+            let (side, kernel) = (1usize << layer, [width[0], width[1], 4, 4, 4]);
+            let volume = TensorData::new(
+                many(width[0] * side.pow(3), 1.0),
+                [width[0], side, side, side],
+            );
+            let kernels = TensorData::new(many(kernel.iter().product(), 1.0), kernel);
+            (
+                Tensor::<4>::from_data(volume, device).require_grad(),
+                Tensor::<5>::from_data(kernels, device).require_grad(),
+            )
+        })
+        .collect();
+    let run = |double: fn(Tensor<4>, Tensor<5>) -> Tensor<4>, back: bool| {
+        for (volume, kernels) in &layers {
+            let output = double(volume.clone(), kernels.clone());
+            if back {
+                drop(output.sum().backward());
+            }
+        }
+    };
+    for (name, back) in [("decoder, forward", false), ("decoder, both ways", true)] {
+        line(
+            name,
+            shortest(
+                RUNS,
+                [&mut || run(deconv::double, back), &mut || {
+                    run(deconv::reference::double, back)
+                }],
+            ),
+        );
+    }
 }
 
 fn adams(device: &Device) {
@@ -145,7 +167,10 @@ fn adams(device: &Device) {
             .take()
             .map(|(p, m, v)| adam::reference::update(p, grad.clone(), m, v, rates));
     };
-    line("Adam, a million numbers", shortest([&mut ours, &mut burns]));
+    line(
+        "Adam, a million numbers",
+        shortest(RUNS, [&mut ours, &mut burns]),
+    );
 }
 
 fn measure() {
@@ -153,20 +178,14 @@ fn measure() {
         "{} samples, {BONES} bones, volume of {SIDE}³",
         RAYS * SAMPLES
     );
-    println!(
-        "{:<28} {:>8} {:>10} {:>7}",
-        "operation", "ours ms", "Burn's ms", "ratio"
-    );
+    heading();
     let device = Device::flex();
     warps(&device.clone().autodiff());
     composites(&device.clone().autodiff());
+    deconvs(&device.clone().autodiff());
     adams(&device);
 }
 
 fn main() -> Result<(), rayon::ThreadPoolBuildError> {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()?
-        .install(measure);
-    Ok(())
+    on_one_thread(measure)
 }

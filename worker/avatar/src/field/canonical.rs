@@ -5,6 +5,7 @@ use super::mlp::{Mlp, MlpShape};
 use super::tables::{self, Tables};
 use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
 use crate::init::Initial;
+use crate::ops::encode::Bands;
 use crate::ops::hash::HashGrid;
 use crate::ops::mlp::Input;
 use burn::module::{Module, Param};
@@ -103,10 +104,8 @@ impl Canonical {
             }
             None => {
                 let kind = Input::Frequencies {
-                    bands: config.encoding.bands(),
-                    unit: 1.0,
+                    bands: Bands::new(config.encoding.bands(), 1.0),
                     raw: true,
-                    window: None,
                 };
                 (points, kind)
             }

@@ -4,6 +4,7 @@ use super::encoding::hann_window;
 use super::mlp::{Mlp, MlpShape};
 use crate::config::{NonRigidConfig, Precision};
 use crate::init::Initial;
+use crate::ops::encode::Bands;
 use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
@@ -96,10 +97,11 @@ impl NonRigid {
         let span = (config.full_at.saturating_sub(config.kick_in)).max(1) as f32;
         let a = config.bands as f32 * step.saturating_sub(config.kick_in) as f32 / span;
         let kind = Input::Frequencies {
-            bands: config.bands,
-            unit: 1.0,
+            bands: Bands {
+                window: Some(hann_window(config.bands, a)),
+                ..Bands::new(config.bands, 1.0)
+            },
             raw: false,
-            window: Some(hann_window(config.bands, a)),
         };
         let mut codes = vec![(0, pose)];
         codes.extend(code.map(|code| (config.layers.inject, code)));

@@ -2,8 +2,8 @@
 //! P_nr = softmax(S^q (P^k)ᵀ) P^v; F_nr = P_nr + S_i.
 
 use crate::config::ConditionConfig;
-use crate::field::encoding::frequencies;
 use crate::init::Initial;
+use crate::ops::encode::{Bands, frequencies};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
@@ -43,7 +43,8 @@ impl PoseCondition {
         code: Tensor<1>,
         joints: Tensor<2>,
     ) -> Tensor<1> {
-        let features = frequencies(joints, config.bands, PI, None).matmul(self.joints.val());
+        let encoded = frequencies(joints, &Bands::new(config.bands, PI));
+        let features = encoded.matmul(self.joints.val());
         let query = code.clone().unsqueeze::<2>().matmul(self.query.val());
         let [_, width] = query.dims();
         let mut scores = query.matmul(features.clone().matmul(self.key.val()).transpose());

@@ -6,18 +6,10 @@
 //! still is HumanNeRF exactly, and the choice of this project, as the paper leaves it open.
 
 use crate::init::Initial;
+use crate::ops::deconv::{KERNEL, STRIDE, double};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::leaky_relu;
-use burn::tensor::module::conv_transpose3d;
-use burn::tensor::ops::ConvTransposeOptions;
-
-/// Nodes of a kernel along an axis; with stride 2 and padding 1 it doubles the resolution.
-const KERNEL: usize = 4;
-/// Steps between the inputs' places in the output.
-const STRIDE: usize = 2;
-/// Output nodes cut off on each side.
-const PADDING: usize = 1;
 /// Slope of the activation under 0.
 const SLOPE: f64 = 0.2;
 /// Deviation of the embeddings' start.
@@ -96,16 +88,16 @@ impl Decoder {
         let hidden =
             embedding.unsqueeze::<2>().matmul(self.linear.val()) + self.bias.val().unsqueeze::<2>();
         let [_, width] = hidden.dims();
-        let mut volume = leaky_relu(hidden, SLOPE).reshape([1, width, 1, 1, 1]);
+        let mut volume = leaky_relu(hidden, SLOPE).reshape([width, 1, 1, 1]);
         let last = self.kernels.len() - 1;
         for (layer, (kernel, bias)) in self.kernels.iter().zip(&self.biases).enumerate() {
-            let options = ConvTransposeOptions::new([STRIDE; 3], [PADDING; 3], [0; 3], [1; 3], 1);
-            volume = conv_transpose3d(volume, kernel.val(), Some(bias.val()), options);
+            let bias = bias.val().reshape([-1, 1, 1, 1]);
+            volume = double(volume, kernel.val()) + bias;
             if layer < last {
                 volume = leaky_relu(volume, SLOPE);
             }
         }
-        let [_, channels, z, y, x] = volume.dims();
+        let [channels, z, y, x] = volume.dims();
         Some(volume.reshape([channels, z * y * x]))
     }
 }

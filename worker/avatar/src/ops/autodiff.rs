@@ -1,7 +1,7 @@
 //! Connects the operations' hand-written backward forms to Burn's automatic differentiation.
 
 use super::composite::{self, RaySamples};
-use super::{AvatarOps, CpuOps, adam::AdamRates, hash::HashGrid, mlp, warp::WarpGrid};
+use super::{AvatarOps, CpuOps, adam::AdamRates, deconv, hash::HashGrid, mlp, warp::WarpGrid};
 use burn::backend::{
     Autodiff, Backend,
     autodiff::{
@@ -205,6 +205,39 @@ impl<B: Backend + CpuOps, C: CheckpointStrategy> CpuOps for Autodiff<B, C> {
             to_input,
         );
         (constant::<B, C>(a), constant::<B, C>(b))
+    }
+
+    fn deconv(volume: FloatTensor<Self>, kernels: FloatTensor<Self>) -> FloatTensor<Self> {
+        deconv::autodiff::double::<B, C>(volume, kernels)
+    }
+
+    fn deconv_backward(
+        volume: FloatTensor<Self>,
+        kernels: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let (a, b) = B::deconv_backward(
+            volume.into_primitive(),
+            kernels.into_primitive(),
+            grad.into_primitive(),
+        );
+        (constant::<B, C>(a), constant::<B, C>(b))
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl<B: Backend + super::GpuOps, C: CheckpointStrategy> super::GpuOps for Autodiff<B, C> {
+    fn frequencies(points: FloatTensor<Self>, bands: super::encode::Bands) -> FloatTensor<Self> {
+        super::encode::autodiff::frequencies::<B, C>(points, bands)
+    }
+
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: super::encode::Bands,
+    ) -> FloatTensor<Self> {
+        let (encoded, grad) = (encoded.into_primitive(), grad.into_primitive());
+        constant::<B, C>(B::frequencies_backward(encoded, grad, bands))
     }
 }
 

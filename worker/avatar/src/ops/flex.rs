@@ -1,6 +1,6 @@
 //! Unwraps the Flex backend's tensors into slices for the `cpu` forms.
 
-use super::{AvatarOps, CpuOps, adam, composite, hash, mlp, warp};
+use super::{AvatarOps, CpuOps, adam, composite, deconv, hash, mlp, warp};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;
@@ -155,5 +155,17 @@ impl CpuOps for Flex {
         to_input: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>) {
         mlp::flex::mlp_backward(params, input, grad, &plan, to_input)
+    }
+
+    fn deconv(volume: FloatTensor<Self>, kernels: FloatTensor<Self>) -> FloatTensor<Self> {
+        deconv::flex::double(volume, kernels)
+    }
+
+    fn deconv_backward(
+        volume: FloatTensor<Self>,
+        kernels: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        deconv::flex::backward(volume, kernels, grad)
     }
 }

@@ -10,6 +10,8 @@ mod autodiff;
 pub mod composite;
 #[cfg(feature = "gpu")]
 mod cube;
+pub mod deconv;
+pub mod encode;
 mod flex;
 pub mod form;
 pub mod hash;
@@ -93,7 +95,7 @@ pub trait AvatarOps: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
-/// The operations that only CPUs have a form of. Call [`mlp::mlp`] instead.
+/// The operations that only CPUs have a form of. Call [`mlp::mlp`] and [`deconv::double`] instead.
 #[backend_extension(Autodiff, Flex)]
 pub trait CpuOps: Backend {
     /// Forward of [`mlp::mlp`].
@@ -111,6 +113,34 @@ pub trait CpuOps: Backend {
         plan: mlp::MlpPlan,
         to_input: bool,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
+    /// Forward of [`deconv::double`].
+    fn deconv(volume: FloatTensor<Self>, kernels: FloatTensor<Self>) -> FloatTensor<Self>;
+    /// Gradients of [`deconv::double`] to the volume and the kernels.
+    fn deconv_backward(
+        volume: FloatTensor<Self>,
+        kernels: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// The operations that only GPUs need a form of. Call [`encode::frequencies`] instead.
+#[cfg(feature = "gpu")]
+#[backend_extension(Autodiff, Cube, Fusion)]
+pub trait GpuOps: Backend {
+    /// Forward of [`encode::frequencies`].
+    #[fusion(dtype = points, shape = encode::output_shape(&points.shape, bands))]
+    fn frequencies(points: FloatTensor<Self>, bands: encode::Bands) -> FloatTensor<Self>;
+    /// Gradient of [`encode::frequencies`] to the points, from them encoded.
+    #[fusion(meta = |encoded, _, bands| {
+        let mut to_points = encoded.clone();
+        to_points.shape = encode::points_shape(&encoded.shape, bands);
+        to_points
+    })]
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: encode::Bands,
+    ) -> FloatTensor<Self>;
 }
 
 /// Whether tensors of `device` live in CPU memory, where the `cpu` forms run.
@@ -125,8 +155,18 @@ pub fn on_cpu(device: &Device) -> bool {
 /// Whether the operations have a form of their own for `device`: the `cpu` or the `cube` one.
 pub fn has_own_form(device: &Device) -> bool {
     #[cfg(feature = "gpu")]
-    if let burn::backend::DispatchDevice::Cube(_) = device.clone().inner().as_dispatch() {
+    if on_gpu(device) {
         return true;
     }
     on_cpu(device)
+}
+
+/// Whether tensors of `device` live on a GPU, where the `cube` forms run.
+#[cfg(feature = "gpu")]
+pub fn on_gpu(device: &Device) -> bool {
+    use burn::backend::DispatchDevice;
+    matches!(
+        device.clone().inner().as_dispatch(),
+        DispatchDevice::Cube(_)
+    )
 }

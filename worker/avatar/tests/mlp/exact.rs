@@ -23,19 +23,15 @@ fn factor(value: f64, precision: Precision) -> f64 {
 fn encoded(plan: &MlpPlan, row: &[f64]) -> Vec<(f64, usize, f64)> {
     match &plan.input {
         Input::Features { .. } => row.iter().enumerate().map(|(i, v)| (*v, i, 1.0)).collect(),
-        Input::Frequencies {
-            bands,
-            unit,
-            raw,
-            window,
-        } => {
+        Input::Frequencies { bands, raw } => {
             let mut all = Vec::new();
             if *raw {
                 all.extend(row.iter().enumerate().map(|(c, v)| (*v, c, 1.0)));
             }
-            for band in 0..*bands {
-                let scale = (1u64 << band) as f32 * unit;
-                let weight = window.as_ref().map_or(1.0, |w| f64::from(w[band]));
+            for band in 0..bands.count {
+                let scale = (1u64 << band) as f32 * bands.unit;
+                let window = bands.window.as_ref();
+                let weight = window.map_or(1.0, |w| f64::from(w[band]));
                 // The angle that f32 has: its rounding is the encoding's, not the operation's.
                 let angle = |v: f64| f64::from(v as f32 * scale);
                 let scale = f64::from(scale);

@@ -7,9 +7,10 @@ use crate::small;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 use yoto_avatar::config::Encoding;
-use yoto_avatar::field::encoding::{frequencies, hann_window};
+use yoto_avatar::field::encoding::hann_window;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::posed::relative_joints;
+use yoto_avatar::ops::encode::{Bands, frequencies};
 use yoto_avatar::ops::hash::{self, HashGrid, encode};
 
 /// Of the encodings: the angle's rounding grows with the band, to 3e-5 at the highest of 10.
@@ -19,9 +20,13 @@ const BAND_VALUES: f64 = 3e-5;
 fn encodings() {
     let case = Case::read("encodings");
     let points = case.tensor::<2>("points", &small::device()).require_grad();
-    let plain = frequencies(points.clone(), 10, 1.0, None);
-    let pi = frequencies(points.clone(), 6, std::f32::consts::PI, None);
-    let windowed = frequencies(points.clone(), 6, 1.0, Some(&hann_window(6, 3.5)));
+    let plain = frequencies(points.clone(), &Bands::new(10, 1.0));
+    let pi = frequencies(points.clone(), &Bands::new(6, std::f32::consts::PI));
+    let half_open = Bands {
+        window: Some(hann_window(6, 3.5)),
+        ..Bands::new(6, 1.0)
+    };
+    let windowed = frequencies(points.clone(), &half_open);
     let window: Vec<f32> = case
         .singles("openness")
         .into_iter()

@@ -4,7 +4,7 @@
 pub(in crate::ops) mod adding;
 pub(in crate::ops) mod tensors;
 
-use super::{AvatarOps, adam, composite, hash, warp};
+use super::{AvatarOps, GpuOps, adam, composite, encode, hash, warp};
 use burn::backend::tensor::FloatTensor;
 use burn_cubecl::CubeBackend;
 
@@ -73,5 +73,19 @@ impl AvatarOps for CubeBackend {
         rates: adam::AdamRates,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         adam::cube::update(param, grad, moment_1, moment_2, rates)
+    }
+}
+
+impl GpuOps for CubeBackend {
+    fn frequencies(points: FloatTensor<Self>, bands: encode::Bands) -> FloatTensor<Self> {
+        encode::cube::forward(points, &bands)
+    }
+
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: encode::Bands,
+    ) -> FloatTensor<Self> {
+        encode::cube::backward(encoded, grad, &bands)
     }
 }

@@ -1,6 +1,7 @@
 //! The shape of a network as the operation sees it.
 
 use crate::config::Precision;
+use crate::ops::encode::Bands;
 
 /// What comes into the network.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,16 +11,12 @@ pub enum Input {
         /// Numbers a row.
         width: usize,
     },
-    /// Points `[N, 3]`, metres, encoded as [`crate::field::encoding::frequencies`] does.
+    /// Points `[N, 3]`, metres, encoded as [`crate::ops::encode::frequencies`] does.
     Frequencies {
-        /// Bands.
-        bands: usize,
-        /// What the first band multiplies coordinates by, radians a metre.
-        unit: f32,
+        /// Of the encoding.
+        bands: Bands,
         /// Whether the point itself comes first.
         raw: bool,
-        /// Weight of each band; all 1 when absent.
-        window: Option<Vec<f32>>,
     },
 }
 
@@ -28,7 +25,7 @@ impl Input {
     pub fn width(&self) -> usize {
         match self {
             Self::Features { width } => *width,
-            Self::Frequencies { bands, raw, .. } => 6 * bands + if *raw { 3 } else { 0 },
+            Self::Frequencies { bands, raw } => 6 * bands.count + if *raw { 3 } else { 0 },
         }
     }
 

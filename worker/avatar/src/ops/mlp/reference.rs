@@ -2,7 +2,7 @@
 
 use super::{Input, MlpPlan};
 use crate::config::Precision;
-use crate::field::encoding::frequencies;
+use crate::ops::encode::frequencies;
 use burn::tensor::{DType, Tensor, activation::relu};
 
 /// See [`super::mlp`]. With [`Precision::Bf16`] gradients to layers' results, too, are rounded
@@ -10,13 +10,8 @@ use burn::tensor::{DType, Tensor, activation::relu};
 pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
     let input = match &plan.input {
         Input::Features { .. } => input,
-        Input::Frequencies {
-            bands,
-            unit,
-            raw,
-            window,
-        } => {
-            let encoded = frequencies(input.clone(), *bands, *unit, window.as_deref());
+        Input::Frequencies { bands, raw } => {
+            let encoded = frequencies(input.clone(), bands);
             if *raw {
                 Tensor::cat(vec![input, encoded], 1)
             } else {

@@ -4,6 +4,7 @@
 //! the point itself, so that neighbouring lanes do the same; weights are packed in that order.
 //! Plain loops: the compiler makes vectors of them in each form's instructions.
 
+use crate::ops::encode::Bands;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 /// Lanes computed at once.
@@ -28,15 +29,14 @@ pub struct Angles {
 }
 
 impl Angles {
-    /// `bands` bands that start at `unit`; see [`crate::ops::mlp::Input::Frequencies`].
-    pub fn new(bands: usize, unit: f32, raw: bool, window: Option<&[f32]>) -> Self {
-        let count = 3 * bands;
+    /// Of a point's three coordinates in `bands`, and with `raw` the point itself.
+    pub fn new(bands: &Bands, raw: bool) -> Self {
+        let count = 3 * bands.count;
         let mut scales = vec![0.0; count.next_multiple_of(LANES)];
         let mut weights = scales.clone();
-        for i in 0..count {
-            let band = i / 3;
-            scales[i] = (1u64 << band.min(62)) as f32 * unit;
-            weights[i] = window.map_or(1.0, |w| w.get(band).copied().unwrap_or(0.0));
+        for (band, (radians, weight)) in bands.each().enumerate() {
+            scales[3 * band..3 * band + 3].fill(radians);
+            weights[3 * band..3 * band + 3].fill(weight);
         }
         Self {
             count,

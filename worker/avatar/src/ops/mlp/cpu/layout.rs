@@ -76,12 +76,7 @@ impl Layout {
         let (panel, pair) = (kernels.panel, kernels.pair);
         let angles = match &plan.input {
             Input::Features { .. } => None,
-            Input::Frequencies {
-                bands,
-                unit,
-                raw,
-                window,
-            } => Some(Angles::new(*bands, *unit, *raw, window.as_deref())),
+            Input::Frequencies { bands, raw } => Some(Angles::new(bands, *raw)),
         };
         let input = plan.input.width();
         let order = angles
