@@ -128,7 +128,7 @@ pub trait CpuOps: Backend {
 #[backend_extension(Autodiff, Cube, Fusion)]
 pub trait GpuOps: Backend {
     /// Forward of [`encode::frequencies`].
-    #[fusion(dtype = points, shape = encode::output_shape(&points.shape, bands))]
+    #[fusion(dtype = points, shape = encode::output_shape(points, bands))]
     fn frequencies(points: FloatTensor<Self>, bands: encode::Bands) -> FloatTensor<Self>;
     /// Gradient of [`encode::frequencies`] to the points, from them encoded.
     #[fusion(meta = |encoded, _, bands| {

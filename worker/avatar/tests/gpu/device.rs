@@ -2,30 +2,14 @@
 
 use burn::tensor::wgpu::WgpuBackend;
 use burn::tensor::{Device, DeviceKind, DeviceType};
-use cubecl::config::autotune::{AutotuneLevel, BenchConfig};
-use cubecl::config::{CubeClRuntimeConfig, RuntimeConfig};
 use std::sync::{Mutex, OnceLock, mpsc};
 use std::time::{Duration, Instant};
 
 /// Names the environment variable that makes a missing device a failure.
 const REQUIRED: &str = "YOTO_TEST_VULKAN";
 
-/// Candidates for a matrix product are run once, and the device's peak is not measured for
-/// comparison: that takes a GPU a moment and a software driver longer than all tests together.
-fn tune_quickly() {
-    let mut config = CubeClRuntimeConfig::default();
-    config.autotune.level = AutotuneLevel::Full;
-    config.autotune.bench = BenchConfig {
-        min_samples: 1,
-        max_samples: 1,
-        ..BenchConfig::default()
-    };
-    CubeClRuntimeConfig::set(config);
-}
-
 /// The first Vulkan device: a GPU before a software one.
 fn find() -> Option<Device> {
-    tune_quickly();
     let found = Device::enumerate(DeviceType::Wgpu).into_vec();
     let gpus: [fn(usize) -> DeviceKind; 3] = [
         DeviceKind::DiscreteGpu,

@@ -6,8 +6,8 @@
 //! SwiftShader in its `chromium`, by `VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json`.
 //! Without one the tests say so and pass, unless `YOTO_TEST_VULKAN=required`.
 //!
-//! The whole steps run with `-- --ignored`: Burn tries a dozen kernels for every new shape of a
-//! matrix product, and compiling those takes a software driver minutes.
+//! With `--features yoto-avatar/gpu`, that is without `autotune`: compiling a dozen kernels for every
+//! new shape of a matrix product takes a software driver ten minutes.
 #![cfg(feature = "gpu")]
 
 mod compare;

@@ -23,9 +23,8 @@ use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 
-/// Seconds a training step or a frame may take on a software driver, which compiles a dozen
-/// candidates for every shape of a matrix product in it.
-const LIMIT: u64 = 900;
+/// Seconds a training step or a frame may take on a software driver, which compiles its kernels first.
+const LIMIT: u64 = 300;
 /// Side of the image, pixels.
 const SIDE: u32 = 16;
 
@@ -139,18 +138,7 @@ impl Sitting {
     }
 }
 
-/// Of `device`'s sines and cosines, in the angles that the non-rigid network meets.
-fn sine_error(device: &Device) -> f32 {
-    let angles: Vec<f32> = (0..2_000).map(|i| 0.1 * (i as f32 - 1_000.0)).collect();
-    let on = |device: &Device| {
-        let angles = Tensor::<1>::from_floats(angles.as_slice(), device);
-        values(Tensor::cat(vec![angles.clone().sin(), angles.cos()], 0))
-    };
-    relative_error(&on(device), &on(&Device::flex()))
-}
-
 #[test]
-#[ignore = "tuning matrix products takes a software driver minutes"]
 fn a_training_steps_loss_and_gradients_are_the_cpus() {
     on_vulkan(LIMIT, |vulkan| {
         let sitting = Sitting::new();
@@ -159,9 +147,7 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
         println!("loss: {loss} for {expected}");
         assert!((loss - expected).abs() < 1e-5 * expected.abs());
         assert!(ours.keys().eq(reference.keys()));
-        // Less exact sines turn a ReLU of the non-rigid network here and there: SwiftShader's fail.
-        println!("sines: {:e}", sine_error(&vulkan));
-        let bound = 2e-3;
+        let bound = 1e-4;
         let mut far = Vec::new();
         for (path, reference) in &reference {
             let ours = &ours[path];
@@ -181,7 +167,6 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
 }
 
 #[test]
-#[ignore = "tuning matrix products takes a software driver minutes"]
 fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
     on_vulkan(LIMIT, |vulkan| {
         let train = |device: &Device| {

@@ -9,7 +9,9 @@ use cubecl::prelude::*;
 const QUARTERS: f32 = std::f32::consts::FRAC_2_PI;
 /// A quarter turn in three parts (Cephes), of which the first two have so few bits that products
 /// with [`LARGEST`] · [`QUARTERS`] quarters are exact.
-const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
+const HIGH: f32 = 1.570_312_5;
+const MIDDLE: f32 = 4.837_513e-4;
+const LOW: f32 = 7.549_79e-8;
 /// Angles over this, radians, are the driver's: under it the reduced angle is right to 1e-7.
 const LARGEST: f32 = 8192.0;
 
@@ -77,14 +79,11 @@ struct Turned {
 #[cube]
 fn turned(angle: f32) -> Turned {
     let quarters = f32::round(angle * QUARTERS);
-    let r = angle - quarters * comptime!(PARTS[0]);
-    let r = r - quarters * comptime!(PARTS[1]);
-    let r = r - quarters * comptime!(PARTS[2]);
+    let r = angle - quarters * HIGH - quarters * MIDDLE - quarters * LOW;
     let s = r * r;
     // Minimax polynomials on ±π/4 (Cephes).
-    let sine = r + r * s * (-1.666_665_5e-1 + s * (8.332_161e-3 + s * -1.951_529_6e-4));
-    let cosine =
-        1.0 - 0.5 * s + s * s * (4.166_664_6e-2 + s * (-1.388_731_6e-3 + s * 2.443_315_7e-5));
+    let sine = r - r * s * (1.666_665_5e-1 - s * (8.332_161e-3 - s * 1.951_529_6e-4));
+    let cosine = 1.0 - s * (0.5 - s * (4.166_664_6e-2 - s * (1.388_731_6e-3 - s * 2.443_315_7e-5)));
     let quarter = i32::cast_from(quarters) & 3;
     let mut turned = Turned { sine, cosine };
     if quarter == 1 {
