@@ -6,10 +6,8 @@ use crate::plot::{Mark, Plot, Series};
 use std::collections::HashSet;
 use yoto_avatar::tradeoff::{Curve, Point};
 
-/// Points nearer to each other than this, as a share of their seconds, and than so many dB are
-/// one to the eye.
-const NEAR_SECONDS: f64 = 0.15;
-const NEAR_DECIBELS: f64 = 0.15;
+/// Decibels that a point must gain to be told.
+const GAIN: f64 = 0.15;
 
 /// Each plot with its file's name.
 pub(super) fn all(tradeoff: &Tradeoff) -> Vec<(&'static str, Plot)> {
@@ -87,7 +85,7 @@ fn rendering(tradeoff: &Tradeoff) -> Plot {
 
 fn curve(curve: &Curve) -> Series {
     let best = render_front(curve);
-    let told = told(curve, &best);
+    let told = told(&curve.points, &best);
     let own = curve.full().map(|full| full.settings);
     let label = |i: usize, point: &Point| match own {
         Some(_) if i == 0 => Some(format!(
@@ -112,26 +110,54 @@ fn curve(curve: &Curve) -> Series {
     }
 }
 
-/// Those of the `best` that lie apart from each other; of points that differ by less than noise
-/// the better is told.
-fn told(curve: &Curve, best: &HashSet<usize>) -> HashSet<usize> {
+/// Those of the `best` that are worth a label: from the cheapest on, each that gains something to
+/// the eye over the one told before.
+fn told(points: &[Point], best: &HashSet<usize>) -> HashSet<usize> {
     let mut order: Vec<usize> = best.iter().copied().collect();
-    let point = |i: usize| &curve.points[i];
-    order.sort_by(|&a, &b| point(b).fidelity().total_cmp(&point(a).fidelity()));
-    let mut told: Vec<usize> = Vec::new();
-    for i in order {
-        let near = |&other: &usize| {
-            let seconds = (point(i).seconds / point(other).seconds).ln().abs();
-            let fidelity = (point(i).fidelity() - point(other).fidelity()).abs();
-            seconds < NEAR_SECONDS && fidelity < NEAR_DECIBELS
-        };
-        if !told.iter().any(near) {
-            told.push(i);
+    order.sort_by(|&a, &b| points[a].seconds.total_cmp(&points[b].seconds));
+    let mut reached = f64::NEG_INFINITY;
+    order.retain(|&i| {
+        let fidelity = points[i].fidelity();
+        let gains = fidelity >= reached + GAIN;
+        if gains {
+            reached = fidelity;
         }
-    }
-    told.into_iter().collect()
+        gains
+    });
+    order.into_iter().collect()
 }
 
 fn people(tradeoff: &Tradeoff) -> String {
     tradeoff.people.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_avatar::config::Precision;
+    use yoto_avatar::render::RenderSettings;
+
+    #[test]
+    fn points_that_gain_nothing_to_the_eye_have_no_label() {
+        let point = |seconds, psnr| Point {
+            settings: RenderSettings {
+                samples: 64,
+                epsilon: 1e-3,
+                min_transmittance: 1e-3,
+                precision: Precision::F32,
+                scale: 1.0,
+            },
+            seconds,
+            psnr_to_full: 40.0,
+            psnr: Some(psnr),
+        };
+        let points = [
+            point(0.4, 32.0),
+            point(0.1, 30.0),
+            point(0.2, 30.1),
+            point(0.3, 30.2),
+        ];
+        let told = told(&points, &(0..4).collect());
+        assert_eq!(told, [0, 1, 3].into_iter().collect());
+    }
 }
