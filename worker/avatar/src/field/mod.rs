@@ -1,8 +1,8 @@
-//! The neural fields over canonical space: encodings, networks, non-rigid motion, colour and
-//! density.
+//! The neural fields over canonical space: networks, non-rigid motion and how its bands open, colour
+//! and density.
 
 pub mod canonical;
-pub mod encoding;
 pub mod mlp;
 pub mod non_rigid;
 mod tables;
+pub mod window;

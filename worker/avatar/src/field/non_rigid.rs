@@ -1,7 +1,7 @@
 //! Non-rigid motion (model.md §5): how cloth moves beyond what the bones do, by pose.
 
-use super::encoding::hann_window;
 use super::mlp::{Mlp, MlpShape};
+use super::window::hann_window;
 use crate::config::{NonRigidConfig, Precision};
 use crate::init::Initial;
 use crate::ops::encode::Bands;

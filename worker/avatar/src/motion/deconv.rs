@@ -10,6 +10,7 @@ use crate::ops::deconv::{KERNEL, STRIDE, double};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::leaky_relu;
+
 /// Slope of the activation under 0.
 const SLOPE: f64 = 0.2;
 /// Deviation of the embeddings' start.

@@ -7,7 +7,7 @@ use crate::small;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 use yoto_avatar::config::Encoding;
-use yoto_avatar::field::encoding::hann_window;
+use yoto_avatar::field::window::hann_window;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::posed::relative_joints;
 use yoto_avatar::ops::encode::{Bands, frequencies};
