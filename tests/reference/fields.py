@@ -30,13 +30,11 @@ def hann_window(bands, a):
     return [(1 - math.cos(math.pi * min(max(a - k, 0.0), 1.0))) / 2 for k in range(bands)]
 
 
-def pose_condition(parts, code, joints, bands, scaled):
+def pose_condition(parts, code, joints, bands):
     """Paper eq. 3 to 5."""
     features = frequencies(joints, bands, math.pi) @ parts["joints"]
     query, key, value = code @ parts["query"], features @ parts["key"], features @ parts["value"]
     scores = query @ key.T
-    if scaled:
-        scores = scores / math.sqrt(code.shape[0])
     return torch.softmax(scores, -1) @ value + code
 
 

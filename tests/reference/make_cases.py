@@ -290,16 +290,13 @@ def parts(model):
     case.check({"correction": model.correct(vector)}, lambda: gradients_of(model, "correction."))
     case.save()
 
-    for name, scaled in [("condition", False), ("condition-scaled", True)]:
-        case = Case(name)
-        small(case)
-        pose = pose_of(case)
-        case.give(pose=pose)
-        model.clear()
-        case.check(
-            {"code": model.conditioned(0, pose, scaled)}, lambda: gradients_of(model, "condition.", "codes.0")
-        )
-        case.save()
+    case = Case("condition")
+    small(case)
+    pose = pose_of(case)
+    case.give(pose=pose)
+    model.clear()
+    case.check({"code": model.conditioned(0, pose)}, lambda: gradients_of(model, "condition.", "codes.0"))
+    case.save()
 
     case = Case("non-rigid")
     points = case.normal(64, 3, scale=0.6).requires_grad_()

@@ -135,10 +135,10 @@ class Model:
         joints = skeleton.joint_positions(body.parents, body.rest, skeleton.body_rotations(pose))
         return joints[1:] - joints[0]
 
-    def conditioned(self, slot, pose, scaled=False):
+    def conditioned(self, slot, pose):
         """F_nr."""
         return fields.pose_condition(
-            self.condition, self.codes[slot], self.relative_joints(pose), CONDITION_BANDS, scaled
+            self.condition, self.codes[slot], self.relative_joints(pose), CONDITION_BANDS
         )
 
     def move(self, points, vector, code, step):

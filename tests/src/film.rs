@@ -5,7 +5,7 @@ use anyhow::Context;
 use openh264::encoder::Encoder;
 use openh264::formats::{RgbSliceU8, YUVBuffer};
 use std::path::Path;
-use yoto_avatar::capture::FrameImage;
+use yoto_capture::FrameImage;
 
 /// Writes `frames`, of even sides, at `fps` frames a second to `path`.
 ///

@@ -3,9 +3,9 @@
 use anyhow::Context;
 use serde_json::{Value, json};
 use std::path::Path;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::capture::FrameImage;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Writes the capture of `person` as `poses.json`, `frames/` and `masks/` into `dir`.

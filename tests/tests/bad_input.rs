@@ -2,7 +2,7 @@
 //! the service lives on.
 
 use anyhow::Context;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::api::{FileSource, YotoClient};
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::subject;

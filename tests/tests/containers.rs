@@ -5,8 +5,8 @@
 use anyhow::{Context, ensure};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use yoto_avatar::capture::{FrameImage, Shard};
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_capture::{FrameImage, Shard};
 use yoto_proto::pose_track::Frame;
 use yoto_tests::film::write_mp4;
 use yoto_tests::people::write_capture;

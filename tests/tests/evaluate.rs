@@ -4,7 +4,7 @@
 use anyhow::Context;
 use serde_json::Value;
 use std::path::Path;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_tests::people::{write_capture, write_capture_with_held_out};
 use yoto_tests::process::{Service, fail, succeed};
 

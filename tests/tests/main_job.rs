@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use serde_json::Value;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture_with_held_out;
 use yoto_tests::process::{fail, succeed};
 

@@ -4,7 +4,7 @@
 use anyhow::{Context, ensure};
 use std::time::Instant;
 use tonic::Code;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::api::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;

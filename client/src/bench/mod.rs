@@ -11,11 +11,11 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
-use yoto_avatar::capture::ShardBuilder;
 use yoto_avatar::config::{ModelConfig, Precision, Setting};
 use yoto_avatar::render::RenderView;
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_worker::device;
 
 /// Frames of each person's film: a step sees one, so that more would only take time to make.
@@ -109,9 +109,7 @@ pub struct BenchReport {
 pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     ensure!(options.steps > 0, "--steps: at least 1");
     let mut config = ModelConfig::named(&options.tier, "yoto")?;
-    config.correction.kick_in = 0;
-    config.non_rigid.kick_in = 0;
-    config.non_rigid.full_at = 1;
+    config.schedule = config.schedule.all_at_once();
     config = config.with(&options.settings)?;
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;

@@ -5,7 +5,7 @@ use super::canvas::{Colour, disc, fill, line};
 use super::tiles::{self, CAPTION, SIDE};
 use super::{Checked, text};
 use image::{GenericImage, Rgb, RgbImage};
-use yoto_avatar::capture::check::{Drawing, Grade};
+use yoto_capture::check::{Drawing, Grade};
 use yoto_proto::pose_track::PoseTrack;
 
 const COLUMNS: u32 = 6;

@@ -3,8 +3,8 @@
 use super::canvas::{Colour, disc, dot, line};
 use super::text;
 use image::{Rgb, RgbImage};
-use yoto_avatar::capture::FrameImage;
-use yoto_avatar::capture::check::Drawing;
+use yoto_capture::FrameImage;
+use yoto_capture::check::Drawing;
 
 /// Side of a tile's picture, pixels.
 pub(super) const SIDE: u32 = 256;

@@ -5,7 +5,7 @@
 //! Pictures are not looked into, that is the ingest job's work. Files go up as they are, with
 //! the plan beside them: the job corrects the track by the same function.
 //!
-//! `yoto_avatar::capture::CaptureFolder` reads folders of pictures, too, and decodes them; it
+//! `yoto_capture::CaptureFolder` reads folders of pictures, too, and decodes them; it
 //! comes with the whole model. A client without the feature `embedded` only uploads and is
 //! built without a tensor library, so this small reader stands beside it. A test holds the two
 //! to the same files.

@@ -169,7 +169,7 @@ fn a_correction_goes_up_beside_the_files_as_they_are() {
 #[test]
 fn the_model_reads_the_same_files() {
     use std::collections::BTreeSet;
-    use yoto_avatar::capture::CaptureFolder;
+    use yoto_capture::CaptureFolder;
     let dir = tempfile::tempdir().expect("temporary folder");
     // A folder with both layouts, as one that was unpacked over another.
     for below in ["", "train"] {

@@ -5,9 +5,9 @@ use crate::pictures;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
-use yoto_avatar::capture::CaptureView;
 use yoto_avatar::config::Numerics;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
+use yoto_capture::CaptureView;
 
 const AFTER_HELP: &str = "\
 A model is a folder with weights.safetensors and state.json: a checkpoint, or what

@@ -4,9 +4,9 @@
 use crate::pictures;
 use anyhow::Context;
 use std::path::Path;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::capture::FrameImage;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_proto::pose_track::{self, PoseTrack};
 
 /// Frames of each film.

@@ -3,11 +3,11 @@
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
 use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
 use yoto_avatar::train::Person;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
 
 /// The two kinds of pictures that training never sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,8 +7,8 @@ use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_avatar::evaluate::{Examiner, Protocol, Score};
 use yoto_avatar::render::Renderer;
-use yoto_avatar::skeleton::Skeleton;
 use yoto_avatar::train::State;
+use yoto_capture::skeleton::Skeleton;
 use yoto_proto::v1::{Progress, Scores};
 
 /// How far a capture's rest joints may stand from those of its slot, metres: what numbers

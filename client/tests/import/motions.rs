@@ -2,8 +2,8 @@
 
 use crate::{captures, expected};
 use std::collections::HashMap;
-use yoto_avatar::camera::Pose;
-use yoto_avatar::skeleton::Skeleton;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Skeleton;
 use yoto_client::import::motion::{Motion, MotionOptions, Up, read};
 
 type Vec3 = [f64; 3];

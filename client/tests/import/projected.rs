@@ -1,8 +1,8 @@
 //! Where a track says that joints are seen, by the model's own kinematics and camera.
 
 use crate::expected;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::skeleton::Skeleton;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Asserts that the joints of each frame land within `tolerance` pixels of where the script has

@@ -5,7 +5,7 @@ use anyhow::ensure;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::api::{UploadFile, YotoClient};
 use yoto_proto::v1::job::State;
 use yoto_tests::process::{PATIENCE, Process, Service};

@@ -9,7 +9,7 @@ mod poses;
 
 use anyhow::{Context, ensure};
 use std::path::Path;
-use yoto_avatar::synthetic::SyntheticPerson;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::api::{UploadFile, YotoClient};
 use yoto_proto::v1::job::State;
 use yoto_tests::film::write_mp4;

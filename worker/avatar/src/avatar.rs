@@ -1,6 +1,5 @@
 //! The whole model: everybody's shared networks and each identity's own numbers.
 
-use crate::camera::Pose;
 use crate::config::{Encoding, ModelConfig, Numerics, Precision, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
@@ -15,6 +14,7 @@ use crate::ops::hash::HashGrid;
 use crate::ops::warp;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
+use yoto_capture::camera::Pose;
 
 /// Deviation that identity codes start with.
 const CODE_DEVIATION: f64 = 0.01;
@@ -22,7 +22,7 @@ const CODE_DEVIATION: f64 = 0.01;
 /// The parameters of one model. All methods need its [`ModelConfig`], which is data beside it.
 #[derive(Module, Debug)]
 pub struct Avatar {
-    /// One `[code_width]` an identity; a single one that all share, or none, by variant.
+    /// One `[code_width]` per identity; none in variants without codes.
     pub codes: Vec<Param<Tensor<1>>>,
     /// Who moves a point.
     pub motion: MotionWeights,
@@ -47,10 +47,10 @@ pub struct PartCount {
     pub bytes: u64,
 }
 
-/// An identity in a pose at a moment of the training: what a step computes once a frame.
+/// An identity in a pose at a moment of the run: what a step computes once per frame.
 pub struct Posed {
     slot: usize,
-    step: u64,
+    progress: f64,
     /// `[K + 1, D³]` motion weights.
     pub weights: Tensor<2>,
     /// `[K, 12]` posed body to canonical.
@@ -71,15 +71,15 @@ impl Avatar {
         device: &Device,
     ) -> Self {
         let init = Initial::new(device, seed);
-        // Without identities, nothing that is learned may tell people apart: not the code, and
-        // not a table or residual of their own either.
+        // Without identities, nothing that is learned may tell people apart: not a table or
+        // residual of their own either.
         let identities = match config.variant {
             Variant::NoIdentity => slots.min(1),
             _ => slots,
         };
         let codes = match config.variant {
-            Variant::HumanNerf => 0,
-            _ => identities,
+            Variant::HumanNerf | Variant::NoIdentity => 0,
+            Variant::Yoto | Variant::NoPoseCondition => identities,
         };
         let code_width = if codes > 0 { config.code_width } else { 0 };
         let grid = any_grid(&config.canonical.encoding);
@@ -95,7 +95,7 @@ impl Avatar {
                 .collect(),
             motion: MotionWeights::new(&init, &config.motion, identities, joints + 1),
             correction: PoseCorrection::new(&init, &config.correction, joints),
-            condition: matches!(config.variant, Variant::Yoto | Variant::NoIdentity)
+            condition: (config.variant == Variant::Yoto)
                 .then(|| PoseCondition::new(&init, &config.condition, config.code_width)),
             non_rigid: NonRigid::new(
                 &init,
@@ -121,22 +121,22 @@ impl Avatar {
         (count(2) - count(1)) as u64
     }
 
-    /// Poses the identity in `slot`, which the caller has checked to exist. `step` opens what
-    /// starts later in the training.
+    /// Poses the identity in `slot`, which the caller has checked to exist. `progress`, a share
+    /// of the run, opens what starts later in it.
     pub fn pose(
         &self,
         config: &ModelConfig,
         body: &Body,
         slot: usize,
         pose: &Pose,
-        step: u64,
+        progress: f64,
     ) -> Posed {
         let slot = match config.variant {
             Variant::NoIdentity => 0,
             _ => slot,
         };
         let mut vector = posed::pose_vector(body, pose);
-        let corrected = step >= config.correction.kick_in;
+        let corrected = config.schedule.corrects(progress);
         let transforms = match config.numerics {
             Numerics::Sound if corrected => {
                 posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
@@ -160,7 +160,7 @@ impl Avatar {
         };
         Posed {
             slot,
-            step,
+            progress,
             weights: self.motion.volume(slot, body.log_prior.clone()),
             transforms,
             pose: vector,
@@ -198,19 +198,9 @@ impl Avatar {
         canonical: Tensor<2>,
     ) -> FieldValues {
         let (pose, code) = (posed.pose.clone(), posed.conditioned.clone());
-        let moved = match config.numerics {
-            Numerics::Sound => {
-                self.non_rigid
-                    .forward(&config.non_rigid, canonical, pose, code, posed.step)
-            }
-            Numerics::Reference => self.non_rigid.forward_as_released(
-                &config.non_rigid,
-                canonical,
-                pose,
-                code,
-                posed.step,
-            ),
-        };
+        let moved = self
+            .non_rigid
+            .forward(config, canonical, pose, code, posed.progress);
         self.canonical.forward(
             &config.canonical,
             moved,

@@ -4,9 +4,11 @@
 
 mod check;
 mod named_tiers;
+mod schedule;
 mod setting;
 mod sharing;
 
+pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
 
@@ -62,9 +64,11 @@ pub struct ModelConfig {
     pub march: MarchConfig,
     /// Optimisation.
     pub optimise: OptimiseConfig,
+    /// What takes part when.
+    pub schedule: Schedule,
 }
 
-/// The paper's ablation (model.md §9).
+/// The rows of the paper's ablation (table 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {
@@ -72,9 +76,10 @@ pub enum Variant {
     Yoto,
     /// The identity code in place of the pose-conditioned one.
     NoPoseCondition,
-    /// One code shared by all.
+    /// No identity codes and no pose condition: one network for everybody that nothing learned
+    /// tells apart.
     NoIdentity,
-    /// One subject, no codes.
+    /// One subject per model, no codes.
     #[serde(rename = "humannerf")]
     HumanNerf,
 }
@@ -150,8 +155,6 @@ pub struct CorrectionConfig {
     pub width: usize,
     /// Hidden layers.
     pub depth: usize,
-    /// Step from which poses are corrected.
-    pub kick_in: u64,
 }
 
 /// Cross-attention between identity code and posed joints (paper eq. 3 to 5).
@@ -159,8 +162,6 @@ pub struct CorrectionConfig {
 pub struct ConditionConfig {
     /// Frequency bands of the joints' encoding.
     pub bands: usize,
-    /// Divide the scores by √d. The paper does not.
-    pub attention_scale: bool,
 }
 
 /// Non-rigid MLP (model.md §5).
@@ -170,10 +171,21 @@ pub struct NonRigidConfig {
     pub bands: usize,
     /// Hidden layers.
     pub layers: LayersConfig,
-    /// Step from which points may move.
-    pub kick_in: u64,
-    /// Step at which all bands are open.
-    pub full_at: u64,
+    /// What the field does before its kick-in.
+    #[serde(default)]
+    pub before_kick_in: BeforeKickIn,
+}
+
+/// What the non-rigid field does before its kick-in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BeforeKickIn {
+    /// Nothing: points stay where the bones put them, and the network costs no time.
+    #[default]
+    Rests,
+    /// The network runs with closed bands and a condition of zeros, and its output, the same for
+    /// every point and pose, is added (HumanNeRF, `core/nets/human_nerf/network.py`).
+    Runs,
 }
 
 /// Hidden layers with a second input in one of them and a code in another.
@@ -287,8 +299,6 @@ pub struct OptimiseConfig {
     pub motion_rate: f64,
     /// Of pose correction, non-rigid field and attention.
     pub slow_rate: f64,
-    /// Rates end at this share of their start.
-    pub final_rate: f64,
     /// Share of 1 − SSIM in the loss, beside the mean squared error.
     pub ssim_weight: f64,
     /// Share of the samples with a gradient that it is computed of, the larger the likelier;

@@ -7,8 +7,6 @@
 //! [`ops`] holds the tensor operations that Burn has not.
 
 pub mod avatar;
-pub mod camera;
-pub mod capture;
 pub mod config;
 pub mod evaluate;
 pub mod field;
@@ -18,9 +16,6 @@ mod init;
 pub mod loss;
 pub mod motion;
 pub mod ops;
-mod projected_box;
 pub mod render;
-pub mod skeleton;
-pub mod synthetic;
 pub mod tradeoff;
 pub mod train;

@@ -12,7 +12,6 @@ mod extremes {
 use burn::tensor::{Device, Tensor, TensorData};
 use extremes::table::{error, report, values};
 use std::f32::consts::{PI, TAU};
-use yoto_avatar::camera::{Camera, Pose};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::prior::{canonical_grid, prior};
@@ -21,7 +20,8 @@ use yoto_avatar::ops::warp::{WarpGrid, warp};
 use yoto_avatar::render::composite::composite;
 use yoto_avatar::render::march::Samples;
 use yoto_avatar::render::rays::BodyView;
-use yoto_avatar::skeleton::{Skeleton, transform};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::{Skeleton, transform};
 
 fn skeleton(tip: [f64; 3]) -> Skeleton {
     Skeleton {

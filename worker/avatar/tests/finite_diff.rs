@@ -12,13 +12,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::camera::{Camera, Pose};
 use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 use yoto_avatar::loss::Objective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
-use yoto_avatar::skeleton::Skeleton;
 use yoto_avatar::train::batch::{Batch, Outcome, Scene, outcome};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
 
 /// Directions a group.
 const DIRECTIONS: usize = 3;
@@ -134,11 +134,9 @@ fn config(encoding: Encoding) -> ModelConfig {
     config.code_width = 8;
     config.motion.resolution = 9;
     config.correction.width = 12;
-    config.correction.kick_in = 0;
+    config.schedule = config.schedule.all_at_once();
     config.non_rigid.layers = layers.clone();
     config.non_rigid.bands = 2;
-    config.non_rigid.kick_in = 0;
-    config.non_rigid.full_at = 1;
     config.canonical.layers = layers;
     config.canonical.encoding = encoding;
     config.canonical.density_scale = 5.0;
@@ -194,6 +192,7 @@ impl Bench {
             body: &body,
             slot: 0,
             pose: &self.pose,
+            progress: 1.0,
             step: 10,
             occupancy: None,
         };

@@ -7,11 +7,11 @@ use burn::tensor::Device;
 use safetensors::SafeTensors;
 use std::path::{Path, PathBuf};
 use yoto_avatar::avatar::{Avatar, PartCount};
-use yoto_avatar::capture::CaptureView;
 use yoto_avatar::config::{ModelConfig, Numerics};
 use yoto_avatar::import::{ImportError, import_humannerf};
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::train::read_parts;
+use yoto_capture::CaptureView;
 
 /// Largest difference in rgb and alpha that is allowed on a frame.
 const TOLERANCE: f32 = 1e-3;

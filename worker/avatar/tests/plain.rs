@@ -6,16 +6,16 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::camera::{Camera, Pose};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::Objective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::ops::composite::{RaySamples, reference};
 use yoto_avatar::render::march::{Samples, Volume, march};
 use yoto_avatar::render::rays::BodyView;
-use yoto_avatar::skeleton::Skeleton;
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::synthetic::SyntheticPerson;
 
 const SIDE: usize = 40;
 const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
@@ -63,8 +63,8 @@ impl Look {
 }
 
 /// Colours over the background `[1, R, 3]`, in the plain form.
-fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look, step: u64) -> Tensor<3> {
-    let posed = avatar.pose(config, body, 0, &look.pose, step);
+fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Tensor<3> {
+    let posed = avatar.pose(config, body, 0, &look.pose, 1.0);
     let batch = look.batch(body);
     let (weights, transforms) = (
         values(posed.weights.clone()),
@@ -126,15 +126,15 @@ fn a_loss_and_its_gradients() {
     let device = Device::flex().autodiff();
     let body = Body::new(look.skeleton.clone(), &config, &device);
     let avatar = Avatar::new(&config, 1, look.skeleton.parents.len(), 5, &device);
-    // Everything that starts later has started.
-    let step = config.non_rigid.full_at;
     let objective = Objective::without_lpips(0.02, SIDE, &device);
     let scene = Scene {
         config: &config,
         body: &body,
         slot: 0,
         pose: &look.pose,
-        step,
+        // Everything that starts later has started.
+        progress: 1.0,
+        step: 0,
         occupancy: None,
     };
     let batch = look.batch(&body);
@@ -143,7 +143,7 @@ fn a_loss_and_its_gradients() {
         .expect("rays that meet the body");
     let truth = TensorData::new(batch.truth.clone(), [1, SIDE * SIDE, 3]);
     let truth = Tensor::from_data(truth, &device);
-    let expected = objective.loss(plain(&avatar, &config, &body, &look, step), truth);
+    let expected = objective.loss(plain(&avatar, &config, &body, &look), truth);
     let number = |loss: &Tensor<1>| loss.clone().into_scalar::<f32>();
     let difference = (number(&ours.loss) - number(&expected)).abs();
     assert!(

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::capture::ShardBuilder;
 use yoto_avatar::config::{Encoding, ModelConfig, Sharing};
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_proto::manifest::files;
 
 const SPLIT: Sharing = Sharing::Split { own_log2_rows: 8 };

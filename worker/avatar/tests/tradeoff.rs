@@ -2,15 +2,15 @@
 
 use burn::tensor::Device;
 use std::sync::Arc;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::capture::ShardBuilder;
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::render::{RenderError, RenderSettings, RenderView, Renderer};
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::tradeoff::{
     Axes, Curve, Machine, SweepError, SweepOptions, SweepView, Want, choose, sweep,
 };
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::synthetic::SyntheticPerson;
 
 const SIZE: u32 = 48;
 

@@ -5,13 +5,13 @@ use burn::tensor::Device;
 use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use yoto_avatar::camera::Pose;
-use yoto_avatar::capture::{Shard, ShardBuilder};
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainError, TrainOptions, Trainer};
+use yoto_capture::camera::Pose;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
 
 const SIZE: u32 = 48;
@@ -40,9 +40,9 @@ fn people(count: usize) -> Vec<Person> {
 /// The smallest tier, with everything that starts later started at once.
 fn config(variant: &str) -> ModelConfig {
     let mut config = ModelConfig::named("draft", variant).expect("a tier");
-    config.correction.kick_in = 4;
-    config.non_rigid.kick_in = 4;
-    config.non_rigid.full_at = 12;
+    config.schedule.correction = 0.05;
+    config.schedule.non_rigid = 0.05;
+    config.schedule.all_bands = 0.2;
     config.optimise.patches = 4;
     config
 }

@@ -8,10 +8,12 @@ mod tradeoff;
 
 use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
 use yoto_avatar::{
-    camera::{Camera, Pose},
-    capture::{FrameImage, Shard},
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
     train::is_held_out,
+};
+use yoto_capture::{
+    FrameImage, Shard,
+    camera::{Camera, Pose},
 };
 use yoto_proto::{
     names,
@@ -152,7 +154,7 @@ fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
         .filter(|(position, _)| is_held_out(*position, HOLDOUT_EVERY))
         .map(|(position, frame)| {
             // An ingested capture was checked, so a fault in it is not the user's.
-            let fault = |error: yoto_avatar::camera::ViewError| {
+            let fault = |error: yoto_capture::camera::ViewError| {
                 let place = format!("the capture's frame {}", frame.index);
                 JobFailure::failed("INTERNAL", &place, &error)
             };
@@ -203,7 +205,7 @@ fn measure(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_avatar::{capture::ShardBuilder, synthetic::SyntheticPerson};
+    use yoto_capture::{ShardBuilder, synthetic::SyntheticPerson};
     use yoto_proto::v1::Model;
 
     fn inputs() -> Inputs {

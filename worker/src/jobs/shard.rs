@@ -2,7 +2,7 @@
 
 use super::{JobContext, JobFailure};
 use std::sync::Arc;
-use yoto_avatar::capture::Shard;
+use yoto_capture::Shard;
 use yoto_proto::v1::{Inputs, SubjectShard};
 
 /// The shard of `subject`, with the name people gave it.

@@ -112,6 +112,6 @@ impl ModelConfig {
         if !(share > 0.0 && share <= 1.0) {
             return fail("optimise.backward_share", "must be over 0 and at most 1");
         }
-        Ok(())
+        self.schedule.check()
     }
 }

@@ -1,9 +1,9 @@
 //! The named tiers: each a place on the speed/accuracy curve.
 
 use super::{
-    CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig, DensityActivation, Encoding,
-    LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics,
-    OptimiseConfig, Precision, Sharing, Variant,
+    BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
+    DensityActivation, Encoding, LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm,
+    NonRigidConfig, Numerics, OptimiseConfig, Precision, Schedule, Sharing, Variant,
 };
 
 impl ModelConfig {
@@ -18,6 +18,7 @@ impl ModelConfig {
             "fast" => grid_tier(tier, variant, 8, 15, 64, 3, 64, 24),
             "balanced" => grid_tier(tier, variant, 10, 17, 128, 4, 96, 32),
             "paper" => paper(variant),
+            "paper-lean" => paper_lean(variant),
             _ => return Err(ConfigError::UnknownTier(tier.into())),
         };
         config.check()?;
@@ -58,12 +59,8 @@ fn grid_tier(
         correction: CorrectionConfig {
             width: 64,
             depth: 2,
-            kick_in: 1500,
         },
-        condition: ConditionConfig {
-            bands: 6,
-            attention_scale: false,
-        },
+        condition: ConditionConfig { bands: 6 },
         non_rigid: NonRigidConfig {
             bands: 4,
             layers: LayersConfig {
@@ -72,8 +69,7 @@ fn grid_tier(
                 skip: None,
                 inject: 1,
             },
-            kick_in: 1500,
-            full_at: 4000,
+            before_kick_in: BeforeKickIn::Rests,
         },
         canonical: CanonicalConfig {
             encoding: Encoding::Hash {
@@ -110,14 +106,26 @@ fn grid_tier(
             table_rate: 1e-2,
             motion_rate: 1e-2,
             slow_rate: 5e-4,
-            final_rate: 0.05,
             ssim_weight: 0.02,
             backward_share: 0.25,
+        },
+        schedule: Schedule {
+            steps: 5000,
+            warm_up: 0.02,
+            correction: 0.3,
+            non_rigid: 0.3,
+            all_bands: 0.8,
+            final_rate: 0.05,
         },
     }
 }
 
-/// The sizes of the paper and of HumanNeRF, which it stands on.
+/// A foreground likelihood that no f32 sum of a ray's colour could see: half a unit in the last
+/// place of 1. The likelihood bounds a sample's opacity.
+const INVISIBLE: f32 = 5.960_464_5e-8;
+
+/// The sizes and the training of the paper and of HumanNeRF, which it stands on: all samples,
+/// all gradients (docs/paper.md lists every choice).
 fn paper(variant: Variant) -> ModelConfig {
     ModelConfig {
         tier: "paper".into(),
@@ -132,12 +140,8 @@ fn paper(variant: Variant) -> ModelConfig {
         correction: CorrectionConfig {
             width: 256,
             depth: 4,
-            kick_in: 0,
         },
-        condition: ConditionConfig {
-            bands: 6,
-            attention_scale: false,
-        },
+        condition: ConditionConfig { bands: 6 },
         non_rigid: NonRigidConfig {
             bands: 6,
             layers: LayersConfig {
@@ -146,8 +150,7 @@ fn paper(variant: Variant) -> ModelConfig {
                 skip: Some(4),
                 inject: 3,
             },
-            kick_in: 10_000,
-            full_at: 50_000,
+            before_kick_in: BeforeKickIn::Runs,
         },
         canonical: CanonicalConfig {
             encoding: Encoding::Fourier { bands: 10 },
@@ -162,12 +165,10 @@ fn paper(variant: Variant) -> ModelConfig {
         },
         march: MarchConfig {
             samples: 128,
-            // By experiment, as is the share of gradients below (docs/performance.md).
-            epsilon: 1e-2,
-            min_transmittance: 1e-3,
-            occupancy_cells: 64,
-            // Under what a step holds before anything is learned: 0.3/m over 1.6 cm.
-            occupancy_alpha: 2e-3,
+            epsilon: INVISIBLE,
+            min_transmittance: 0.0,
+            occupancy_cells: 0,
+            occupancy_alpha: 0.0,
         },
         optimise: OptimiseConfig {
             patches: 6,
@@ -176,10 +177,26 @@ fn paper(variant: Variant) -> ModelConfig {
             table_rate: 5e-4,
             motion_rate: 5e-5,
             slow_rate: 5e-5,
-            // 0.1^(400 k / 500 k) over a whole run.
-            final_rate: 0.158,
             ssim_weight: 0.1,
-            backward_share: 0.05,
+            backward_share: 1.0,
         },
+        schedule: Schedule::paper(),
     }
+}
+
+/// [`paper`] on a machine that it is too much for: samples, gradients and the ends of rays that
+/// hardly matter are left out. What that does to a model is in docs/performance.md.
+fn paper_lean(variant: Variant) -> ModelConfig {
+    let mut config = paper(variant);
+    config.tier = "paper-lean".into();
+    config.march = MarchConfig {
+        epsilon: 1e-2,
+        min_transmittance: 1e-3,
+        occupancy_cells: 64,
+        // Under what a step holds before anything is learned: 0.3/m over 1.6 cm.
+        occupancy_alpha: 2e-3,
+        ..config.march
+    };
+    config.optimise.backward_share = 0.05;
+    config
 }

@@ -2,11 +2,11 @@
 
 use super::score::unit;
 use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, compare};
-use crate::camera::{Camera, Pose};
-use crate::capture::FrameImage;
-use crate::projected_box::outside;
 use crate::render::{RenderView, Renderer};
 use std::time::Instant;
+use yoto_capture::FrameImage;
+use yoto_capture::body_box::outside;
+use yoto_capture::camera::{Camera, Pose};
 
 /// A picture that training never saw, and how it came about.
 #[derive(Clone, Copy, Debug)]

@@ -3,18 +3,7 @@
 //! A person covers a tenth of a frame, so a whole-image figure flatters: PSNR also comes
 //! over the mask's bounding box.
 
-/// A rectangle of pixels: first column and row, and one past the last.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MaskBox {
-    /// First column.
-    pub x0: usize,
-    /// First row.
-    pub y0: usize,
-    /// One past the last column.
-    pub x1: usize,
-    /// One past the last row.
-    pub y1: usize,
-}
+use yoto_capture::MaskBox;
 
 /// Peak signal-to-noise ratio of two images of the same size, dB, data range 1. Identical
 /// images have an infinite one.
@@ -50,31 +39,6 @@ fn from_squares<'a>(pairs: impl Iterator<Item = (&'a f32, &'a f32)>) -> f64 {
     }
 }
 
-/// The bounding box of the pixels with any coverage; none where there is none.
-///
-/// # Panics
-/// When the mask has fewer than `width * height` pixels.
-pub fn mask_box(mask: &[u8], width: usize, height: usize) -> Option<MaskBox> {
-    let mut found: Option<MaskBox> = None;
-    for row in 0..height {
-        let line = &mask[row * width..(row + 1) * width];
-        let Some(first) = line.iter().position(|&m| m > 0) else {
-            continue;
-        };
-        let last = line.iter().rposition(|&m| m > 0).unwrap_or(first);
-        let so_far = found.get_or_insert(MaskBox {
-            x0: first,
-            y0: row,
-            x1: last + 1,
-            y1: row + 1,
-        });
-        so_far.x0 = so_far.x0.min(first);
-        so_far.x1 = so_far.x1.max(last + 1);
-        so_far.y1 = row + 1;
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,22 +70,13 @@ mod tests {
     }
 
     #[test]
-    fn the_box_holds_the_mask_and_nothing_else_counts() {
-        let mut mask = vec![0u8; 5 * 4];
-        mask[5 + 3] = 1;
-        mask[2 * 5 + 1] = 200;
-        let region = mask_box(&mask, 5, 4).expect("two pixels");
-        assert_eq!(
-            region,
-            MaskBox {
-                x0: 1,
-                y0: 1,
-                x1: 4,
-                y1: 3
-            }
-        );
-        assert_eq!(mask_box(&[0; 20], 5, 4), None);
-
+    fn outside_of_the_box_nothing_counts() {
+        let region = MaskBox {
+            x0: 1,
+            y0: 1,
+            x1: 4,
+            y1: 3,
+        };
         let a = vec![0.0f32; 5 * 4 * 3];
         let mut b = a.clone();
         b[0] = 1.0;

@@ -14,7 +14,7 @@ pub mod ssim;
 
 pub use examine::{Examined, Examiner, Truth};
 pub use lpips::LpipsMetric;
-pub use metrics::{MaskBox, mask_box, psnr, psnr_in_box};
+pub use metrics::{psnr, psnr_in_box};
 pub use protocol::Protocol;
 pub use score::{Mean, PictureScore, Score, compare};
 pub use ssim::{ssim, ssim_inflated, ssim_uniform};

@@ -1,8 +1,9 @@
 //! The figures of one picture, and their means over pictures and people.
 
-use super::{EvaluateError, mask_box, psnr, psnr_in_box, ssim, ssim_inflated, ssim_uniform};
-use crate::capture::FrameImage;
+use super::{EvaluateError, psnr, psnr_in_box, ssim, ssim_inflated, ssim_uniform};
 use serde::{Deserialize, Serialize};
+use yoto_capture::FrameImage;
+use yoto_capture::mask_box;
 use yoto_proto::v1::Scores;
 
 /// What two equal pictures count as in a mean, dB. Their own figure is infinite, and one of

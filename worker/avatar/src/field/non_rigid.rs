@@ -1,8 +1,8 @@
-//! Non-rigid motion (model.md §5): how cloth moves beyond what the bones do, by pose.
+//! Non-rigid motion (paper section 3.3, eq. 6): how cloth moves beyond what the bones do, by pose.
 
 use super::mlp::{Mlp, MlpShape};
 use super::window::hann_window;
-use crate::config::{NonRigidConfig, Precision};
+use crate::config::{BeforeKickIn, ModelConfig, NonRigidConfig, Precision};
 use crate::init::Initial;
 use crate::ops::encode::Bands;
 use crate::ops::mlp::Input;
@@ -52,59 +52,33 @@ impl NonRigid {
         }
     }
 
-    /// Canonical `points` `[N, 3]`, moved. `pose` is the pose vector, `code` F_nr; `step` opens
-    /// the bands one after the other.
+    /// Canonical `points` `[N, 3]`, metres, moved. `pose` is the pose vector `[3 (K − 1)]`,
+    /// `code` F_nr; `progress`, a share of the run, opens the bands one after the other. Before
+    /// the kick-in both are zeros where the network runs at all ([`BeforeKickIn`]).
     pub fn forward(
         &self,
-        config: &NonRigidConfig,
+        config: &ModelConfig,
         points: Tensor<2>,
         pose: Tensor<1>,
         code: Option<Tensor<1>>,
-        step: u64,
+        progress: f64,
     ) -> Tensor<2> {
-        if step < config.kick_in {
-            return points;
-        }
-        self.moved(config, points, pose, code, step)
-    }
-
-    /// The same as the released program has it: before the kick-in the network runs with closed
-    /// bands and a pose of zeros, and what it answers still moves the points.
-    pub fn forward_as_released(
-        &self,
-        config: &NonRigidConfig,
-        points: Tensor<2>,
-        pose: Tensor<1>,
-        code: Option<Tensor<1>>,
-        step: u64,
-    ) -> Tensor<2> {
-        let pose = if step < config.kick_in {
-            pose.zeros_like()
-        } else {
-            pose
+        let field = &config.non_rigid;
+        let (pose, code) = match (config.schedule.moves_points(progress), field.before_kick_in) {
+            (true, _) => (pose, code),
+            (false, BeforeKickIn::Rests) => return points,
+            (false, BeforeKickIn::Runs) => (pose.zeros_like(), code.map(|code| code.zeros_like())),
         };
-        self.moved(config, points, pose, code, step)
-    }
-
-    fn moved(
-        &self,
-        config: &NonRigidConfig,
-        points: Tensor<2>,
-        pose: Tensor<1>,
-        code: Option<Tensor<1>>,
-        step: u64,
-    ) -> Tensor<2> {
-        let span = (config.full_at.saturating_sub(config.kick_in)).max(1) as f32;
-        let a = config.bands as f32 * step.saturating_sub(config.kick_in) as f32 / span;
+        let a = config.schedule.open_bands(progress, field.bands);
         let kind = Input::Frequencies {
             bands: Bands {
-                window: Some(hann_window(config.bands, a)),
-                ..Bands::new(config.bands, 1.0)
+                window: Some(hann_window(field.bands, a)),
+                ..Bands::new(field.bands, 1.0)
             },
             raw: false,
         };
         let mut codes = vec![(0, pose)];
-        codes.extend(code.map(|code| (config.layers.inject, code)));
+        codes.extend(code.map(|code| (field.layers.inject, code)));
         points.clone() + self.mlp.forward(points, kind, &codes)
     }
 }

@@ -47,10 +47,7 @@ impl PoseCondition {
         let features = encoded.matmul(self.joints.val());
         let query = code.clone().unsqueeze::<2>().matmul(self.query.val());
         let [_, width] = query.dims();
-        let mut scores = query.matmul(features.clone().matmul(self.key.val()).transpose());
-        if config.attention_scale {
-            scores = scores / (width as f32).sqrt();
-        }
+        let scores = query.matmul(features.clone().matmul(self.key.val()).transpose());
         let answer = softmax(scores, 1).matmul(features.matmul(self.value.val()));
         answer.reshape([width]) + code
     }

@@ -9,13 +9,13 @@ use super::{ImportError, read_canonical_joints};
 use crate::avatar::Avatar;
 use crate::config::{DensityActivation, LayersConfig, ModelConfig, MotionForm, Numerics};
 use crate::init;
-use crate::skeleton::Skeleton;
 use crate::train::{State, TrainError, save_model};
 use burn::module::{Module, ModuleMapper, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
+use yoto_capture::skeleton::Skeleton;
 
 /// Bones with a rotation of their own, three numbers each, in the pose vector.
 const POSE: usize = 3 * (SMPL.len() - 1);
@@ -88,8 +88,12 @@ pub fn import_humannerf(
         ));
     }
     std::fs::create_dir_all(out).map_err(|error| ImportError::file(out, error))?;
-    let step = iteration.unwrap_or(0);
-    let state = State::new(config, SMPL.len(), 0, step, 0.0, vec![Some(skeleton)]);
+    let state = State {
+        step: iteration.unwrap_or(0),
+        // The released program renders with everything open, whatever the iteration.
+        progress: 1.0,
+        ..State::new(config, SMPL.len(), 0, vec![Some(skeleton)])
+    };
     save_model(out, &state, &avatar)?;
     Ok(Imported {
         iteration,

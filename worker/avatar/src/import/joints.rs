@@ -2,10 +2,10 @@
 //! program's data preparation, plain JSON, or the skeleton of a capture.
 
 use super::ImportError;
-use crate::skeleton::Vec3;
-pub(super) use crate::skeleton::smpl::JOINTS as SMPL;
 use serde_json::Value as Json;
 use std::path::Path;
+use yoto_capture::skeleton::Vec3;
+pub(super) use yoto_capture::skeleton::smpl::JOINTS as SMPL;
 use yoto_formats::{Value, pickle};
 use yoto_proto::pose_track::MAX_METRES;
 

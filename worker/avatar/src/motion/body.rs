@@ -4,8 +4,8 @@ use super::prior::{canonical_grid, prior};
 use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
 use crate::ops::hash::HashGrid;
 use crate::ops::warp::WarpGrid;
-use crate::skeleton::Skeleton;
 use burn::tensor::{Device, Tensor, TensorData};
+use yoto_capture::skeleton::Skeleton;
 
 /// Least prior weight: the logarithm of a zero would be −∞ and its softmax have no gradient.
 const MIN_PRIOR: f32 = 1e-12;

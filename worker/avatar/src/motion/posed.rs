@@ -4,8 +4,8 @@
 //! does is done to the camera instead (model.md §1).
 
 use super::body::Body;
-use crate::camera::Pose;
 use burn::tensor::{Int, Tensor, TensorData};
+use yoto_capture::camera::Pose;
 
 /// The tree's joints by distance from the root, for level-wise forward kinematics.
 fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
@@ -91,7 +91,7 @@ pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> 
     let locals: Vec<f32> = unrooted(pose)[1..]
         .iter()
         .flat_map(|r| {
-            crate::skeleton::transform::rodrigues(*r)
+            yoto_capture::skeleton::transform::rodrigues(*r)
                 .into_iter()
                 .flatten()
                 .map(|v| v as f32)
@@ -171,8 +171,8 @@ pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
 mod tests {
     use super::*;
     use crate::config::ModelConfig;
-    use crate::skeleton::Skeleton;
     use burn::tensor::Device;
+    use yoto_capture::skeleton::Skeleton;
 
     fn body(device: &Device) -> Body {
         let skeleton = Skeleton {

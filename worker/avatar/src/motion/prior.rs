@@ -2,7 +2,7 @@
 //! (HumanNeRF §3.2 and its released program, which the figures come from).
 
 use crate::ops::warp::WarpGrid;
-use crate::skeleton::Skeleton;
+use yoto_capture::skeleton::Skeleton;
 
 /// The canonical box reaches this far beyond the rest joints, metres.
 pub const BOX_MARGIN: f64 = 0.3;

@@ -5,9 +5,9 @@
 
 use super::body::Body;
 use super::posed::{chain, unrooted};
-use crate::camera::Pose;
-use crate::skeleton::Vec3;
 use burn::tensor::{Tensor, TensorData};
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Vec3;
 
 /// Added to each number of the pose vector before any network sees it.
 pub const POSE_SHIFT: f32 = 1e-2;
@@ -124,7 +124,7 @@ mod tests {
             .reshape([9])
             .try_into_vec_as()
             .expect("f32");
-        let exact = crate::skeleton::transform::rodrigues(vector.map(f64::from));
+        let exact = yoto_capture::skeleton::transform::rodrigues(vector.map(f64::from));
         for (a, b) in released.iter().zip(exact.as_flattened()) {
             assert!((f64::from(*a) - b).abs() < 2e-5);
         }

@@ -7,24 +7,21 @@ use super::occupancy::Occupancy;
 use super::rays::{BodyView, Ray};
 use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
-use crate::camera::{Camera, Pose};
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
 use crate::ops::composite::{Light, cpu::opacity};
 use crate::ops::mlp::check_device;
-use crate::skeleton::{Skeleton, SkeletonError};
 use burn::tensor::{ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
 /// Rays a batch: bounds the memory of a frame whatever its size.
 const RAYS_PER_BATCH: usize = 8192;
 
 /// Live samples of a ray that are evaluated at first; each further wave takes twice as many.
 const FIRST_WAVE: usize = 8;
-
-/// Iteration that the released program evaluates its networks at.
-const EVALUATION_ITERATION: u64 = 10_000_000;
 
 /// Why a frame can't be rendered.
 #[derive(Debug, Error)]
@@ -99,10 +96,9 @@ pub struct Renderer {
     bodies: Vec<Option<Body>>,
     /// By slot.
     occupancy: Vec<Option<Occupancy>>,
-    step: u64,
+    /// Share of the run that the model has been through: what is open of it.
+    pub(super) progress: f64,
     settings: RenderSettings,
-    /// Training iteration that a frame with the released numerics is rendered at.
-    pub(super) iteration: u64,
 }
 
 impl Renderer {
@@ -112,7 +108,7 @@ impl Renderer {
         avatar: Avatar,
         bodies: Vec<Option<Body>>,
         occupancy: Vec<Option<Occupancy>>,
-        step: u64,
+        progress: f64,
     ) -> Self {
         Self {
             settings: RenderSettings::of(&config),
@@ -120,8 +116,7 @@ impl Renderer {
             avatar,
             bodies,
             occupancy,
-            step,
-            iteration: EVALUATION_ITERATION,
+            progress,
         }
     }
 
@@ -138,11 +133,14 @@ impl Renderer {
         self
     }
 
-    /// Frames with [`Numerics::Reference`] as at training `iteration`, which opens the non-rigid
-    /// bands and the corrections; without this call they are rendered as at iteration 10⁷, where
-    /// the released program renders whatever the checkpoint's iteration.
+    /// Frames as at `iteration` of a run of the model's own length ([`Schedule::steps`]), which
+    /// opens the non-rigid bands and the corrections. Without this call frames show what the
+    /// model has been trained to; models of the released HumanNeRF program show everything open,
+    /// as that program renders whatever the checkpoint's iteration.
+    ///
+    /// [`Schedule::steps`]: crate::config::Schedule::steps
     pub fn at_iteration(mut self, iteration: u64) -> Self {
-        self.iteration = iteration;
+        self.progress = iteration as f64 / self.config.schedule.steps as f64;
         self
     }
 
@@ -260,7 +258,7 @@ impl Renderer {
         }
         let posed = self
             .avatar
-            .pose(&self.config, body, view.slot, &view.pose, self.step);
+            .pose(&self.config, body, view.slot, &view.pose, self.progress);
         let weights = read(posed.weights.clone())?;
         let transforms = read(posed.transforms.clone())?;
         let sight = BodyView::new(body, &view.pose, &view.camera);

@@ -1,8 +1,8 @@
 //! Rays in the body frame, cut to the box around the posed joints.
 
-use crate::camera::{Camera, Pose};
 use crate::motion::body::Body;
 use crate::motion::posed::body_frame_joints;
+use yoto_capture::camera::{Camera, Pose};
 
 /// The box reaches this far beyond the posed joints, metres (HumanNeRF).
 const BOX_MARGIN: f64 = 0.3;

@@ -116,7 +116,7 @@ impl Renderer {
         };
         let posed = self
             .avatar
-            .pose(&self.config, body, view.slot, &view.pose, self.iteration);
+            .pose(&self.config, body, view.slot, &view.pose, self.progress);
         let (weights, transforms) = (
             read(posed.weights.clone())?,
             read(posed.transforms.clone())?,

@@ -6,7 +6,6 @@
 //! of a step goes listens to them (`yoto bench` does).
 
 use crate::avatar::Avatar;
-use crate::camera::Pose;
 use crate::config::ModelConfig;
 use crate::loss::Objective;
 use crate::motion::body::Body;
@@ -21,6 +20,7 @@ use burn::tensor::{Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
+use yoto_capture::camera::Pose;
 
 /// Rays of a step, and what they should see.
 pub struct Batch {
@@ -44,7 +44,9 @@ pub struct Scene<'a> {
     pub slot: usize,
     /// Its pose.
     pub pose: &'a Pose,
-    /// Opens what starts later in the training.
+    /// Share of the run that is over, which opens what starts later.
+    pub progress: f64,
+    /// The step's number: which empty cells it probes.
     pub step: u64,
     /// Where its canonical space is known to be empty.
     pub occupancy: Option<&'a Occupancy>,
@@ -87,7 +89,7 @@ pub fn outcome(
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
     let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
-        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.step);
+        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
         let weights = read(posed.weights.clone())?;
         let transforms = read(posed.transforms.clone())?;
         Ok::<_, RenderError>((posed, weights, transforms))

@@ -9,17 +9,17 @@ use crate::motion::prior::canonical_grid;
 use crate::ops::mlp::check_device;
 use crate::render::Renderer;
 use crate::render::occupancy::Occupancy;
-use crate::skeleton::Skeleton;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Bytes, Device};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
 
 /// Version of [`State`] written by this program.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// `state.json`: all that is not a tensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +34,9 @@ pub struct State {
     pub seed: u64,
     /// Steps taken over the model's life.
     pub step: u64,
+    /// Share of a run that the model has been through, 0 to 1: which of its parts take part. A
+    /// run that goes on with a model closes nothing again.
+    pub progress: f64,
     /// Seconds spent in steps over the model's life.
     pub train_seconds: f64,
     /// What the guard multiplies the rate by.
@@ -46,6 +49,12 @@ pub struct State {
     pub slots: Vec<Option<Skeleton>>,
 }
 
+/// The part of `state.json` that all versions have.
+#[derive(Deserialize)]
+struct Versioned {
+    version: u32,
+}
+
 fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
     TrainError::File {
         file: path.display().to_string(),
@@ -54,14 +63,11 @@ fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
 }
 
 impl State {
-    /// Version, and the present moment of a training.
-    #[allow(clippy::too_many_arguments)]
+    /// The state of a model that nobody has trained yet.
     pub(crate) fn new(
         config: ModelConfig,
         joints: usize,
         seed: u64,
-        step: u64,
-        train_seconds: f64,
         slots: Vec<Option<Skeleton>>,
     ) -> Self {
         Self {
@@ -69,8 +75,9 @@ impl State {
             config,
             joints,
             seed,
-            step,
-            train_seconds,
+            step: 0,
+            progress: 0.0,
+            train_seconds: 0.0,
             rate_scale: 1.0,
             skipped_steps: 0,
             rollbacks: 0,
@@ -85,13 +92,15 @@ impl State {
     pub fn read(dir: &Path) -> Result<Self, TrainError> {
         let path = dir.join(files::STATE);
         let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-        let state: Self = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
-        if state.version != VERSION {
+        // The version first: a file of another one may lack anything else.
+        let Versioned { version } = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
+        if version != VERSION {
             return Err(failed(
                 &path,
-                format!("version {}, this program reads {VERSION}", state.version),
+                format!("version {version}, this program reads {VERSION}"),
             ));
         }
+        let state: Self = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
         state.config.check()?;
         Ok(state)
     }
@@ -243,7 +252,7 @@ impl Renderer {
             avatar,
             bodies,
             occupancy,
-            state.step,
+            state.progress,
         ))
     }
 }

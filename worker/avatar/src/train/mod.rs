@@ -21,12 +21,12 @@ pub use people::{Person, is_held_out};
 pub use progress::TrainProgress;
 pub use trainer::Trainer;
 
-use crate::capture::CaptureError;
 use crate::config::ConfigError;
 use crate::loss::lpips::LpipsError;
 use crate::render::RenderError;
-use crate::skeleton::SkeletonError;
 use thiserror::Error;
+use yoto_capture::CaptureError;
+use yoto_capture::skeleton::SkeletonError;
 
 /// Why training can't start, go on, or be kept.
 #[derive(Debug, Error)]

@@ -1,13 +1,13 @@
 //! The people a model is trained on: their bodies, and their frames at training size.
 
 use super::TrainError;
-use crate::camera::{Camera, Pose};
-use crate::capture::{FrameImage, Shard};
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
-use crate::skeleton::Skeleton;
 use burn::tensor::Device;
 use std::sync::Arc;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::{FrameImage, Shard};
 
 /// One identity's training data.
 #[derive(Clone)]
@@ -55,7 +55,7 @@ impl Trainee {
         let skeleton = Skeleton::from_track(&track.skeleton).map_err(skeleton_error)?;
         let (mut frames, mut held_out) = (Vec::new(), Vec::new());
         for (i, frame) in track.frames.iter().enumerate() {
-            let view = |error: crate::camera::ViewError| {
+            let view = |error: yoto_capture::camera::ViewError| {
                 TrainError::People(format!("{} frame {}: {error}", person.name, frame.index))
             };
             let pose = Pose::from_frame(frame).map_err(view)?;

@@ -1,4 +1,4 @@
-//! What a trainer tells while it trains. A plain value: whoever asks decides how to show it.
+//! What a trainer reports while it trains. A plain value: the caller decides how to show it.
 
 use crate::render::SampleCounts;
 
@@ -29,6 +29,8 @@ pub struct TrainProgress {
     pub live_fraction: f64,
     /// How many samples came how far, in all steps of this budget.
     pub samples: SampleCounts,
+    /// Parts of the model that take part only from some moment of the run on, and do so now.
+    pub active_parts: Vec<String>,
     /// E.g. "mse+ssim".
     pub objective: &'static str,
     /// Seconds spent in steps in this budget.

@@ -16,7 +16,6 @@ use crate::ops::mlp::check_device;
 use crate::render::Renderer;
 use crate::render::frame::read;
 use crate::render::occupancy::Occupancy;
-use crate::skeleton::Skeleton;
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
@@ -25,9 +24,8 @@ use rand_chacha::ChaCha8Rng;
 use std::path::Path;
 use std::time::Instant;
 use tracing::trace_span;
+use yoto_capture::skeleton::Skeleton;
 
-/// Steps over which the rate rises from 0, so that Adam's moments settle first.
-const WARM_UP: u64 = 50;
 /// Weight of the newest value in smoothed figures.
 const SMOOTHING: f64 = 0.02;
 
@@ -46,6 +44,8 @@ pub struct Trainer {
     /// Over the model's life.
     step: u64,
     seconds: f64,
+    /// Share of a run that the model had been through before this one.
+    opened: f64,
     /// Within this budget.
     budget_steps: u64,
     budget_seconds: f64,
@@ -67,14 +67,7 @@ impl Trainer {
         let (slots, joints) = check_people(&people)?;
         let device = device.clone().inner().autodiff();
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
-        let state = State::new(
-            config.clone(),
-            joints,
-            options.seed,
-            0,
-            0.0,
-            vec![None; slots],
-        );
+        let state = State::new(config.clone(), joints, options.seed, vec![None; slots]);
         let course = Course::new(avatar, optimiser(&config.optimise));
         Self::assemble(state, options, &people, course, device)
     }
@@ -173,10 +166,16 @@ impl Trainer {
             device,
             step: state.step,
             seconds: state.train_seconds,
+            opened: state.progress,
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
         })
+    }
+
+    /// Share of a run that the model has been through, 0 to 1.
+    fn opened(&self) -> f64 {
+        self.opened.max(self.fraction())
     }
 
     /// Share of the budget that is used, 0 to 1.
@@ -226,6 +225,7 @@ impl Trainer {
             body: &chosen.body,
             slot: chosen.slot,
             pose: &frame.pose,
+            progress: self.opened(),
             step: self.step,
             occupancy: self.course.occupancy[chosen.slot].as_ref(),
         };
@@ -270,8 +270,7 @@ impl Trainer {
         let value = read(loss.clone())?.first().copied().unwrap_or(f32::NAN);
         let grads = trace_span!("backward")
             .in_scope(|| GradientsParams::from_grads(loss.backward(), self.course.avatar()));
-        let warm = ((self.step + 1) as f64 / WARM_UP as f64).min(1.0);
-        let rate = warm * self.config.optimise.final_rate.powf(self.fraction());
+        let rate = self.config.schedule.rate(self.fraction());
         let verdict = self
             .guard
             .step(&mut self.course, value, grads, rate, self.step);
@@ -297,7 +296,7 @@ impl Trainer {
         Ok(verdict == Verdict::Taken)
     }
 
-    /// How it goes.
+    /// Current progress.
     pub fn progress(&self) -> TrainProgress {
         let fraction = self.fraction();
         let (total_steps, seconds_left) = match self.options.budget {
@@ -318,6 +317,10 @@ impl Trainer {
             skipped_steps: self.guard.skipped,
             rollbacks: self.guard.rollbacks,
             train_seconds: self.budget_seconds,
+            active_parts: self
+                .config
+                .schedule
+                .active_parts(self.opened(), self.config.non_rigid.bands),
             ..self.progress.clone()
         }
     }
@@ -328,6 +331,9 @@ impl Trainer {
     /// When a file can't be written.
     pub fn save(&self, dir: &Path) -> Result<(), TrainError> {
         let state = State {
+            step: self.step,
+            progress: self.opened(),
+            train_seconds: self.seconds,
             rate_scale: self.course.rate_scale,
             skipped_steps: self.guard.skipped,
             rollbacks: self.guard.rollbacks,
@@ -335,8 +341,6 @@ impl Trainer {
                 self.config.clone(),
                 self.joints,
                 self.options.seed,
-                self.step,
-                self.seconds,
                 self.slots.clone(),
             )
         };
@@ -357,7 +361,7 @@ impl Trainer {
             self.course.avatar().valid(),
             bodies,
             self.course.occupancy.clone(),
-            self.step,
+            self.opened(),
         )
     }
 

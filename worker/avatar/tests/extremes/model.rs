@@ -5,13 +5,13 @@ use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::camera::Pose;
-use yoto_avatar::capture::{FrameImage, Shard, ShardBuilder};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::skeleton::Skeleton;
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_capture::{FrameImage, Shard, ShardBuilder};
 
 /// Multiplies every parameter, or those of one rank (codes and biases are vectors).
 struct Scale {
@@ -31,9 +31,7 @@ impl ModuleMapper for Scale {
 
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
-    config.correction.kick_in = 0;
-    config.non_rigid.kick_in = 0;
-    config.non_rigid.full_at = 1;
+    config.schedule = config.schedule.all_at_once();
     config
 }
 
@@ -48,7 +46,7 @@ fn evaluate(
     let person = &SyntheticPerson::cast(1, 7)[0];
     let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
     let body = Body::new(skeleton, config, &device);
-    let posed = avatar.pose(config, &body, 0, pose, 10);
+    let posed = avatar.pose(config, &body, 0, pose, 1.0);
     let n = points.len() / 3;
     let points = Tensor::<2>::from_data(TensorData::new(points, [n, 3]), &device);
     let (field, likelihood) = avatar.evaluate(config, &body, &posed, points);

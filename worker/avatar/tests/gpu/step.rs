@@ -11,17 +11,17 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::camera::{Camera, Pose};
-use yoto_avatar::capture::ShardBuilder;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::Objective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::skeleton::Skeleton;
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::synthetic::SyntheticPerson;
 
 /// Seconds a training step or a frame may take on a software driver, which compiles its kernels first.
 const LIMIT: u64 = 300;
@@ -31,9 +31,7 @@ const SIDE: u32 = 16;
 /// The smallest tier, all of its parts at work from the first step.
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
-    config.correction.kick_in = 0;
-    config.non_rigid.kick_in = 0;
-    config.non_rigid.full_at = 1;
+    config.schedule = config.schedule.all_at_once();
     config.optimise.patches = 1;
     config.optimise.patch_size = SIDE;
     config
@@ -118,6 +116,7 @@ impl Sitting {
             body: &body,
             slot: 0,
             pose: &self.pose,
+            progress: 1.0,
             step: 10,
             occupancy: None,
         };

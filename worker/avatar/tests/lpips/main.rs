@@ -8,13 +8,13 @@ use safetensors::SafeTensors;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use yoto_avatar::capture::ShardBuilder;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::Objective;
 use yoto_avatar::loss::lpips::{HEADS_VARIABLE, Lpips, LpipsError, VGG16_VARIABLE};
-use yoto_avatar::synthetic::SyntheticPerson;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::synthetic::SyntheticPerson;
 
 const SIDE: usize = 64;
 

@@ -4,8 +4,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::{Dtype, SafeTensors};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use yoto_avatar::camera::Pose;
-use yoto_avatar::skeleton::Skeleton;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Skeleton;
 
 /// Path of a file of the cases' folder.
 pub fn path(name: &str) -> PathBuf {

@@ -65,21 +65,18 @@ fn hash_encoding() {
 
 #[test]
 fn pose_conditioned_code() {
-    for (name, scaled) in [("condition", false), ("condition-scaled", true)] {
-        let case = Case::read(name);
-        let mut config = small::config(small::FOURIER);
-        config.condition.attention_scale = scaled;
-        let avatar = small::avatar(&config);
-        let body = Body::new(case.skeleton(), &config, &small::device());
-        let joints = relative_joints(&body, &case.pose());
-        let condition = avatar.condition.as_ref().expect("the variant has it");
-        let code = condition.forward(&config.condition, avatar.codes[0].val(), joints);
-        let grads = case.towards("code", code.clone()).backward();
-        let mut check = Check::new(&case);
-        check.value("code", code);
-        check.parameters(&avatar, &GradientsParams::from_grads(grads, &avatar));
-        check.within(VALUES, GRADIENTS);
-    }
+    let case = Case::read("condition");
+    let config = small::config(small::FOURIER);
+    let avatar = small::avatar(&config);
+    let body = Body::new(case.skeleton(), &config, &small::device());
+    let joints = relative_joints(&body, &case.pose());
+    let condition = avatar.condition.as_ref().expect("the variant has it");
+    let code = condition.forward(&config.condition, avatar.codes[0].val(), joints);
+    let grads = case.towards("code", code.clone()).backward();
+    let mut check = Check::new(&case);
+    check.value("code", code);
+    check.parameters(&avatar, &GradientsParams::from_grads(grads, &avatar));
+    check.within(VALUES, GRADIENTS);
 }
 
 #[test]
@@ -91,11 +88,11 @@ fn non_rigid_motion() {
     let points = case.tensor::<2>("points", &device).require_grad();
     let code = case.tensor::<1>("code", &device).require_grad();
     let moved = avatar.non_rigid.forward(
-        &config.non_rigid,
+        &config,
         points.clone(),
         case.tensor("vector", &device),
         Some(code.clone()),
-        small::STEP,
+        small::PROGRESS,
     );
     let grads = case.towards("moved", moved.clone()).backward();
     let mut check = Check::new(&case);

@@ -10,8 +10,8 @@ use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 const JOINTS: usize = 5;
 /// Identities of the small model.
 const SLOTS: usize = 2;
-/// The training step that the reference is at: bands half open.
-pub const STEP: u64 = 60;
+/// Share of the run that the reference is at, step 60 of 100: bands half open.
+pub const PROGRESS: f64 = 0.6;
 
 /// The Fourier encoding of the small model.
 pub const FOURIER: Encoding = Encoding::Fourier { bands: 4 };
@@ -37,11 +37,10 @@ pub fn config(encoding: Encoding) -> ModelConfig {
     config.motion.resolution = 10;
     config.correction.width = 12;
     config.correction.depth = 2;
-    config.correction.kick_in = 0;
+    config.schedule = config.schedule.all_at_once();
     config.condition.bands = 3;
     config.non_rigid.bands = 3;
-    config.non_rigid.kick_in = 0;
-    config.non_rigid.full_at = 100;
+    config.schedule.all_bands = 1.0;
     config.non_rigid.layers = LayersConfig {
         width: 16,
         depth: 4,

@@ -6,13 +6,13 @@ use crate::check::{Check, by_path, relative_error};
 use crate::small;
 use burn::optim::GradientsParams;
 use rand_chacha::ChaCha8Rng;
-use yoto_avatar::camera::Camera;
 use yoto_avatar::config::{Encoding, OptimiseConfig};
 use yoto_avatar::loss::Objective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::optimiser;
+use yoto_capture::camera::Camera;
 
 /// Of a whole step: rounding passes through every part one after the other.
 const STEP_VALUES: f64 = 1e-5;
@@ -60,7 +60,8 @@ fn step(case: Case, encoding: Encoding) {
         body: &body,
         slot: 0,
         pose: &pose,
-        step: small::STEP,
+        progress: small::PROGRESS,
+        step: 0,
         occupancy: None,
     };
     let objective =

@@ -6,7 +6,7 @@ use super::failure::ReadFailure;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use tempfile::TempDir;
-use yoto_avatar::capture::FrameImage;
+use yoto_capture::FrameImage;
 use yoto_media::Limits;
 use yoto_media::video::Ffmpeg;
 use yoto_proto::pose_track::PoseTrack;

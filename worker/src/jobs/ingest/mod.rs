@@ -28,7 +28,7 @@ use super::{JobContext, JobFailure, context::id};
 use order::{Order, Outcome};
 use std::fs::File;
 use std::io::Read;
-use yoto_avatar::capture::Shard;
+use yoto_capture::Shard;
 use yoto_proto::{
     keys,
     names::Collection,

@@ -8,8 +8,8 @@ use super::reader::Reader;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::time::{Duration, Instant};
-use yoto_avatar::capture::check::{Checker, Grade, Report};
-use yoto_avatar::capture::{CaptureError, ShardBuilder};
+use yoto_capture::check::{Checker, Grade, Report};
+use yoto_capture::{CaptureError, ShardBuilder};
 use yoto_media::video::Ffmpeg;
 use yoto_proto::pose_track::{self, violation};
 

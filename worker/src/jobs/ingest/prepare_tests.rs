@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::media::picture;
-use yoto_avatar::capture::{Shard, check::Report};
+use yoto_capture::{Shard, check::Report};
 use yoto_media::Limits;
 use yoto_proto::pose_track::{self, FILE, Frame, PoseTrack, describe};
 

@@ -4,7 +4,7 @@ use super::MAX_VIOLATIONS;
 use super::capture::Capture;
 use super::failure::ReadFailure;
 use super::order::Place;
-use yoto_avatar::capture::FrameImage;
+use yoto_capture::FrameImage;
 use yoto_media::lens::Undistortion;
 use yoto_media::source::{Source, Wanted, read_still};
 use yoto_media::video::Ffmpeg;

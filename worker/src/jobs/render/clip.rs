@@ -11,7 +11,7 @@ use super::{
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
-use yoto_avatar::{
+use yoto_capture::{
     camera::Pose,
     skeleton::{
         Skeleton, retarget,
@@ -157,7 +157,7 @@ fn upright(up: Vec3) -> Vec3 {
 mod tests {
     use super::*;
     use crate::jobs::render::views::tests::{STAGE, track};
-    use yoto_avatar::skeleton::transform::position;
+    use yoto_capture::skeleton::transform::position;
     use yoto_proto::v1::{BodyPose, Skeleton as Message};
 
     fn clip(rest_joints: &[f64]) -> MotionClip {

@@ -5,7 +5,7 @@ use super::{
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
-use yoto_avatar::{
+use yoto_capture::{
     camera::Camera,
     skeleton::{Skeleton, retarget},
 };

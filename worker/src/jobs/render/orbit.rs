@@ -7,7 +7,7 @@ use super::{
 };
 use crate::jobs::JobFailure;
 use std::f64::consts::TAU;
-use yoto_avatar::{
+use yoto_capture::{
     camera::Camera,
     skeleton::transform::{Vec3, add, apply, cross, dot, length, rigid, rodrigues, scale, sub},
 };

@@ -3,7 +3,8 @@
 use super::{RenderView, motion, request::Request};
 use crate::jobs::JobFailure;
 use std::sync::Arc;
-use yoto_avatar::{capture::Shard, skeleton::Skeleton, tradeoff::sweep::fidelity};
+use yoto_avatar::tradeoff::sweep::fidelity;
+use yoto_capture::{Shard, skeleton::Skeleton};
 use yoto_proto::v1::MotionTransfer;
 
 /// What is known to be seen in the views of a request.
@@ -52,9 +53,9 @@ impl Truths {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_avatar::{
+    use yoto_capture::{
+        ShardBuilder,
         camera::{Camera, Pose},
-        capture::ShardBuilder,
         synthetic::SyntheticPerson,
     };
     use yoto_proto::v1::{IdentitySlot, Inputs, Model, RenderSpec, render_spec::What};

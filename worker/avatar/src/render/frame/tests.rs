@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::ops::composite::{RaySamples, reference};
-use crate::synthetic::SyntheticPerson;
 use burn::tensor::Device;
+use yoto_capture::synthetic::SyntheticPerson;
 
 const SIDE: u32 = 40;
 const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
@@ -35,7 +35,7 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
         background: BACKGROUND,
     };
     let bodies = vec![Some(body)];
-    let renderer = Renderer::new(config, avatar, bodies, vec![occupancy], 5000);
+    let renderer = Renderer::new(config, avatar, bodies, vec![occupancy], 1.0);
     (renderer, view)
 }
 
@@ -43,7 +43,7 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
 fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     let config = &renderer.config;
     let body = renderer.bodies[0].as_ref().expect("a body");
-    let posed = renderer.avatar.pose(config, body, 0, &view.pose, 5000);
+    let posed = renderer.avatar.pose(config, body, 0, &view.pose, 1.0);
     let sight = BodyView::new(body, &view.pose, &view.camera);
     let side = SIDE as usize;
     let rays: Vec<Option<Ray>> = (0..side * side)

@@ -31,7 +31,7 @@ fn captures_are_valid_and_hold_the_whole_person() {
                 "{} frame {frame}: {share}",
                 person.name()
             );
-            let inside = crate::evaluate::mask_box(&image.mask, 64, 64).expect("a person");
+            let inside = crate::mask_box(&image.mask, 64, 64).expect("a person");
             assert!(
                 inside.y0 > 0 && inside.y1 < 64 && inside.x0 > 0 && inside.x1 < 64,
                 "{} frame {frame} is cut off: {inside:?}",

@@ -24,7 +24,7 @@ mod timing;
 pub use drawing::Drawing;
 pub use report::{Cause, Grade, Kind, Measure, Report, Tried};
 
-use crate::capture::FrameImage;
+use crate::FrameImage;
 use crate::skeleton::{Skeleton, SkeletonError};
 use observe::Observation;
 use yoto_proto::pose_track::PoseTrack;

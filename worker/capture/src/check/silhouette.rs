@@ -26,7 +26,7 @@ impl Grid {
         }
     }
 
-    /// Longest side, as [`crate::capture::FrameImage::resized`] takes it.
+    /// Longest side, as [`crate::FrameImage::resized`] takes it.
     pub(super) const LONGEST: u32 = LONGEST;
 
     /// The cell at image coordinates, pixels.

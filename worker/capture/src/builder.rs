@@ -2,7 +2,7 @@
 
 use super::shard::{Crop, Header, MAGIC, PREFIX, Rect, Shard};
 use super::{CaptureError, FrameImage};
-use crate::evaluate::metrics::mask_box;
+use crate::mask_box;
 use std::io::Write;
 use yoto_proto::pose_track::{PoseTrack, violation};
 
@@ -160,7 +160,7 @@ impl<W: Write> ShardBuilder<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::tests::track;
+    use crate::tests::track;
 
     #[test]
     fn head_and_crops_apart_are_the_same_shard() {

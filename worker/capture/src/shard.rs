@@ -193,8 +193,8 @@ fn check_crops(header: &Header, bytes: usize) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::ShardBuilder;
-    use crate::capture::tests::track;
+    use crate::ShardBuilder;
+    use crate::tests::track;
 
     /// A 6x4 frame with a person in columns 2..4 and rows 1..3, told apart by `value`.
     fn frame(value: u8) -> FrameImage {

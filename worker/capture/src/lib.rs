@@ -1,22 +1,30 @@
-//! Captures: frames of one person from one camera, as folders hold them and as training
-//! reads them.
+//! Captures: people as cameras saw them, without a tensor in sight.
 //!
-//! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training
-//! maps into memory: the same frames, decoded, checked, cropped to the person.
+//! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training reads:
+//! the same frames, decoded, checked, cropped to the person. [`skeleton`] and [`camera`] are the
+//! geometry that every other part of the program shares, [`body_box`] the space around a posed
+//! body that rays are cut to, [`check`] the measures of a capture's quality, and [`synthetic`]
+//! a source of captures whose truth is known.
 
+pub mod body_box;
 mod builder;
+pub mod camera;
 pub mod check;
 mod files;
 mod folder;
 mod held_out;
 mod image;
+mod mask_box;
 mod shard;
+pub mod skeleton;
+pub mod synthetic;
 mod view;
 
 pub use builder::ShardBuilder;
 pub use folder::{CaptureFolder, UploadFile};
 pub use held_out::HeldOutView;
 pub use image::FrameImage;
+pub use mask_box::{MaskBox, mask_box};
 pub use shard::{Rect, Shard};
 pub use view::CaptureView;
 

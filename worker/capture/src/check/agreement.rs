@@ -4,7 +4,7 @@ use super::fit::view;
 use super::observe::Observation;
 use super::plan::spread;
 use super::silhouette::{Grid, Thumb};
-use crate::projected_box::ProjectedBox;
+use crate::body_box::ProjectedBox;
 use crate::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 

@@ -188,7 +188,7 @@ pub(super) mod tests {
     use yoto_proto::pose_track::describe;
 
     /// Encodes pixels as PNG.
-    pub(in crate::capture) fn png(pixels: impl Into<DynamicImage>) -> Vec<u8> {
+    pub(crate) fn png(pixels: impl Into<DynamicImage>) -> Vec<u8> {
         let mut bytes = Vec::new();
         pixels
             .into()

@@ -13,7 +13,7 @@ use crate::skeleton::{Pose, Skeleton};
 const MARGIN: f64 = 0.3;
 
 /// The box of one frame.
-pub(crate) struct ProjectedBox<'a> {
+pub struct ProjectedBox<'a> {
     camera: &'a Camera,
     bounds: Bounds,
     to_body: Mat34,
@@ -22,7 +22,7 @@ pub(crate) struct ProjectedBox<'a> {
 
 impl<'a> ProjectedBox<'a> {
     /// None for a skeleton without joints.
-    pub(crate) fn new(skeleton: &Skeleton, pose: &Pose, camera: &'a Camera) -> Option<Self> {
+    pub fn new(skeleton: &Skeleton, pose: &Pose, camera: &'a Camera) -> Option<Self> {
         let mut rotations = pose.rotations_f64();
         if let Some(root) = rotations.first_mut() {
             *root = [0.0; 3];
@@ -39,7 +39,7 @@ impl<'a> ProjectedBox<'a> {
     }
 
     /// Whether the ray through image coordinates `u`, `v` (pixels) meets it.
-    pub(crate) fn holds(&self, u: f64, v: f64) -> bool {
+    pub fn holds(&self, u: f64, v: f64) -> bool {
         let (origin, direction) = self.camera.ray(u, v);
         let origin = apply(&self.to_body, origin);
         meets(&self.bounds, origin, rotate(&self.to_body, direction))
@@ -47,7 +47,7 @@ impl<'a> ProjectedBox<'a> {
 
     /// Its corners in the image, pixels; none for one behind the camera. Bit i of a corner's
     /// number is its end of axis i, so an edge joins numbers that differ in one bit.
-    pub(crate) fn corners(&self) -> [Option<[f64; 2]>; 8] {
+    pub fn corners(&self) -> [Option<[f64; 2]>; 8] {
         std::array::from_fn(|corner| {
             let ends = [self.bounds.min, self.bounds.max];
             let point = std::array::from_fn(|axis| ends[(corner >> axis) & 1][axis]);
@@ -57,7 +57,7 @@ impl<'a> ProjectedBox<'a> {
 }
 
 /// One entry a pixel, row by row: whether the ray through its centre misses the box.
-pub(crate) fn outside(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<bool> {
+pub fn outside(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<bool> {
     let Some(projected) = ProjectedBox::new(skeleton, pose, camera) else {
         return vec![true; camera.width as usize * camera.height as usize];
     };

@@ -12,8 +12,8 @@ mod motion;
 mod outfit;
 mod raycast;
 
+use crate::FrameImage;
 use crate::camera::{Camera, Pose};
-use crate::capture::FrameImage;
 use crate::skeleton::{Skeleton, Vec3};
 use build::Capsule;
 use outfit::Outfit;

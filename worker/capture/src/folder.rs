@@ -193,8 +193,8 @@ fn check_plan(root: &Path) -> Result<(), CaptureError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::image::tests::png;
-    use crate::capture::tests::track;
+    use crate::image::tests::png;
+    use crate::tests::track;
     use std::fs;
 
     /// A folder that goes away with its test.

@@ -1,7 +1,7 @@
 //! What a picture sheet draws onto a frame.
 
 use super::fit::view;
-use crate::projected_box::ProjectedBox;
+use crate::body_box::ProjectedBox;
 use crate::skeleton::{Skeleton, SkeletonError};
 use yoto_proto::pose_track::PoseTrack;
 

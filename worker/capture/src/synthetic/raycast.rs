@@ -1,8 +1,8 @@
 //! From a posed body to pixels: sphere tracing, with coverage by supersampling.
 
 use super::body::{BLEND, PosedBody, PosedCapsule};
+use crate::FrameImage;
 use crate::camera::Camera;
-use crate::capture::FrameImage;
 use crate::skeleton::Vec3;
 use crate::skeleton::transform::{add, dot, length, normalised, scale, sub};
 use rayon::prelude::*;

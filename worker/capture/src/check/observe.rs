@@ -1,7 +1,7 @@
 //! What is kept of a frame's pictures: coarse masks and a few figures, never the pixels.
 
 use super::silhouette::{Grid, Thumb};
-use crate::capture::FrameImage;
+use crate::FrameImage;
 
 /// Luma above this is something rather than black.
 const BLACK: u8 = 8;

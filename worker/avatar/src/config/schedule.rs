@@ -1,0 +1,202 @@
+//! When the parts of a model take part, and how fast they learn, in shares of the run: a run of a
+//! minute goes through the same stages as one of a week.
+
+use super::ConfigError;
+use serde::{Deserialize, Serialize};
+
+/// Moments of a run, each a share of it: 0 is its first step, 1 its end, and what lies beyond
+/// never comes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Schedule {
+    /// Steps of a run for which nobody names a budget.
+    pub steps: u64,
+    /// Learning rates rise from 0 until here, so that Adam's moments settle first; 0: at once.
+    pub warm_up: f64,
+    /// Poses are corrected from here.
+    pub correction: f64,
+    /// Points move beyond the bones from here.
+    pub non_rigid: f64,
+    /// All bands of the non-rigid field are open from here.
+    pub all_bands: f64,
+    /// Share of their start that learning rates fall to at the end.
+    pub final_rate: f64,
+}
+
+/// Iterations of the paper's training (section 4.1), of which its other numbers are shares.
+const PAPER_STEPS: f64 = 400_000.0;
+
+impl Schedule {
+    /// The paper's and HumanNeRF's (`configs/human_nerf/zju_mocap/387/adventure.yaml`): the
+    /// non-rigid field from iteration 10,000, whole from 50,000; rates × 0.1^(t / 500,000).
+    pub fn paper() -> Self {
+        Self {
+            steps: PAPER_STEPS as u64,
+            warm_up: 0.0,
+            correction: 0.0,
+            non_rigid: 10_000.0 / PAPER_STEPS,
+            all_bands: 50_000.0 / PAPER_STEPS,
+            final_rate: 0.1f64.powf(PAPER_STEPS / 500_000.0),
+        }
+    }
+
+    /// The same run with every part of the model at work, whole, from its first step.
+    pub fn all_at_once(self) -> Self {
+        Self {
+            correction: 0.0,
+            non_rigid: 0.0,
+            all_bands: 0.0,
+            ..self
+        }
+    }
+
+    /// # Errors
+    /// Names the first number that no run can have.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let fail = |field, message: &str| {
+            Err(ConfigError::Field {
+                field,
+                message: message.into(),
+            })
+        };
+        if self.steps == 0 {
+            return fail("schedule.steps", "must be at least 1");
+        }
+        for (field, share) in [
+            ("schedule.warm_up", self.warm_up),
+            ("schedule.correction", self.correction),
+            ("schedule.non_rigid", self.non_rigid),
+            ("schedule.all_bands", self.all_bands),
+        ] {
+            if !(share.is_finite() && share >= 0.0) {
+                return fail(
+                    field,
+                    "must be a share of the run: 0 or more, over 1 for never",
+                );
+            }
+        }
+        if self.all_bands < self.non_rigid {
+            return fail(
+                "schedule.all_bands",
+                "must not come before schedule.non_rigid",
+            );
+        }
+        if !(self.final_rate > 0.0 && self.final_rate <= 1.0) {
+            return fail("schedule.final_rate", "must be over 0 and at most 1");
+        }
+        Ok(())
+    }
+
+    /// Whether poses are corrected at `progress`.
+    pub fn corrects(&self, progress: f64) -> bool {
+        progress >= self.correction
+    }
+
+    /// Whether points move beyond the bones at `progress`.
+    pub fn moves_points(&self, progress: f64) -> bool {
+        progress >= self.non_rigid
+    }
+
+    /// How many of `bands` are open at `progress`, the last of them in part: HumanNeRF's α.
+    pub fn open_bands(&self, progress: f64, bands: usize) -> f32 {
+        let since = (progress - self.non_rigid).max(0.0);
+        let span = self.all_bands - self.non_rigid;
+        let share = match span > 0.0 {
+            true => (since / span).min(1.0),
+            false => f64::from(u8::from(self.moves_points(progress))),
+        };
+        (bands as f64 * share) as f32
+    }
+
+    /// What the learning rates are multiplied by at `progress`.
+    pub fn rate(&self, progress: f64) -> f64 {
+        let warm = match self.warm_up > 0.0 {
+            true => (progress / self.warm_up).min(1.0),
+            false => 1.0,
+        };
+        warm * self.final_rate.powf(progress.min(1.0))
+    }
+
+    /// The parts of the model that not every moment of a run has, with what they are at
+    /// `progress`, for a report.
+    pub fn active_parts(&self, progress: f64, bands: usize) -> Vec<String> {
+        let mut parts = Vec::new();
+        if self.corrects(progress) {
+            parts.push("pose correction".to_owned());
+        }
+        if self.moves_points(progress) {
+            let open = self.open_bands(progress, bands);
+            parts.push(format!("non-rigid field ({open:.1} of {bands} bands)"));
+        }
+        parts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_paper_counts_iterations() {
+        let schedule = Schedule::paper();
+        schedule.check().expect("a schedule");
+        let at = |iteration: u32| f64::from(iteration) / PAPER_STEPS;
+        assert!(!schedule.moves_points(at(9_999)));
+        assert!(schedule.moves_points(at(10_000)));
+        assert_eq!(schedule.open_bands(at(10_000), 6), 0.0);
+        assert_eq!(schedule.open_bands(at(30_000), 6), 3.0);
+        assert_eq!(schedule.open_bands(at(50_000), 6), 6.0);
+        assert_eq!(schedule.open_bands(at(400_000), 6), 6.0);
+        for iteration in [0, 1, 100_000, 400_000] {
+            let expected = 0.1f64.powf(f64::from(iteration) / 500_000.0);
+            assert!((schedule.rate(at(iteration)) - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn rates_rise_and_then_fall() {
+        let schedule = Schedule {
+            warm_up: 0.1,
+            final_rate: 0.01,
+            ..Schedule::paper()
+        };
+        assert_eq!(schedule.rate(0.0), 0.0);
+        assert!((schedule.rate(0.05) - 0.5 * 0.01f64.powf(0.05)).abs() < 1e-12);
+        assert!((schedule.rate(0.5) - 0.1).abs() < 1e-12);
+        assert!((schedule.rate(1.0) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bands_may_open_at_once() {
+        let schedule = Schedule {
+            non_rigid: 0.5,
+            all_bands: 0.5,
+            ..Schedule::paper()
+        };
+        assert_eq!(schedule.open_bands(0.49, 4), 0.0);
+        assert_eq!(schedule.open_bands(0.5, 4), 4.0);
+    }
+
+    #[test]
+    fn numbers_of_no_run_are_named() {
+        type Change = fn(&mut Schedule);
+        let cases: [(Change, &str); 5] = [
+            (|it| it.steps = 0, "schedule.steps"),
+            (|it| it.warm_up = -0.1, "schedule.warm_up"),
+            (|it| it.correction = f64::NAN, "schedule.correction"),
+            (|it| it.all_bands = 0.0, "schedule.all_bands"),
+            (|it| it.final_rate = 0.0, "schedule.final_rate"),
+        ];
+        for (change, field) in cases {
+            let mut schedule = Schedule::paper();
+            change(&mut schedule);
+            let error = schedule.check().expect_err(field).to_string();
+            assert!(error.starts_with(field), "{error}");
+        }
+        let never = Schedule {
+            correction: 2.0,
+            ..Schedule::paper()
+        };
+        never.check().expect("never is a moment, too");
+        assert!(!never.corrects(1.0));
+    }
+}
