@@ -157,6 +157,7 @@ pub fn describe(progress: &Progress) -> String {
     if let Some(psnr) = progress.psnr {
         parts.push(format!("held-out {psnr:.2} dB"));
     }
+    parts.extend(progress.active_parts.iter().cloned());
     if progress.skipped_steps > 0 {
         parts.push(format!("{} steps skipped", progress.skipped_steps));
     }

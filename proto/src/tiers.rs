@@ -5,17 +5,24 @@
 pub const TIERS: &[(&str, &str)] = &[
     (
         "draft",
-        "a first look: coarse surfaces, no fine texture, 32 samples a ray",
+        "a first look: coarse surfaces, no fine texture, 32 samples per ray",
     ),
     (
         "fast",
-        "the default on a CPU: hash-grid detail, small networks, 64 samples a ray",
+        "the default on a CPU: hash-grid detail, small networks, 64 samples per ray",
     ),
     (
         "balanced",
-        "larger tables and networks, 96 samples a ray: sharper, and slower",
+        "larger tables and networks, 96 samples per ray: sharper, and slower",
     ),
-    ("paper", "the sizes of the paper: made for GPUs"),
+    (
+        "paper-lean",
+        "the paper's sizes, with samples and gradients that hardly matter left out",
+    ),
+    (
+        "paper",
+        "the paper's sizes and training, exactly: every sample, 400,000 steps, made for GPUs",
+    ),
 ];
 
 /// Model variants of the paper's ablation.
@@ -30,9 +37,9 @@ pub const VARIANTS: &[(&str, &str)] = &[
     ),
     (
         "no-identity",
-        "one code, table and set of motion weights shared by everybody",
+        "neither identity codes nor pose condition: nothing learned tells people apart",
     ),
-    ("humannerf", "one subject a model, no codes"),
+    ("humannerf", "one subject per model, no codes"),
 ];
 
 /// A named place on a model's measured trade of seconds for fidelity.

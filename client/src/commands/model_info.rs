@@ -6,7 +6,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::avatar::{Avatar, PartCount};
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::train::{State, read_parts};
+use yoto_avatar::train::{ModelState, read_parts};
 
 pub(super) const AFTER_HELP: &str = "\
 A folder is a checkpoint's or an imported model's. A model of the service is told with
@@ -59,7 +59,7 @@ impl Info {
 }
 
 fn of_folder(path: &Path) -> anyhow::Result<()> {
-    let state = State::read(path)?;
+    let state = ModelState::read(path)?;
     let parts = read_parts(path)?;
     println!("folder      {}", path.display());
     about(&state.config, state.slots.iter().flatten().count());

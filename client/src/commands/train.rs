@@ -31,9 +31,10 @@ pub(super) struct Train {
     /// Variant of the model to make [default: yoto].
     #[arg(long, requires = "subjects", value_parser = table::variant, long_help = variant_help())]
     variant: Option<String>,
-    /// Budget in seconds of training.
-    #[arg(long, value_parser = table::seconds, default_value = "300", conflicts_with = "steps")]
-    seconds: f64,
+    /// Budget in seconds of training [default: the run length of the model's tier, 5000 steps, or
+    /// 400000 for the tiers of the paper].
+    #[arg(long, value_parser = table::seconds, conflicts_with = "steps", value_name = "S")]
+    seconds: Option<f64>,
     /// Budget in steps, in place of seconds.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
@@ -67,11 +68,7 @@ impl Train {
         };
         let spec = TrainSpec {
             model: model.name.clone(),
-            seconds: if self.steps.is_some() {
-                0.0
-            } else {
-                self.seconds
-            },
+            seconds: self.seconds.unwrap_or(0.0),
             steps: self.steps.unwrap_or(0),
             seed: self.seed,
             image_size: self.size,

@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_avatar::evaluate::{Examiner, Protocol, Score};
 use yoto_avatar::render::Renderer;
-use yoto_avatar::train::State;
+use yoto_avatar::train::ModelState;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::v1::{Progress, Scores};
 
@@ -61,7 +61,7 @@ pub fn run(options: &ModelDirOptions) -> anyhow::Result<Measured> {
         protocol.name
     );
     let dir = &options.model_dir;
-    let state = State::read(dir)
+    let state = ModelState::read(dir)
         .with_context(|| format!("the model {} (is it a checkpoint's folder?)", dir.display()))?;
     let recordings = captures::read_all(&options.captures, options.size, protocol)?;
     check_slots(&state.slots, &recordings)?;

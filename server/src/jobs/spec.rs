@@ -57,11 +57,6 @@ pub fn check_train(train: &TrainSpec) -> Checked {
         || format!("{} is not between 0 and {MAX_TRAIN_SECONDS}", train.seconds),
     )?;
     ensure(
-        train.seconds > 0.0 || train.steps > 0,
-        "spec.train.seconds",
-        || "a training needs a budget: seconds or steps above 0".into(),
-    )?;
-    ensure(
         i64::try_from(train.steps).is_ok(),
         "spec.train.steps",
         || format!("{} steps never end", train.steps),

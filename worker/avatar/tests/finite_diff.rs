@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
-use yoto_avatar::loss::Objective;
+use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Outcome, Scene, outcome};
@@ -196,7 +196,7 @@ impl Bench {
             step: 10,
             occupancy: None,
         };
-        let objective = Objective::without_lpips(0.0, SIDE, device);
+        let objective = PatchObjective::without_lpips(0.0, SIDE, device);
         outcome(avatar, &scene, &self.batch, &objective, None)
             .expect("a device that works")
             .expect("rays that meet the body")

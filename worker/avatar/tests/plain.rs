@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::loss::Objective;
+use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::ops::composite::{RaySamples, reference};
 use yoto_avatar::render::march::{Samples, Volume, march};
@@ -126,7 +126,7 @@ fn a_loss_and_its_gradients() {
     let device = Device::flex().autodiff();
     let body = Body::new(look.skeleton.clone(), &config, &device);
     let avatar = Avatar::new(&config, 1, look.skeleton.parents.len(), 5, &device);
-    let objective = Objective::without_lpips(0.02, SIDE, &device);
+    let objective = PatchObjective::without_lpips(0.02, SIDE, &device);
     let scene = Scene {
         config: &config,
         body: &body,
@@ -143,7 +143,12 @@ fn a_loss_and_its_gradients() {
         .expect("rays that meet the body");
     let truth = TensorData::new(batch.truth.clone(), [1, SIDE * SIDE, 3]);
     let truth = Tensor::from_data(truth, &device);
-    let expected = objective.loss(plain(&avatar, &config, &body, &look), truth);
+    let expected = objective.loss(Patches {
+        predicted: plain(&avatar, &config, &body, &look),
+        truth,
+        side: SIDE,
+    });
+    let expected = expected.expect("terms");
     let number = |loss: &Tensor<1>| loss.clone().into_scalar::<f32>();
     let difference = (number(&ours.loss) - number(&expected)).abs();
     assert!(

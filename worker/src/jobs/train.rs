@@ -64,7 +64,10 @@ fn start<'a>(
     });
     let wanted = [files::WEIGHTS, files::OPTIMISER, files::STATE];
     let before = checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?;
-    let options = plan.options(&context.job, before.as_ref().map(|found| &found.manifest));
+    let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
+        .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
+    let manifest = before.as_ref().map(|found| &found.manifest);
+    let options = plan.options(&context.job, manifest, config.schedule.steps);
     let used = (options.used_seconds, options.used_steps);
     let device = &context.device.device;
     let published = before
@@ -91,8 +94,6 @@ fn start<'a>(
                     ),
                 });
             }
-            let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
-                .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
             Trainer::new(config, options, people, device)
         }
     }

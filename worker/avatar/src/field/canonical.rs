@@ -26,6 +26,8 @@ pub struct Canonical {
 
 /// What the field says about points.
 pub struct FieldValues {
+    /// `[N, 3]`, metres: where in canonical space the field was asked.
+    pub points: Tensor<2>,
     /// `[N, 3]` in [0, 1].
     pub rgb: Tensor<2>,
     /// `[N]`, 1/m.
@@ -87,6 +89,7 @@ impl Canonical {
         grid: Option<&HashGrid>,
         code: Option<Tensor<1>>,
     ) -> FieldValues {
+        let asked = points.clone();
         let by_grid = grid.and_then(|grid| {
             tables::encode(
                 &config.encoding,
@@ -122,6 +125,7 @@ impl Canonical {
             DensityActivation::Relu => relu(last),
         };
         FieldValues {
+            points: asked,
             rgb: sigmoid(raw.slice([0..n, 0..3])),
             density: density * config.density_scale,
         }

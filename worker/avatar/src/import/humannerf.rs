@@ -9,7 +9,7 @@ use super::{ImportError, read_canonical_joints};
 use crate::avatar::Avatar;
 use crate::config::{DensityActivation, LayersConfig, ModelConfig, MotionForm, Numerics};
 use crate::init;
-use crate::train::{State, TrainError, save_model};
+use crate::train::{ModelState, TrainError, save_model};
 use burn::module::{Module, ModuleMapper, Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use std::collections::HashMap;
@@ -88,11 +88,11 @@ pub fn import_humannerf(
         ));
     }
     std::fs::create_dir_all(out).map_err(|error| ImportError::file(out, error))?;
-    let state = State {
+    let state = ModelState {
         step: iteration.unwrap_or(0),
         // The released program renders with everything open, whatever the iteration.
         progress: 1.0,
-        ..State::new(config, SMPL.len(), 0, vec![Some(skeleton)])
+        ..ModelState::new(config, SMPL.len(), 0, vec![Some(skeleton)])
     };
     save_model(out, &state, &avatar)?;
     Ok(Imported {

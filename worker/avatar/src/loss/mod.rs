@@ -1,6 +1,7 @@
-//! What training makes small. With LPIPS weights, the paper's: LPIPS and a fifth of the mean
-//! squared error. Without them, the mean squared error and a share of 1 − SSIM. Which one it
-//! is has a name, and the name goes where the figures go.
+//! Training objectives. [`PatchObjective`] is the paper's with LPIPS weights at hand: LPIPS and a
+//! fifth of the mean squared error (section 4.1). Without them, it is the mean squared error and a
+//! share of 1 − SSIM. Which one it is has a name, and the name goes where the figures go. Any
+//! other [`Objective`] can be given to a trainer.
 
 pub mod lpips;
 mod ssim;
@@ -10,23 +11,70 @@ pub use ssim::PatchSsim;
 use burn::tensor::{Device, Tensor};
 use lpips::{Lpips, LpipsError, SMALLEST_SIDE};
 
-/// The mean squared error's weight beside LPIPS (model.md §8).
+/// The mean squared error's weight beside LPIPS (HumanNeRF, `configs/default.yaml`; the paper
+/// keeps it).
 const SQUARES_BESIDE_LPIPS: f64 = 0.2;
 
-/// The objective of a training.
-pub struct Objective {
+/// Rendered patches beside what they should be.
+#[derive(Clone)]
+pub struct Patches {
+    /// `[P, S², 3]`, rendered, over the step's background.
+    pub predicted: Tensor<3>,
+    /// `[P, S², 3]`, over the same background.
+    pub truth: Tensor<3>,
+    /// S: side of a patch, pixels.
+    pub side: usize,
+}
+
+/// One part of an objective.
+pub struct LossTerm {
+    /// Its name in reports.
+    pub name: &'static str,
+    /// What it is multiplied by in the sum.
+    pub weight: f64,
+    /// `[1]`, without the weight.
+    pub value: Tensor<1>,
+}
+
+/// What training minimises: a weighted sum of terms.
+pub trait Objective: Send {
+    /// Its name in reports, e.g. "lpips+mse".
+    fn name(&self) -> &'static str;
+
+    /// The terms for the patches of a step; at least one.
+    fn terms(&self, patches: Patches) -> Vec<LossTerm>;
+
+    /// The weighted sum of the terms, `[1]`; `None` where there are no terms.
+    fn loss(&self, patches: Patches) -> Option<Tensor<1>> {
+        total(&self.terms(patches))
+    }
+}
+
+/// The weighted sum of `terms`, `[1]`; `None` without terms.
+pub(crate) fn total(terms: &[LossTerm]) -> Option<Tensor<1>> {
+    terms
+        .iter()
+        .map(|term| match term.weight == 1.0 {
+            true => term.value.clone(),
+            false => term.value.clone() * term.weight,
+        })
+        .reduce(|sum, term| sum + term)
+}
+
+/// The objective of the paper, or its stand-in without LPIPS weights.
+pub struct PatchObjective {
     patch_size: usize,
     part: Perceptual,
 }
 
-/// What stands beside the mean squared error.
+/// What comes beside the mean squared error.
 enum Perceptual {
     Lpips(Box<Lpips>),
     Ssim { ssim: Box<PatchSsim>, weight: f64 },
     None,
 }
 
-impl Objective {
+impl PatchObjective {
     /// The paper's when the environment names LPIPS weights and patches are at least
     /// [`SMALLEST_SIDE`] pixels; else [`Self::without_lpips`]. Tiers with smaller patches are
     /// made for speed, which VGG would take: for them the weights are left aside, and the log
@@ -78,30 +126,6 @@ impl Objective {
         Self { patch_size, part }
     }
 
-    /// What reports call it.
-    pub fn name(&self) -> &'static str {
-        match self.part {
-            Perceptual::Lpips(_) => "lpips+mse",
-            Perceptual::Ssim { .. } => "mse+ssim",
-            Perceptual::None => "mse",
-        }
-    }
-
-    /// `predicted` and `truth` `[P, S², 3]` → `[1]`, a mean over patches.
-    pub fn loss(&self, predicted: Tensor<3>, truth: Tensor<3>) -> Tensor<1> {
-        let squares = (predicted.clone() - truth.clone()).square().mean();
-        match &self.part {
-            Perceptual::Lpips(lpips) => {
-                let distances = lpips.distance(self.images(predicted), self.images(truth));
-                distances.mean() + squares * SQUARES_BESIDE_LPIPS
-            }
-            Perceptual::Ssim { ssim, weight } => {
-                squares + (ssim.mean(predicted, truth).neg() + 1.0) * *weight
-            }
-            Perceptual::None => squares,
-        }
-    }
-
     /// Patches `[P, S², 3]` in [0, 1] → `[P, 3, S, S]` in [−1, 1].
     fn images(&self, patches: Tensor<3>) -> Tensor<4> {
         let [count, _, _] = patches.dims();
@@ -111,5 +135,42 @@ impl Objective {
             .reshape([count, 3, side, side])
             .mul_scalar(2.0)
             .sub_scalar(1.0)
+    }
+}
+
+impl Objective for PatchObjective {
+    fn name(&self) -> &'static str {
+        match self.part {
+            Perceptual::Lpips(_) => "lpips+mse",
+            Perceptual::Ssim { .. } => "mse+ssim",
+            Perceptual::None => "mse",
+        }
+    }
+
+    /// Means over patches.
+    fn terms(&self, patches: Patches) -> Vec<LossTerm> {
+        let Patches {
+            predicted, truth, ..
+        } = patches;
+        let term = |name, weight, value| LossTerm {
+            name,
+            weight,
+            value,
+        };
+        let squares = (predicted.clone() - truth.clone()).square().mean();
+        match &self.part {
+            Perceptual::Lpips(lpips) => {
+                let distances = lpips.distance(self.images(predicted), self.images(truth));
+                vec![
+                    term("lpips", 1.0, distances.mean()),
+                    term("mse", SQUARES_BESIDE_LPIPS, squares),
+                ]
+            }
+            Perceptual::Ssim { ssim, weight } => {
+                let distance = ssim.mean(predicted, truth).neg() + 1.0;
+                vec![term("mse", 1.0, squares), term("1-ssim", *weight, distance)]
+            }
+            Perceptual::None => vec![term("mse", 1.0, squares)],
+        }
     }
 }

@@ -6,6 +6,10 @@
 //! it by a few levels and raises it to the largest opacity seen there, so that what
 //! vanishes is forgotten after some visits and never without evidence. It does not depend on
 //! the order of a step's samples, nor on the number of threads.
+//!
+//! What is learned belongs to the place where the canonical field was asked, after the non-rigid
+//! offset, which depends on the pose. Samples are looked up before it, when the offset is not
+//! known yet: a cell is left out only when everything within the largest offset seen is empty.
 
 use crate::config::MarchConfig;
 use crate::ops::composite::cpu::opacity;
@@ -23,6 +27,18 @@ const NEVER: u8 = 0;
 /// hears when something grows there.
 const PROBES: u32 = 32;
 
+/// Densities that a step has seen, for the grid to learn from.
+pub struct DensityObservations {
+    /// `[n, 3]`, canonical metres, where bones carry the samples: what is looked up.
+    pub canonical: Vec<f32>,
+    /// `[n, 3]`, canonical metres, after the non-rigid offset: where the field was asked.
+    pub moved: Vec<f32>,
+    /// `[n]`, 1/m.
+    pub densities: Vec<f32>,
+    /// `[n]`, of the foreground.
+    pub likelihoods: Vec<f32>,
+}
+
 /// One person's grid. Cells are cubes; x runs fastest, then y, z.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
@@ -35,8 +51,10 @@ pub struct Occupancy {
     /// The first level that counts as something.
     bound: u8,
     levels: Vec<u8>,
-    /// A bit a cell, each row from a word of its own: whether it or one of its 26 neighbours
-    /// holds something, or it was never seen.
+    /// Largest offset along an axis that carried a sample to something, metres.
+    reach: f32,
+    /// One bit per cell, each row from a word of its own: whether something is within
+    /// [`Self::radius`] cells of it, or it was never seen.
     occupied: Vec<u64>,
 }
 
@@ -59,6 +77,7 @@ impl Occupancy {
             step,
             bound: level(config.occupancy_alpha),
             levels: vec![NEVER; cells.iter().product()],
+            reach: 0.0,
             occupied: Vec::new(),
         };
         occupancy.refresh();
@@ -70,17 +89,24 @@ impl Occupancy {
         self.cells
     }
 
-    /// The byte of each cell: all that is learned.
+    /// One byte per cell, which with [`Self::reach`] is all that is learned.
     pub fn levels(&self) -> &[u8] {
         &self.levels
     }
 
-    /// The grid with the bytes of another of the same shape; `None` when there are not as many.
-    pub fn with_levels(mut self, levels: &[u8]) -> Option<Self> {
-        if levels.len() != self.levels.len() {
+    /// Largest offset along an axis that carried a sample to something, metres.
+    pub fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// The grid with the bytes and the reach of another of the same shape; `None` when there are
+    /// not as many bytes, or the reach is no length.
+    pub fn with_learned(mut self, levels: &[u8], reach: f32) -> Option<Self> {
+        if levels.len() != self.levels.len() || !(reach.is_finite() && reach >= 0.0) {
             return None;
         }
         self.levels.copy_from_slice(levels);
+        self.reach = reach;
         self.refresh();
         Some(self)
     }
@@ -97,6 +123,7 @@ impl Occupancy {
             {
                 let mut taught = self;
                 taught.levels.copy_from_slice(&other.levels);
+                taught.reach = other.reach;
                 taught.refresh();
                 taught
             }
@@ -139,25 +166,31 @@ impl Occupancy {
         })
     }
 
-    /// Learns from a step: `densities` `[n]`, 1/m, and `likelihoods` `[n]` seen at canonical
-    /// `points` `[n, 3]`, metres.
-    pub fn learn(&mut self, points: &[f32], densities: &[f32], likelihoods: &[f32]) {
+    /// Learns from a step.
+    pub fn learn(&mut self, seen: &DensityObservations) {
         let mut fresh = vec![NEVER; self.levels.len()];
         let mut visited = Vec::new();
-        let seen = densities.iter().zip(likelihoods);
-        for (point, (density, likelihood)) in points.as_chunks::<3>().0.iter().zip(seen) {
+        let radius = self.radius();
+        let values = seen.densities.iter().zip(&seen.likelihoods);
+        let places = seen.moved.as_chunks::<3>().0.iter();
+        let places = places.zip(seen.canonical.as_chunks::<3>().0);
+        for ((moved, canonical), (density, likelihood)) in places.zip(values) {
             let alpha = opacity(*density, self.step, *likelihood);
             if alpha.is_nan() {
                 continue;
             }
-            let cell = self.cell(*point);
+            if level(alpha) >= self.bound {
+                let offsets = moved.iter().zip(canonical).map(|(m, c)| (m - c).abs());
+                self.reach = offsets.filter(|o| o.is_finite()).fold(self.reach, f32::max);
+            }
+            let cell = self.cell(*moved);
             let index = self.row(cell) * self.cells[0] + cell[0];
             if fresh[index] == NEVER {
                 visited.push(index);
             }
             fresh[index] = fresh[index].max(level(alpha));
         }
-        let mut changed = false;
+        let mut changed = self.radius() != radius;
         for index in visited {
             let old = self.levels[index];
             let new = fresh[index].max(old.saturating_sub(FORGET));
@@ -169,7 +202,15 @@ impl Occupancy {
         }
     }
 
-    /// Words a row of bits.
+    /// Cells on every side of one that holds something that count as occupied, too: as far as
+    /// offsets reach, and at least the neighbours, into which things grow.
+    fn radius(&self) -> usize {
+        let reach = (self.reach * self.scale).ceil() as usize;
+        let longest = self.cells.into_iter().fold(1, usize::max);
+        reach.clamp(1, longest)
+    }
+
+    /// Words per row of bits.
     fn words(&self) -> usize {
         self.cells[0].div_ceil(64)
     }
@@ -191,33 +232,40 @@ impl Occupancy {
                 full[row * words + word] = some;
             }
         }
-        // Along x, then y, then z: together the 26 neighbours. Bits that run over the end of a
-        // row are no cell's.
-        let mut wide = full.clone();
-        for (wide, full) in wide.chunks_exact_mut(words).zip(full.chunks_exact(words)) {
-            for i in 0..words {
-                let before = if i > 0 { full[i - 1] >> 63 } else { 0 };
-                let after = full.get(i + 1).map_or(0, |next| next << 63);
-                wide[i] |= full[i] << 1 | full[i] >> 1 | before | after;
+        // What runs over the end of a row is no cell's.
+        let last = u64::MAX >> (64 * words - width);
+        for _ in 0..self.radius() {
+            full = grown(&full, words, height);
+            for row in full.chunks_exact_mut(words) {
+                row[words - 1] &= last;
             }
         }
-        let mut tall = wide.clone();
-        let slab = words * height;
-        for (tall, wide) in tall.chunks_exact_mut(slab).zip(wide.chunks_exact(slab)) {
-            join(&mut tall[words..], wide);
-            join(tall, &wide[words..]);
-        }
-        let mut deep = tall.clone();
-        join(&mut deep[slab..], &tall);
-        join(&mut deep, &tall[slab..]);
-        join(&mut deep, &never);
-        // What ran over the end of a row.
-        let last = u64::MAX >> (64 * words - width);
-        for row in deep.chunks_exact_mut(words) {
-            row[words - 1] &= last;
-        }
-        self.occupied = deep;
+        join(&mut full, &never);
+        self.occupied = full;
     }
+}
+
+/// The cells of `full` and their 26 neighbours each: along x, then y, then z. Bits may run over
+/// the end of a row.
+fn grown(full: &[u64], words: usize, height: usize) -> Vec<u64> {
+    let mut wide = full.to_vec();
+    for (wide, full) in wide.chunks_exact_mut(words).zip(full.chunks_exact(words)) {
+        for i in 0..words {
+            let before = if i > 0 { full[i - 1] >> 63 } else { 0 };
+            let after = full.get(i + 1).map_or(0, |next| next << 63);
+            wide[i] |= full[i] << 1 | full[i] >> 1 | before | after;
+        }
+    }
+    let mut tall = wide.clone();
+    let slab = words * height;
+    for (tall, wide) in tall.chunks_exact_mut(slab).zip(wide.chunks_exact(slab)) {
+        join(&mut tall[words..], wide);
+        join(tall, &wide[words..]);
+    }
+    let mut deep = tall.clone();
+    join(&mut deep[slab..], &tall);
+    join(&mut deep, &tall[slab..]);
+    deep
 }
 
 fn join(to: &mut [u64], from: &[u64]) {

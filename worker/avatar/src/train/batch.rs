@@ -7,14 +7,14 @@
 
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
-use crate::loss::Objective;
+use crate::loss::{LossTerm, Objective, Patches, total};
 use crate::motion::body::Body;
 use crate::ops::composite::Thinning;
 use crate::render::RenderError;
 use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
 use crate::render::march::{SampleCounts, Volume, march};
-use crate::render::occupancy::Occupancy;
+use crate::render::occupancy::{DensityObservations, Occupancy};
 use crate::render::rays::Ray;
 use burn::tensor::{Tensor, TensorData};
 use rand::RngExt;
@@ -52,26 +52,18 @@ pub struct Scene<'a> {
     pub occupancy: Option<&'a Occupancy>,
 }
 
-/// Densities that were met, for the occupancy grid to learn from.
-pub struct Met {
-    /// `[n, 3]`, canonical metres.
-    pub points: Vec<f32>,
-    /// `[n]`, 1/m.
-    pub densities: Vec<f32>,
-    /// `[n]`, of the foreground.
-    pub likelihoods: Vec<f32>,
-}
-
 /// What a model makes of a batch.
 pub struct Outcome {
-    /// `[1]`.
+    /// `[1]`: the weighted sum of the terms.
     pub loss: Tensor<1>,
+    /// The objective's terms.
+    pub terms: Vec<LossTerm>,
     /// What its rays see.
     pub seen: Composite,
     /// How many samples came how far.
     pub counts: SampleCounts,
-    /// What an occupancy grid may learn; absent without one.
-    pub met: Option<Met>,
+    /// What an occupancy grid may learn from; absent without one.
+    pub observations: Option<DensityObservations>,
 }
 
 /// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
@@ -84,7 +76,7 @@ pub fn outcome(
     avatar: &Avatar,
     scene: &Scene,
     batch: &Batch,
-    objective: &Objective,
+    objective: &dyn Objective,
     mut jitter: Option<&mut ChaCha8Rng>,
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
@@ -116,9 +108,10 @@ pub fn outcome(
     let points = Tensor::from_data(points, &device);
     let (values, likelihood) =
         trace_span!("fields").in_scope(|| avatar.evaluate(config, body, &posed, points));
-    let met = match scene.occupancy {
-        Some(_) => Some(Met {
-            points: std::mem::take(&mut samples.canonical),
+    let observations = match scene.occupancy {
+        Some(_) => Some(DensityObservations {
+            canonical: std::mem::take(&mut samples.canonical),
+            moved: read(values.points.detach())?,
             densities: read(values.density.clone().detach())?,
             likelihoods: std::mem::take(&mut samples.likelihoods),
         }),
@@ -145,10 +138,20 @@ pub fn outcome(
     let shape = [batch.rays.len() / area, area, 3];
     let predicted = (seen.rgb.clone() + clear * background).reshape(shape);
     let truth = Tensor::<3>::from_data(TensorData::new(batch.truth.clone(), shape), &device);
+    let patches = Patches {
+        predicted,
+        truth,
+        side: batch.patch_size,
+    };
+    let terms = objective.terms(patches);
+    let loss = total(&terms).ok_or_else(|| {
+        RenderError::Settings(format!("the objective {} has no terms", objective.name()))
+    })?;
     Ok(Some(Outcome {
-        loss: objective.loss(predicted, truth),
+        loss,
+        terms,
         seen,
         counts: samples.counts(),
-        met,
+        observations,
     }))
 }

@@ -18,12 +18,12 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
 
-/// Version of [`State`] written by this program.
+/// Version of [`ModelState`] written by this program.
 const VERSION: u32 = 2;
 
 /// `state.json`: all that is not a tensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct ModelState {
     /// Format version.
     pub version: u32,
     /// Sizes, rates and thresholds.
@@ -62,7 +62,7 @@ fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
     }
 }
 
-impl State {
+impl ModelState {
     /// The state of a model that nobody has trained yet.
     pub(crate) fn new(
         config: ModelConfig,
@@ -106,8 +106,8 @@ impl State {
     }
 }
 
-/// Writes what is known of each slot's empty space, as tensors `[z, y, x]` of bytes named by
-/// the slot; nothing where nothing is.
+/// Writes what is known of each slot's empty space: tensors `[z, y, x]` of bytes named by the
+/// slot, and how far offsets reach, `[1]`, metres, beside each; nothing where nothing is.
 pub(super) fn save_occupancy(
     dir: &Path,
     occupancy: &[Option<Occupancy>],
@@ -121,15 +121,28 @@ pub(super) fn save_occupancy(
             tensors.push((slot.to_string(), view.map_err(|e| failed(&path, e))?));
         }
     }
+    let reaches: Vec<(usize, [u8; 4])> = (0..)
+        .zip(occupancy)
+        .filter_map(|(slot, grid)| Some((slot, grid.as_ref()?.reach().to_le_bytes())))
+        .collect();
+    for (slot, bytes) in &reaches {
+        let view = TensorView::new(Dtype::F32, vec![1], bytes);
+        tensors.push((reach_of(*slot), view.map_err(|e| failed(&path, e))?));
+    }
     let bytes = safetensors::serialize(tensors, None).map_err(|e| failed(&path, e))?;
     std::fs::write(&path, bytes).map_err(|e| failed(&path, e))
+}
+
+/// The name of the reach of a slot's offsets.
+fn reach_of(slot: usize) -> String {
+    format!("{slot}.reach")
 }
 
 /// The grid of each slot of `state`. Slots that the file does not name, and all of a checkpoint
 /// without the file, start with grids that know nothing.
 pub(super) fn load_occupancy(
     dir: &Path,
-    state: &State,
+    state: &ModelState,
 ) -> Result<Vec<Option<Occupancy>>, TrainError> {
     let path = dir.join(files::OCCUPANCY);
     let bytes = match std::fs::read(&path) {
@@ -166,7 +179,12 @@ pub(super) fn load_occupancy(
                 ),
             ));
         }
-        Ok(blank.with_levels(tensor.data()))
+        let name = reach_of(slot);
+        let reach = file.as_ref().and_then(|file| file.tensor(&name).ok());
+        let reach = reach.and_then(|reach| Some(f32::from_le_bytes(reach.data().try_into().ok()?)));
+        let grid = reach.and_then(|reach| blank.with_learned(tensor.data(), reach));
+        grid.map(Some)
+            .ok_or_else(|| failed(&path, format!("{name}: not a length in metres")))
     };
     state.slots.iter().enumerate().map(grid).collect()
 }
@@ -174,7 +192,7 @@ pub(super) fn load_occupancy(
 /// Writes a checkpoint's files into `dir`.
 pub(super) fn save(
     dir: &Path,
-    state: &State,
+    state: &ModelState,
     avatar: &Avatar,
     optimiser: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
@@ -191,7 +209,11 @@ pub(super) fn save(
 }
 
 /// Writes the files that rendering needs: weights and state.
-pub(crate) fn save_model(dir: &Path, state: &State, avatar: &Avatar) -> Result<(), TrainError> {
+pub(crate) fn save_model(
+    dir: &Path,
+    state: &ModelState,
+    avatar: &Avatar,
+) -> Result<(), TrainError> {
     let path = dir.join(files::WEIGHTS);
     let mut store = SafetensorsStore::from_file(&path).overwrite(true);
     avatar.save_into(&mut store).map_err(|e| failed(&path, e))?;
@@ -204,7 +226,7 @@ pub(crate) fn save_model(dir: &Path, state: &State, avatar: &Avatar) -> Result<(
 /// fewer.
 pub(super) fn load_avatar(
     dir: &Path,
-    state: &State,
+    state: &ModelState,
     slots: usize,
     device: &Device,
 ) -> Result<Avatar, TrainError> {
@@ -237,7 +259,7 @@ impl Renderer {
     /// When either is missing or not what the other says.
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let device = device.clone().inner();
-        let state = State::read(dir)?;
+        let state = ModelState::read(dir)?;
         check_device(state.config.precision, &device)?;
         let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {

@@ -8,9 +8,9 @@ use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::Tensor;
 use tracing::trace_span;
 
-/// Steps between kept states.
+/// Steps between snapshots.
 const KEEP_EVERY: u64 = 200;
-/// Bad steps in a row that end the present course.
+/// Bad steps in a row that end in a return to the snapshot.
 const BAD_IN_A_ROW: u32 = 5;
 /// What the rate is multiplied by at each return.
 const RATE_FACTOR: f64 = 0.5;
@@ -18,7 +18,7 @@ const RATE_FACTOR: f64 = 0.5;
 const MAX_ROLLBACKS: u64 = 8;
 
 /// A model, its optimiser, and the share of the planned rate it is trained with.
-pub(super) struct Course {
+pub(super) struct TrainState {
     /// `None` only while the optimiser has it: a second owner would make it copy every
     /// parameter in order to change it.
     avatar: Option<Avatar>,
@@ -28,7 +28,7 @@ pub(super) struct Course {
     pub rate_scale: f64,
 }
 
-impl Course {
+impl TrainState {
     pub fn new(avatar: Avatar, optimiser: ModuleOptimizer) -> Self {
         Self {
             avatar: Some(avatar),
@@ -47,7 +47,7 @@ impl Course {
 }
 
 /// A state to return to.
-struct Kept {
+struct Snapshot {
     avatar: Avatar,
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
@@ -55,7 +55,7 @@ struct Kept {
 
 /// See the module's page.
 pub(super) struct Guard {
-    kept: Option<Kept>,
+    snapshot: Option<Snapshot>,
     bad: u32,
     pub skipped: u64,
     pub rollbacks: u64,
@@ -73,7 +73,7 @@ pub(super) enum Verdict {
 impl Guard {
     pub fn new(skipped: u64, rollbacks: u64) -> Self {
         Self {
-            kept: None,
+            snapshot: None,
             bad: 0,
             skipped,
             rollbacks,
@@ -83,27 +83,27 @@ impl Guard {
     /// Takes the step when loss and gradients are finite.
     pub fn step(
         &mut self,
-        course: &mut Course,
+        state: &mut TrainState,
         loss: f32,
         grads: GradientsParams,
         rate: f64,
         step: u64,
     ) -> Verdict {
         let finite = trace_span!("guard")
-            .in_scope(|| loss.is_finite() && gradients_finite(course.avatar(), &grads));
+            .in_scope(|| loss.is_finite() && gradients_finite(state.avatar(), &grads));
         if finite {
             let _span = trace_span!("update").entered();
             self.bad = 0;
-            if step.is_multiple_of(KEEP_EVERY) || self.kept.is_none() {
-                self.kept = Some(Kept {
-                    avatar: course.avatar().clone(),
-                    optimiser: course.optimiser.clone(),
-                    occupancy: course.occupancy.clone(),
+            if step.is_multiple_of(KEEP_EVERY) || self.snapshot.is_none() {
+                self.snapshot = Some(Snapshot {
+                    avatar: state.avatar().clone(),
+                    optimiser: state.optimiser.clone(),
+                    occupancy: state.occupancy.clone(),
                 });
             }
-            if let Some(avatar) = course.avatar.take() {
-                let rate = rate * course.rate_scale;
-                course.avatar = Some(course.optimiser.step(rate, avatar, grads));
+            if let Some(avatar) = state.avatar.take() {
+                let rate = rate * state.rate_scale;
+                state.avatar = Some(state.optimiser.step(rate, avatar, grads));
             }
             return Verdict::Taken;
         }
@@ -117,12 +117,12 @@ impl Guard {
         if self.rollbacks > MAX_ROLLBACKS {
             return Verdict::GivenUp;
         }
-        if let Some(kept) = &self.kept {
-            course.avatar = Some(kept.avatar.clone());
-            course.optimiser = kept.optimiser.clone();
-            course.occupancy = kept.occupancy.clone();
+        if let Some(snapshot) = &self.snapshot {
+            state.avatar = Some(snapshot.avatar.clone());
+            state.optimiser = snapshot.optimiser.clone();
+            state.occupancy = snapshot.occupancy.clone();
         }
-        course.rate_scale *= RATE_FACTOR;
+        state.rate_scale *= RATE_FACTOR;
         Verdict::RolledBack
     }
 }
@@ -159,6 +159,7 @@ fn gradients_finite(avatar: &Avatar, grads: &GradientsParams) -> bool {
 mod tests {
     use super::*;
     use crate::config::ModelConfig;
+    use crate::render::occupancy::DensityObservations;
     use crate::train::optimiser::optimiser;
     use burn::tensor::Device;
 
@@ -188,14 +189,14 @@ mod tests {
     fn bad_steps_are_skipped_counted_and_end_in_a_return() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut course = Course::new(avatar, optimiser(&config.optimise));
+        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
         let mut guard = Guard::new(0, 0);
-        let step = |course: &mut Course, guard: &mut Guard, factor: f32, at: u64| {
-            let loss = total(course.avatar()) * factor;
-            let grads = GradientsParams::from_grads(loss.backward(), course.avatar());
-            guard.step(course, 1.0, grads, 1.0, at)
+        let step = |state: &mut TrainState, guard: &mut Guard, factor: f32, at: u64| {
+            let loss = total(state.avatar()) * factor;
+            let grads = GradientsParams::from_grads(loss.backward(), state.avatar());
+            guard.step(state, 1.0, grads, 1.0, at)
         };
-        let start = number(total(course.avatar()));
+        let start = number(total(state.avatar()));
         let area = crate::ops::warp::WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
@@ -203,48 +204,49 @@ mod tests {
             floor: 0.0,
         };
         let grid = Occupancy::new(&area, &config.march).expect("the tier has grids");
-        course.occupancy = vec![Some(grid.clone())];
-        assert_eq!(step(&mut course, &mut guard, 1.0, 0), Verdict::Taken);
-        assert_eq!(step(&mut course, &mut guard, 1.0, 1), Verdict::Taken);
-        let moved = number(total(course.avatar()));
+        state.occupancy = vec![Some(grid.clone())];
+        assert_eq!(step(&mut state, &mut guard, 1.0, 0), Verdict::Taken);
+        assert_eq!(step(&mut state, &mut guard, 1.0, 1), Verdict::Taken);
+        let moved = number(total(state.avatar()));
         let mut seen = grid.clone();
-        seen.learn(&[0.5; 3], &[0.0], &[1.0]);
+        seen.learn(&DensityObservations {
+            canonical: vec![0.5; 3],
+            moved: vec![0.5; 3],
+            densities: vec![0.0],
+            likelihoods: vec![1.0],
+        });
         assert_ne!(seen, grid);
-        course.occupancy = vec![Some(seen)];
+        state.occupancy = vec![Some(seen)];
         assert!(moved < start);
         for bad in [f32::NAN, f32::INFINITY, f32::NAN, f32::NAN] {
-            assert_eq!(step(&mut course, &mut guard, bad, 2), Verdict::Skipped);
+            assert_eq!(step(&mut state, &mut guard, bad, 2), Verdict::Skipped);
             assert_eq!(
-                number(total(course.avatar())),
+                number(total(state.avatar())),
                 moved,
                 "a skipped step changes nothing"
             );
         }
         assert_eq!(
-            step(&mut course, &mut guard, f32::NAN, 2),
+            step(&mut state, &mut guard, f32::NAN, 2),
             Verdict::RolledBack
         );
         assert_eq!(
-            (guard.skipped, guard.rollbacks, course.rate_scale),
+            (guard.skipped, guard.rollbacks, state.rate_scale),
             (5, 1, RATE_FACTOR)
         );
-        assert_eq!(
-            number(total(course.avatar())),
-            start,
-            "back at the kept state"
-        );
-        assert_eq!(course.occupancy, [Some(grid)], "and what was known then");
-        assert_eq!(step(&mut course, &mut guard, 1.0, 2), Verdict::Taken);
+        assert_eq!(number(total(state.avatar())), start, "back at the snapshot");
+        assert_eq!(state.occupancy, [Some(grid)], "and what was known then");
+        assert_eq!(step(&mut state, &mut guard, 1.0, 2), Verdict::Taken);
     }
 
     #[test]
     fn a_loss_that_is_not_finite_is_enough() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut course = Course::new(avatar, optimiser(&config.optimise));
-        let grads = GradientsParams::from_grads(total(course.avatar()).backward(), course.avatar());
+        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
+        let grads = GradientsParams::from_grads(total(state.avatar()).backward(), state.avatar());
         assert_eq!(
-            Guard::new(0, 0).step(&mut course, f32::NAN, grads, 1.0, 0),
+            Guard::new(0, 0).step(&mut state, f32::NAN, grads, 1.0, 0),
             Verdict::Skipped
         );
     }

@@ -2,6 +2,7 @@
 
 pub mod batch;
 mod checkpoint;
+mod frame_order;
 mod guard;
 mod optimiser;
 mod options;
@@ -9,10 +10,12 @@ mod parts;
 mod patches;
 mod people;
 mod progress;
+mod report;
+mod start;
 mod trainer;
 mod validate;
 
-pub use checkpoint::State;
+pub use checkpoint::ModelState;
 pub(crate) use checkpoint::save_model;
 pub use optimiser::optimiser;
 pub use options::{Budget, TrainOptions};
@@ -67,6 +70,9 @@ pub enum TrainError {
         /// What is wrong.
         message: String,
     },
+    /// A step came to no loss.
+    #[error("the objective gave no number")]
+    NoLoss,
     /// Step after step was not finite, and going back did not help.
     #[error(
         "training diverged at step {step}: {rollbacks} returns to an earlier state did not help"

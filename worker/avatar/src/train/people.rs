@@ -30,7 +30,7 @@ pub(super) struct TrainFrame {
 }
 
 /// A person made ready.
-pub(super) struct Trainee {
+pub(super) struct TrainSubject {
     pub slot: usize,
     pub body: Body,
     pub frames: Vec<TrainFrame>,
@@ -38,7 +38,7 @@ pub(super) struct Trainee {
     pub held_out: Vec<TrainFrame>,
 }
 
-impl Trainee {
+impl TrainSubject {
     /// Frames are brought to `image_size` (0: as stored); every `holdout_every`-th is kept out.
     pub fn new(
         person: &Person,

@@ -1,5 +1,6 @@
 //! What a trainer reports while it trains. A plain value: the caller decides how to show it.
 
+use crate::loss::LossTerm;
 use crate::render::SampleCounts;
 
 /// A moment of a training.
@@ -15,6 +16,8 @@ pub struct TrainProgress {
     pub steps_per_second: f64,
     /// Smoothed.
     pub loss: f64,
+    /// The objective's terms, by name, smoothed, without their weights.
+    pub loss_terms: Vec<(&'static str, f64)>,
     /// Of held-out frames, dB, once measured.
     pub psnr: Option<f64>,
     /// Of held-out frames, once measured.
@@ -35,4 +38,26 @@ pub struct TrainProgress {
     pub objective: &'static str,
     /// Seconds spent in steps in this budget.
     pub train_seconds: f64,
+}
+
+impl TrainProgress {
+    /// Takes in the `values` of a step's `terms`; `smoothed` joins an old figure and a new one.
+    pub(super) fn note_terms(
+        &mut self,
+        terms: &[LossTerm],
+        values: &[f32],
+        smoothed: impl Fn(f64, f64) -> f64,
+    ) {
+        for (term, value) in terms.iter().zip(values) {
+            let value = f64::from(*value);
+            match self
+                .loss_terms
+                .iter_mut()
+                .find(|(name, _)| *name == term.name)
+            {
+                Some((_, old)) => *old = smoothed(*old, value),
+                None => self.loss_terms.push((term.name, value)),
+            }
+        }
+    }
 }

@@ -16,10 +16,10 @@ impl Trainer {
     pub fn validate(&mut self) -> Result<(), TrainError> {
         let renderer = self.renderer();
         let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, 0.0, 0usize);
-        for trainee in &self.trainees {
-            for frame in trainee.held_out.iter().take(FRAMES) {
+        for subject in &self.subjects {
+            for frame in subject.held_out.iter().take(FRAMES) {
                 let view = RenderView {
-                    slot: trainee.slot,
+                    slot: subject.slot,
                     pose: frame.pose.clone(),
                     camera: frame.camera.clone(),
                     background: [0.0; 3],

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::loss::Objective;
+use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::render::{RenderView, Renderer};
@@ -121,7 +121,7 @@ impl Sitting {
             occupancy: None,
         };
         let objective =
-            Objective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);
+            PatchObjective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);
         let outcome = outcome(&avatar, &scene, &batch, &objective, None)
             .expect("a device that works")
             .expect("rays that meet the body");

@@ -10,8 +10,8 @@ use std::process::Command;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::LpipsMetric;
-use yoto_avatar::loss::Objective;
 use yoto_avatar::loss::lpips::{HEADS_VARIABLE, Lpips, LpipsError, VGG16_VARIABLE};
+use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
@@ -264,13 +264,18 @@ fn the_objective_is_lpips_and_a_fifth_of_the_squares() {
     let expected = (distances[0] + distances[1]) / 2.0 + 0.2 * squares;
 
     let rows = |images: Tensor<4>| images.reshape([2, 3, 32 * 32]).swap_dims(1, 2);
-    let objective = Objective::new(Some(lpips), 0.1, 32, &device);
+    let objective = PatchObjective::new(Some(lpips), 0.1, 32, &device);
     assert_eq!(objective.name(), "lpips+mse");
-    let loss = values(objective.loss(rows(a), rows(b)))[0];
+    let patches = Patches {
+        predicted: rows(a),
+        truth: rows(b),
+        side: 32,
+    };
+    let loss = values(objective.loss(patches).expect("terms"))[0];
     assert!((loss / expected - 1.0).abs() < 1e-5, "{loss} {expected}");
 
     let small = |ssim_weight, patch_size| {
-        Objective::new(
+        PatchObjective::new(
             Some(saved_networks(&device)),
             ssim_weight,
             patch_size,
@@ -279,7 +284,10 @@ fn the_objective_is_lpips_and_a_fifth_of_the_squares() {
         .name()
     };
     assert_eq!((small(0.1, 15), small(0.0, 15)), ("mse+ssim", "mse"));
-    assert_eq!(Objective::new(None, 0.1, 32, &device).name(), "mse+ssim");
+    assert_eq!(
+        PatchObjective::new(None, 0.1, 32, &device).name(),
+        "mse+ssim"
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::case::Case;
 use crate::check::{Check, GRADIENTS, VALUES};
 use crate::small;
 use burn::tensor::{Device, Tensor};
-use yoto_avatar::loss::Objective;
+use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::ops::adam::{AdamRates, update};
 
 #[test]
@@ -14,8 +14,13 @@ fn objective() {
     let weight = small::config(small::FOURIER).optimise.ssim_weight;
     let predicted = case.tensor::<3>("predicted", &device).require_grad();
     let side = predicted.dims()[1].isqrt();
-    let objective = Objective::without_lpips(weight, side, &device);
-    let loss = objective.loss(predicted.clone(), case.tensor("truth", &device));
+    let objective = PatchObjective::without_lpips(weight, side, &device);
+    let patches = Patches {
+        predicted: predicted.clone(),
+        truth: case.tensor("truth", &device),
+        side,
+    };
+    let loss = objective.loss(patches).expect("terms");
     let grads = loss.backward();
     let mut check = Check::new(&case);
     check.value("loss", loss);

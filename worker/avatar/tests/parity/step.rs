@@ -7,7 +7,7 @@ use crate::small;
 use burn::optim::GradientsParams;
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::config::{Encoding, OptimiseConfig};
-use yoto_avatar::loss::Objective;
+use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
@@ -65,7 +65,7 @@ fn step(case: Case, encoding: Encoding) {
         occupancy: None,
     };
     let objective =
-        Objective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);
+        PatchObjective::without_lpips(config.optimise.ssim_weight, batch.patch_size, &device);
     let outcome = outcome(&avatar, &scene, &batch, &objective, None::<&mut ChaCha8Rng>)
         .expect("a device that works")
         .expect("rays that meet the body");

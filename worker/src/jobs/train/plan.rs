@@ -59,14 +59,14 @@ impl Plan {
     }
 
     /// The options of a training that goes on after `before`, whose budget counts when the
-    /// same job spent it.
-    pub(super) fn options(&self, job: &str, before: Option<&Manifest>) -> TrainOptions {
+    /// same job spent it. Without a budget it has `run` steps.
+    pub(super) fn options(&self, job: &str, before: Option<&Manifest>, run: u64) -> TrainOptions {
         let own = before.filter(|manifest| manifest.job == job);
         TrainOptions {
-            budget: if self.spec.steps > 0 {
-                Budget::Steps(self.spec.steps)
-            } else {
-                Budget::Seconds(self.spec.seconds)
+            budget: match (self.spec.steps, self.spec.seconds) {
+                (0, 0.0) => Budget::Steps(run),
+                (0, seconds) => Budget::Seconds(seconds),
+                (steps, _) => Budget::Steps(steps),
             },
             seed: self.spec.seed,
             image_size: self.spec.image_size,
@@ -104,7 +104,6 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
     };
     let TrainSpec {
         seconds,
-        steps,
         image_size,
         checkpoint_seconds,
         ..
@@ -113,11 +112,6 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
         add(
             "seconds",
             format!("{seconds} is not between 0 and {MAX_SECONDS}"),
-        );
-    } else if seconds == 0.0 && steps == 0 {
-        add(
-            "seconds",
-            "a budget in seconds or in steps is needed".into(),
         );
     }
     if image_size != 0 && !(MIN_SIDE..=MAX_SIDE).contains(&image_size) {
@@ -170,13 +164,6 @@ mod tests {
             ),
             (
                 TrainSpec {
-                    seconds: 0.0,
-                    ..good.clone()
-                },
-                "seconds",
-            ),
-            (
-                TrainSpec {
                     image_size: 7,
                     ..good.clone()
                 },
@@ -219,11 +206,21 @@ mod tests {
             objects: Vec::new(),
         };
         let used = |job, before| {
-            let options = plan.options(job, before);
+            let options = plan.options(job, before, 5000);
             (options.used_seconds, options.used_steps)
         };
         assert_eq!(used("jobs/a", Some(&before)), (20.0, 300));
         assert_eq!(used("jobs/b", Some(&before)), (0.0, 0));
         assert_eq!(used("jobs/a", None), (0.0, 0));
+        assert_eq!(
+            plan.options("jobs/a", None, 5000).budget,
+            Budget::Seconds(60.0)
+        );
+        let spec = TrainSpec::default();
+        let plan = Plan::new(&spec, &inputs).expect("no budget is one");
+        assert_eq!(
+            plan.options("jobs/a", None, 5000).budget,
+            Budget::Steps(5000)
+        );
     }
 }

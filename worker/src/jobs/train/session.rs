@@ -178,6 +178,7 @@ impl<'a> Session<'a> {
             objective: now.objective.into(),
             device: String::new(),
             train_seconds: self.spent().0,
+            active_parts: now.active_parts,
         });
     }
 }

@@ -16,6 +16,16 @@ fn grid(cells: usize) -> Occupancy {
     Occupancy::new(&area, &config).expect("wanted")
 }
 
+/// Densities at points that nothing moves.
+fn at(points: &[f32], densities: &[f32], likelihoods: &[f32]) -> DensityObservations {
+    DensityObservations {
+        canonical: points.to_vec(),
+        moved: points.to_vec(),
+        densities: densities.to_vec(),
+        likelihoods: likelihoods.to_vec(),
+    }
+}
+
 /// The middle of each cell, in the order of the levels.
 fn middles(grid: &Occupancy) -> Vec<[f32; 3]> {
     let [nx, ny, nz] = grid.cells;
@@ -59,7 +69,7 @@ fn only_what_was_seen_to_be_empty_among_empty_neighbours_is_left_out() {
         .iter()
         .map(|p| if *p == dense { 40.0 } else { 0.0 })
         .collect();
-    grid.learn(&points, &densities, &vec![1.0; all.len()]);
+    grid.learn(&at(&points, &densities, &vec![1.0; all.len()]));
     let near = |p: &[f32; 3]| (0..3).all(|a| (p[a] - dense[a]).abs() < 1.5 / grid.scale);
     for p in &all {
         assert_eq!(grid.admits(*p, None), near(p), "{p:?}");
@@ -75,25 +85,25 @@ fn a_density_is_forgotten_by_visits_alone_and_comes_back_at_once() {
     let all = middles(&grid);
     let points = all.concat();
     let ones = vec![1.0; all.len()];
-    grid.learn(&points, &vec![30.0; all.len()], &ones);
+    grid.learn(&at(&points, &vec![30.0; all.len()], &ones));
     let steps = (0..400)
         .find(|_| {
-            grid.learn(&points, &vec![0.0; all.len()], &ones);
+            grid.learn(&at(&points, &vec![0.0; all.len()], &ones));
             !grid.admits(all[0], None)
         })
         .expect("it is forgotten");
     // 1 to the bound of 0.01 is six to seven powers of two, each two visits.
     assert!((11..15).contains(&steps), "{steps}");
     let before = grid.levels().to_vec();
-    grid.learn(&all[3], &[30.0], &[1e-3]);
+    grid.learn(&at(&all[3], &[30.0], &[1e-3]));
     assert!(!grid.admits(all[3], None), "dense, and no part of the body");
     assert!(before != grid.levels(), "a visit leaves a trace");
     let before = grid.levels().to_vec();
-    grid.learn(&all[5], &[30.0], &[1.0]);
+    grid.learn(&at(&all[5], &[30.0], &[1.0]));
     assert!(grid.admits(all[5], None));
     let changed = before.iter().zip(grid.levels()).filter(|(a, b)| a != b);
     assert_eq!(changed.count(), 1, "cells that were not visited stay");
-    grid.learn(&all[7], &[f32::NAN], &[1.0]);
+    grid.learn(&at(&all[7], &[f32::NAN], &[1.0]));
     assert_eq!(grid.levels()[7], before[7], "not a number says nothing");
 }
 
@@ -108,14 +118,16 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
         .collect();
     let densities: Vec<f32> = (0..5000).map(|i| scatter(i) as f32 / 1e9).collect();
     let ones = vec![1.0; 5000];
-    one.learn(&points.concat(), &densities, &ones);
+    one.learn(&at(&points.concat(), &densities, &ones));
     let back: Vec<[f32; 3]> = points.into_iter().rev().collect();
     let densities: Vec<f32> = densities.into_iter().rev().collect();
-    other.learn(&back.concat(), &densities, &ones);
+    other.learn(&at(&back.concat(), &densities, &ones));
     assert_eq!(one, other);
-    let copy = grid(24).with_levels(one.levels()).expect("as many");
+    let copy = grid(24)
+        .with_learned(one.levels(), one.reach())
+        .expect("as many");
     assert_eq!(copy, one);
-    assert!(grid(24).with_levels(&[0; 3]).is_none());
+    assert!(grid(24).with_learned(&[0; 3], 0.0).is_none());
     assert_eq!(grid(24).taught_by(Some(&one)), one);
     let mut elsewhere = grid(24);
     elsewhere.min[1] += 0.01;
@@ -128,7 +140,11 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
 fn empty_cells_are_probed_in_turn() {
     let mut grid = grid(16);
     let all = middles(&grid);
-    grid.learn(&all.concat(), &vec![0.0; all.len()], &vec![1.0; all.len()]);
+    grid.learn(&at(
+        &all.concat(),
+        &vec![0.0; all.len()],
+        &vec![1.0; all.len()],
+    ));
     let admitted = |step| all.iter().filter(|p| grid.admits(**p, step)).count();
     assert_eq!(admitted(None), 0);
     let steps = 256;
@@ -139,4 +155,42 @@ fn empty_cells_are_probed_in_turn() {
         .iter()
         .all(|p| (0..steps).any(|step| grid.admits(*p, Some(step))));
     assert!(every, "every cell has its turn");
+}
+
+#[test]
+fn a_body_that_a_pose_moves_over_several_cells_is_not_cut() {
+    let mut grid = grid(40);
+    let all = middles(&grid);
+    let points = all.concat();
+    let body = all[all.len() / 2 + 20 * 40 + 10];
+    let densities: Vec<f32> = all
+        .iter()
+        .map(|p| if *p == body { 40.0 } else { 0.0 })
+        .collect();
+    let ones = vec![1.0; all.len()];
+    grid.learn(&at(&points, &densities, &ones));
+    // Three and a half cells: where bones carry the samples of what is seen there in this pose.
+    let offset = 3.5 / grid.scale;
+    let before = [body[0] - offset, body[1], body[2]];
+    assert!(!grid.admits(before, None), "nothing was ever moved");
+    let mut moved = at(&before, &[40.0], &[1.0]);
+    moved.moved = body.to_vec();
+    let levels = grid.levels().to_vec();
+    grid.learn(&moved);
+    assert_eq!(levels, grid.levels(), "the body is where it was");
+    assert!((grid.reach() - offset).abs() < 1e-5);
+    assert!(
+        grid.admits(before, None),
+        "and is looked for where it may come from"
+    );
+    let far = [body[0] - 6.0 / grid.scale, body[1], body[2]];
+    assert!(!grid.admits(far, None));
+    // Another pose may move it the other way.
+    assert!(grid.admits([body[0] + offset, body[1], body[2]], None));
+    // Empty space may go anywhere.
+    let mut empty = at(&before, &[0.0], &[1.0]);
+    empty.moved = [far[0], body[1], body[2]].to_vec();
+    let reach = grid.reach();
+    grid.learn(&empty);
+    assert_eq!(grid.reach(), reach);
 }

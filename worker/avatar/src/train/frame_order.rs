@@ -1,0 +1,91 @@
+//! Which frame a step sees: epochs of shuffled frames, as HumanNeRF's data loader gives them.
+//! Each frame of everybody comes once before any comes again.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+
+/// A frame of a person, as positions in the trainer's lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct FramePlace {
+    pub subject: usize,
+    pub frame: usize,
+}
+
+/// The order of all frames, a new one each epoch. It depends on the seed and the step's number
+/// alone, so that a resumed training sees what an uninterrupted one would have.
+pub(super) struct FrameOrder {
+    seed: u64,
+    epoch: u64,
+    /// In the order of the present epoch; never empty.
+    places: Vec<FramePlace>,
+    /// In the order of the lists.
+    sorted: Vec<FramePlace>,
+}
+
+impl FrameOrder {
+    /// For subjects with `counts[i]` frames each; there is at least one frame.
+    pub fn new(seed: u64, counts: &[usize]) -> Self {
+        let sorted: Vec<FramePlace> = (0..)
+            .zip(counts)
+            .flat_map(|(subject, &count)| {
+                (0..count).map(move |frame| FramePlace { subject, frame })
+            })
+            .collect();
+        let mut order = Self {
+            seed,
+            epoch: 0,
+            places: Vec::new(),
+            sorted,
+        };
+        order.shuffle(0);
+        order
+    }
+
+    /// The frame of a step.
+    pub fn place(&mut self, step: u64) -> FramePlace {
+        let frames = self.sorted.len() as u64;
+        let epoch = step / frames;
+        if epoch != self.epoch {
+            self.shuffle(epoch);
+        }
+        self.places[(step % frames) as usize]
+    }
+
+    fn shuffle(&mut self, epoch: u64) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        // Steps draw from the streams that their numbers name, and are never so many.
+        rng.set_stream(u64::MAX - epoch);
+        self.places.clone_from(&self.sorted);
+        self.places.shuffle(&mut rng);
+        self.epoch = epoch;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_epoch_shows_every_frame_of_everybody_once() {
+        let mut order = FrameOrder::new(3, &[5, 1, 4]);
+        let mut epoch = |first: u64| -> Vec<FramePlace> {
+            (first..first + 10).map(|step| order.place(step)).collect()
+        };
+        let (one, two) = (epoch(0), epoch(10));
+        for places in [&one, &two] {
+            let mut sorted = places.clone();
+            sorted.sort();
+            let everybody: Vec<(usize, usize)> = [(0, 5), (1, 1), (2, 4)]
+                .into_iter()
+                .flat_map(|(subject, count)| (0..count).map(move |frame| (subject, frame)))
+                .collect();
+            let sorted: Vec<_> = sorted.iter().map(|it| (it.subject, it.frame)).collect();
+            assert_eq!(sorted, everybody);
+        }
+        assert_ne!(one, two, "each epoch has an order of its own");
+        assert_eq!(epoch(0), one, "which hangs on nothing but the step");
+        let other = FrameOrder::new(4, &[5, 1, 4]).places;
+        assert_ne!(other, one, "and the seed");
+    }
+}

@@ -1,0 +1,93 @@
+//! What a training tells and leaves: its progress, its checkpoint, the model to render with.
+
+use super::checkpoint::{self, ModelState};
+use super::options::Budget;
+use super::trainer::Trainer;
+use super::{TrainError, TrainProgress};
+use crate::avatar::Avatar;
+use crate::motion::body::Body;
+use crate::render::Renderer;
+use burn::module::Module;
+use std::path::Path;
+use yoto_capture::skeleton::Skeleton;
+
+impl Trainer {
+    /// Current progress.
+    pub fn progress(&self) -> TrainProgress {
+        let fraction = self.fraction();
+        let (total_steps, seconds_left) = match self.options.budget {
+            Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
+            Budget::Steps(steps) => {
+                let left = steps.saturating_sub(self.budget_steps);
+                (
+                    self.step + left,
+                    left as f64 / self.progress.steps_per_second.max(1e-6),
+                )
+            }
+        };
+        TrainProgress {
+            step: self.step,
+            total_steps,
+            fraction,
+            seconds_left,
+            skipped_steps: self.guard.skipped,
+            rollbacks: self.guard.rollbacks,
+            train_seconds: self.budget_seconds,
+            active_parts: self
+                .config
+                .schedule
+                .active_parts(self.opened(), self.config.non_rigid.bands),
+            ..self.progress.clone()
+        }
+    }
+
+    /// Writes weights, optimiser and state into `dir`.
+    ///
+    /// # Errors
+    /// When a file can't be written.
+    pub fn save(&self, dir: &Path) -> Result<(), TrainError> {
+        let state = ModelState {
+            step: self.step,
+            progress: self.opened(),
+            train_seconds: self.seconds,
+            rate_scale: self.state.rate_scale,
+            skipped_steps: self.guard.skipped,
+            rollbacks: self.guard.rollbacks,
+            ..ModelState::new(
+                self.config.clone(),
+                self.joints,
+                self.options.seed,
+                self.slots.clone(),
+            )
+        };
+        checkpoint::save_occupancy(dir, &self.state.occupancy)?;
+        checkpoint::save(dir, &state, self.state.avatar(), &self.state.optimiser)
+    }
+
+    /// The model as it stands, for rendering.
+    pub fn renderer(&self) -> Renderer {
+        let device = self.device.clone().inner();
+        let body = |slot: &Option<Skeleton>| {
+            slot.clone()
+                .map(|skeleton| Body::new(skeleton, &self.config, &device))
+        };
+        let bodies = self.slots.iter().map(body).collect();
+        Renderer::new(
+            self.config.clone(),
+            self.state.avatar().valid(),
+            bodies,
+            self.state.occupancy.clone(),
+            self.opened(),
+        )
+    }
+
+    /// Numbers that a further person would add.
+    pub fn parameters_of_a_person(&self) -> u64 {
+        Avatar::parameters_of_a_person(&self.config, self.joints)
+    }
+
+    /// Numbers that are learned.
+    pub fn parameters(&self) -> u64 {
+        self.state.avatar().num_params() as u64
+    }
+}
