@@ -3,6 +3,7 @@
 use crate::config::{Encoding, ModelConfig, Numerics, Precision, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
+use crate::identity::blend::Blend;
 use crate::identity::pose_condition::PoseCondition;
 use crate::init::Initial;
 use crate::motion::body::{Body, hash_grid};
@@ -210,10 +211,25 @@ impl Avatar {
         )
     }
 
+    /// Appends an identity that is the mixture of two others.
+    pub(crate) fn append(&mut self, blend: &Blend) {
+        blend.append(&mut self.codes);
+        self.motion.append(blend);
+        self.canonical.append(blend);
+    }
+
     /// Lets the fields' networks multiply in `precision` from now on.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.non_rigid.set_precision(precision);
         self.canonical.set_precision(precision);
+    }
+
+    /// Where the parameters are.
+    pub(crate) fn device(&self) -> Device {
+        self.devices()
+            .into_iter()
+            .next()
+            .unwrap_or_else(Device::flex)
     }
 
     /// Parameters and bytes of each part, in the order of the data's way through the model; a

@@ -68,7 +68,7 @@ pub struct ModelConfig {
     pub schedule: Schedule,
 }
 
-/// The rows of the paper's ablation (table 3).
+/// The rows of the paper's ablation (docs/paper.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {

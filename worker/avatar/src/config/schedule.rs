@@ -22,7 +22,7 @@ pub struct Schedule {
     pub final_rate: f64,
 }
 
-/// Iterations of the paper's training (section 4.1), of which its other numbers are shares.
+/// Iterations of the paper's training (implementation details), of which its other numbers are shares.
 const PAPER_STEPS: f64 = 400_000.0;
 
 impl Schedule {

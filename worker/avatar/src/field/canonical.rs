@@ -1,9 +1,10 @@
-//! The canonical field (model.md §6): colour and density of everybody, told apart by their
+//! The canonical field (HumanNeRF's, with the paper's identity codes): colour and density of everybody, told apart by their
 //! identity codes and, with the hash encoding, by tables ([`super::tables`]).
 
 use super::mlp::{Mlp, MlpShape};
 use super::tables::{self, Tables};
 use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
+use crate::identity::blend::Blend;
 use crate::init::Initial;
 use crate::ops::encode::Bands;
 use crate::ops::hash::HashGrid;
@@ -35,6 +36,12 @@ pub struct FieldValues {
 }
 
 impl Canonical {
+    /// Appends an identity that is the mixture of two others.
+    pub(crate) fn append(&mut self, blend: &Blend) {
+        blend.append(&mut self.tables);
+        blend.append(&mut self.mixes);
+    }
+
     /// Multiplies in `precision` from now on.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.mlp.set_precision(precision);

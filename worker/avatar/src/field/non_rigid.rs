@@ -1,4 +1,4 @@
-//! Non-rigid motion (paper section 3.3, eq. 6): how cloth moves beyond what the bones do, by pose.
+//! Non-rigid motion, as HumanNeRF has it with the paper's code F_nr: how cloth moves beyond what the bones do, by pose.
 
 use super::mlp::{Mlp, MlpShape};
 use super::window::hann_window;

@@ -1,3 +1,4 @@
-//! Who somebody is: identity codes, and the code conditioned on the pose.
+//! Identities: codes, the code conditioned on the pose, and mixtures of two identities.
 
+pub(crate) mod blend;
 pub mod pose_condition;

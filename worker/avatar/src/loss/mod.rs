@@ -1,5 +1,5 @@
 //! Training objectives. [`PatchObjective`] is the paper's with LPIPS weights at hand: LPIPS and a
-//! fifth of the mean squared error (section 4.1). Without them, it is the mean squared error and a
+//! fifth of the mean squared error. Without them, it is the mean squared error and a
 //! share of 1 − SSIM. Which one it is has a name, and the name goes where the figures go. Any
 //! other [`Objective`] can be given to a trainer.
 

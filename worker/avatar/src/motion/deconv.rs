@@ -5,6 +5,7 @@
 //! gives each identity an embedding of its own: the smallest extension with which one person
 //! still is HumanNeRF exactly, and the choice of this project, as the paper leaves it open.
 
+use crate::identity::blend::Blend;
 use crate::init::Initial;
 use crate::ops::deconv::{KERNEL, STRIDE, double};
 use burn::module::{Module, Param};
@@ -32,6 +33,11 @@ pub struct Decoder {
 }
 
 impl Decoder {
+    /// Appends an identity that is the mixture of two others.
+    pub(crate) fn append(&mut self, blend: &Blend) {
+        blend.append(&mut self.embeddings);
+    }
+
     /// A decoder to `output` channels by way of `widths`.
     pub(crate) fn new(
         init: &Initial,

@@ -4,6 +4,7 @@
 
 use super::deconv::Decoder;
 use crate::config::{MotionConfig, MotionForm};
+use crate::identity::blend::Blend;
 use crate::init::Initial;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
@@ -47,6 +48,14 @@ impl MotionWeights {
                     init, *embedding, *hidden, widths, slots, channels,
                 )),
             },
+        }
+    }
+
+    /// Appends an identity that is the mixture of two others.
+    pub(crate) fn append(&mut self, blend: &Blend) {
+        blend.append(&mut self.residuals);
+        if let Some(decoder) = &mut self.decoder {
+            decoder.append(blend);
         }
     }
 

@@ -11,7 +11,7 @@ use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
 use crate::ops::composite::{Light, cpu::opacity};
 use crate::ops::mlp::check_device;
-use burn::tensor::{ExecutionError, Tensor, TensorData};
+use burn::tensor::{Device, ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 use yoto_capture::camera::{Camera, Pose};
@@ -91,8 +91,8 @@ impl Rendered {
 
 /// A trained model, ready to render.
 pub struct Renderer {
-    pub(super) config: ModelConfig,
-    pub(super) avatar: Avatar,
+    pub(crate) config: ModelConfig,
+    pub(crate) avatar: Avatar,
     bodies: Vec<Option<Body>>,
     /// By slot.
     occupancy: Vec<Option<Occupancy>>,
@@ -142,6 +142,19 @@ impl Renderer {
     pub fn at_iteration(mut self, iteration: u64) -> Self {
         self.progress = iteration as f64 / self.config.schedule.steps as f64;
         self
+    }
+
+    /// Where the model is.
+    pub(crate) fn device(&self) -> Device {
+        self.avatar.device()
+    }
+
+    /// The model with a further body, and its slot.
+    pub(crate) fn with_body(mut self, body: Body) -> (Self, usize) {
+        let slot = self.bodies.len();
+        self.bodies.push(Some(body));
+        self.occupancy.push(None);
+        (self, slot)
     }
 
     /// The same model, rendering with `settings` in place of its own configuration's.

@@ -240,6 +240,22 @@ mod tests {
     }
 
     #[test]
+    fn training_gives_up_after_too_many_returns() {
+        let config = ModelConfig::named("draft", "yoto").expect("a tier");
+        let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
+        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
+        let mut guard = Guard::new(0, 0);
+        let mut verdicts = (0..1000).map(|step| {
+            let grads = total(state.avatar()).backward();
+            let grads = GradientsParams::from_grads(grads, state.avatar());
+            guard.step(&mut state, f32::NAN, grads, 1.0, step)
+        });
+        let given_up = verdicts.position(|verdict| verdict == Verdict::GivenUp);
+        let expected = (MAX_ROLLBACKS as usize + 1) * BAD_IN_A_ROW as usize - 1;
+        assert_eq!(given_up, Some(expected));
+    }
+
+    #[test]
     fn a_loss_that_is_not_finite_is_enough() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());

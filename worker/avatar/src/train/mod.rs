@@ -12,6 +12,8 @@ mod people;
 mod progress;
 mod report;
 mod start;
+#[cfg(test)]
+mod tests;
 mod trainer;
 mod validate;
 

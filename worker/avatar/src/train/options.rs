@@ -25,3 +25,17 @@ pub struct TrainOptions {
     /// Every n-th frame is kept out of training for validation; 0: none.
     pub holdout_every: usize,
 }
+
+impl Default for TrainOptions {
+    /// A new run of five minutes on whole images, every frame trained on.
+    fn default() -> Self {
+        Self {
+            budget: Budget::Seconds(300.0),
+            used_seconds: 0.0,
+            used_steps: 0,
+            seed: 7,
+            image_size: 0,
+            holdout_every: 0,
+        }
+    }
+}

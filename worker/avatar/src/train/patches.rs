@@ -1,4 +1,4 @@
-//! Patches of a frame: where a step looks (model.md §8).
+//! Patches of a frame: where a step looks (HumanNeRF, `core/data/human_nerf/train.py`).
 
 use super::batch::Batch;
 use super::people::TrainFrame;
@@ -8,8 +8,9 @@ use rand::RngExt;
 
 /// Share of the patches that are centred on the person; the rest on the box around.
 const ON_PERSON: f64 = 0.8;
-/// Tries at finding a pixel in the box but off the person.
-const TRIES: usize = 32;
+/// Tries at finding a pixel in the box but off the person: enough that a box of a hundredth of
+/// the image is hardly ever missed. Where none is found, the patch is centred on the person.
+const TRIES: usize = 1024;
 
 /// Draws `count` patches of `size`² pixels, cut so that they lie in the image, and a random
 /// background, which makes the model tell dark cloth from nothing.

@@ -5,6 +5,7 @@ use super::options::Budget;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
+use crate::loss::Objective;
 use crate::motion::body::Body;
 use crate::render::Renderer;
 use burn::module::Module;
@@ -12,6 +13,13 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 
 impl Trainer {
+    /// The same training with another objective than the model's own.
+    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
+        self.progress.objective = objective.name();
+        self.objective = objective;
+        self
+    }
+
     /// Current progress.
     pub fn progress(&self) -> TrainProgress {
         let fraction = self.fraction();
