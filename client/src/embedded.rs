@@ -14,10 +14,11 @@ use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
 use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
+use yoto_device::PickedDevice;
 use yoto_server::{
     Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, in_memory,
 };
-use yoto_worker::{IngestSettings, PickedDevice, Worker, WorkerConfig, WorkerError};
+use yoto_worker::{IngestSettings, Worker, WorkerConfig, WorkerError};
 
 /// How long the worker may take to save and hand back its job.
 const WORKER_DRAIN: Duration = Duration::from_secs(10);
@@ -232,7 +233,7 @@ async fn coordinate(
 
 /// Looking for a device may open a driver, which blocks.
 async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
-    let picked = tokio::task::spawn_blocking(yoto_worker::pick).await;
+    let picked = tokio::task::spawn_blocking(yoto_device::pick).await;
     picked.map_err(|source| EmbeddedError::Broken {
         part: "search for a device",
         source,

@@ -9,8 +9,8 @@
 //! - [`commands`]: the command line.
 //!
 //! With the feature `embedded` (on by default) a process can also be the service it talks
-//! to (`embedded`), show all of it (`demo`), and measure the model without a
-//! service (`quality`).
+//! to (`embedded`), show all of it (`demo`), and run the experiments of
+//! `yoto_lab`.
 
 pub mod allocator;
 pub mod api;
@@ -19,23 +19,11 @@ pub mod capture_check;
 pub mod capture_dir;
 pub mod commands;
 pub mod import;
-#[cfg(feature = "embedded")]
-mod memory;
 pub mod progress;
 
-#[cfg(feature = "embedded")]
-pub mod bench;
 #[cfg(feature = "embedded")]
 pub mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
 mod npz;
-#[cfg(feature = "embedded")]
-pub mod pictures;
-#[cfg(feature = "embedded")]
-pub mod plot;
-#[cfg(feature = "embedded")]
-pub mod quality;
-#[cfg(feature = "embedded")]
-pub mod report;

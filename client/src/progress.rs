@@ -2,6 +2,11 @@
 //! anywhere else, always on stderr, so that stdout stays for results.
 
 mod rate;
+#[cfg(feature = "embedded")]
+mod screen;
+
+#[cfg(feature = "embedded")]
+pub use screen::Terminal;
 
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rate::Rate;

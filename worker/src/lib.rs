@@ -2,17 +2,14 @@
 //!
 //! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] do the work on a thread
 //! of their own and never touch the network except through their
-//! [`JobContext`](jobs::JobContext); [`device`] finds what this machine computes on;
-//! [`media`] encodes pictures (what users upload is decoded by `yoto_media`, in a child
+//! [`JobContext`](jobs::JobContext); [`media`] encodes pictures (what users upload is decoded by `yoto_media`, in a child
 //! process that [`jobs::ingest`] starts); [`objects`] reads and writes the object store.
 
 pub mod agent;
-pub mod device;
 pub mod jobs;
 pub mod media;
 pub mod objects;
 mod retry;
 
 pub use agent::{Worker, WorkerConfig, WorkerError};
-pub use device::{PickedDevice, hint_on_cpu, pick};
 pub use jobs::ingest::{IngestSettings, LocalCapture, ReadFailure, become_ingest_child_if_asked};

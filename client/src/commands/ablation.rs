@@ -3,12 +3,13 @@
 use super::model::tier_help;
 use super::paper_table::{Row, paper_table};
 use super::table;
-use crate::quality::ablation::{Ablation, AblationOptions, FILE, run};
+use crate::progress::Terminal;
 use anyhow::Context;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::train::Budget;
+use yoto_lab::ablation::{Ablation, AblationOptions, FILE, run};
 use yoto_proto::v1::Scores;
 
 const AFTER_HELP: &str = "\
@@ -58,7 +59,7 @@ impl AblationCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
-        let ablation = run(&AblationOptions {
+        let options = AblationOptions {
             captures: self.captures,
             size: self.size,
             budget: match self.steps {
@@ -69,7 +70,8 @@ impl AblationCommand {
             seed: self.seed,
             pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
             out: self.out.clone(),
-        })?;
+        };
+        let ablation = run(&options, &Terminal)?;
         println!("{}", text(&ablation));
         println!("figures: {}", self.out.join(FILE).display());
         Ok(())
@@ -144,8 +146,8 @@ fn gain(ablation: &Ablation, part: &str, without: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::ablation::VariantScores;
-    use crate::report::SplitScores;
+    use yoto_lab::ablation::VariantScores;
+    use yoto_lab::report::SplitScores;
 
     #[test]
     fn the_text_says_what_each_part_gives_and_on_what_terms() {

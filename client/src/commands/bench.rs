@@ -2,11 +2,11 @@
 
 use super::model::tier_help;
 use super::table;
-use crate::bench::{BenchOptions, BenchReport, StepTimes, run};
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
+use yoto_lab::bench::{BenchOptions, BenchReport, StepTimes, run};
 
 const AFTER_HELP: &str = "\
 Trains on made-up people, so that the same measurement can be run anywhere, with every part of

@@ -5,6 +5,7 @@ use super::media_args::MediaArgs;
 use crate::capture_check;
 use anyhow::Context;
 use clap::{Args, Subcommand};
+use image::ImageFormat;
 use std::path::PathBuf;
 
 const CHECK_HELP: &str = "\
@@ -60,7 +61,10 @@ impl CaptureCommand {
         };
         write("report.json", &json)?;
         let sheet = check.out.join("sheet.png");
-        crate::pictures::write(&sheet, &checked.sheet()?)?;
+        checked
+            .sheet()?
+            .save_with_format(&sheet, ImageFormat::Png)
+            .with_context(|| format!("writing {}", sheet.display()))?;
         print!("{}", checked.text());
         println!("report: {}", check.out.join("report.json").display());
         println!("sheet: {}", sheet.display());

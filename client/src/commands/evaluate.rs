@@ -128,8 +128,9 @@ impl Evaluate {
     /// Measures a model folder in this process.
     #[cfg(feature = "embedded")]
     fn here(self, model_dir: PathBuf) -> anyhow::Result<()> {
-        use crate::quality::model_dir::{Measured, ModelDirOptions, run};
-        let measured: Measured = run(&ModelDirOptions {
+        use crate::progress::Terminal;
+        use yoto_lab::model_dir::{ModelDirOptions, run};
+        let options = ModelDirOptions {
             model_dir,
             captures: self.captures,
             protocol: self.protocol,
@@ -137,7 +138,8 @@ impl Evaluate {
             pictures: self
                 .pictures
                 .map_or(usize::MAX, std::num::NonZeroUsize::get),
-        })?;
+        };
+        let measured = run(&options, &Terminal)?;
         println!("step {} by {}\n", measured.step, measured.protocol);
         println!("{}", scores_table(&measured.rows));
         if self.table {

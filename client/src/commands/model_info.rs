@@ -51,7 +51,7 @@ impl Info {
             );
         }
         let slots = model.slots.len().max(1);
-        let device = yoto_worker::pick().device;
+        let device = yoto_device::pick().device;
         let avatar = Avatar::new(&config, slots, usize::from(self.joints), 0, &device);
         print_parts(&avatar.part_counts());
         Ok(())

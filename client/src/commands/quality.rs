@@ -2,12 +2,13 @@
 
 use super::model::{tier_help, variant_help};
 use super::table;
-use crate::quality::{QualityOptions, run};
+use crate::progress::Terminal;
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::config::{Setting, Sharing};
 use yoto_avatar::train::Budget;
+use yoto_lab::quality::{QualityOptions, run};
 
 const AFTER_HELP: &str = "\
 Trains one model on all the captures and measures it on pictures it never saw: held-out
@@ -83,7 +84,7 @@ impl Quality {
             seed: self.seed,
             pictures: self.pictures,
         };
-        let report = run(&options)?;
+        let report = run(&options, &Terminal)?;
         report
             .write(&self.out)
             .with_context(|| format!("writing {}", self.out.display()))?;

@@ -1,13 +1,13 @@
 //! `yoto render-frame`: one frame of a model's folder, without a service, in full precision.
 
 use crate::npz::{self, Array};
-use crate::pictures;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::Numerics;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_capture::CaptureView;
+use yoto_lab::pictures;
 
 const AFTER_HELP: &str = "\
 A model is a folder with weights.safetensors and state.json: a checkpoint, or what
@@ -68,7 +68,7 @@ impl RenderFrame {
         let write = writer(&self.out)?;
         let view = CaptureView::read(&self.capture, &self.camera, self.frame)
             .with_context(|| format!("the capture {}", self.capture.display()))?;
-        let picked = yoto_worker::pick();
+        let picked = yoto_device::pick();
         let mut renderer = Renderer::load(&self.model, &picked.device)
             .with_context(|| format!("the model {}", self.model.display()))?;
         if let Some(numerics) = self.numerics {

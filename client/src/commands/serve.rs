@@ -57,7 +57,7 @@ impl Serve {
         }
         if !self.no_worker {
             eprintln!("computing on {}", service.device());
-            if let Some(hint) = yoto_worker::hint_on_cpu() {
+            if let Some(hint) = yoto_device::hint_on_cpu() {
                 eprintln!("{hint}");
             }
         }

@@ -1,13 +1,13 @@
 //! `yoto tradeoff`: what time buys, in training and in rendering.
 
 use super::{Server, table};
-use crate::progress::ProgressDisplay;
-use crate::quality::tradeoff::{Tradeoff, TradeoffOptions, run, summary};
+use crate::progress::{ProgressDisplay, Terminal};
 use anyhow::Context;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::tradeoff::Curve;
+use yoto_lab::tradeoff::{Tradeoff, TradeoffOptions, run, summary};
 use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 
 const AFTER_HELP: &str = "\
@@ -98,7 +98,7 @@ impl TradeoffCommand {
     fn of_captures(&self) -> anyhow::Result<Tradeoff> {
         let mut budgets = self.budgets.clone();
         budgets.sort_by(f64::total_cmp);
-        run(&TradeoffOptions {
+        let options = TradeoffOptions {
             captures: self.captures.clone(),
             size: self.size.unwrap_or(128),
             tiers: self.tiers.clone(),
@@ -107,7 +107,8 @@ impl TradeoffCommand {
             pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
             views: self.views as usize,
             repeats: self.repeats as usize,
-        })
+        };
+        run(&options, &Terminal)
     }
 
     async fn of_model(&self, name: &str) -> anyhow::Result<Tradeoff> {

@@ -39,11 +39,11 @@ impl WorkerCommand {
             .with_context(|| format!("the service's address {}", self.server.server))?
             .connect_lazy();
         // Opening a GPU takes a while and may block.
-        let picked = tokio::task::spawn_blocking(yoto_worker::pick)
+        let picked = tokio::task::spawn_blocking(yoto_device::pick)
             .await
             .context("finding a device")?;
         eprintln!("computing on {}", picked.info.adapter);
-        if let Some(hint) = yoto_worker::hint_on_cpu() {
+        if let Some(hint) = yoto_device::hint_on_cpu() {
             eprintln!("{hint}");
         }
         let config = WorkerConfig {

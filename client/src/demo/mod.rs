@@ -11,11 +11,11 @@ mod sheet;
 use crate::api::YotoClient;
 use crate::embedded::{Embedded, EmbeddedOptions};
 use crate::progress::{ProgressDisplay, duration};
-use crate::report::{Report, Settings};
 use anyhow::{Context, bail, ensure};
 use people::Actor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use yoto_lab::report::{Report, Settings};
 use yoto_proto::v1::{Model, Subject, TrainResult, TrainSpec, job_result};
 
 /// Quality tier and variant of the demo's model.
@@ -95,7 +95,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     .await
     .context("starting the embedded service")?;
     eprintln!("computing on {}", service.device());
-    if let Some(hint) = yoto_worker::hint_on_cpu() {
+    if let Some(hint) = yoto_device::hint_on_cpu() {
         eprintln!("{hint}");
     }
     let client = service.client();

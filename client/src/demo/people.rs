@@ -1,12 +1,12 @@
 //! The demo's people: made up, filmed by one camera, and known from every other side too,
 //! so that renders can be compared with a truth that was never uploaded.
 
-use crate::pictures;
 use anyhow::Context;
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
+use yoto_lab::pictures;
 use yoto_proto::pose_track::{self, PoseTrack};
 
 /// Frames of each film.

@@ -2,11 +2,11 @@
 
 use super::people::{Actor, HeldOut};
 use crate::api::YotoClient;
-use crate::pictures;
 use crate::progress::ProgressDisplay;
 use anyhow::{Context, bail, ensure};
 use image::RgbImage;
 use std::path::{Path, PathBuf};
+use yoto_lab::pictures;
 use yoto_proto::v1::{
     BodyPose, Job, Model, MotionTransfer, Orbit, RenderSpec, Subject, View, ViewList, job_result,
     render_spec,

@@ -2,10 +2,10 @@
 
 use super::people::{Actor, HeldOut};
 use super::render::HeldOutRenders;
-use crate::report::{Report, Score, Settings, SplitScores, SubjectScore};
 use anyhow::Context;
 use image::RgbImage;
 use yoto_avatar::evaluate::{Mean, compare};
+use yoto_lab::report::{Report, Score, Settings, SplitScores, SubjectScore};
 use yoto_proto::v1::TrainResult;
 
 /// Each actor's figures.

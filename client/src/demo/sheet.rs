@@ -2,9 +2,9 @@
 
 use super::people::{Actor, HeldOut};
 use super::render::{HeldOutRenders, MOTION_STEP};
-use crate::pictures;
 use image::{GenericImage, Rgb, RgbImage};
 use std::path::{Path, PathBuf};
+use yoto_lab::pictures;
 
 /// Between a truth and its render, and around groups, pixels.
 const NARROW: u32 = 2;

@@ -9,7 +9,6 @@ mod leased;
 mod report;
 
 use crate::{
-    device::PickedDevice,
     jobs::{KINDS, ingest::IngestSettings},
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_transient},
@@ -24,6 +23,7 @@ use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::{Code, Status, transport::Channel};
+use yoto_device::PickedDevice;
 use yoto_proto::v1::{
     Lease, LeaseJobRequest, RegisterWorkerRequest, worker_service_client::WorkerServiceClient,
 };
@@ -239,7 +239,7 @@ mod tests {
 
     fn worker(config: WorkerConfig) -> Result<Worker, WorkerError> {
         let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
-        Worker::new(channel, "memory:///", crate::device::pick(), config)
+        Worker::new(channel, "memory:///", yoto_device::pick(), config)
     }
 
     #[tokio::test]

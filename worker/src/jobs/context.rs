@@ -4,7 +4,6 @@
 use super::{JobFailure, ingest::IngestSettings};
 use crate::{
     agent::control::{JobControl, StopReason},
-    device::PickedDevice,
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_stale_lease, is_transient},
 };
@@ -12,6 +11,7 @@ use bytes::Bytes;
 use std::{future::Future, sync::Arc, time::Duration};
 use tokio::{runtime::Handle, sync::watch, time::timeout};
 use tonic::transport::Channel;
+use yoto_device::PickedDevice;
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{

@@ -1,7 +1,7 @@
 //! A job's context without a coordinator: objects in memory, and a lease that lasts.
 
 use super::JobContext;
-use crate::{agent::control::JobControl, device, objects::Objects};
+use crate::{agent::control::JobControl, objects::Objects};
 use object_store::memory::InMemory;
 use std::{
     sync::Arc,
@@ -18,7 +18,7 @@ pub(crate) fn context() -> JobContext {
     JobContext {
         job: "jobs/test".into(),
         token: 3,
-        device: device::pick(),
+        device: yoto_device::pick(),
         control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
         ingest: Arc::default(),
         objects: Objects::from_store(Arc::new(InMemory::new())),

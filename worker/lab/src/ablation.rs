@@ -5,19 +5,20 @@
 //! The budget is divided among them: each variant gets the same training in total, which is
 //! the comparison that an operator with a given machine and evening has to make.
 
-use super::captures::{self, Recording};
-use super::{lpips, measure, pick_device, shown, train_options};
-use crate::progress::ProgressDisplay;
+use crate::captures::{self, Recording};
+use crate::display::Screen;
+use crate::measure;
 use crate::report::{SplitScores, SubjectScore};
+use crate::training::{self, lpips, pick_device};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{ModelConfig, Variant};
 use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::train::{Budget, Trainer};
+use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::tiers::VARIANTS;
-use yoto_worker::PickedDevice;
 
 /// The file that holds everything an ablation found.
 pub const FILE: &str = "ablation.json";
@@ -92,12 +93,13 @@ pub struct VariantScores {
 /// # Errors
 /// At the first thing that fails, saying what: a capture that can't be read, an unknown tier,
 /// fewer steps than models, training that diverges, a file that can't be written.
-pub fn run(options: &AblationOptions) -> anyhow::Result<Ablation> {
+pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Ablation> {
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
-    let picked = pick_device();
+    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let picked = pick_device(screen);
     let mut bench = Bench {
         options,
+        screen,
         protocol,
         picked,
         recordings,
@@ -134,6 +136,7 @@ pub fn run(options: &AblationOptions) -> anyhow::Result<Ablation> {
 /// What stays the same from one variant to the next.
 struct Bench<'a> {
     options: &'a AblationOptions,
+    screen: &'a dyn Screen,
     protocol: &'static Protocol,
     picked: PickedDevice,
     recordings: Vec<Recording>,
@@ -182,13 +185,10 @@ impl Bench<'_> {
     ) -> anyhow::Result<()> {
         let people = group.iter().enumerate();
         let people = people.map(|(slot, &at)| self.recordings[at].person(slot));
-        let options = train_options(budget, self.options.size, self.options.seed);
+        let options = training::options(budget, self.options.size, self.options.seed);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
-        let mut display = ProgressDisplay::new(folder.display().to_string());
-        while !trainer.finished() {
-            trainer.step().context("a training step")?;
-            display.progress(&shown(&trainer.progress(), "training", None));
-        }
+        let mut display = self.screen.begin(&folder.display().to_string());
+        training::to_the_end(&mut trainer, &mut *display)?;
         let progress = trainer.progress();
         found.steps += progress.step;
         found.train_seconds += progress.train_seconds;
@@ -200,7 +200,7 @@ impl Bench<'_> {
         for (slot, &at) in group.iter().enumerate() {
             let recording = &self.recordings[at];
             let pictures = self.options.pictures;
-            let subject = measure::subject(&examiner, slot, recording, pictures, &mut display)?;
+            let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
             found.subjects.push(subject);
         }
         display.finish(&format!("{} steps", progress.step));

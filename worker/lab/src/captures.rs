@@ -1,5 +1,6 @@
 //! The captures that quality is measured on: frames to train on, and pictures held out.
 
+use crate::display::Screen;
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,10 +70,11 @@ pub(super) fn read_all(
     folders: &[PathBuf],
     size: u32,
     protocol: &Protocol,
+    screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
     let mut recordings: Vec<Recording> = Vec::new();
     for folder in folders {
-        eprintln!("reading {}", folder.display());
+        screen.note(&format!("reading {}", folder.display()));
         let recording = read(folder, protocol.size(size), protocol)
             .with_context(|| format!("the capture {}", folder.display()))?;
         ensure!(

@@ -1,8 +1,9 @@
 //! Measuring a trained model that stands in a folder, without a service.
 
-use super::captures::{self, Recording, Split};
-use super::{lpips, measure, pick_device};
-use crate::progress::ProgressDisplay;
+use crate::captures::{self, Recording, Split};
+use crate::display::Screen;
+use crate::measure;
+use crate::training::{lpips, pick_device};
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_avatar::evaluate::{Examiner, Protocol, Score};
@@ -53,7 +54,7 @@ pub struct Measured {
 /// # Errors
 /// When model or captures can't be read or don't belong together, or the protocol is for
 /// looking at pictures only.
-pub fn run(options: &ModelDirOptions) -> anyhow::Result<Measured> {
+pub fn run(options: &ModelDirOptions, screen: &dyn Screen) -> anyhow::Result<Measured> {
     let protocol = Protocol::named(&options.protocol)?;
     ensure!(
         protocol.figures,
@@ -63,23 +64,23 @@ pub fn run(options: &ModelDirOptions) -> anyhow::Result<Measured> {
     let dir = &options.model_dir;
     let state = ModelState::read(dir)
         .with_context(|| format!("the model {} (is it a checkpoint's folder?)", dir.display()))?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
+    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
     check_slots(&state.slots, &recordings)?;
     let missing = protocol.missing(recordings.iter().map(|it| it.name.as_str()));
     if !missing.is_empty() {
-        eprintln!(
+        screen.note(&format!(
             "{} is of {} subjects; without {} the mean can't stand beside published ones",
             protocol.name,
             protocol.subjects.len(),
             missing.join(", ")
-        );
+        ));
     }
-    let picked = pick_device();
+    let picked = pick_device(screen);
     let renderer = Renderer::load(dir, &picked.device)
         .with_context(|| format!("the model {}", dir.display()))?;
     let examiner = Examiner::new(renderer, protocol, lpips(&picked)?);
     let (mut rows, mut headings, mut means) = (Vec::new(), Vec::new(), Vec::new());
-    let mut display = ProgressDisplay::new("evaluating");
+    let mut display = screen.begin("evaluating");
     for split in Split::of(protocol) {
         let mut scores = Vec::new();
         for (slot, recording) in recordings.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Rendering held-out pictures and comparing them with what was really seen.
 
-use super::captures::{Recording, Split, View};
+use crate::captures::{Recording, Split, View};
+use crate::display::Display;
 use crate::pictures;
-use crate::progress::ProgressDisplay;
 use crate::report::{SplitScores, SubjectScore};
 use anyhow::Context;
 use image::{GenericImage, RgbImage};
@@ -53,7 +53,7 @@ pub(super) fn subject(
     slot: usize,
     recording: &Recording,
     pictures: usize,
-    display: &mut ProgressDisplay,
+    display: &mut dyn Display,
 ) -> anyhow::Result<SubjectScore> {
     let mut score = |split: Split| -> anyhow::Result<Score> {
         let of = recording.subset(split, pictures).count();

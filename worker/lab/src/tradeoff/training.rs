@@ -1,17 +1,16 @@
 //! One tier, one budget: training and measuring.
 
-use super::super::captures::Recording;
-use super::super::{checkpoint_bytes, lpips, measure, shown, train_options};
 use super::{TradeoffOptions, Trained};
-use crate::memory;
-use crate::progress::ProgressDisplay;
+use crate::captures::Recording;
+use crate::display::Screen;
 use crate::report::SplitScores;
-use anyhow::Context;
+use crate::training::{self, checkpoint_bytes, lpips};
+use crate::{measure, memory};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{Budget, Trainer};
-use yoto_worker::PickedDevice;
+use yoto_device::PickedDevice;
 
 /// The variant that tiers are compared with.
 const VARIANT: &str = "yoto";
@@ -19,6 +18,7 @@ const VARIANT: &str = "yoto";
 /// What stays the same from one training to the next.
 pub(super) struct Bench<'a> {
     pub options: &'a TradeoffOptions,
+    pub screen: &'a dyn Screen,
     pub protocol: &'static Protocol,
     pub recordings: &'a [Recording],
     pub picked: &'a PickedDevice,
@@ -26,33 +26,28 @@ pub(super) struct Bench<'a> {
 
 impl Bench<'_> {
     /// Trains `tier` for `seconds`; what it reached, and the model.
-    pub(super) fn train(
-        &mut self,
-        tier: &str,
-        seconds: f64,
-    ) -> anyhow::Result<(Trained, Renderer)> {
+    pub(super) fn train(&self, tier: &str, seconds: f64) -> anyhow::Result<(Trained, Renderer)> {
         let config = ModelConfig::named(tier, VARIANT)?;
         let counted = memory::reset_peak();
         if let Err(error) = &counted {
-            eprintln!("peak memory is not measured: /proc/self/clear_refs: {error}");
+            self.screen.note(&format!(
+                "peak memory is not measured: /proc/self/clear_refs: {error}"
+            ));
         }
         let people = self.recordings.iter().enumerate();
         let people = people.map(|(slot, recording)| recording.person(slot));
         let budget = Budget::Seconds(seconds);
-        let options = train_options(budget, self.options.size, self.options.seed);
+        let options = training::options(budget, self.options.size, self.options.seed);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
-        let mut display = ProgressDisplay::new(format!("training, {tier}, {seconds} s"));
-        while !trainer.finished() {
-            trainer.step().context("a training step")?;
-            display.progress(&shown(&trainer.progress(), "training", None));
-        }
+        let mut display = self.screen.begin(&format!("training, {tier}, {seconds} s"));
+        training::to_the_end(&mut trainer, &mut *display)?;
         let peak_memory_bytes = counted.ok().and_then(|()| memory::peak());
         let progress = trainer.progress();
         let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(self.picked)?);
         let mut subjects = Vec::new();
         for (slot, recording) in self.recordings.iter().enumerate() {
             let pictures = self.options.pictures;
-            let subject = measure::subject(&examiner, slot, recording, pictures, &mut display)?;
+            let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
             subjects.push(subject);
         }
         let scores = SplitScores::mean(&subjects);

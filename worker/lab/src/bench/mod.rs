@@ -16,7 +16,6 @@ use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_worker::device;
 
 /// Frames of each person's film: a step sees one, so that more would only take time to make.
 const FRAMES: usize = 6;
@@ -113,7 +112,7 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     config = config.with(&options.settings)?;
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;
-    let device = device::pick().device;
+    let device = yoto_device::pick().device;
     let mut measure = |precision| -> anyhow::Result<(StepTimes, Trainer)> {
         config.precision = precision;
         let training = training(options);

@@ -5,10 +5,10 @@ mod charts;
 mod rows;
 mod training;
 
-use super::captures::{self, Recording, Split};
-use super::pick_device;
-use crate::progress::ProgressDisplay;
+use crate::captures::{self, Recording, Split};
+use crate::display::Screen;
 use crate::report::SplitScores;
+use crate::training::pick_device;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -94,18 +94,19 @@ pub struct Trained {
 ///
 /// # Errors
 /// At the first thing that fails, saying what.
-pub fn run(options: &TradeoffOptions) -> anyhow::Result<Tradeoff> {
+pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tradeoff> {
     ensure!(!options.tiers.is_empty(), "--tiers: names no tier");
     ensure!(!options.budgets.is_empty(), "--budgets: names no budget");
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
-    let picked = pick_device();
+    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let picked = pick_device(screen);
     let unix_seconds = SystemTime::now()
         .duration_since(UNIX_EPOCH)
         .map_or(0, |since| since.as_secs());
     let machine = picked.machine();
-    let mut bench = training::Bench {
+    let bench = training::Bench {
         options,
+        screen,
         protocol,
         recordings: &recordings,
         picked: &picked,
@@ -128,7 +129,7 @@ pub fn run(options: &TradeoffOptions) -> anyhow::Result<Tradeoff> {
                 machine: machine.clone(),
                 unix_seconds,
             };
-            rendering.push(render(&mut renderer, &views, &sweep, tier)?);
+            rendering.push(render(&mut renderer, &views, &sweep, tier, screen)?);
         }
     }
     Ok(Tradeoff {
@@ -148,8 +149,9 @@ fn render(
     views: &[SweepView],
     options: &SweepOptions,
     tier: &str,
+    screen: &dyn Screen,
 ) -> anyhow::Result<Curve> {
-    let mut display = ProgressDisplay::new(format!("rendering, {tier}"));
+    let mut display = screen.begin(&format!("rendering, {tier}"));
     let curve = sweep(renderer, views, options, |done, total| {
         display.progress(&Progress {
             phase: format!("frame {done} of {total}"),

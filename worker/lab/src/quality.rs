@@ -4,23 +4,19 @@
 //! This is the yardstick of the model's quality, so it is kept plain: the same captures,
 //! size, seconds and seed give comparable figures from one version to the next.
 
-pub mod ablation;
-mod captures;
-mod measure;
-pub mod model_dir;
-pub mod tradeoff;
-
-use crate::progress::ProgressDisplay;
+use crate::captures::{self, Recording, Split, View};
+use crate::display::Screen;
+use crate::measure;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
-use anyhow::{Context, ensure};
-use captures::{Recording, Split, View};
+use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
+use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Setting, Sharing};
-use yoto_avatar::evaluate::{Examiner, LpipsMetric, Protocol};
-use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
+use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::train::{Budget, Trainer};
+use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::v1::Progress;
-use yoto_worker::PickedDevice;
 
 /// Measurements over the budget.
 const CURVE_POINTS: f64 = 10.0;
@@ -58,48 +54,29 @@ pub struct QualityOptions {
 /// # Errors
 /// At the first thing that fails, saying what: a capture that can't be read, a tier or
 /// variant that nobody knows, training that diverges.
-pub fn run(options: &QualityOptions) -> anyhow::Result<Report> {
+pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Report> {
     let mut config = ModelConfig::named(&options.tier, &options.variant)?;
     if let Some(sharing) = options.sharing {
         config = config.shared(sharing)?;
     }
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol)?;
-    let picked = pick_device();
+    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let picked = pick_device(screen);
     let people = recordings.iter().enumerate();
     let people = people.map(|(slot, recording)| recording.person(slot));
-    let train_options = train_options(options.budget, options.size, options.seed);
+    let train_options = training::options(options.budget, options.size, options.seed);
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
-    let curve = train(&mut trainer, &recordings, protocol)?;
-    finish(options, &trainer, &recordings, protocol, curve, &picked)
-}
-
-/// What to compute on, told to whoever watches.
-fn pick_device() -> PickedDevice {
-    let picked = yoto_worker::pick();
-    eprintln!("computing on {}", picked.info.adapter);
-    if let Some(hint) = yoto_worker::hint_on_cpu() {
-        eprintln!("{hint}");
-    }
-    picked
-}
-
-/// The networks of LPIPS, where the environment names their weights.
-fn lpips(picked: &PickedDevice) -> anyhow::Result<Option<LpipsMetric>> {
-    LpipsMetric::from_environment(&picked.device).context("loading the weights of LPIPS")
-}
-
-/// Held-out views and poses stand beside the training frames, so all of these train.
-fn train_options(budget: Budget, image_size: u32, seed: u64) -> TrainOptions {
-    TrainOptions {
-        budget,
-        used_seconds: 0.0,
-        used_steps: 0,
-        seed,
-        image_size,
-        holdout_every: 0,
-    }
+    let curve = train(&mut trainer, &recordings, protocol, screen)?;
+    finish(
+        options,
+        &trainer,
+        &recordings,
+        protocol,
+        curve,
+        &picked,
+        screen,
+    )
 }
 
 /// Trains until the budget is used up, measuring in between.
@@ -107,12 +84,13 @@ fn train(
     trainer: &mut Trainer,
     recordings: &[Recording],
     protocol: &'static Protocol,
+    screen: &dyn Screen,
 ) -> anyhow::Result<Curve> {
     let mut curve = Curve {
         pictures_per_capture: CURVE_PICTURES,
         ..Curve::default()
     };
-    let mut display = ProgressDisplay::new("training");
+    let mut display = screen.begin("training");
     let mut next_point = 1.0 / CURVE_POINTS;
     while !trainer.finished() {
         trainer.step().context("a training step")?;
@@ -150,9 +128,10 @@ fn finish(
     protocol: &'static Protocol,
     curve: Curve,
     picked: &PickedDevice,
+    screen: &dyn Screen,
 ) -> anyhow::Result<Report> {
     let examiner = Examiner::new(trainer.renderer(), protocol, lpips(picked)?);
-    let mut display = ProgressDisplay::new("evaluating");
+    let mut display = screen.begin("evaluating");
     let measured = |pictures: &[View]| pictures.len().min(options.measured);
     let total: usize = recordings
         .iter()
@@ -216,34 +195,4 @@ fn finish(
         },
         curve: Some(curve),
     })
-}
-
-/// What the model takes on disk, by writing it.
-fn checkpoint_bytes(trainer: &Trainer) -> anyhow::Result<u64> {
-    let folder = tempfile::tempdir().context("making a temporary folder")?;
-    trainer.save(folder.path()).context("saving a checkpoint")?;
-    let mut bytes = 0;
-    for entry in std::fs::read_dir(folder.path()).context("reading the checkpoint's folder")? {
-        bytes += entry
-            .and_then(|entry| entry.metadata())
-            .context("measuring the checkpoint")?
-            .len();
-    }
-    ensure!(bytes > 0, "the checkpoint is empty");
-    Ok(bytes)
-}
-
-/// The trainer's progress in the terms of the display.
-fn shown(progress: &TrainProgress, phase: &str, psnr: Option<f64>) -> Progress {
-    Progress {
-        phase: phase.to_owned(),
-        step: progress.step,
-        fraction: progress.fraction,
-        steps_per_second: progress.steps_per_second,
-        loss: progress.loss,
-        psnr,
-        seconds_left: progress.seconds_left,
-        skipped_steps: progress.skipped_steps,
-        ..Progress::default()
-    }
 }

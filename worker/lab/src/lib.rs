@@ -1,0 +1,25 @@
+//! Experiments: models trained and measured in one process, without a service.
+//!
+//! - [`quality`]: what a model reaches on held-out pictures of given captures.
+//! - [`ablation`]: the paper's four variants on the same captures.
+//! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
+//! - [`model_dir`]: figures of a trained model in a folder.
+//! - [`bench`]: seconds of a training step, stage by stage.
+//! - [`report`]: the form that results take on disk and in a terminal.
+//! - [`pictures`]: 8-bit pictures on disk.
+//!
+//! Nothing here prints: whoever starts an experiment passes a [`display::Screen`].
+
+pub mod ablation;
+pub mod bench;
+mod captures;
+pub mod display;
+mod measure;
+mod memory;
+pub mod model_dir;
+pub mod pictures;
+pub mod plot;
+pub mod quality;
+pub mod report;
+pub mod tradeoff;
+mod training;
