@@ -15,10 +15,11 @@ use tokio::task::{JoinError, JoinHandle};
 use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
 use yoto_device::PickedDevice;
+use yoto_ingest::IngestSettings;
 use yoto_server::{
     Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, in_memory,
 };
-use yoto_worker::{IngestSettings, Worker, WorkerConfig, WorkerError};
+use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
 /// How long the worker may take to save and hand back its job.
 const WORKER_DRAIN: Duration = Duration::from_secs(10);
@@ -37,7 +38,7 @@ pub struct EmbeddedOptions {
     /// Whether to run jobs here, too.
     pub worker: bool,
     /// How the worker reads uploads. By default it starts this program again, which must call
-    /// [`yoto_worker::become_ingest_child_if_asked`] first of all.
+    /// [`yoto_ingest::become_ingest_child_if_asked`] first of all.
     pub ingest: IngestSettings,
 }
 

@@ -2,19 +2,17 @@
 //!
 //! - [`allocator`]: how the command holds memory.
 //! - [`api`]: the service's calls, for programs.
-//! - [`capture_dir`]: a capture as a folder on disk, checked before it is uploaded.
+//! - [`capture_dir`]: a capture as a folder on disk, before it is uploaded.
+//! - [`capture_check`]: whether its poses, cameras, masks and pictures agree.
 //! - [`import`]: captures and motions of other programs.
-//!   (`capture_check` looks at its pictures as well.)
-//! - [`progress`]: showing how a job gets on.
+//! - [`progress`]: the progress of jobs on a terminal.
 //! - [`commands`]: the command line.
 //!
 //! With the feature `embedded` (on by default) a process can also be the service it talks
-//! to (`embedded`), show all of it (`demo`), and run the experiments of
-//! `yoto_lab`.
+//! to (`embedded`), show all of it (`demo`), and run the experiments of `yoto_lab`.
 
 pub mod allocator;
 pub mod api;
-#[cfg(feature = "embedded")]
 pub mod capture_check;
 pub mod capture_dir;
 pub mod commands;

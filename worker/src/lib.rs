@@ -2,8 +2,8 @@
 //!
 //! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] do the work on a thread
 //! of their own and never touch the network except through their
-//! [`JobContext`](jobs::JobContext); [`media`] encodes pictures (what users upload is decoded by `yoto_media`, in a child
-//! process that [`jobs::ingest`] starts); [`objects`] reads and writes the object store.
+//! [`JobContext`](jobs::JobContext); [`media`] encodes pictures (uploads are read by
+//! `yoto_ingest`); [`objects`] reads and writes the object store.
 
 pub mod agent;
 pub mod jobs;
@@ -12,4 +12,3 @@ pub mod objects;
 mod retry;
 
 pub use agent::{Worker, WorkerConfig, WorkerError};
-pub use jobs::ingest::{IngestSettings, LocalCapture, ReadFailure, become_ingest_child_if_asked};

@@ -16,9 +16,9 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::check::{Checker, Grade, Report};
+use yoto_ingest::LocalCapture;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
-use yoto_worker::LocalCapture;
 
 /// A checked capture.
 pub struct Checked {

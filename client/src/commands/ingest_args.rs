@@ -1,7 +1,7 @@
 //! Limits of the process that reads an upload.
 
 use clap::Args;
-use yoto_worker::IngestSettings;
+use yoto_ingest::IngestSettings;
 
 /// How much reading one upload may take.
 #[derive(Debug, Clone, Args)]

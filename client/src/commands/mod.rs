@@ -7,7 +7,6 @@
 mod ablation;
 #[cfg(feature = "embedded")]
 mod bench;
-#[cfg(feature = "embedded")]
 mod capture;
 mod correction;
 #[cfg(feature = "embedded")]
@@ -79,7 +78,6 @@ enum Command {
     #[cfg(feature = "embedded")]
     Demo(demo::Demo),
     Import(import::Import),
-    #[cfg(feature = "embedded")]
     Capture(capture::CaptureCommand),
     Subject(subject::SubjectCommand),
     Model(model::ModelCommand),
@@ -118,7 +116,7 @@ impl Server {
 pub fn main() -> ExitCode {
     // A worker starts this program again to read an upload.
     #[cfg(feature = "embedded")]
-    yoto_worker::become_ingest_child_if_asked();
+    yoto_ingest::become_ingest_child_if_asked();
     let cli = Cli::parse();
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
@@ -140,7 +138,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "embedded")]
         Command::Demo(command) => runtime.block_on(command.run()),
         Command::Import(command) => command.run(),
-        #[cfg(feature = "embedded")]
         Command::Capture(command) => command.run(),
         Command::Subject(command) => runtime.block_on(command.run()),
         Command::Model(command) => runtime.block_on(command.run()),
@@ -214,9 +211,6 @@ mod tests {
             "yoto serve --data d --listen 127.0.0.1:0 --no-worker",
             "yoto worker --objects file:///d/objects/ --name w",
             "yoto demo --out d --subjects 2 --size 64 --seconds 20 --seed 3",
-            "yoto capture check a",
-            "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
-            "yoto capture check a.zip --frames video --masks masks.mp4 --every 3",
             "yoto quality --capture a --capture b --seconds 300 --size 128 --out r.json",
             "yoto quality --capture a --steps 500 --measure 6 --tier paper --out r.json",
             "yoto model info checkpoints/5",
@@ -232,7 +226,10 @@ mod tests {
             "yoto tradeoff --capture a b --tiers draft,fast --budgets 5,10.5 --size 64 --out o",
             "yoto ablation --capture a --capture b --steps 50 --tier draft --seed 3 --pictures 4 --out o",
         ];
-        let over_the_api = [
+        let everywhere = [
+            "yoto capture check a",
+            "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
+            "yoto capture check a.zip --frames video --masks masks.mp4 --every 3",
             "yoto subject add ada --capture c --consent signed --no-wait",
             "yoto subject add ada --capture c --mirror images --k-scale 0.5 --units mm",
             "yoto subject add ada c.tar.gz --every 2 --range 10..90",
@@ -259,7 +256,7 @@ mod tests {
         let in_process = in_process
             .into_iter()
             .filter(|_| cfg!(feature = "embedded"));
-        for line in in_process.chain(over_the_api) {
+        for line in in_process.chain(everywhere) {
             assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");
         }
     }

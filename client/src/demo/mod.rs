@@ -90,7 +90,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
         data,
         listen: None,
         worker: true,
-        ingest: yoto_worker::IngestSettings::default(),
+        ingest: yoto_ingest::IngestSettings::default(),
     })
     .await
     .context("starting the embedded service")?;

@@ -9,7 +9,7 @@ mod leased;
 mod report;
 
 use crate::{
-    jobs::{KINDS, ingest::IngestSettings},
+    jobs::KINDS,
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_transient},
 };
@@ -24,6 +24,7 @@ use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::{Code, Status, transport::Channel};
 use yoto_device::PickedDevice;
+use yoto_ingest::IngestSettings;
 use yoto_proto::v1::{
     Lease, LeaseJobRequest, RegisterWorkerRequest, worker_service_client::WorkerServiceClient,
 };

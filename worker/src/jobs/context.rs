@@ -1,7 +1,7 @@
 //! Everything a job may touch, as blocking calls: it runs on a thread of its own, so that
 //! tensor work never holds up the heartbeats.
 
-use super::{JobFailure, ingest::IngestSettings};
+use super::JobFailure;
 use crate::{
     agent::control::{JobControl, StopReason},
     objects::{Objects, ObjectsError},
@@ -12,6 +12,7 @@ use std::{future::Future, sync::Arc, time::Duration};
 use tokio::{runtime::Handle, sync::watch, time::timeout};
 use tonic::transport::Channel;
 use yoto_device::PickedDevice;
+use yoto_ingest::IngestSettings;
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{

@@ -1,44 +1,15 @@
 //! Turning an uploaded capture into a training shard.
 //!
-//! What users upload is decoded in a child process: this program, started again, with limits
-//! on memory and time, so that a file which makes a decoder crash, hang or swell ends that
-//! process only. The worker fetches the files, waits, and stores what came out.
-//!
-//! Everything wrong with the upload is told with file, frame and field. A fault of the store
-//! or of this machine rejects nothing: the job is tried again. A limit that is hit is the
-//! upload's fault, and is named.
-
-mod capture;
-mod child;
-mod failure;
-mod local;
-mod order;
-mod prepare;
-mod reader;
-mod settings;
-mod supervise;
-mod unpack;
-
-pub use child::become_ingest_child_if_asked;
-pub use failure::ReadFailure;
-pub use local::LocalCapture;
-pub use settings::IngestSettings;
+//! The worker fetches the files, has `yoto_ingest` read them in a child process, and stores what
+//! came out. A fault of the store or of this machine rejects nothing: the job is tried again.
 
 use super::{JobContext, JobFailure, context::id};
-use order::{Order, Outcome};
-use std::fs::File;
-use std::io::Read;
-use yoto_capture::Shard;
+use yoto_ingest::{Files, IngestError, Ingested, Place, ingest};
 use yoto_proto::{
     keys,
     names::Collection,
     v1::{IngestResult, IngestSpec, Inputs},
 };
-
-/// Largest report of the check, bytes; one of 100,000 frames has a hundredth.
-const MAX_REPORT: u64 = 16 << 20;
-/// Most violations reported of one capture; a wrong export repeats in every frame.
-const MAX_VIOLATIONS: usize = 20;
 
 /// Fetches the capture, has it checked and packed, and stores the shard.
 ///
@@ -53,8 +24,10 @@ pub fn run(
     let folder = tempfile::Builder::new()
         .prefix("yoto-ingest-")
         .tempdir()
-        .map_err(|error| machine("making a folder for the upload", &error))?;
-    let mut order = Order::new(folder.path(), &context.ingest.limits);
+        .map_err(|error| {
+            JobFailure::try_later("MACHINE", "making a folder for the upload", &error)
+        })?;
+    let mut files = Files::new();
     for (number, file) in inputs.files.iter().enumerate() {
         context.check()?;
         context.report_pieces("fetching", number, inputs.files.len());
@@ -62,28 +35,20 @@ pub fn run(
         // Under a number: what the file is called leads nowhere on this disk.
         let path = folder.path().join(format!("upload-{number:06}"));
         context.get_to_file(object, &path)?;
-        order.files.insert(file.path.clone(), path);
+        files.insert(file.path.clone(), path);
     }
-    let prepared = match supervise::run(context, &order)? {
-        Outcome::Done(prepared) => prepared,
-        Outcome::Rejected(found) => {
-            return Err(JobFailure::Rejected(
-                found.into_iter().map(Into::into).collect(),
-            ));
+    let watch = |place: Option<&Place>| {
+        if let Some(place) = place {
+            context.report_pieces("decoding", place.done, place.total);
         }
-        Outcome::Machine(message) => {
-            return Err(JobFailure::TryLater {
-                code: "MACHINE",
-                message,
-            });
-        }
+        context.check()
     };
-    let bytes = std::fs::read(order.shard())
-        .map_err(|error| machine("reading the shard that was made", &error))?;
-    // The child read hostile bytes: its word is checked.
-    let shard = Shard::from_bytes(bytes)
-        .map_err(|error| JobFailure::failed("INTERNAL", "the shard that was made", &error))?;
-    let report = read_report(&order)?;
+    let Ingested {
+        shard,
+        report,
+        notes,
+        warnings,
+    } = ingest(folder.path(), files, &context.ingest, watch)?;
     let capture = id(Collection::Captures, &spec.capture)?;
     let key = keys::shard(capture, context.job_id()?, context.token);
     let check = keys::check(capture, context.job_id()?, context.token);
@@ -92,30 +57,27 @@ pub fn run(
         frames: shard.frames() as u32,
         width,
         height,
-        notes: prepared.notes,
-        warnings: prepared.warnings,
+        notes,
+        warnings,
         check: Some(context.put(&check, report)?),
         shard: Some(context.put(&key, shard.to_bytes())?),
     })
 }
 
-/// The check's report that the child wrote; JSON, whatever else.
-fn read_report(order: &Order) -> Result<Vec<u8>, JobFailure> {
-    let wrong =
-        |error: &dyn std::error::Error| JobFailure::failed("INTERNAL", "the check's report", error);
-    let path = order.check();
-    let bytes = File::open(&path)
-        .and_then(|file| {
-            let mut bytes = Vec::new();
-            file.take(MAX_REPORT).read_to_end(&mut bytes).map(|_| bytes)
-        })
-        .map_err(|error| machine("reading the check's report", &error))?;
-    serde_json::from_slice::<serde::de::IgnoredAny>(&bytes).map_err(|error| wrong(&error))?;
-    Ok(bytes)
-}
-
-fn machine(doing: &str, error: &std::io::Error) -> JobFailure {
-    JobFailure::try_later("MACHINE", doing, error)
+impl From<IngestError<JobFailure>> for JobFailure {
+    fn from(error: IngestError<JobFailure>) -> Self {
+        let later = |code, message| Self::TryLater { code, message };
+        match error {
+            IngestError::Rejected(found) => Self::Rejected(found),
+            IngestError::Machine(message) => later("MACHINE", message),
+            IngestError::Killed(message) => later("KILLED", message),
+            IngestError::Broken(message) => Self::Failed {
+                code: "INTERNAL",
+                message,
+            },
+            IngestError::Stopped(failure) => failure,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The worker's side, as far as it needs no child.
+//! What an ingest job does before its child starts.
 
 use super::*;
 use crate::jobs::test_context::context;

@@ -1,7 +1,6 @@
 //! Small captures, whole and broken, through the child's work, in this process.
 
 use super::*;
-use crate::media::picture;
 use yoto_capture::{Shard, check::Report};
 use yoto_media::Limits;
 use yoto_proto::pose_track::{self, FILE, Frame, PoseTrack, describe};
@@ -67,7 +66,12 @@ fn square(colour: [u8; 3], side: u32) -> Vec<u8> {
             }
         })
         .collect();
-    picture::png(side, side, &rgb).expect("encodes")
+    let picture = image::RgbImage::from_raw(side, side, rgb).expect("three bytes per pixel");
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .expect("encodes");
+    bytes.into_inner()
 }
 
 /// An 8-bit gray PNG with `coverage` in its middle.

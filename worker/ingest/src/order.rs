@@ -1,4 +1,4 @@
-//! What worker and child tell each other: an order in a file, lines of JSON back.
+//! What parent and child tell each other: an order in a file, lines of JSON back.
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -47,15 +47,15 @@ pub(super) enum Line {
 
 /// What the child works at.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Place {
+pub struct Place {
     /// File of the capture.
-    pub(super) file: String,
+    pub file: String,
     /// Frame of the pose track.
-    pub(super) frame: Option<u32>,
+    pub frame: Option<u32>,
     /// Frames done.
-    pub(super) done: usize,
+    pub done: usize,
     /// Frames in all; 0 while nobody knows.
-    pub(super) total: usize,
+    pub total: usize,
 }
 
 /// How the child ended.

@@ -7,6 +7,31 @@ use yoto_proto::media_plan;
 use yoto_proto::pose_track::{describe, violation};
 use yoto_proto::v1::Violation;
 
+/// Why an upload became no shard. `E` is what ends the wait for the child.
+#[derive(Debug, thiserror::Error)]
+pub enum IngestError<E> {
+    /// The capture is at fault; each entry says where. Never empty.
+    #[error("{}", lines(.0))]
+    Rejected(Vec<Violation>),
+    /// This machine is at fault: another try may succeed.
+    #[error("{0}")]
+    Machine(String),
+    /// Somebody, or the kernel, ended the child: another try may succeed.
+    #[error("{0}")]
+    Killed(String),
+    /// What the child left is not what it should be.
+    #[error("{0}")]
+    Broken(String),
+    /// Whoever waits wants no more.
+    #[error("the wait for the upload was ended")]
+    Stopped(E),
+}
+
+/// A fault of this machine while `doing` something.
+pub(super) fn machine<E>(doing: &str, error: &std::io::Error) -> IngestError<E> {
+    IngestError::Machine(format!("{doing}: {error}"))
+}
+
 /// Whose fault it is that a capture could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadFailure {

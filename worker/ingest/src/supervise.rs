@@ -1,8 +1,9 @@
-//! The worker's side of the child: start it, listen, and say how it ended.
+//! The parent's side of the child: start it, listen, and say how it ended.
 
 use super::child::ARGUMENT;
+use super::failure::{IngestError, machine};
 use super::order::{Line, Order, Outcome, Place};
-use super::{JobContext, JobFailure, machine};
+use super::settings::IngestSettings;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader, Read};
@@ -12,20 +13,23 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use yoto_proto::pose_track::violation;
 
-/// How often to look whether the job is to stop.
+/// How often to ask whether to go on.
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest line that a child may say, bytes.
 const MAX_LINE: u64 = 1 << 20;
 /// What is kept of its complaints, bytes.
 const COMPLAINTS: usize = 8 << 10;
 
-/// Has a child do `order`. A child that exceeds a limit or breaks down is an outcome, too: the
+/// Has a child do `order`, under the eyes of `watch`. A child that exceeds a limit or breaks down is an outcome, too: the
 /// upload is rejected, with what happened and where.
 ///
 /// # Errors
-/// When the child can't be started or is killed from outside, or the job is to stop.
-pub(super) fn run(context: &JobContext, order: &Order) -> Result<Outcome, JobFailure> {
-    let settings = &context.ingest;
+/// When the child can't be started or is killed from outside, or `watch` fails.
+pub(super) fn run<E>(
+    settings: &IngestSettings,
+    order: &Order,
+    watch: &mut dyn FnMut(Option<&Place>) -> Result<(), E>,
+) -> Result<Outcome, IngestError<E>> {
     let program = match &settings.program {
         Some(program) => program.clone(),
         None => std::env::current_exe()
@@ -58,17 +62,18 @@ pub(super) fn run(context: &JobContext, order: &Order) -> Result<Outcome, JobFai
     let mut outcome = None;
     let mut late = false;
     loop {
+        let mut moved = None;
         match running.lines.recv_timeout(LOOK) {
             Ok(Line::At(now)) => {
-                context.report_pieces("decoding", now.done, now.total);
                 place = now;
+                moved = Some(&place);
             }
             Ok(Line::End(end)) => outcome = Some(end),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
         // The child is killed when `running` is dropped.
-        context.check()?;
+        watch(moved).map_err(IngestError::Stopped)?;
         if Instant::now() >= deadline {
             late = true;
             running.kill();
@@ -77,8 +82,8 @@ pub(super) fn run(context: &JobContext, order: &Order) -> Result<Outcome, JobFai
     }
     let (status, complaints) = running.wait()?;
     if outcome.is_none() {
-        // Whoever stops this worker may have stopped its child first.
-        context.check()?;
+        // Whoever stops this process may have stopped its child first.
+        watch(None).map_err(IngestError::Stopped)?;
     }
     match outcome {
         Some(outcome) if !late => Ok(outcome),
@@ -103,13 +108,10 @@ pub(super) fn run(context: &JobContext, order: &Order) -> Result<Outcome, JobFai
                     let fault = violation(code, &place.file, place.frame, "", message);
                     Ok(Outcome::Rejected(vec![fault.into()]))
                 }
-                Reason::Outside(signal) => Err(JobFailure::TryLater {
-                    code: "KILLED",
-                    message: format!(
-                        "the process that read the upload was ended from outside ({signal}), most \
-                         likely since this machine had no memory left"
-                    ),
-                }),
+                Reason::Outside(signal) => Err(IngestError::Killed(format!(
+                    "the process that read the upload was ended from outside ({signal}), most \
+                     likely since this machine had no memory left"
+                ))),
             }
         }
     }
@@ -242,7 +244,7 @@ impl Running {
         }
     }
 
-    fn wait(&mut self) -> Result<(ExitStatus, String), JobFailure> {
+    fn wait<E>(&mut self) -> Result<(ExitStatus, String), IngestError<E>> {
         let status = self.child.wait();
         // What it started may live on and hold its ends of the pipes.
         self.kill();

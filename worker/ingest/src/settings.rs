@@ -7,7 +7,7 @@ use yoto_media::Limits;
 #[derive(Debug, Clone)]
 pub struct IngestSettings {
     /// The program to start; none means this one again. Whatever it is must call
-    /// [`super::become_ingest_child_if_asked`] before anything else.
+    /// [`become_ingest_child_if_asked`](crate::become_ingest_child_if_asked) before anything else.
     pub program: Option<PathBuf>,
     /// Address space of the child, bytes.
     pub memory_bytes: u64,

@@ -1,0 +1,79 @@
+//! One upload from files to shard, by way of the child.
+
+use super::failure::{IngestError, machine};
+use super::order::{Order, Outcome, Place};
+use super::settings::IngestSettings;
+use super::supervise;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use yoto_capture::Shard;
+use yoto_media::archive::Files;
+
+/// Largest report of the check, bytes; one of 100,000 frames has a hundredth.
+const MAX_REPORT: u64 = 16 << 20;
+
+/// What an upload became.
+#[derive(Debug)]
+pub struct Ingested {
+    /// Frames for training, and their pose track.
+    pub shard: Shard,
+    /// The check's report, as JSON.
+    pub report: Vec<u8>,
+    /// What was read and how, for people.
+    pub notes: Vec<String>,
+    /// What the check warns of, for people.
+    pub warnings: Vec<String>,
+}
+
+/// Has a child process read the capture of `files`, path in it to path on this disk. `folder` is
+/// the child's own, and holds the files too.
+///
+/// `watch` is called several times a second, with the child's place whenever that is a new one;
+/// when it fails, the child is killed.
+///
+/// # Errors
+/// Whatever is wrong with the capture or with this machine, and what `watch` returned.
+pub fn ingest<E>(
+    folder: &Path,
+    files: Files,
+    settings: &IngestSettings,
+    mut watch: impl FnMut(Option<&Place>) -> Result<(), E>,
+) -> Result<Ingested, IngestError<E>> {
+    let order = Order {
+        files,
+        ..Order::new(folder, &settings.limits)
+    };
+    let prepared = match supervise::run(settings, &order, &mut watch)? {
+        Outcome::Done(prepared) => prepared,
+        Outcome::Rejected(found) => {
+            let found = found.into_iter().map(Into::into);
+            return Err(IngestError::Rejected(found.collect()));
+        }
+        Outcome::Machine(message) => return Err(IngestError::Machine(message)),
+    };
+    let bytes = std::fs::read(order.shard())
+        .map_err(|error| machine("reading the shard that was made", &error))?;
+    // The child read hostile bytes: its word is checked.
+    let shard = Shard::from_bytes(bytes)
+        .map_err(|error| IngestError::Broken(format!("the shard that was made: {error}")))?;
+    Ok(Ingested {
+        shard,
+        report: report(&order)?,
+        notes: prepared.notes,
+        warnings: prepared.warnings,
+    })
+}
+
+/// The check's report that the child wrote; JSON, whatever else.
+fn report<E>(order: &Order) -> Result<Vec<u8>, IngestError<E>> {
+    let bytes = File::open(order.check())
+        .and_then(|file| {
+            let mut bytes = Vec::new();
+            file.take(MAX_REPORT).read_to_end(&mut bytes).map(|_| bytes)
+        })
+        .map_err(|error| machine("reading the check's report", &error))?;
+    serde_json::from_slice::<serde::de::IgnoredAny>(&bytes)
+        .map_err(|error| IngestError::Broken(format!("the check's report: {error}")))?;
+    Ok(bytes)
+}
