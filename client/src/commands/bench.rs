@@ -6,7 +6,7 @@ use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
-use yoto_lab::bench::{BenchOptions, BenchReport, StepTimes, run};
+use yoto_lab::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 
 const AFTER_HELP: &str = "\
 Trains on made-up people, so that the same measurement can be run anywhere, with every part of
@@ -14,15 +14,21 @@ the model at work. Run it on a machine with nothing else to do.
 
 Examples:
   yoto bench --paper-step --json step.json
+  yoto bench --paper-step --form exact --f32-only
   yoto bench --step fast --steps 50 --settle 200";
 
 /// Time a whole training step, stage by stage.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Bench {
-    /// The paper's sizes: 6144 rays of 128 samples. Short for --step paper.
+    /// The paper's sizes: 6144 rays of 128 samples, in the forms that --form names.
     #[arg(long, conflicts_with = "step", required_unless_present = "step")]
     paper_step: bool,
+    /// What of the paper's step is computed: exact (all samples, all gradients), tuned (samples
+    /// with a likelihood from 1e-3, all their gradients) or lean (as the tier paper-lean); may be
+    /// given again [default: all three].
+    #[arg(long, value_name = "FORM", requires = "paper_step")]
+    form: Vec<StepForm>,
     /// Quality tier whose step is timed.
     #[arg(long, value_name = "TIER", value_parser = table::tier, long_help = tier_help())]
     step: Option<String>,
@@ -57,24 +63,65 @@ pub(super) struct Bench {
 
 impl Bench {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let report = run(&BenchOptions {
-            tier: self.step.unwrap_or_else(|| "paper".into()),
-            people: self.people.into(),
-            size: self.size,
-            settle: self.settle,
-            steps: self.steps,
-            frame: self.frame,
-            bf16: !self.f32_only,
-            seed: self.seed,
-            settings: self.settings,
-        })?;
+        let timed: Vec<Timed> = match (self.step, self.form) {
+            (Some(tier), _) => vec![Timed::Tier(tier)],
+            (None, forms) if forms.is_empty() => StepForm::ALL.map(Timed::Form).into(),
+            (None, forms) => forms.into_iter().map(Timed::Form).collect(),
+        };
+        let mut reports = Vec::new();
+        for what in timed {
+            let report = run(&BenchOptions {
+                what,
+                people: self.people.into(),
+                size: self.size,
+                settle: self.settle,
+                steps: self.steps,
+                frame: self.frame,
+                bf16: !self.f32_only,
+                seed: self.seed,
+                settings: self.settings.clone(),
+            })?;
+            print!("{}", shown(&report));
+            reports.push(report);
+        }
+        print!("{}", rows(&reports));
         if let Some(path) = &self.json {
-            let json = serde_json::to_vec_pretty(&report)?;
+            let json = serde_json::to_vec_pretty(&reports)?;
             std::fs::write(path, json).with_context(|| format!("writing {}", path.display()))?;
         }
-        print!("{}", shown(&report));
         Ok(())
     }
+}
+
+/// A line per form of the paper's step; nothing for other steps.
+fn rows(reports: &[BenchReport]) -> String {
+    let mut text = String::new();
+    let forms = reports.iter().filter_map(|it| Some((it.form?, it)));
+    for (name, report) in forms {
+        if text.is_empty() {
+            text = "\n| form | computed | samples | f32, s | bf16, s | f32 frame, s | bf16 frame, s |\n\
+                    |---|---|---:|---:|---:|---:|---:|\n"
+                .into();
+        }
+        let about = name.parse().map_or("", StepForm::about);
+        let step = |times: Option<&StepTimes>| {
+            times.map_or("–".to_owned(), |it| format!("{:.2}", it.step_seconds))
+        };
+        let frame = |times: Option<&StepTimes>| {
+            let seconds = times.and_then(|it| it.frame_seconds);
+            seconds.map_or("–".to_owned(), |seconds| format!("{seconds:.1}"))
+        };
+        let (single, half) = (Some(&report.f32), report.bf16.as_ref());
+        text += &format!(
+            "| {name} | {about} | {:.0} | {} | {} | {} | {} |\n",
+            report.f32.live_samples,
+            step(single),
+            step(half),
+            frame(single),
+            frame(half)
+        );
+    }
+    text
 }
 
 fn shown(report: &BenchReport) -> String {

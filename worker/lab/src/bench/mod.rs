@@ -3,7 +3,10 @@
 //! The captures are made up, so that anyone can run the same measurement. All parts of the model
 //! take part from the first step on, whatever their kick-in.
 
+mod forms;
 mod stages;
+
+pub use forms::StepForm;
 
 use crate::memory;
 use anyhow::{Context, ensure};
@@ -34,8 +37,8 @@ const STAGES: [&str; 8] = [
 /// What to measure.
 #[derive(Clone, Debug)]
 pub struct BenchOptions {
-    /// Quality tier.
-    pub tier: String,
+    /// What is timed.
+    pub what: Timed,
     /// People in the model.
     pub people: usize,
     /// Side of their pictures, pixels.
@@ -53,6 +56,15 @@ pub struct BenchOptions {
     pub seed: u64,
     /// In place of the tier's.
     pub settings: Vec<Setting>,
+}
+
+/// The step that is timed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Timed {
+    /// A quality tier's.
+    Tier(String),
+    /// A form of the paper's.
+    Form(StepForm),
 }
 
 /// One precision's figures.
@@ -80,6 +92,9 @@ pub struct StepTimes {
 pub struct BenchReport {
     /// Quality tier.
     pub tier: String,
+    /// Form of the paper's step, when one was timed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub form: Option<&'static str>,
     /// Numbers that are learned.
     pub parameters: u64,
     /// What the loss is made of.
@@ -107,9 +122,11 @@ pub struct BenchReport {
 /// When the tier is unknown, or a step fails.
 pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     ensure!(options.steps > 0, "--steps: at least 1");
-    let mut config = ModelConfig::named(&options.tier, "yoto")?;
+    let mut config = match &options.what {
+        Timed::Tier(tier) => ModelConfig::named(tier, "yoto")?.with(&options.settings)?,
+        Timed::Form(form) => form.config(&options.settings)?,
+    };
     config.schedule = config.schedule.all_at_once();
-    config = config.with(&options.settings)?;
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;
     let device = yoto_device::pick().device;
@@ -134,7 +151,11 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
         false => None,
     };
     Ok(BenchReport {
-        tier: options.tier.clone(),
+        tier: config.tier.clone(),
+        form: match options.what {
+            Timed::Form(form) => Some(form.name()),
+            Timed::Tier(_) => None,
+        },
         parameters,
         objective,
         settle: options.settle,

@@ -1,0 +1,102 @@
+//! Three forms of the paper's step, from all of its samples to what a CPU can afford, so that
+//! comparisons with other programs are like for like.
+
+use std::fmt;
+use std::str::FromStr;
+use yoto_avatar::config::{ConfigError, ModelConfig, Setting};
+
+/// What of the paper's step is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepForm {
+    /// All samples that f32 can see, all gradients: the released program, the tier `paper`.
+    Exact,
+    /// Samples under a foreground likelihood of 1e-3 left out, all gradients of the others: what
+    /// a tuned form of the released program does.
+    Tuned,
+    /// The tier `paper-lean`.
+    Lean,
+}
+
+impl StepForm {
+    /// All forms, the dearest first.
+    pub const ALL: [Self; 3] = [Self::Exact, Self::Tuned, Self::Lean];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Tuned => "tuned",
+            Self::Lean => "lean",
+        }
+    }
+
+    /// What it computes, in a table's words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Exact => "all samples, all gradients",
+            Self::Tuned => "likelihoods from 1e-3, all gradients",
+            Self::Lean => "as the tier paper-lean",
+        }
+    }
+
+    /// Its tier.
+    pub fn tier(self) -> &'static str {
+        match self {
+            Self::Exact | Self::Tuned => "paper",
+            Self::Lean => "paper-lean",
+        }
+    }
+
+    /// The configuration of the tier, with `settings` in place of its own.
+    ///
+    /// # Errors
+    /// When a setting does not exist or can't have its value.
+    pub fn config(self, settings: &[Setting]) -> Result<ModelConfig, ConfigError> {
+        let mut config = ModelConfig::named(self.tier(), "yoto")?;
+        if self == Self::Tuned {
+            config.march.epsilon = 1e-3;
+        }
+        config.with(settings)
+    }
+}
+
+impl fmt::Display for StepForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for StepForm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let named = Self::ALL.into_iter().find(|form| form.name() == text);
+        named.ok_or_else(|| format!("'{text}' is none of: exact, tuned, lean"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forms_leave_out_what_they_say() {
+        let config = |form: StepForm| form.config(&[]).expect("a configuration");
+        let exact = config(StepForm::Exact);
+        assert_eq!(
+            (exact.optimise.backward_share, exact.march.min_transmittance),
+            (1.0, 0.0)
+        );
+        assert!(exact.march.epsilon < 1e-7 && exact.march.occupancy_cells == 0);
+        let tuned = config(StepForm::Tuned);
+        assert_eq!(
+            (tuned.optimise.backward_share, tuned.march.epsilon),
+            (1.0, 1e-3)
+        );
+        assert_eq!(config(StepForm::Lean).tier, "paper-lean");
+        for form in StepForm::ALL {
+            assert_eq!(form.name().parse(), Ok(form));
+        }
+        assert!("all".parse::<StepForm>().is_err());
+    }
+}
