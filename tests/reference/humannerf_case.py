@@ -3,8 +3,9 @@
     python3 tests/reference/humannerf_case.py OUT [--small] [--size 64] [--seed 1]
 
 writes to OUT: checkpoint.tar (as torch.save writes it), canonical_joints.pkl, poses.json (a
-capture without pictures) and expected.safetensors (rgb, alpha, depth of two cameras). The
-tests of `worker/avatar/tests/humannerf.rs` compare with it: the small case is committed, a
+capture without pictures, whose rest joints are the canonical ones) and expected.safetensors
+(rgb, alpha, depth of two cameras). The
+tests of `worker/avatar/tests/humannerf` compare with it: the small case is committed, a
 full one is made on demand (YOTO_HUMANNERF_CASE=OUT).
 
 Everything is computed in float64 with numpy, from the description of the program's conventions
@@ -38,6 +39,8 @@ BANDS_NON_RIGID, BANDS_CANONICAL = 6, 10
 # The released program evaluates at this iteration, whatever the checkpoint's.
 ITERATION = 10_000_000
 KICK_IN, FULL = 10_000, 50_000
+# SMPL's template has its pelvis here, metres, and the program leaves it there.
+PELVIS = (-0.002, -0.223, 0.028)
 
 FULL_WIDTHS = dict(embedding=256, hidden=1024, channels=[512, 512, 256, 256],
                    non_rigid=128, canonical=256, pose=256)
@@ -49,7 +52,7 @@ SMALL_WIDTHS = dict(embedding=16, hidden=16, channels=[8, 8, 8, 4],
 
 
 def rest_joints():
-    """A person with stretched arms, pelvis at the origin, metres, y up."""
+    """A person with stretched arms, metres, y up."""
     half = {
         0: (0, 0, 0), 1: (.07, -.08, .01), 3: (0, .1, -.02), 4: (.1, -.47, .01), 6: (0, .24, 0),
         7: (.09, -.88, -.03), 9: (0, .3, .03), 10: (.12, -.93, .09), 12: (0, .51, -.02),
@@ -63,7 +66,7 @@ def rest_joints():
         joints[joint] = half[source]
         if mirrored:
             joints[joint, 0] *= -1
-    return np.float32(joints).astype(np.float64)
+    return np.float32(joints + PELVIS).astype(np.float64)
 
 
 def skew(v):
@@ -246,9 +249,11 @@ def corrections(net, posevec):
 
 def render(net, joints, frame, camera, size):
     poses = np.array(frame["pose"], np.float32).astype(np.float64).reshape(24, 3)
-    # The root's motion goes to the camera.
-    root = np.array(frame["translation"], np.float32) + frame["rest_root"]
-    view = np.array(camera["E"]) @ rigid(exact_rotation(poses[0]), root)
+    # The root's motion goes to the camera: the whole body turns about the origin (Rh), and then
+    # moves (Th) so that the pelvis comes to stand where the capture has it.
+    turn = exact_rotation(poses[0])
+    pelvis = np.array(frame["translation"], np.float32) + joints[0]
+    view = np.array(camera["E"]) @ rigid(turn, pelvis - turn @ joints[0])
     k = np.array(camera["K"])
     k[0, 2] -= 0.5
     k[1, 2] -= 0.5
@@ -454,21 +459,20 @@ def main():
     options.out.mkdir(parents=True, exist_ok=True)
 
     joints = rest_joints()
-    rest_root = np.array([0.02, 0.95, -0.01])
     pose = np.float32(0.25 * rng.standard_normal((24, 3)))
     pose[0] = [0.1, 0.9, -0.05]
+    target = np.array([0.12, 0.97, -0.21])
     frame = {"index": 3, "pose": pose.reshape(-1).astype(float).tolist(),
-             "translation": [float(np.float32(v)) for v in (0.1, 0.02, -0.2)]}
+             "translation": [float(np.float32(v)) for v in target - joints[0]]}
     focal = 1.25 * options.size
     k = [[focal, 0, options.size / 2], [0, focal, options.size / 2 + 1], [0, 0, 1]]
-    target = np.array([0.1, 0.95, -0.2])
     cameras = {
         "train": {"K": k, "E": look_at(np.array([0.3, 1.2, 2.6]), target).tolist()},
         "cam00": {"K": k, "E": look_at(np.array([-2.2, 1.6, 0.8]), target).tolist()},
     }
     (options.out / "poses.json").write_text(json.dumps({
         "skeleton": {"names": NAMES, "parents": PARENTS,
-                     "rest_joints": (joints + rest_root).tolist()},
+                     "rest_joints": joints.tolist()},
         "image_size": [options.size, options.size], "fps": 15.0,
         "frames": [{**frame, **cameras["train"]}],
         "eval": {"cam00": {**cameras["cam00"], "frames": [3]}},
@@ -490,7 +494,7 @@ def main():
     net = {name: values.astype(np.float64) for name, values in net.items()}
     expected = {}
     for name, camera in cameras.items():
-        seen = render(net, joints, {**frame, "rest_root": rest_root}, camera, options.size)
+        seen = render(net, joints, frame, camera, options.size)
         expected.update({f"{name}.{what}": values for what, values in seen.items()})
         print(f"{name}: mean alpha {seen['alpha'].mean():.4f}, largest {seen['alpha'].max():.4f}")
     save_safetensors(options.out / "expected.safetensors", expected)

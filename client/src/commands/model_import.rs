@@ -2,16 +2,27 @@
 
 use clap::Args;
 use std::path::PathBuf;
-use yoto_avatar::import::import_humannerf;
+use yoto_avatar::import::{HumanNerfOptions, import_humannerf};
 
 pub(super) const AFTER_HELP: &str = "\
 Writes weights.safetensors and state.json of a model of one identity, which
 `yoto render-frame` renders as the released program does. It does not train on.
-Nothing in the files is run.
+Nothing in the files is executed.
+
+Canonical joints are used as they stand in their file. A poses.json serves if the
+checkpoint was trained on joints at these very places. A model that was trained on
+joints around a pelvis at the origin needs them so.
+
+A checkpoint does not hold its training's configuration file. Its frames need N_samples;
+kick-in and full-band only matter to frames of earlier iterations.
 
 Examples:
   yoto model import-humannerf iter_400000.tar --canonical-joints canonical_joints.pkl --out p377
-  yoto model import-humannerf latest.tar --canonical-joints data/ada/poses.json --out ada";
+  yoto model import-humannerf latest.tar --canonical-joints data/ada/poses.json --out ada \\
+      --kick-in 100000 --full-band 200000";
+
+/// The program's configuration for ZJU-MoCap.
+const ZJU: HumanNerfOptions = HumanNerfOptions::ZJU_MOCAP;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportHumanNerf {
@@ -19,17 +30,41 @@ pub(super) struct ImportHumanNerf {
     #[arg(value_name = "CHECKPOINT")]
     checkpoint: PathBuf,
     /// Canonical joints: canonical_joints.pkl, a JSON list of 24 [x, y, z] in metres, or a
-    /// capture's poses.json.
+    /// capture's poses.json (its rest joints).
     #[arg(long, value_name = "FILE")]
     canonical_joints: PathBuf,
     /// Folder of the new model.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Samples per ray: N_samples of the configuration.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = ZJU.samples as u32,
+        value_parser = clap::value_parser!(u32).range(2..=4096),
+    )]
+    samples: u32,
+    /// Iteration from which the non-rigid field takes part: its kick_in_iter (wild videos: 100000).
+    #[arg(long, value_name = "N", default_value_t = ZJU.kick_in)]
+    kick_in: u64,
+    /// Iteration from which all its bands are open: its full_band_iter (wild videos: 200000).
+    #[arg(long, value_name = "N", default_value_t = ZJU.full_band)]
+    full_band: u64,
 }
 
 impl ImportHumanNerf {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let imported = import_humannerf(&self.checkpoint, &self.canonical_joints, &self.out)?;
+        let options = HumanNerfOptions {
+            samples: self.samples as usize,
+            kick_in: self.kick_in,
+            full_band: self.full_band,
+        };
+        let imported = import_humannerf(
+            &self.checkpoint,
+            &self.canonical_joints,
+            &self.out,
+            &options,
+        )?;
         let iteration = imported
             .iteration
             .map_or_else(|| "unknown".to_owned(), |iteration| iteration.to_string());
@@ -38,6 +73,13 @@ impl ImportHumanNerf {
             self.out.display(),
             imported.parameters
         );
+        if imported.root.iter().any(|v| *v != 0.0) {
+            let [x, y, z] = imported.root;
+            eprintln!(
+                "note: canonical joints are used as they stand; the root is at \
+                 [{x:.4}, {y:.4}, {z:.4}] m"
+            );
+        }
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! `yoto model info`: what a model consists of, and how large each part is.
+//! `yoto model info`: the parts of a model and the size of each.
 
 use super::{Server, table};
 use anyhow::Context;
@@ -9,8 +9,8 @@ use yoto_avatar::config::ModelConfig;
 use yoto_avatar::train::{ModelState, read_parts};
 
 pub(super) const AFTER_HELP: &str = "\
-A folder is a checkpoint's or an imported model's. A model of the service is told with
-the sizes that its tier, variant and people give.
+A folder is a checkpoint's or an imported model's. The sizes of a model of the service
+follow from its tier, variant and people.
 
 Examples:
   yoto model info checkpoints/000000002000
@@ -85,6 +85,7 @@ fn about(config: &ModelConfig, people: usize) {
         "numerics    {}",
         name(serde_json::to_value(config.numerics))
     );
+    println!("samples     {} per ray", config.march.samples);
     println!("people      {people}");
 }
 

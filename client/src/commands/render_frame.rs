@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::Numerics;
-use yoto_avatar::render::{RenderView, Rendered, Renderer};
+use yoto_avatar::render::{RenderSettings, RenderView, Rendered, Renderer};
 use yoto_capture::CaptureView;
 use yoto_lab::pictures;
 
@@ -43,10 +43,13 @@ pub(super) struct RenderFrame {
     /// Numerics to render with; the model's own when absent.
     #[arg(long, value_enum)]
     numerics: Option<NumericsName>,
-    /// With reference numerics: render as at this training iteration, as the released program's
-    /// evaluation does at ten million.
+    /// Render with what is open of the model at this iteration of its training schedule, instead
+    /// of what it has been trained to; an imported model is open as a whole.
     #[arg(long, value_name = "N")]
     iteration: Option<u64>,
+    /// Samples per ray; the model's own when absent.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=4096))]
+    samples: Option<u32>,
     /// Longest side of the picture, pixels; the capture's when absent.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=8192))]
     size: Option<u32>,
@@ -80,6 +83,13 @@ impl RenderFrame {
         if let Some(iteration) = self.iteration {
             renderer = renderer.at_iteration(iteration);
         }
+        if let Some(samples) = self.samples {
+            let settings = RenderSettings {
+                samples: samples as usize,
+                ..renderer.settings()
+            };
+            renderer = renderer.with_settings(&settings)?;
+        }
         let skeleton = renderer
             .skeleton(self.slot)
             .with_context(|| format!("the model has no identity in slot {}", self.slot))?;
@@ -97,7 +107,7 @@ impl RenderFrame {
 
 type Writer = fn(&Path, &Rendered) -> anyhow::Result<()>;
 
-/// What writes a file with this extension: asked before anything is computed.
+/// The writer of files with this extension; an unknown one fails before anything is computed.
 fn writer(path: &Path) -> anyhow::Result<Writer> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("npz") => Ok(write_npz),

@@ -1,11 +1,11 @@
 //! Checkpoints of the released HumanNeRF program as models of one identity.
 //!
 //! Its layers read the pose and an encoding as one concatenated input; ours keep a matrix for
-//! each. Importing is therefore cutting and transposing, and no number changes.
+//! each. Importing therefore cuts and transposes matrices, and no number changes.
 
 use super::joints::SMPL;
 use super::tensors::Tensors;
-use super::{ImportError, read_canonical_joints};
+use super::{HumanNerfOptions, ImportError, read_canonical_joints};
 use crate::avatar::Avatar;
 use crate::config::{DensityActivation, LayersConfig, ModelConfig, MotionForm, Numerics};
 use crate::init;
@@ -15,21 +15,23 @@ use burn::tensor::{Device, Tensor, TensorData};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
-use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// Bones with a rotation of their own, three numbers each, in the pose vector.
 const POSE: usize = 3 * (SMPL.len() - 1);
 /// A likelihood under this adds nothing to an opacity of 1 in f32. The released program evaluates
-/// such samples too, most of a frame; leaving them out changes a pixel by less than rounding does.
+/// such samples too, which are most of a frame; without them a pixel changes by less than rounding.
 const UNSEEN: f32 = f32::EPSILON / 2.0;
 /// Channels of the motion weights: the bones and the background.
 const CHANNELS: usize = SMPL.len() + 1;
 
 /// What was imported.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Imported {
     /// Iterations it was trained for, where the checkpoint says so.
     pub iteration: Option<u64>,
+    /// Canonical place of the pelvis, metres: `joints` as they stand in their file.
+    pub root: Vec3,
     /// Numbers in all its tensors.
     pub parameters: u64,
 }
@@ -38,16 +40,17 @@ pub struct Imported {
 /// to the folder `out`: its weights and its state, which render but don't train on.
 ///
 /// # Errors
-/// When a file can't be read, a tensor is missing or of another shape than HumanNeRF's networks
-/// with its widths have, or the folder can't be written.
+/// When a file can't be read, a tensor is missing or does not have its shape in HumanNeRF's
+/// networks with these widths, an option is out of its range, or the folder can't be written.
 pub fn import_humannerf(
     checkpoint: &Path,
     joints: &Path,
     out: &Path,
+    options: &HumanNerfOptions,
 ) -> Result<Imported, ImportError> {
     let rest = read_canonical_joints(joints)?;
     let mut tensors = Tensors::open(checkpoint)?;
-    let config = config_of(&tensors);
+    let config = config_of(&tensors, options);
     let mut layers = Layers {
         tensors: &mut tensors,
         values: HashMap::new(),
@@ -70,6 +73,7 @@ pub fn import_humannerf(
     tensors.finish(checkpoint)?;
     config.check().map_err(TrainError::from)?;
 
+    let root = rest.first().copied().unwrap_or_default();
     let skeleton = Skeleton {
         names: SMPL.iter().map(|(name, _)| (*name).to_owned()).collect(),
         parents: SMPL.iter().map(|(_, parent)| *parent).collect(),
@@ -97,12 +101,13 @@ pub fn import_humannerf(
     save_model(out, &state, &avatar)?;
     Ok(Imported {
         iteration,
+        root,
         parameters: avatar.num_params() as u64,
     })
 }
 
-/// HumanNeRF's configuration with the widths that the tensors' shapes tell.
-fn config_of(tensors: &Tensors) -> ModelConfig {
+/// HumanNeRF's configuration with `options` and the widths of the tensors.
+fn config_of(tensors: &Tensors, options: &HumanNerfOptions) -> ModelConfig {
     let extent = |name: &str, axis: usize, default: usize| {
         tensors.shape(name).get(axis).copied().unwrap_or(default)
     };
@@ -110,6 +115,12 @@ fn config_of(tensors: &Tensors) -> ModelConfig {
     config.numerics = Numerics::Reference;
     config.canonical.activation = DensityActivation::Relu;
     config.march.epsilon = UNSEEN;
+    config.march.samples = options.samples;
+    // Shares of a run that is long enough to open all bands.
+    let schedule = &mut config.schedule;
+    schedule.steps = schedule.steps.max(options.full_band);
+    schedule.non_rigid = options.kick_in as f64 / schedule.steps as f64;
+    schedule.all_bands = options.full_band as f64 / schedule.steps as f64;
     if let MotionForm::Deconv {
         embedding,
         hidden,
@@ -156,8 +167,8 @@ impl Layers<'_> {
         self.put(path, values);
     }
 
-    /// A fully connected layer `name` of `[output, input]`; `parts` names our matrices and the
-    /// columns that each is.
+    /// A fully connected layer `name` of `[output, input]`; `parts` are our matrices and the
+    /// columns of each.
     fn linear(&mut self, path: &str, name: &str, output: usize, parts: &[(&str, Range<usize>)]) {
         let input = parts.iter().map(|(_, columns)| columns.len()).sum();
         let weight = self

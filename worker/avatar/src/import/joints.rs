@@ -1,23 +1,26 @@
-//! Where the canonical joints of a foreign model stand: a pickle of the released HumanNeRF
-//! program's data preparation, plain JSON, or the skeleton of a capture.
+//! Canonical joints of a foreign model: a pickle of the released HumanNeRF program's data
+//! preparation, plain JSON, or the skeleton of a capture.
 
 use super::ImportError;
 use serde_json::Value as Json;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use yoto_capture::skeleton::Vec3;
 pub(super) use yoto_capture::skeleton::smpl::JOINTS as SMPL;
 use yoto_formats::{Value, pickle};
-use yoto_proto::pose_track::MAX_METRES;
 
 /// Largest file that is read, bytes: 24 joints take under a thousandth.
 const MAX_BYTES: u64 = 64 << 20;
+/// Extents of a body along its longest axis, metres: from a child to stretched arms, with room.
+const EXTENT: RangeInclusive<f64> = 0.3..=4.0;
 
-/// The 24 canonical joints, metres, in the frame of the model: of a pickle `{"joints": [24][3]}`,
-/// of JSON in the same form or as a bare list, or of a capture's `poses.json`, whose pelvis is
-/// put at the origin as the released program's captures have it.
+/// The 24 canonical joints, metres, as their file has them: a pickle `{"joints": [24][3]}`, JSON
+/// in the same form or as a bare list, or a capture's `poses.json`, whose rest joints they are.
+/// None is moved: the networks know the places that they were trained with, and the released
+/// program leaves the pelvis where SMPL's template has it.
 ///
 /// # Errors
-/// When the file is none of these, or its numbers are no positions.
+/// When the file is none of these, or its numbers are not a body's joints in metres.
 pub fn read_canonical_joints(path: &Path) -> Result<Vec<Vec3>, ImportError> {
     let failed = |message: String| ImportError::file(path, message);
     let size = std::fs::metadata(path)
@@ -36,16 +39,36 @@ pub fn read_canonical_joints(path: &Path) -> Result<Vec<Vec3>, ImportError> {
     .map_err(failed)?;
     if joints.len() != SMPL.len() {
         return Err(failed(format!(
-            "joints: {} of them, {} are needed",
+            "{} joints, {} are needed",
             joints.len(),
             SMPL.len()
         )));
     }
-    let plausible = |joint: &Vec3| joint.iter().all(|v| v.abs() <= MAX_METRES);
-    match joints.iter().position(|joint| !plausible(joint)) {
-        Some(at) => Err(failed(format!("joints[{at}]: not a position in metres"))),
-        None => Ok(joints),
+    plausible(&joints).map_err(failed)?;
+    Ok(joints)
+}
+
+/// Refuses what can't be a body in metres: it would render as an empty frame.
+fn plausible(joints: &[Vec3]) -> Result<(), String> {
+    let finite = |joint: &Vec3| joint.iter().all(|v| v.is_finite());
+    if let Some(at) = joints.iter().position(|joint| !finite(joint)) {
+        return Err(format!("joints[{at}]: not a position"));
     }
+    let extent = |a: usize| {
+        let along = joints.iter().map(|joint| joint[a]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    let longest = (0..3).map(extent).fold(0.0, f64::max);
+    if EXTENT.contains(&longest) {
+        return Ok(());
+    }
+    let hint = match longest > *EXTENT.end() {
+        true => "; are these millimetres?",
+        false => "",
+    };
+    Err(format!(
+        "joints: a body of {longest:.3} from end to end; metres are expected{hint}"
+    ))
 }
 
 fn from_json(bytes: &[u8]) -> Result<Vec<Vec3>, String> {
@@ -61,12 +84,7 @@ fn from_json(bytes: &[u8]) -> Result<Vec<Vec3>, String> {
         if !parents.iter().eq(SMPL.iter().map(|(_, parent)| parent)) {
             return Err("skeleton.parents: not the 24 joints of SMPL".into());
         }
-        let mut joints = positions(skeleton.get("rest_joints"), "skeleton.rest_joints")?;
-        let root = joints.first().copied().unwrap_or_default();
-        for joint in &mut joints {
-            *joint = std::array::from_fn(|a| joint[a] - root[a]);
-        }
-        return Ok(joints);
+        return positions(skeleton.get("rest_joints"), "skeleton.rest_joints");
     }
     positions(Some(json.get("joints").unwrap_or(&json)), "joints")
 }
@@ -98,7 +116,7 @@ mod tests {
     }
 
     fn list() -> Vec<Vec3> {
-        (0..24).map(|k| [f64::from(k), 0.5, -1.0]).collect()
+        (0..24).map(|k| [0.1 * f64::from(k), 0.5, -1.0]).collect()
     }
 
     #[test]
@@ -113,14 +131,13 @@ mod tests {
             .collect();
         let capture = serde_json::json!({"skeleton": {"parents": parents, "rest_joints": list()}});
         let joints = read("poses.json", &serde_json::to_vec(&capture).expect("json"));
-        let joints = joints.expect("a capture");
-        assert_eq!((joints[0], joints[3]), ([0.0; 3], [3.0, 0.0, 0.0]));
+        assert_eq!(joints.expect("a capture"), list(), "nothing is moved");
     }
 
     #[test]
     fn what_is_no_list_of_24_is_refused() {
         for (bytes, part) in [
-            (b"[[1,2,3]]".as_slice(), "1 of them, 24 are needed"),
+            (b"[[1,2,3]]".as_slice(), "1 joints, 24 are needed"),
             (b"[[1,2]]", "not a list of [x, y, z]"),
             (b"{\"skeleton\": {\"parents\": [-1]}}", "skeleton.parents"),
             (b"", "ends"),
@@ -128,5 +145,28 @@ mod tests {
             let error = read("a", bytes).expect_err(part).to_string();
             assert!(error.contains(part), "{error}");
         }
+    }
+
+    #[test]
+    fn bodies_of_other_sizes_than_people_are_refused() {
+        let scaled = |factor: f64| {
+            let joints: Vec<Vec3> = list().iter().map(|j| j.map(|v| v * factor)).collect();
+            read("joints.json", &serde_json::to_vec(&joints).expect("json"))
+        };
+        for fine in [0.25, 1.0, 1.7] {
+            assert!(scaled(fine).is_ok(), "{fine}");
+        }
+        let error = scaled(1000.0).expect_err("millimetres").to_string();
+        for part in [
+            "joints.json",
+            "a body of 2300.000",
+            "are these millimetres?",
+        ] {
+            assert!(error.contains(part), "{error}");
+        }
+        let error = scaled(0.1).expect_err("a doll").to_string();
+        assert!(error.contains("a body of 0.230"), "{error}");
+        assert!(error.contains("metres are expected"), "{error}");
+        assert!(!error.contains("millimetres"), "{error}");
     }
 }

@@ -2,10 +2,12 @@
 
 pub mod humannerf;
 mod joints;
+mod options;
 mod tensors;
 
 pub use humannerf::{Imported, import_humannerf};
 pub use joints::read_canonical_joints;
+pub use options::HumanNerfOptions;
 
 use crate::train::TrainError;
 use thiserror::Error;
@@ -21,12 +23,20 @@ pub enum ImportError {
         /// What is wrong.
         message: String,
     },
+    /// A file of PyTorch without HumanNeRF's networks.
+    #[error("{file} holds no network: {message}")]
+    NoNetwork {
+        /// Path.
+        file: String,
+        /// What it holds instead.
+        message: String,
+    },
     /// Tensors are missing or not what they should be; each entry names one. Never empty.
-    #[error("{file}: {} of its tensors don't fit: {}", .faults.len(), .faults.join("; "))]
+    #[error("{file}: {} of its tensors do not fit: {}", .faults.len(), .faults.join("; "))]
     Tensors {
         /// Path.
         file: String,
-        /// A line a tensor.
+        /// One line per tensor.
         faults: Vec<String>,
     },
     /// The model can't be made or written.

@@ -2,6 +2,7 @@
 
 use super::ImportError;
 use burn::store::pytorch_reader::{DType, PytorchError, PytorchReader, Tensor};
+use burn::tensor::{bf16, f16};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,6 +11,13 @@ use std::path::Path;
 const NETWORK: &str = "network";
 /// What wrappers for several devices put into names.
 const WRAPPER: &str = "module";
+/// What the names of HumanNeRF's tensors begin with.
+const PARTS: [&str; 4] = [
+    "mweight_vol_decoder",
+    "non_rigid_mlp",
+    "cnl_mlp",
+    "pose_decoder",
+];
 
 /// Names without wrappers, and the tensors behind them.
 pub(super) struct Tensors {
@@ -19,7 +27,7 @@ pub(super) struct Tensors {
     faults: Vec<String>,
 }
 
-/// The part of a checkpoint that is no tensor.
+/// The part of a checkpoint outside its tensors.
 #[derive(Deserialize)]
 struct Meta {
     iter: Option<u64>,
@@ -27,9 +35,15 @@ struct Meta {
 
 impl Tensors {
     /// Reads names and shapes; values come when asked for.
+    ///
+    /// # Errors
+    /// When the file is not one that PyTorch wrote, or holds none of HumanNeRF's tensors.
     pub fn open(path: &Path) -> Result<Self, ImportError> {
         let reader = match PytorchReader::with_top_level_key(path, NETWORK) {
-            Err(PytorchError::KeyNotFound(_)) => PytorchReader::new(path),
+            // A bare state dict, or no dict at all.
+            Err(PytorchError::KeyNotFound(_) | PytorchError::InvalidFormat(_)) => {
+                PytorchReader::new(path)
+            }
             reader => reader,
         }
         .map_err(|error| {
@@ -39,12 +53,27 @@ impl Tensors {
             let parts: Vec<&str> = name.split('.').filter(|part| *part != WRAPPER).collect();
             parts.join(".")
         };
+        let by_name: BTreeMap<String, Tensor> = reader
+            .into_tensors()
+            .into_iter()
+            .map(|(name, tensor)| (plain(name), tensor))
+            .collect();
+        let known = |name: &String| PARTS.iter().any(|part| name.starts_with(part));
+        if !by_name.keys().any(known) {
+            let message = match by_name.keys().next() {
+                None => "it has no tensors".to_owned(),
+                Some(name) => format!(
+                    "none of its {} tensors is one of HumanNeRF's, the first is '{name}'",
+                    by_name.len()
+                ),
+            };
+            return Err(ImportError::NoNetwork {
+                file: path.display().to_string(),
+                message,
+            });
+        }
         Ok(Self {
-            by_name: reader
-                .into_tensors()
-                .into_iter()
-                .map(|(name, tensor)| (plain(name), tensor))
-                .collect(),
+            by_name,
             iteration: PytorchReader::load_config::<Meta, _>(path, None)
                 .ok()
                 .and_then(|meta| meta.iter),
@@ -57,8 +86,8 @@ impl Tensors {
         self.by_name.get(name).map_or(&[], Tensor::shape)
     }
 
-    /// The tensor's numbers, which must be floats in `shape`. A fault is kept for
-    /// [`Self::finish`], so that all of them can be told at once.
+    /// The tensor's numbers, which must be floats in `shape`. [`Self::finish`] reports the faults
+    /// of all tensors at once.
     pub fn take(&mut self, name: &str, shape: &[usize]) -> Vec<f32> {
         match self.read(name, shape) {
             Ok(values) => values,
@@ -80,22 +109,13 @@ impl Tensors {
                 tensor.shape()
             ));
         }
-        let bytes = match tensor.dtype() {
-            DType::F32 | DType::F64 => tensor.read().map_err(|error| format!("{name}: {error}"))?,
-            other => return Err(format!("{name} has numbers of type {other:?}, not floats")),
-        };
+        let bytes = tensor.read().map_err(|error| format!("{name}: {error}"))?;
         let values: Vec<f32> = match tensor.dtype() {
-            DType::F64 => {
-                let (numbers, _) = bytes.as_chunks::<8>();
-                numbers
-                    .iter()
-                    .map(|b| f64::from_ne_bytes(*b) as f32)
-                    .collect()
-            }
-            _ => {
-                let (numbers, _) = bytes.as_chunks::<4>();
-                numbers.iter().map(|b| f32::from_ne_bytes(*b)).collect()
-            }
+            DType::F64 => each(&bytes, |b| f64::from_ne_bytes(b) as f32),
+            DType::F32 => each(&bytes, f32::from_ne_bytes),
+            DType::F16 => each(&bytes, |b| f16::from_ne_bytes(b).to_f32()),
+            DType::BF16 => each(&bytes, |b| bf16::from_ne_bytes(b).to_f32()),
+            other => return Err(format!("{name} has numbers of type {other:?}, not floats")),
         };
         match values.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(format!("{name}[{at}] is not a finite number")),
@@ -104,7 +124,7 @@ impl Tensors {
     }
 
     /// # Errors
-    /// All that [`Self::take`] met.
+    /// All faults of [`Self::take`].
     pub fn finish(self, path: &Path) -> Result<(), ImportError> {
         if self.faults.is_empty() {
             return Ok(());
@@ -114,4 +134,10 @@ impl Tensors {
             faults: self.faults,
         })
     }
+}
+
+/// The numbers of `N` bytes each in `bytes`.
+fn each<const N: usize>(bytes: &[u8], number: impl Fn([u8; N]) -> f32) -> Vec<f32> {
+    let (numbers, _) = bytes.as_chunks::<N>();
+    numbers.iter().map(|b| number(*b)).collect()
 }

@@ -208,18 +208,27 @@ pub(super) fn save(
     save_model(dir, state, avatar)
 }
 
-/// Writes the files that rendering needs: weights and state.
+/// Writes the files that rendering needs: weights and state. The same model gives the same bytes.
 pub(crate) fn save_model(
     dir: &Path,
     state: &ModelState,
     avatar: &Avatar,
 ) -> Result<(), TrainError> {
-    let path = dir.join(files::WEIGHTS);
-    let mut store = SafetensorsStore::from_file(&path).overwrite(true);
-    avatar.save_into(&mut store).map_err(|e| failed(&path, e))?;
+    let weights = dir.join(files::WEIGHTS);
+    // Burn's own three entries come in an order that changes from run to run.
+    let mut store = SafetensorsStore::from_file(&weights)
+        .overwrite(true)
+        .clear_metadata()
+        .metadata("format", "safetensors");
+    avatar
+        .save_into(&mut store)
+        .map_err(|e| failed(&weights, e))?;
     let path = dir.join(files::STATE);
     let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
-    std::fs::write(&path, json).map_err(|e| failed(&path, e))
+    std::fs::write(&path, json).map_err(|e| failed(&path, e))?;
+    // Burn's file began as a temporary one, which only its owner may read.
+    let permissions = std::fs::metadata(&path).map_err(|e| failed(&path, e))?;
+    std::fs::set_permissions(&weights, permissions.permissions()).map_err(|e| failed(&weights, e))
 }
 
 /// The model of a state with the weights in `dir`, grown to `slots` identities when it has
