@@ -83,7 +83,7 @@ fn composites(device: &Device) {
         steps: vec![0.02; n].into(),
         depths: (0..n).map(|i| 2.0 + 0.02 * (i % SAMPLES) as f32).collect(),
         min_transmittance: 1e-3,
-        thinning: None,
+        subsampling: None,
     };
     let flat = |scale| Tensor::<1>::from_data(TensorData::new(many(n, scale), [n]), device);
     let rgb = Tensor::<2>::from_data(TensorData::new(many(3 * n, 1.0), [n, 3]), device);

@@ -89,7 +89,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
         steps: samples.steps.as_slice().into(),
         depths: samples.depths.as_slice().into(),
         min_transmittance: 0.0,
-        thinning: None,
+        subsampling: None,
     };
     let seen = reference::composite(fields.rgb, fields.density, likelihood, &along);
     let rays = batch.rays.len();

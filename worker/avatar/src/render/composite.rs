@@ -2,7 +2,7 @@
 //! marched samples.
 
 use super::march::Samples;
-use crate::ops::composite::{self, Thinning};
+use crate::ops::composite::{self, GradientSubsampling};
 use burn::tensor::Tensor;
 
 /// What rays see.
@@ -17,11 +17,11 @@ pub struct Composite {
 
 /// Composites live samples: `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]`. What is
 /// behind a transmittance under `min_transmittance` weighs nothing; 0 stops no ray. Gradients
-/// flow to the samples that `thinning` leaves.
+/// flow to the samples that `subsampling` keeps.
 pub fn composite(
     samples: &Samples,
     min_transmittance: f32,
-    thinning: Option<Thinning>,
+    subsampling: Option<GradientSubsampling>,
     rgb: Tensor<2>,
     density: Tensor<1>,
     likelihood: Tensor<1>,
@@ -31,7 +31,7 @@ pub fn composite(
         steps: samples.steps.as_slice().into(),
         depths: samples.depths.as_slice().into(),
         min_transmittance,
-        thinning,
+        subsampling,
     };
     let rays = samples.rays;
     let seen = composite::composite(rgb, density, likelihood, &along);

@@ -9,7 +9,7 @@ use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
-use crate::ops::composite::{Light, cpu::opacity};
+use crate::ops::composite::{RayAccumulator, opacity};
 use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
@@ -321,7 +321,7 @@ impl Renderer {
         };
         let ends = &samples.starts()[1..];
         let mut next = samples.starts();
-        let mut lights = vec![Light::START; rays.len()];
+        let mut sums = vec![RayAccumulator::START; rays.len()];
         let mut active: Vec<usize> = (0..rays.len()).filter(|&r| next[r] < ends[r]).collect();
         let mut wave = match settings.min_transmittance > 0.0 {
             true => FIRST_WAVE,
@@ -342,27 +342,27 @@ impl Renderer {
             let mut fields = rgb.as_chunks::<3>().0.iter().zip(&density);
             for &ray in &active {
                 let last = ends[ray].min(next[ray].saturating_add(wave));
-                let light = &mut lights[ray];
+                let sums = &mut sums[ray];
                 // Also takes the values of the samples that turn out to be hidden.
                 for (i, (rgb, density)) in (next[ray]..last).zip(fields.by_ref()) {
-                    if light.clear >= settings.min_transmittance {
+                    if sums.transmittance >= settings.min_transmittance {
                         let alpha = opacity(*density, samples.steps[i], samples.likelihoods[i]);
-                        light.add(rgb, alpha, samples.depths[i]);
+                        sums.add(rgb, alpha, samples.depths[i]);
                     }
                 }
                 next[ray] = last;
             }
             active.retain(|&ray| {
-                next[ray] < ends[ray] && lights[ray].clear >= settings.min_transmittance
+                next[ray] < ends[ray] && sums[ray].transmittance >= settings.min_transmittance
             });
             wave = wave.saturating_mul(2);
         }
-        for (light, (pixel, _)) in lights.iter().zip(batch) {
+        for (sums, (pixel, _)) in sums.iter().zip(batch) {
             for (c, background) in background.iter().enumerate() {
-                frame.rgb[3 * pixel + c] = light.rgb[c] + (1.0 - light.alpha) * background;
+                frame.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;
             }
-            frame.alpha[*pixel] = light.alpha;
-            frame.depth[*pixel] = light.depth;
+            frame.alpha[*pixel] = sums.alpha;
+            frame.depth[*pixel] = sums.depth;
         }
         frame.counts += counts;
         Ok(())

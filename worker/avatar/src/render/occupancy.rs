@@ -12,7 +12,7 @@
 //! known yet: a cell is left out only when everything within the largest offset seen is empty.
 
 use crate::config::MarchConfig;
-use crate::ops::composite::cpu::opacity;
+use crate::ops::composite::opacity;
 use crate::ops::warp::WarpGrid;
 
 /// Levels are the leading bits of a float: eight for each power of two.

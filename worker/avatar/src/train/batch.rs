@@ -9,7 +9,7 @@ use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective, Patches, total};
 use crate::motion::body::Body;
-use crate::ops::composite::Thinning;
+use crate::ops::composite::GradientSubsampling;
 use crate::render::RenderError;
 use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
@@ -119,15 +119,17 @@ pub fn outcome(
     };
     let _span = trace_span!("composite").entered();
     let share = config.optimise.backward_share;
-    let thinning = jitter.filter(|_| share < 1.0).map(|rng| Thinning {
-        share,
-        density_scale: config.canonical.density_scale,
-        seed: rng.random(),
-    });
+    let subsampling = jitter
+        .filter(|_| share < 1.0)
+        .map(|rng| GradientSubsampling {
+            share,
+            density_scale: config.canonical.density_scale,
+            seed: rng.random(),
+        });
     let seen = composite(
         &samples,
         config.march.min_transmittance,
-        thinning,
+        subsampling,
         values.rgb,
         values.density,
         likelihood,

@@ -142,7 +142,7 @@ fn rays(rng: &mut ChaCha8Rng, count: usize, min_transmittance: f32) -> RaySample
         steps: (0..n).map(|_| rng.random_range(0.01..0.2)).collect(),
         depths: (0..n).map(|i| 1.0 + 0.1 * i as f32).collect(),
         min_transmittance,
-        thinning: None,
+        subsampling: None,
     }
 }
 
@@ -270,7 +270,7 @@ fn of_nothing_comes_nothing() {
             steps: Vec::new().into(),
             depths: Vec::new().into(),
             min_transmittance: 0.0,
-            thinning: None,
+            subsampling: None,
         };
         let line = Tensor::<1>::zeros([0], &vulkan);
         let seen = composite::composite(none, line.clone(), line, &samples);

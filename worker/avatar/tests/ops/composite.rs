@@ -16,7 +16,7 @@ fn ray_samples(rng: &mut ChaCha8Rng, min_transmittance: f32) -> RaySamples {
         steps: (0..n).map(|_| rng.random_range(0.01..0.1)).collect(),
         depths: (0..n).map(|_| rng.random_range(1.0..4.0)).collect(),
         min_transmittance,
-        thinning: None,
+        subsampling: None,
     }
 }
 
@@ -92,7 +92,7 @@ fn an_early_stop_costs_at_most_its_bound_and_leaves_exact_zeros() {
     for bound in [1e-3, 1e-2] {
         let samples = RaySamples {
             min_transmittance: bound,
-            thinning: None,
+            subsampling: None,
             ..whole.clone()
         };
         let stopped = look(&samples);

@@ -1,12 +1,40 @@
 //! The Adam update on CPU threads, in place.
 
-use super::AdamRates;
+use super::{AdamOps, AdamRates};
+use burn::backend::{Flex, tensor::FloatTensor};
 use rayon::prelude::*;
 
-/// Numbers a task: 4 arrays of 32 KiB stay in the L2 cache.
+/// Numbers per task: 4 arrays of 32 KiB stay in the second-level cache.
 const BLOCK: usize = 8192;
 
+impl AdamOps for Flex {
+    fn adam_update(
+        param: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        moment_1: FloatTensor<Self>,
+        moment_2: FloatTensor<Self>,
+        rates: AdamRates,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let grad = grad.to_contiguous();
+        // The given handles are dropped here: while two are held, a write copies the numbers.
+        let contiguous = |tensor: FloatTensor<Self>| tensor.to_contiguous();
+        let [mut param, mut moment_1, mut moment_2] = [param, moment_1, moment_2].map(contiguous);
+        // `storage_mut` copies first when another tensor still shares the memory.
+        update(
+            param.storage_mut(),
+            grad.storage(),
+            moment_1.storage_mut(),
+            moment_2.storage_mut(),
+            rates,
+        );
+        (param, moment_1, moment_2)
+    }
+}
+
 /// See [`super::update`].
+///
+/// # Panics
+/// If the lengths differ.
 pub fn update(
     param: &mut [f32],
     grad: &[f32],
@@ -14,6 +42,12 @@ pub fn update(
     moment_2: &mut [f32],
     rates: AdamRates,
 ) {
+    let lengths = [grad.len(), moment_1.len(), moment_2.len()];
+    assert_eq!(
+        lengths,
+        [param.len(); 3],
+        "gradient and moments of a parameter"
+    );
     let blocks = param
         .par_chunks_mut(BLOCK)
         .zip(grad.par_chunks(BLOCK))

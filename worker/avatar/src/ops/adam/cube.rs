@@ -1,12 +1,26 @@
-//! The Adam update on a GPU, in place where nobody else holds the memory.
+//! The Adam update on a GPU, in place where no other tensor shares the memory.
 
-use super::AdamRates;
+use super::{AdamOps, AdamRates};
 use crate::ops::cube::tensors::{each, rows};
+use burn::backend::tensor::FloatTensor;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 
+impl AdamOps for CubeBackend {
+    fn adam_update(
+        param: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        moment_1: FloatTensor<Self>,
+        moment_2: FloatTensor<Self>,
+        rates: AdamRates,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        update(param, grad, moment_1, moment_2, rates)
+    }
+}
+
 /// See [`super::update`].
-pub fn update(
+fn update(
     param: CubeTensor,
     grad: CubeTensor,
     moment_1: CubeTensor,

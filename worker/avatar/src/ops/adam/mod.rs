@@ -1,30 +1,31 @@
 //! One Adam update in one pass over memory. Burn's own takes about ten, which on tables of
 //! a million numbers costs more than the rest of the step.
 
+mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub(super) mod cube;
+mod cube;
 pub mod reference;
 
-use super::{AvatarOps, has_own_form};
-use burn::backend::Dispatch;
+use super::has_own_form;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
 /// The scalars of an update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdamRates {
-    /// Learning rate with both bias corrections in it.
+    /// Learning rate, corrected for the bias of both moments.
     pub rate: f32,
     /// Decay of the first moment.
     pub beta_1: f32,
     /// Decay of the second moment.
     pub beta_2: f32,
-    /// Added to the root of the second moment, already divided by its bias correction.
+    /// Added to the root of the second moment: ε times the root of that moment's bias correction.
     pub epsilon: f32,
 }
 
 impl AdamRates {
-    /// For the update number `time`, from 1 on.
+    /// Scalars of update number `time`, counted from 1.
     pub fn new(learning_rate: f64, beta_1: f64, beta_2: f64, epsilon: f64, time: usize) -> Self {
         let time = time.min(i32::MAX as usize) as i32;
         let root = (1.0 - beta_2.powi(time)).sqrt();
@@ -38,7 +39,25 @@ impl AdamRates {
     }
 }
 
-/// Parameter and moments after the update.
+/// The Adam update as a backend implements it. Call [`update`] instead: it chooses the form for
+/// the tensors' device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
+pub trait AdamOps: Backend {
+    /// See [`update`].
+    #[fusion(meta = |param, _, moment_1, moment_2, _| {
+        (param.clone(), moment_1.clone(), moment_2.clone())
+    })]
+    fn adam_update(
+        param: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        moment_1: FloatTensor<Self>,
+        moment_2: FloatTensor<Self>,
+        rates: AdamRates,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// Parameter and both moments after the update, of the same shapes. All four tensors have as
+/// many numbers.
 pub fn update<const D: usize>(
     param: Tensor<D>,
     grad: Tensor<D>,

@@ -1,4 +1,4 @@
-//! The Adam update in Burn's own tensor operations.
+//! The Adam update in Burn's own tensor operations, which the tests compare the other forms with.
 
 use super::AdamRates;
 use burn::tensor::Tensor;

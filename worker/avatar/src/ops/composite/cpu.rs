@@ -1,87 +1,108 @@
 //! Compositing on CPU threads, ray by ray.
 //!
-//! Backward needs no division by 1 − α, which can be 0: it carries from far to near what a
-//! unit of light that passes a sample would still see, B ← α v + (1 − α) B, and the gradient
-//! to a sample's α is T (v − B), v being its value along the output's gradient.
+//! The backward pass needs no division by 1 − α, which can be 0. From far to near, it carries the
+//! value B that the samples behind would add per unit of light, B ← α v + (1 − α) B; the gradient
+//! to a sample's α is T (v − B), where v is the product of the output's gradient and the sample's
+//! colour, opacity and depth.
 
-use super::{OPAQUE, RaySamples};
+use super::accumulator::{RayAccumulator, opacity, transmitted};
+use super::{CompositeOps, RaySamples};
+use crate::ops::flex::tensor;
+use burn::backend::{Flex, tensor::FloatTensor};
 use rayon::prelude::*;
 
-/// Rays a task: enough to hide the hand-over.
+/// Rays per task: enough that starting tasks takes no noticeable time.
 const BLOCK: usize = 128;
 
-/// What a ray has seen so far, over black.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Light {
-    /// Σ T α c.
-    pub rgb: [f32; 3],
-    /// Σ T α.
-    pub alpha: f32,
-    /// Σ T α z, metres.
-    pub depth: f32,
-    /// T: what still comes through.
-    pub clear: f32,
-}
+impl CompositeOps for Flex {
+    fn composite(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> FloatTensor<Self> {
+        let [rgb, density, likelihood] =
+            [rgb, density, likelihood].map(|tensor| tensor.to_contiguous());
+        let output = forward(
+            rgb.storage(),
+            density.storage(),
+            likelihood.storage(),
+            &samples,
+        );
+        tensor(output, [samples.rays(), 5])
+    }
 
-impl Light {
-    /// Before the first sample.
-    pub const START: Self = Self {
-        rgb: [0.0; 3],
-        alpha: 0.0,
-        depth: 0.0,
-        clear: 1.0,
-    };
-
-    /// Adds a sample of opacity `alpha` behind the ones before.
-    #[inline(always)]
-    pub fn add(&mut self, rgb: &[f32], alpha: f32, depth: f32) {
-        let weight = self.clear * alpha;
-        for (sum, channel) in self.rgb.iter_mut().zip(rgb) {
-            *sum += weight * channel;
-        }
-        self.alpha += weight;
-        self.depth += weight * depth;
-        self.clear *= through(alpha);
+    fn composite_backward(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let [rgb, density, likelihood, grad] =
+            [rgb, density, likelihood, grad].map(|tensor| tensor.to_contiguous());
+        let to = backward(
+            rgb.storage(),
+            density.storage(),
+            likelihood.storage(),
+            grad.storage(),
+            &samples,
+        );
+        let n = to.density.len();
+        (
+            tensor(to.rgb, [n, 3]),
+            tensor(to.density, [n]),
+            tensor(to.likelihood, [n]),
+        )
     }
 }
 
-/// What a sample lets through. In two sums: 1 + 1e-10 is 1 in f32.
-#[inline(always)]
-fn through(alpha: f32) -> f32 {
-    1.0 - alpha + OPAQUE
-}
-
-/// Opacity of a sample of `density` 1/m, `step` metres long.
-#[inline(always)]
-pub fn opacity(density: f32, step: f32, likelihood: f32) -> f32 {
-    (1.0 - (-density * step).exp()) * likelihood
+/// Checks that there are values for all samples.
+fn check(rgb: &[f32], density: &[f32], likelihood: &[f32], samples: &RaySamples) {
+    let n = samples.starts[samples.rays()];
+    let lengths = [
+        density.len(),
+        likelihood.len(),
+        samples.steps.len(),
+        samples.depths.len(),
+    ];
+    assert!(
+        rgb.len() == 3 * n && lengths == [n; 4],
+        "{n} samples of rays, but {} numbers of colours and {lengths:?} densities, likelihoods, \
+         steps and depths",
+        rgb.len()
+    );
 }
 
 /// `[R, 5]` as in [`super::composite`].
+///
+/// # Panics
+/// If the numbers of samples differ.
 pub fn forward(rgb: &[f32], density: &[f32], likelihood: &[f32], samples: &RaySamples) -> Vec<f32> {
+    check(rgb, density, likelihood, samples);
     let mut output = vec![0f32; samples.rays() * 5];
     output
         .par_chunks_mut(5 * BLOCK)
         .zip(samples.starts.par_windows(2).chunks(BLOCK))
         .for_each(|(output, rays)| {
             for (out, ray) in output.chunks_exact_mut(5).zip(rays) {
-                let mut light = Light::START;
+                let mut sums = RayAccumulator::START;
                 for i in ray[0]..ray[1] {
-                    if light.clear < samples.min_transmittance {
+                    if sums.transmittance < samples.min_transmittance {
                         break;
                     }
                     let alpha = opacity(density[i], samples.steps[i], likelihood[i]);
-                    light.add(&rgb[3 * i..3 * i + 3], alpha, samples.depths[i]);
+                    sums.add(&rgb[3 * i..3 * i + 3], alpha, samples.depths[i]);
                 }
-                out[..3].copy_from_slice(&light.rgb);
-                out[3] = light.alpha;
-                out[4] = light.depth;
+                out[..3].copy_from_slice(&sums.rgb);
+                out[3] = sums.alpha;
+                out[4] = sums.depth;
             }
         });
     output
 }
 
-/// Gradients to rgb `[n, 3]`, density `[n]` and likelihood `[n]`.
+/// Gradients to the inputs of [`forward`].
 pub struct Gradients {
     /// `[n, 3]`.
     pub rgb: Vec<f32>,
@@ -92,6 +113,9 @@ pub struct Gradients {
 }
 
 /// Gradients of [`forward`] from `grad` `[R, 5]`.
+///
+/// # Panics
+/// If the numbers of samples or rays differ.
 pub fn backward(
     rgb: &[f32],
     density: &[f32],
@@ -99,6 +123,8 @@ pub fn backward(
     grad: &[f32],
     samples: &RaySamples,
 ) -> Gradients {
+    check(rgb, density, likelihood, samples);
+    assert_eq!(grad.len(), 5 * samples.rays(), "numbers of the gradient");
     let n = density.len();
     let mut to = Gradients {
         rgb: vec![0f32; 3 * n],
@@ -125,23 +151,23 @@ pub fn backward(
         .into_par_iter()
         .for_each(|(rays, to_rgb, to_density, to_likelihood)| {
             let offset = samples.starts[rays.start];
-            // Transmittance before each sample, and what is left of it after.
+            // Transmittance before each sample, and exp(−σ δ) of the sample.
             let mut passed: Vec<[f32; 2]> = Vec::new();
             for ray in rays {
                 let (start, end) = (samples.starts[ray], samples.starts[ray + 1]);
                 let g = &grad[5 * ray..5 * ray + 5];
                 passed.clear();
-                let mut clear = 1f32;
+                let mut transmittance = 1f32;
                 for i in start..end {
-                    if clear < samples.min_transmittance {
+                    if transmittance < samples.min_transmittance {
                         break;
                     }
                     let left = (-density[i] * samples.steps[i]).exp();
-                    passed.push([clear, left]);
-                    clear *= through((1.0 - left) * likelihood[i]);
+                    passed.push([transmittance, left]);
+                    transmittance *= transmitted((1.0 - left) * likelihood[i]);
                 }
                 let mut behind = 0f32;
-                for (i, [clear, left]) in (start..start + passed.len()).zip(&passed).rev() {
+                for (i, [transmittance, left]) in (start..start + passed.len()).zip(&passed).rev() {
                     let alpha = (1.0 - left) * likelihood[i];
                     let colour = &rgb[3 * i..3 * i + 3];
                     let value = g[0] * colour[0]
@@ -149,19 +175,19 @@ pub fn backward(
                         + g[2] * colour[2]
                         + g[3]
                         + g[4] * samples.depths[i];
-                    let to_alpha = clear * (value - behind);
+                    let to_alpha = transmittance * (value - behind);
                     let at = i - offset;
                     for (to, g) in to_rgb[3 * at..3 * at + 3].iter_mut().zip(g) {
-                        *to = g * clear * alpha;
+                        *to = g * transmittance * alpha;
                     }
                     to_density[at] = to_alpha * likelihood[i] * samples.steps[i] * left;
                     to_likelihood[at] = to_alpha * (1.0 - left);
-                    behind = alpha * value + through(alpha) * behind;
+                    behind = alpha * value + transmitted(alpha) * behind;
                 }
             }
         });
-    if let Some(thinning) = &samples.thinning {
-        thinning.apply(rgb, density, likelihood, &mut to);
+    if let Some(subsampling) = &samples.subsampling {
+        subsampling.apply(rgb, density, likelihood, &mut to);
     }
     to
 }

@@ -1,14 +1,37 @@
 //! Compositing on a GPU: a thread walks a ray front to back, and for gradients back again, as
 //! `cpu` does.
 
-use super::{OPAQUE, RaySamples};
+use super::{CompositeOps, OPAQUE, RaySamples};
 use crate::ops::cube::tensors::{each, empty, rows, upload, zeros};
+use burn::backend::tensor::FloatTensor;
 use burn::tensor::Shape;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 
+impl CompositeOps for CubeBackend {
+    fn composite(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> FloatTensor<Self> {
+        forward(rgb, density, likelihood, &samples)
+    }
+
+    fn composite_backward(
+        rgb: FloatTensor<Self>,
+        density: FloatTensor<Self>,
+        likelihood: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        samples: RaySamples,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        backward(rgb, density, likelihood, grad, &samples)
+    }
+}
+
 /// `[R, 5]` as in [`super::composite`].
-pub fn forward(
+fn forward(
     rgb: CubeTensor,
     density: CubeTensor,
     likelihood: CubeTensor,
@@ -22,7 +45,7 @@ pub fn forward(
     let client = output.client.clone();
     if samples.rays() > 0 {
         let (count, dim) = each(&client, samples.rays());
-        see::launch(
+        composite_ray::launch(
             &client,
             count,
             dim,
@@ -39,7 +62,7 @@ pub fn forward(
 }
 
 /// Gradients to rgb `[n, 3]`, density `[n]` and likelihood `[n]`, from `grad` `[R, 5]`.
-pub fn backward(
+fn backward(
     rgb: CubeTensor,
     density: CubeTensor,
     likelihood: CubeTensor,
@@ -55,7 +78,7 @@ pub fn backward(
     let client = rgb.client.clone();
     if samples.rays() > 0 && n > 0 {
         let (count, dim) = each(&client, samples.rays());
-        feel::launch(
+        composite_ray_backward::launch(
             &client,
             count,
             dim,
@@ -78,21 +101,22 @@ fn starts(samples: &RaySamples) -> Vec<u32> {
     samples.starts.iter().map(|start| *start as u32).collect()
 }
 
-/// `[n, 2]` in one buffer: some drivers bind no more than ten.
+/// `[n, 2]` in one buffer: some drivers bind at most ten.
 fn steps_and_depths(samples: &RaySamples) -> Vec<f32> {
     let pairs = samples.steps.iter().zip(samples.depths.iter());
     pairs.flat_map(|(step, depth)| [*step, *depth]).collect()
 }
 
-/// What a sample of opacity `alpha` lets through. In two sums: 1 + 1e-10 is 1 in f32.
+/// Share of the light that passes a sample of opacity `alpha`. In two sums: 1 + 1e-10 is 1 in
+/// f32.
 #[cube]
-fn through(alpha: f32) -> f32 {
+fn transmitted(alpha: f32) -> f32 {
     (1.0 - alpha) + OPAQUE
 }
 
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn see(
+fn composite_ray(
     rgb: &[f32],
     density: &[f32],
     likelihood: &[f32],
@@ -107,7 +131,7 @@ fn see(
     }
     let end = starts[ray + 1] as usize;
     let mut i = starts[ray] as usize;
-    let mut clear = 1.0f32;
+    let mut transmittance = 1.0f32;
     let mut red = 0.0f32;
     let mut green = 0.0f32;
     let mut blue = 0.0f32;
@@ -115,15 +139,15 @@ fn see(
     let mut depth = 0.0f32;
     while i < end {
         let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
-        let weight = clear * alpha;
+        let weight = transmittance * alpha;
         red += weight * rgb[3 * i];
         green += weight * rgb[3 * i + 1];
         blue += weight * rgb[3 * i + 2];
         opacity += weight;
         depth += weight * lengths[2 * i + 1];
-        clear *= through(alpha);
+        transmittance *= transmitted(alpha);
         i += 1;
-        if clear < min_transmittance {
+        if transmittance < min_transmittance {
             i = end;
         }
     }
@@ -136,7 +160,7 @@ fn see(
 
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn feel(
+fn composite_ray_backward(
     rgb: &[f32],
     density: &[f32],
     likelihood: &[f32],
@@ -161,16 +185,16 @@ fn feel(
     let to_depth = grad[5 * ray + 4];
 
     // Front to back. The transmittance before a sample waits in its density's gradient.
-    let mut clear = 1.0f32;
+    let mut transmittance = 1.0f32;
     let mut stop = start;
     let mut open = true;
     for i in start..end {
-        to_density[i] = clear;
+        to_density[i] = transmittance;
         if open {
             stop = i + 1;
             let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
-            clear *= through(alpha);
-            if clear < min_transmittance {
+            transmittance *= transmitted(alpha);
+            if transmittance < min_transmittance {
                 open = false;
             }
         } else {
@@ -182,7 +206,7 @@ fn feel(
         }
     }
 
-    // Back to front, with what a unit of light that passes the sample would still see.
+    // Back to front, with the value that the samples behind would add per unit of light.
     let mut behind = 0.0f32;
     for k in 0..stop - start {
         let i = stop - 1 - k;
@@ -201,6 +225,6 @@ fn feel(
         to_rgb[3 * i + 2] = blue * weight;
         to_density[i] = to_alpha * likelihood[i] * lengths[2 * i] * left;
         to_likelihood[i] = to_alpha * (1.0 - left);
-        behind = alpha * value + through(alpha) * behind;
+        behind = alpha * value + transmitted(alpha) * behind;
     }
 }

@@ -1,4 +1,4 @@
-//! Compositing in Burn's own tensor operations: what the other forms must equal.
+//! Compositing in Burn's own tensor operations, which the tests compare the other forms with.
 //! Transmittance is a sum of logarithms, whose gradient is finite where α = 1.
 
 use super::{OPAQUE, RaySamples};
@@ -14,7 +14,7 @@ pub fn composite(
     let device = rgb.device();
     let (n, rays) = (samples.steps.len(), samples.rays());
     let counts = samples.starts.windows(2).map(|pair| pair[1] - pair[0]);
-    // One more than any ray has: the last place of a row holds nothing.
+    // One more than the longest ray has: the last place of a row is always empty.
     let per_ray = counts.max().unwrap_or(0) + 1;
     let mut owners = Vec::with_capacity(n);
     let mut places = Vec::with_capacity(n);
@@ -36,8 +36,8 @@ pub fn composite(
     );
     // In two sums: 1 + 1e-10 is 1 in f32, and the logarithm of an opaque sample would be −∞.
     let clear = (grid.reshape([rays, per_ray]).neg() + 1.0 + OPAQUE).log();
-    // Exclusive: a sample is dimmed by those before it. Its own term is never part of the sum:
-    // taking it off again would leave a rounding, which the gradient divides by 1 − α.
+    // Exclusive: only the samples before a sample dim it. Its own term is never part of the sum:
+    // subtracting it again would leave a rounding error, which the gradient divides by 1 − α.
     let nothing = Tensor::<2>::zeros([rays, 1], &device);
     let earlier = clear.slice([0..rays, 0..per_ray - 1]);
     let before = Tensor::cat(vec![nothing, earlier.cumsum(1)], 1);

@@ -8,9 +8,9 @@ use cubecl::prelude::*;
 /// How a kernel adds to a float that other threads add to as well.
 #[cube]
 pub(in crate::ops) trait AddFloat: Send + Sync + 'static {
-    /// What the float's four bytes are bound as.
+    /// The type that the float's four bytes are bound as.
     type Bound: Numeric;
-    /// `sum += value`, whole against other threads' additions. Adding 0 touches nothing.
+    /// `sum += value`, atomically. Adding 0 does not touch memory.
     fn add(sum: &mut Atomic<Self::Bound>, value: f32);
 }
 
@@ -18,8 +18,8 @@ pub(in crate::ops) trait AddFloat: Send + Sync + 'static {
 #[derive(CubeType)]
 pub(in crate::ops) struct Native;
 
-/// By comparing and exchanging the float's bits until no other thread came between: for
-/// devices without the former (SwiftShader, older mobile GPUs).
+/// By comparing and exchanging the float's bits until no other thread interferes: for devices
+/// without atomic additions of floats (SwiftShader, older mobile GPUs).
 #[derive(CubeType)]
 pub(in crate::ops) struct Exchanging;
 
@@ -53,10 +53,10 @@ impl AddFloat for Exchanging {
     }
 }
 
-/// What [`AddFloat`] binds a buffer of floats as.
+/// The element type that `A` binds a buffer of floats as.
 pub(in crate::ops) type Bound<A> = <A as AddFloat>::Bound;
 
-/// Whether [`Native`] is to be had.
+/// Whether the device has the additions of [`Native`].
 pub(in crate::ops) fn adds_natively(client: &Client) -> bool {
     client
         .properties()
@@ -64,7 +64,8 @@ pub(in crate::ops) fn adds_natively(client: &Client) -> bool {
         .contains(AtomicUsage::Add)
 }
 
-/// Launches the form of a kernel generic over [`AddFloat`] that the device can run.
+/// Launches a kernel that is generic over [`AddFloat`], with the implementation that the device
+/// can run.
 macro_rules! launch_adding {
     ($kernel:ident, $client:expr, $($argument:expr),+ $(,)?) => {
         if $crate::ops::cube::adding::adds_natively($client) {

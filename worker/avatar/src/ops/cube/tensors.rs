@@ -7,16 +7,16 @@ use burn_cubecl::tensor::CubeTensor;
 use cubecl::calculate_cube_count_elemwise;
 use cubecl::prelude::*;
 
-/// Row after row without gaps.
+/// The tensor's numbers row after row, without gaps.
 ///
 /// # Panics
-/// When it is not of `f32`: no other type reaches the operations.
+/// If the tensor is not of `f32`: no other type reaches the operations.
 pub(in crate::ops) fn rows(tensor: CubeTensor) -> CubeTensor {
     assert_eq!(tensor.dtype, DType::F32, "the kernels compute in f32");
     into_contiguous(tensor)
 }
 
-/// Fresh memory where `beside` lies.
+/// A new tensor of undefined numbers on the device of `beside`.
 pub(in crate::ops) fn empty(beside: &CubeTensor, shape: Shape) -> CubeTensor {
     // As one row, since rows of more than one may be padded.
     let flat = Shape::new([shape.num_elements()]);
@@ -24,7 +24,7 @@ pub(in crate::ops) fn empty(beside: &CubeTensor, shape: Shape) -> CubeTensor {
     shaped(empty_device_dtype(client, device, flat, DType::F32), shape)
 }
 
-/// The same, of zeros.
+/// A new tensor of zeros on the device of `beside`.
 pub(in crate::ops) fn zeros(beside: &CubeTensor, shape: Shape) -> CubeTensor {
     let flat = Shape::new([shape.num_elements()]);
     let (client, device) = (beside.client.clone(), beside.device.clone());
@@ -42,7 +42,7 @@ pub(in crate::ops) fn upload<E: CubeElement>(client: &Client, values: &[E]) -> B
     unsafe { BufferArg::from_raw_parts(handle, values.len()) }
 }
 
-/// One thread for each of `threads`, of which a kernel sends the surplus home.
+/// Launch size of at least `threads` threads; kernels end the surplus ones.
 pub(in crate::ops) fn each(client: &Client, threads: usize) -> (CubeCount, CubeDim) {
     let dim = CubeDim::new(client, threads);
     (calculate_cube_count_elemwise(client, threads, dim), dim)

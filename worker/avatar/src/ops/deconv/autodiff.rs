@@ -1,52 +1,39 @@
-//! Connects the hand-written backward form to Burn's automatic differentiation.
+//! Gradients of the transposed convolution. They flow to the volume and to the kernels.
 
-use crate::ops::CpuOps;
+use super::DeconvOps;
+use crate::ops::autodiff::{Saved, constants, record};
 use burn::backend::{
-    Autodiff, Backend,
-    autodiff::{
-        checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
-        grads::Gradients,
-        ops::{Backward, Ops, OpsKind},
-    },
-    tensor::FloatTensor,
+    Autodiff, Backend, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
 };
 
-#[derive(Debug)]
-struct DeconvBackward;
+#[derive(Clone, Debug)]
+struct SavedDeconv<B: Backend> {
+    volume: FloatTensor<B>,
+    kernels: FloatTensor<B>,
+}
 
-impl<B: Backend + CpuOps> Backward<B, 2> for DeconvBackward {
-    type State = (FloatTensor<B>, FloatTensor<B>);
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let [volume_node, kernels_node] = ops.parents;
-        let grad = grads.consume::<B>(&ops.node);
-        let (volume, kernels) = ops.state;
-        let (to_volume, to_kernels) = B::deconv_backward(volume, kernels, grad);
-        if let Some(node) = volume_node {
-            grads.register::<B>(node.id, to_volume);
-        }
-        if let Some(node) = kernels_node {
-            grads.register::<B>(node.id, to_kernels);
-        }
+impl<B: DeconvOps> Saved<B, 2> for SavedDeconv<B> {
+    fn gradients(self, grad: FloatTensor<B>, _: [bool; 2]) -> [FloatTensor<B>; 2] {
+        B::deconv_backward(self.volume, self.kernels, grad).into()
     }
 }
 
-/// See [`super::double`].
-pub fn double<B: Backend + CpuOps, C: CheckpointStrategy>(
-    volume: FloatTensor<Autodiff<B, C>>,
-    kernels: FloatTensor<Autodiff<B, C>>,
-) -> FloatTensor<Autodiff<B, C>> {
-    let nodes = [volume.node(), kernels.node()];
-    let (volume, kernels) = (volume.into_primitive(), kernels.into_primitive());
-    match DeconvBackward
-        .prepare::<C>(nodes)
-        .compute_bound()
-        .stateful()
-    {
-        OpsKind::Tracked(prep) => {
+impl<B: DeconvOps, C: CheckpointStrategy> DeconvOps for Autodiff<B, C> {
+    fn deconv(volume: FloatTensor<Self>, kernels: FloatTensor<Self>) -> FloatTensor<Self> {
+        record::<B, C, _, _>([volume, kernels], |[volume, kernels]| {
             let output = B::deconv(volume.clone(), kernels.clone());
-            prep.finish((volume, kernels), output)
-        }
-        OpsKind::UnTracked(prep) => prep.finish(B::deconv(volume, kernels)),
+            (output, SavedDeconv { volume, kernels })
+        })
+    }
+
+    fn deconv_backward(
+        volume: FloatTensor<Self>,
+        kernels: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        constants::<B, C, _, _>([volume, kernels, grad], |[volume, kernels, grad]| {
+            B::deconv_backward(volume, kernels, grad).into()
+        })
+        .into()
     }
 }

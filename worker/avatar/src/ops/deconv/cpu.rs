@@ -1,13 +1,69 @@
-//! What stands before and behind the matrix products: a product of kernels and volume has, for each
-//! output channel, kernel node and input voxel, what that voxel gives through that node. Folding
-//! adds these up where they land; unfolding is its transpose.
+//! The transposed convolution on CPU threads, around the matrix products of the Flex backend, which
+//! read transposed factors without a copy.
+//!
+//! The product of kernels and volume has, for each output channel, kernel node and input voxel, the
+//! contribution of that voxel through that node. Folding adds up the contributions to each output
+//! voxel; unfolding is its transpose.
 
-use super::{KERNEL, NODES, PADDING, STRIDE};
+use super::{DeconvOps, KERNEL, NODES, PADDING, STRIDE};
+use crate::ops::flex::tensor;
+use burn::backend::{Flex, TensorMetadata, ops::FloatTensorOps, tensor::FloatTensor};
+use burn::tensor::Shape;
+use burn_flex::FlexTensor;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// `columns` `[O, 4, 4, 4, D, D, D]` added up to `[O, 2D, 2D, 2D]`.
-pub fn fold(columns: &[f32], side: usize) -> Vec<f32> {
+impl DeconvOps for Flex {
+    fn deconv(volume: FloatTensor<Self>, kernels: FloatTensor<Self>) -> FloatTensor<Self> {
+        let (side, volume) = flat(volume);
+        let (channels, matrix) = matrix(kernels);
+        let columns = product(matrix.transpose(0, 1), volume).to_contiguous();
+        let output = fold(columns.storage(), side);
+        let doubled = STRIDE * side;
+        tensor(output, [channels, doubled, doubled, doubled])
+    }
+
+    fn deconv_backward(
+        volume: FloatTensor<Self>,
+        kernels: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let shapes = [volume.shape(), kernels.shape()];
+        let (side, volume) = flat(volume);
+        let (channels, matrix) = matrix(kernels);
+        let columns = unfold(grad.to_contiguous().storage(), side);
+        let columns = tensor(columns, [channels * NODES, side.pow(3)]);
+        let to_volume = product(matrix, columns.clone());
+        let to_kernels = product(volume, columns.transpose(0, 1));
+        let [volume, kernels] = shapes;
+        (to_volume.reshape(volume), to_kernels.reshape(kernels))
+    }
+}
+
+fn product(left: FlexTensor, right: FlexTensor) -> FlexTensor {
+    <Flex as FloatTensorOps<Flex>>::float_matmul(left, right)
+}
+
+/// Voxels per side of `volume`, and the volume as `[I, D³]`.
+fn flat(volume: FlexTensor) -> (usize, FlexTensor) {
+    let (channels, side) = (volume.shape()[0], volume.shape()[1]);
+    let flat = volume
+        .to_contiguous()
+        .reshape(Shape::new([channels, side.pow(3)]));
+    (side, flat)
+}
+
+/// Output channels of `kernels`, and the kernels as `[I, O · 4³]`.
+fn matrix(kernels: FlexTensor) -> (usize, FlexTensor) {
+    let (input, output) = (kernels.shape()[0], kernels.shape()[1]);
+    let matrix = kernels
+        .to_contiguous()
+        .reshape(Shape::new([input, output * NODES]));
+    (output, matrix)
+}
+
+/// The sums `[O, 2D, 2D, 2D]` of the contributions `columns` `[O, 4, 4, 4, D, D, D]`.
+fn fold(columns: &[f32], side: usize) -> Vec<f32> {
     let (voxels, doubled) = (side.pow(3), STRIDE * side);
     let channels = columns.len() / (NODES * voxels);
     let mut output = vec![0f32; channels * doubled.pow(3)];
@@ -29,8 +85,9 @@ pub fn fold(columns: &[f32], side: usize) -> Vec<f32> {
     output
 }
 
-/// `output` `[O, 2D, 2D, 2D]` as the columns `[O, 4, 4, 4, D, D, D]` that it feeds back to.
-pub fn unfold(output: &[f32], side: usize) -> Vec<f32> {
+/// The gradient `[O, 4, 4, 4, D, D, D]` to the contributions, from the gradient `output`
+/// `[O, 2D, 2D, 2D]` to their sums.
+fn unfold(output: &[f32], side: usize) -> Vec<f32> {
     let (voxels, doubled) = (side.pow(3), STRIDE * side);
     let channels = output.len() / doubled.pow(3);
     let mut columns = vec![0f32; channels * NODES * voxels];
@@ -53,7 +110,7 @@ pub fn unfold(output: &[f32], side: usize) -> Vec<f32> {
     columns
 }
 
-/// z, y, x of a kernel's node.
+/// z, y, x of a kernel node.
 fn axes(node: usize) -> [usize; 3] {
     [
         node / KERNEL / KERNEL,
@@ -62,17 +119,17 @@ fn axes(node: usize) -> [usize; 3] {
     ]
 }
 
-/// The inputs along an axis of `side` whose place through kernel node `node` lies in the output, and
-/// the first of these places.
+/// The inputs along an axis of `side` that contribute through kernel node `node` to voxels inside
+/// the output, and the first of these voxels.
 fn landing(node: usize, side: usize) -> (Range<usize>, usize) {
-    // Input i lands at 2i + node − 1, which must be in 0 .. 2·side.
+    // Input i contributes to 2i + node − 1, which must be in 0 .. 2·side.
     let first = usize::from(node < PADDING);
     let last = (STRIDE * side + PADDING - node).div_ceil(STRIDE).min(side);
     (first..last, STRIDE * first + node - PADDING)
 }
 
-/// Calls `work` with the start of each row of input voxels along x that lands in the output, and of
-/// the row where it lands.
+/// Calls `work` for each row of input voxels along x that contributes to the output, with the start
+/// of that row and of the output's row.
 fn each_row(nodes: [usize; 3], side: usize, mut work: impl FnMut(usize, usize)) {
     let doubled = STRIDE * side;
     let (inputs, first_z) = landing(nodes[0], side);
@@ -90,13 +147,13 @@ mod tests {
 
     #[test]
     fn inputs_land_inside() {
-        // Of one voxel, the two middle nodes of the kernel are seen.
-        let seen: Vec<_> = (0..KERNEL).map(|node| landing(node, 1)).collect();
-        assert_eq!(seen[1], (0..1, 0));
-        assert_eq!(seen[2], (0..1, 1));
-        assert!(seen[0].0.is_empty() && seen[3].0.is_empty());
+        // Of a single voxel, only the two middle nodes of the kernel contribute.
+        let found: Vec<_> = (0..KERNEL).map(|node| landing(node, 1)).collect();
+        assert_eq!(found[1], (0..1, 0));
+        assert_eq!(found[2], (0..1, 1));
+        assert!(found[0].0.is_empty() && found[3].0.is_empty());
         // Of three, the outer nodes lose one each.
-        let seen: Vec<_> = (0..KERNEL).map(|node| landing(node, 3)).collect();
-        assert_eq!(seen, [(1..3, 1), (0..3, 0), (0..3, 1), (0..2, 2)]);
+        let found: Vec<_> = (0..KERNEL).map(|node| landing(node, 3)).collect();
+        assert_eq!(found, [(1..3, 1), (0..3, 0), (0..3, 1), (0..2, 2)]);
     }
 }

@@ -1,4 +1,4 @@
-//! The transposed convolution of Burn: what the other forms must equal.
+//! Burn's own transposed convolution, which the tests compare the other form with.
 
 use super::{PADDING, STRIDE};
 use burn::tensor::Tensor;

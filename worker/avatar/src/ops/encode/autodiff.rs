@@ -1,48 +1,40 @@
-//! Connects the hand-written backward form to Burn's automatic differentiation.
+//! Gradients of frequency encodings. They flow to the points.
 
-use super::Bands;
-use crate::ops::GpuOps;
+use super::{Bands, EncodeOps};
+use crate::ops::autodiff::{Saved, constants, record};
 use burn::backend::{
-    Autodiff, Backend,
-    autodiff::{
-        checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
-        grads::Gradients,
-        ops::{Backward, Ops, OpsKind},
-    },
-    tensor::FloatTensor,
+    Autodiff, Backend, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
 };
 
-#[derive(Debug)]
-struct FrequenciesBackward;
+#[derive(Clone, Debug)]
+struct SavedFrequencies<B: Backend> {
+    /// The result: the slope of a sine is its cosine.
+    encoded: FloatTensor<B>,
+    bands: Bands,
+}
 
-impl<B: Backend + GpuOps> Backward<B, 1> for FrequenciesBackward {
-    /// The encoded points: a sine's slope is its cosine.
-    type State = (FloatTensor<B>, Bands);
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let [node] = ops.parents;
-        let grad = grads.consume::<B>(&ops.node);
-        let (encoded, bands) = ops.state;
-        if let Some(node) = node {
-            let to_points = B::frequencies_backward(encoded, grad, bands);
-            grads.register::<B>(node.id, to_points);
-        }
+impl<B: EncodeOps> Saved<B, 1> for SavedFrequencies<B> {
+    fn gradients(self, grad: FloatTensor<B>, _: [bool; 1]) -> [FloatTensor<B>; 1] {
+        [B::frequencies_backward(self.encoded, grad, self.bands)]
     }
 }
 
-/// See [`super::frequencies`].
-pub fn frequencies<B: Backend + GpuOps, C: CheckpointStrategy>(
-    points: FloatTensor<Autodiff<B, C>>,
-    bands: Bands,
-) -> FloatTensor<Autodiff<B, C>> {
-    let nodes = [points.node()];
-    let encoded = B::frequencies(points.into_primitive(), bands.clone());
-    match FrequenciesBackward
-        .prepare::<C>(nodes)
-        .compute_bound()
-        .stateful()
-    {
-        OpsKind::Tracked(prep) => prep.finish((encoded.clone(), bands), encoded),
-        OpsKind::UnTracked(prep) => prep.finish(encoded),
+impl<B: EncodeOps, C: CheckpointStrategy> EncodeOps for Autodiff<B, C> {
+    fn frequencies(points: FloatTensor<Self>, bands: Bands) -> FloatTensor<Self> {
+        record::<B, C, _, _>([points], |[points]| {
+            let encoded = B::frequencies(points, bands.clone());
+            (encoded.clone(), SavedFrequencies { encoded, bands })
+        })
+    }
+
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: Bands,
+    ) -> FloatTensor<Self> {
+        let [to_points] = constants::<B, C, _, _>([encoded, grad], |[encoded, grad]| {
+            [B::frequencies_backward(encoded, grad, bands)]
+        });
+        to_points
     }
 }

@@ -1,22 +1,39 @@
 //! The encoding on a GPU: a thread for each coordinate and band.
 
-use super::Bands;
+use super::{Bands, EncodeOps};
 use crate::ops::cube::tensors::{each, empty, rows, upload};
+use burn::backend::tensor::FloatTensor;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 
-/// Quarter turns a radian.
+impl EncodeOps for CubeBackend {
+    fn frequencies(points: FloatTensor<Self>, bands: Bands) -> FloatTensor<Self> {
+        forward(points, &bands)
+    }
+
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: Bands,
+    ) -> FloatTensor<Self> {
+        backward(encoded, grad, &bands)
+    }
+}
+
+/// Quarter turns per radian.
 const QUARTERS: f32 = std::f32::consts::FRAC_2_PI;
 /// A quarter turn in three parts (Cephes), of which the first two have so few bits that products
 /// with [`LARGEST`] · [`QUARTERS`] quarters are exact.
 const HIGH: f32 = 1.570_312_5;
 const MIDDLE: f32 = 4.837_513e-4;
 const LOW: f32 = 7.549_79e-8;
-/// Angles over this, radians, are the driver's: under it the reduced angle is right to 1e-7.
+/// Angles over this, radians, go to the driver's functions: up to it the reduced angle has an
+/// error of 1e-7.
 const LARGEST: f32 = 8192.0;
 
 /// `[N, 2 C bands]` as in [`super::frequencies`].
-pub fn forward(points: CubeTensor, bands: &Bands) -> CubeTensor {
+fn forward(points: CubeTensor, bands: &Bands) -> CubeTensor {
     let points = rows(points);
     let encoded = empty(&points, super::output_shape(points.meta.shape(), bands));
     let client = points.client.clone();
@@ -37,9 +54,9 @@ pub fn forward(points: CubeTensor, bands: &Bands) -> CubeTensor {
     encoded
 }
 
-/// Gradient to the points `[N, C]`, from them encoded and the gradient to that, both
+/// Gradient to the points `[N, C]`, from the encoded points and the gradient to them, both
 /// `[N, 2 C bands]`.
-pub fn backward(encoded: CubeTensor, grad: CubeTensor, bands: &Bands) -> CubeTensor {
+fn backward(encoded: CubeTensor, grad: CubeTensor, bands: &Bands) -> CubeTensor {
     let (encoded, grad) = (rows(encoded), rows(grad));
     let shape = super::points_shape(encoded.meta.shape(), bands);
     let (coordinates, threads) = (shape[1], shape.num_elements());
@@ -61,7 +78,7 @@ pub fn backward(encoded: CubeTensor, grad: CubeTensor, bands: &Bands) -> CubeTen
     to_points
 }
 
-/// Radians a metre and weight of each band, one after the other.
+/// Radians per metre and weight of each band, one after the other.
 fn numbers(bands: &Bands) -> Vec<f32> {
     bands
         .each()
@@ -75,7 +92,8 @@ struct Turned {
     cosine: f32,
 }
 
-/// Both within 2e-7: a multiple of a quarter turn is taken off, and polynomials serve the rest.
+/// Sine and cosine of an angle in radians, with errors of at most 2e-7: a multiple of a quarter
+/// turn is subtracted, and polynomials are evaluated at the rest.
 #[cube]
 fn turned(angle: f32) -> Turned {
     let quarters = f32::round(angle * QUARTERS);

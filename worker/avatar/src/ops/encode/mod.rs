@@ -1,26 +1,28 @@
 //! Frequency encodings γ of points.
 
 #[cfg(feature = "gpu")]
-pub(super) mod autodiff;
+mod autodiff;
 #[cfg(feature = "gpu")]
-pub(super) mod cube;
+mod cube;
 pub mod reference;
 
+#[cfg(feature = "gpu")]
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
 /// The bands that points are encoded in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bands {
-    /// How many.
+    /// Number of bands.
     pub count: usize,
-    /// Radians a metre of the first; each further one has twice as many.
+    /// Radians per metre of the first band; each further one has twice as many.
     pub unit: f32,
-    /// Each band's weight; bands past its end have none. All are whole without one.
+    /// Weight of each band; bands past its end have weight 0. Without a window all have weight 1.
     pub window: Option<Vec<f32>>,
 }
 
 impl Bands {
-    /// Bands of full weight.
+    /// Bands of weight 1.
     pub fn new(count: usize, unit: f32) -> Self {
         Self {
             count,
@@ -29,7 +31,7 @@ impl Bands {
         }
     }
 
-    /// Radians a metre and weight of each.
+    /// Radians per metre and weight of each band.
     pub fn each(&self) -> impl Iterator<Item = (f32, f32)> {
         let weight = |band| match &self.window {
             Some(window) => window.get(band).copied().unwrap_or(0.0),
@@ -39,28 +41,45 @@ impl Bands {
     }
 }
 
+/// The encoding as a backend implements it; CPUs have the reference. Call [`frequencies`] instead.
+#[cfg(feature = "gpu")]
+#[backend_extension(Autodiff, Cube, Fusion)]
+pub trait EncodeOps: Backend {
+    /// Forward of [`frequencies`].
+    #[fusion(dtype = points, shape = output_shape(points, bands))]
+    fn frequencies(points: FloatTensor<Self>, bands: Bands) -> FloatTensor<Self>;
+    /// Gradient of [`frequencies`] to the points, from the encoded points.
+    #[fusion(meta = |encoded, _, bands| {
+        let mut to_points = encoded.clone();
+        to_points.shape = points_shape(&encoded.shape, bands);
+        to_points
+    })]
+    fn frequencies_backward(
+        encoded: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        bands: Bands,
+    ) -> FloatTensor<Self>;
+}
+
 /// sin and cos of `points` `[N, C]` times each band's radians, times its weight, band by band: sin
-/// of all coordinates, then cos → `[N, 2 C bands]`. On a GPU with sines of our own: Vulkan promises
-/// 2⁻¹¹ between −π and π and nothing beyond, where high bands are.
+/// of all coordinates, then cos → `[N, 2 C bands]`. A GPU computes its sines by a polynomial:
+/// Vulkan guarantees an error of 2⁻¹¹ between −π and π and nothing beyond, where high bands are.
 pub fn frequencies(points: Tensor<2>, bands: &Bands) -> Tensor<2> {
     #[cfg(feature = "gpu")]
     if super::on_gpu(&points.device()) {
-        return Tensor::from_dispatch(<burn::backend::Dispatch as super::GpuOps>::frequencies(
-            points.into_dispatch(),
-            bands.clone(),
-        ));
+        return Tensor::from_dispatch(Dispatch::frequencies(points.into_dispatch(), bands.clone()));
     }
     reference::frequencies(points, bands)
 }
 
-/// Of the encoding of `points`.
+/// Shape of the encoding of `points` of this shape.
 #[cfg(feature = "gpu")]
-pub(super) fn output_shape(points: &burn::tensor::Shape, bands: &Bands) -> burn::tensor::Shape {
+fn output_shape(points: &burn::tensor::Shape, bands: &Bands) -> burn::tensor::Shape {
     burn::tensor::Shape::new([points[0], 2 * points[1] * bands.count])
 }
 
-/// Of the points that `encoded` encodes.
+/// Shape of the points whose encoding has this shape.
 #[cfg(feature = "gpu")]
-pub(super) fn points_shape(encoded: &burn::tensor::Shape, bands: &Bands) -> burn::tensor::Shape {
+fn points_shape(encoded: &burn::tensor::Shape, bands: &Bands) -> burn::tensor::Shape {
     burn::tensor::Shape::new([encoded[0], encoded[1] / (2 * bands.count).max(1)])
 }

@@ -1,4 +1,4 @@
-//! The encoding in Burn's own tensor operations: what the other form must equal.
+//! The encoding in Burn's own tensor operations, which the tests compare the other form with.
 
 use super::Bands;
 use burn::tensor::Tensor;

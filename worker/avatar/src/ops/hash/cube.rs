@@ -1,14 +1,36 @@
 //! The hash grid on a GPU: a thread for each point and level, neighbours in a wave being
 //! neighbours in the list of points, so that they often read the same rows.
 
-use super::HashGrid;
+use super::{HashGrid, HashOps};
 use crate::ops::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::ops::cube::tensors::{each, empty, rows, upload, zeros};
+use burn::backend::tensor::FloatTensor;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 
+impl HashOps for CubeBackend {
+    fn hash_encode(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: HashGrid,
+    ) -> FloatTensor<Self> {
+        forward(table, points, &grid)
+    }
+
+    fn hash_encode_backward(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: HashGrid,
+        needs_points_grad: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        backward(table, points, grad, &grid, needs_points_grad)
+    }
+}
+
 /// `[N, L F]` as in [`super::encode`].
-pub fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTensor {
+fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTensor {
     let (table, points) = (rows(table), rows(points));
     let output = empty(&points, super::output_shape(points.meta.shape(), grid));
     let client = output.client.clone();
@@ -30,20 +52,20 @@ pub fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTe
     output
 }
 
-/// Gradients to the table (same shape) and, if `points_too`, the points `[N, 3]`, from `grad`
+/// Gradients to the table (same shape) and, if `needs_points_grad`, the points `[N, 3]`, from `grad`
 /// `[N, L F]`.
-pub fn backward(
+fn backward(
     table: CubeTensor,
     points: CubeTensor,
     grad: CubeTensor,
     grid: &HashGrid,
-    points_too: bool,
+    needs_points_grad: bool,
 ) -> (CubeTensor, CubeTensor) {
     let (table, points, grad) = (rows(table), rows(points), rows(grad));
     let to_table = zeros(&table, table.meta.shape().clone());
     let to_points = empty(
         &points,
-        super::points_gradient_shape(points.meta.shape(), points_too),
+        super::points_gradient_shape(points.meta.shape(), needs_points_grad),
     );
     let client = points.client.clone();
     let n = points.meta.shape()[0];
@@ -61,7 +83,7 @@ pub fn backward(
             cube_of(grid),
             grid.features,
         );
-        if points_too {
+        if needs_points_grad {
             let (count, dim) = each(&client, n);
             slope::launch(
                 &client,
@@ -80,7 +102,7 @@ pub fn backward(
     (to_table, to_points)
 }
 
-/// Numbers a level takes in the kernels' list: cells, first row, rows, whether plainly numbered.
+/// Numbers per level in the kernels' list: cells, first row, rows, 1 if it is dense.
 const LEVEL: usize = 4;
 
 fn levels(grid: &HashGrid) -> Vec<u32> {
@@ -108,12 +130,12 @@ struct Cover {
     side: f32,
 }
 
-/// Where a point lies along an axis of a level.
+/// Position of a point along an axis of a level.
 #[derive(CubeType, Clone, Copy)]
 struct Axis {
     low: u32,
     part: f32,
-    /// Cells a metre; 0 outside the cube, whose border stands for what is beyond it.
+    /// Cells per metre; 0 outside the cube, where the features are those of its border.
     slope: f32,
 }
 
@@ -149,7 +171,7 @@ fn row(levels: &[u32], level: usize, x: u32, y: u32, z: u32) -> usize {
     (levels[at + 1] + row) as usize
 }
 
-/// Share of a node on an axis: that of the upper one is the part.
+/// Share of a node along an axis: `part` for the upper one, the rest for the lower one.
 #[cube]
 fn share(part: f32, upper: u32) -> f32 {
     let mut share = 1.0 - part;
@@ -159,7 +181,7 @@ fn share(part: f32, upper: u32) -> f32 {
     share
 }
 
-/// The share's derivative by the part.
+/// Derivative of the share with respect to `part`.
 #[cube]
 fn sign(upper: u32) -> f32 {
     2.0 * f32::cast_from(upper) - 1.0
@@ -225,13 +247,13 @@ fn spread<A: AddFloat>(
     let level = ABSOLUTE_POS / n;
     let i = ABSOLUTE_POS % n;
     let from = (i * count + level) * features;
-    // Most rows are exactly zero where rays are stopped early.
-    let mut felt = false;
+    // Most rows are exactly zero where rays end early.
+    let mut has_grad = false;
     #[unroll]
     for f in 0..features {
-        felt = felt || grad[from + f] != 0.0;
+        has_grad = has_grad || grad[from + f] != 0.0;
     }
-    if felt {
+    if has_grad {
         let cells = levels[LEVEL * level];
         let x = axis(points[3 * i], cover.min_x, cover.side, cells);
         let y = axis(points[3 * i + 1], cover.min_y, cover.side, cells);
@@ -270,12 +292,12 @@ fn slope(
     let mut to_z = 0.0f32;
     for level in 0..count {
         let from = (i * count + level) * features;
-        let mut felt = false;
+        let mut has_grad = false;
         #[unroll]
         for f in 0..features {
-            felt = felt || grad[from + f] != 0.0;
+            has_grad = has_grad || grad[from + f] != 0.0;
         }
-        if felt {
+        if has_grad {
             let cells = levels[LEVEL * level];
             let x = axis(points[3 * i], cover.min_x, cover.side, cells);
             let y = axis(points[3 * i + 1], cover.min_y, cover.side, cells);

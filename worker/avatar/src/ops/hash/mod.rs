@@ -1,48 +1,49 @@
 //! Multiresolution hash grid (Müller et al., Instant NGP, 2022): a point's features are
-//! trilinear look-ups in tables of growing resolution. Detail is stored where it is, so that
-//! the network behind it can be small.
+//! trilinear look-ups in tables of growing resolution. Detail is stored by place, so that the
+//! network behind the grid can be small.
 
+mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub(super) mod cube;
+mod cube;
 pub mod reference;
 
-use super::{AvatarOps, has_own_form};
-use burn::backend::Dispatch;
+use super::has_own_form;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// What y and z of a node are multiplied by in its hash (Instant NGP's).
+/// Factors of y and z in the hash of a node (Instant NGP's).
 pub(crate) const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
-/// Where a level's entries stand and how they are found.
+/// Position of a level's entries in the table, and how a node's entry is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// Cells an axis.
+    /// Cells per axis.
     pub cells: u32,
     /// First row of the level in the table.
     pub offset: usize,
     /// Rows of the level.
     pub rows: usize,
-    /// Whether nodes are numbered plainly (they fit) or hashed.
+    /// Whether every node has a row of its own, numbered x first; otherwise rows are hashed.
     pub dense: bool,
 }
 
-/// Shape of a grid, and the box it covers.
+/// Levels of a grid and the cube that it covers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HashGrid {
     /// Coarsest level first.
     pub levels: Vec<Level>,
-    /// Numbers an entry: 1, 2, 4, 8 or 16.
+    /// Numbers per entry: 1, 2, 4, 8 or 16.
     pub features: usize,
-    /// Smallest corner of the box, metres.
+    /// Smallest corner of the cube, metres.
     pub min: [f32; 3],
     /// Side of the cube that starts at `min`, metres. One scale for all axes keeps cells cubic.
     pub side: f32,
 }
 
 impl HashGrid {
-    /// Lays out `levels` from `base` cells an axis, each `growth` times finer, in tables of at
-    /// most `2^log2_rows` rows.
+    /// `levels` levels, the first with `base` cells per axis and each further one `growth` times
+    /// finer, of at most `2^log2_rows` rows each.
     pub fn new(
         levels: usize,
         base: usize,
@@ -61,7 +62,7 @@ impl HashGrid {
         }
     }
 
-    /// The same cells in tables of at most `2^log2_rows` rows.
+    /// The same cells, with levels of at most `2^log2_rows` rows.
     pub fn within(&self, log2_rows: u32) -> Self {
         Self {
             levels: lay_out(self.levels.iter().map(|level| level.cells), log2_rows),
@@ -74,13 +75,13 @@ impl HashGrid {
         self.levels.iter().map(|level| level.rows).sum()
     }
 
-    /// Numbers a point is encoded in.
+    /// Numbers that encode a point: `L F`.
     pub fn width(&self) -> usize {
         self.levels.len() * self.features
     }
 }
 
-/// Levels with these cells, one after the other.
+/// Levels with these numbers of cells, one after the other in the table.
 fn lay_out(cells: impl Iterator<Item = u32>, log2_rows: u32) -> Vec<Level> {
     let most = 1usize << log2_rows;
     let mut offset = 0;
@@ -113,23 +114,51 @@ impl Level {
     }
 }
 
-/// Of what [`encode`] yields for `points` of this shape.
+/// The hash grid as a backend implements it. Call [`encode`] instead: it chooses the form for the
+/// tensors' device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
+pub trait HashOps: Backend {
+    /// Forward of [`encode`].
+    #[fusion(dtype = points, shape = output_shape(points, grid))]
+    fn hash_encode(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: HashGrid,
+    ) -> FloatTensor<Self>;
+    /// Gradients of [`encode`] to the table and, if `needs_points_grad`, to the points, from
+    /// `grad` `[N, L F]`; the latter has no rows otherwise.
+    #[fusion(meta = |table, points, _, _, needs_points_grad| {
+        let mut to_points = points.clone();
+        to_points.shape = points_gradient_shape(&points.shape, *needs_points_grad);
+        (table.clone(), to_points)
+    })]
+    fn hash_encode_backward(
+        table: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: HashGrid,
+        needs_points_grad: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// Shape of the result of [`encode`] for `points` of this shape.
 #[cfg(feature = "gpu")]
-pub(super) fn output_shape(points: &burn::tensor::Shape, grid: &HashGrid) -> burn::tensor::Shape {
+fn output_shape(points: &burn::tensor::Shape, grid: &HashGrid) -> burn::tensor::Shape {
     burn::tensor::Shape::new([points[0], grid.width()])
 }
 
-/// Of the gradient to `points` of this shape: without rows unless they are to have one.
+/// Shape of the gradient to `points` of this shape: without rows if none is needed.
 #[cfg(feature = "gpu")]
-pub(super) fn points_gradient_shape(
+fn points_gradient_shape(
     points: &burn::tensor::Shape,
-    points_too: bool,
+    needs_points_grad: bool,
 ) -> burn::tensor::Shape {
-    burn::tensor::Shape::new([if points_too { points[0] } else { 0 }, 3])
+    burn::tensor::Shape::new([if needs_points_grad { points[0] } else { 0 }, 3])
 }
 
 /// Features of points: `table` `[rows, F]`, `points` `[N, 3]` metres → `[N, L F]`, coarsest
-/// level first. A point outside the box takes the nearest inside. Gradients flow to both.
+/// level first. A point outside the cube has the features of the nearest point in it. Gradients
+/// flow to both.
 pub fn encode(table: Tensor<2>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {
     if has_own_form(&points.device()) {
         Tensor::from_dispatch(Dispatch::hash_encode(

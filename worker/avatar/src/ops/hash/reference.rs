@@ -1,4 +1,4 @@
-//! The hash grid in Burn's own tensor operations: what the other forms must equal.
+//! The hash grid in Burn's own tensor operations, which the tests compare the other forms with.
 
 use super::{HashGrid, Level};
 use burn::tensor::{Int, Tensor};
@@ -26,16 +26,18 @@ fn level_features(table: Tensor<2>, unit: Tensor<2>, level: &Level) -> Tensor<2>
         .clamp(0.0, level.cells as f32 - 1.0);
     let part = cell - low.clone();
     let axis = |t: &Tensor<2>, a: usize| t.clone().slice([0..n, a..a + 1]);
-    let mut sum: Option<Tensor<2>> = None;
-    for corner in 0..8u32 {
+    let corner_value = |corner: u32| {
         let bit = [corner & 1, corner >> 1 & 1, corner >> 2];
         let mut share = Tensor::<2>::ones([n, 1], &low.device());
         for (a, &b) in bit.iter().enumerate() {
             let t = axis(&part, a);
             share = share * if b == 1 { t } else { t.neg().add_scalar(1.0) };
         }
-        // 32-bit wrapping products are taken on the host: integer widths differ by backend.
-        let nodes: Vec<f32> = low.clone().try_into_vec_as().unwrap_or_default();
+        // 32-bit wrapping products are computed on the host: integer widths differ by backend.
+        let nodes: Vec<f32> = low
+            .clone()
+            .try_into_vec_as()
+            .expect("a tensor's floats in host memory");
         let rows: Vec<i64> = nodes
             .chunks_exact(3)
             .map(|p| {
@@ -43,11 +45,7 @@ fn level_features(table: Tensor<2>, unit: Tensor<2>, level: &Level) -> Tensor<2>
             })
             .collect();
         let rows = Tensor::<1, Int>::from_data(rows.as_slice(), &low.device());
-        let value = table.clone().select(0, rows) * share;
-        sum = Some(match sum {
-            Some(sum) => sum + value,
-            None => value,
-        });
-    }
-    sum.unwrap_or_else(|| Tensor::zeros([n, 1], &low.device()))
+        table.clone().select(0, rows) * share
+    };
+    (1..8).fold(corner_value(0), |sum, corner| sum + corner_value(corner))
 }

@@ -1,51 +1,52 @@
-//! Connects the hand-written backward form to Burn's automatic differentiation.
+//! Gradients of a network. They flow to the parameters and to the input, and are not computed for
+//! an input that does not need any.
 
-use super::MlpPlan;
-use crate::ops::CpuOps;
+use super::{MlpOps, MlpPlan};
+use crate::ops::autodiff::{Saved, constants, record};
 use burn::backend::{
-    Autodiff, Backend,
-    autodiff::{
-        checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
-        grads::Gradients,
-        ops::{Backward, Ops, OpsKind},
-    },
-    tensor::FloatTensor,
+    Autodiff, Backend, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
 };
 
-#[derive(Debug)]
-struct MlpBackward;
+#[derive(Clone, Debug)]
+struct SavedMlp<B: Backend> {
+    params: FloatTensor<B>,
+    input: FloatTensor<B>,
+    plan: MlpPlan,
+}
 
-impl<B: Backend + CpuOps> Backward<B, 2> for MlpBackward {
-    type State = (FloatTensor<B>, FloatTensor<B>, MlpPlan);
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let [params_node, input_node] = ops.parents;
-        let grad = grads.consume::<B>(&ops.node);
-        let (params, input, plan) = ops.state;
-        let (to_params, to_input) =
-            B::mlp_backward(params, input, grad, plan, input_node.is_some());
-        if let Some(node) = params_node {
-            grads.register::<B>(node.id, to_params);
-        }
-        if let Some(node) = input_node {
-            grads.register::<B>(node.id, to_input);
-        }
+impl<B: MlpOps> Saved<B, 2> for SavedMlp<B> {
+    fn gradients(self, grad: FloatTensor<B>, [_, input]: [bool; 2]) -> [FloatTensor<B>; 2] {
+        B::mlp_backward(self.params, self.input, grad, self.plan, input).into()
     }
 }
 
-/// See [`super::mlp`].
-pub fn mlp<B: Backend + CpuOps, C: CheckpointStrategy>(
-    params: FloatTensor<Autodiff<B, C>>,
-    input: FloatTensor<Autodiff<B, C>>,
-    plan: MlpPlan,
-) -> FloatTensor<Autodiff<B, C>> {
-    let nodes = [params.node(), input.node()];
-    let (params, input) = (params.into_primitive(), input.into_primitive());
-    match MlpBackward.prepare::<C>(nodes).compute_bound().stateful() {
-        OpsKind::Tracked(prep) => {
+impl<B: MlpOps, C: CheckpointStrategy> MlpOps for Autodiff<B, C> {
+    fn mlp(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        plan: MlpPlan,
+    ) -> FloatTensor<Self> {
+        record::<B, C, _, _>([params, input], |[params, input]| {
             let output = B::mlp(params.clone(), input.clone(), plan.clone());
-            prep.finish((params, input, plan), output)
-        }
-        OpsKind::UnTracked(prep) => prep.finish(B::mlp(params, input, plan)),
+            let saved = SavedMlp {
+                params,
+                input,
+                plan,
+            };
+            (output, saved)
+        })
+    }
+
+    fn mlp_backward(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        plan: MlpPlan,
+        needs_input_grad: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        constants::<B, C, _, _>([params, input, grad], |[params, input, grad]| {
+            B::mlp_backward(params, input, grad, plan, needs_input_grad).into()
+        })
+        .into()
     }
 }

@@ -1,12 +1,12 @@
-//! The network in Burn's own tensor operations: what the other forms must equal.
+//! The network in Burn's own tensor operations, which the tests compare the other forms with.
 
-use super::{Input, MlpPlan};
+use super::{Input, MlpPlan, Part};
 use crate::config::Precision;
 use crate::ops::encode::frequencies;
 use burn::tensor::{DType, Tensor, activation::relu};
 
-/// See [`super::mlp`]. With [`Precision::Bf16`] gradients to layers' results, too, are rounded
-/// by the other forms, but not here.
+/// See [`super::mlp`]. With [`Precision::Bf16`] the other forms also round
+/// gradients to layers' results; this one does not.
 pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
     let input = match &plan.input {
         Input::Features { .. } => input,
@@ -25,24 +25,17 @@ pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
     for (l, layer) in layers.iter().enumerate() {
         let columns = layer.columns;
         let bias = params.clone().narrow(0, layer.bias, columns);
-        let mut y: Option<Tensor<2>> = None;
-        for part in &layer.parts {
+        let product = |part: &Part| {
             let weight = params
                 .clone()
                 .narrow(0, part.weight, part.width * columns)
                 .reshape([part.width, columns]);
             let from = if part.input { &input } else { &x };
-            let product = from.clone().matmul(factor(weight, plan.precision));
-            y = Some(match y {
-                Some(y) => y + product,
-                None => product,
-            });
-        }
-        let bias = bias.unsqueeze::<2>();
-        let y = match y {
-            Some(y) => y + bias,
-            None => bias,
+            from.clone().matmul(factor(weight, plan.precision))
         };
+        let products = layer.parts.iter().map(product);
+        let sum = products.reduce(|sum, product| sum + product);
+        let y = sum.expect("a layer multiplies something") + bias.unsqueeze::<2>();
         x = if l + 1 < layers.len() {
             factor(relu(y), plan.precision)
         } else {
@@ -57,8 +50,8 @@ fn factor(tensor: Tensor<2>, precision: Precision) -> Tensor<2> {
     match precision {
         Precision::F32 => tensor,
         Precision::Bf16 => {
-            // Straight through: the gradient is not rounded with the value. The difference is
-            // exact in f32, and so is the sum.
+            // Straight-through estimator: the gradient is not rounded with the value. The
+            // difference is exact in f32, and so is the sum.
             let value = tensor.clone().detach();
             let rounded = value.clone().cast(DType::BF16).cast(DType::F32);
             tensor + (rounded - value)

@@ -1,16 +1,81 @@
 //! The warp on CPU threads.
 //!
-//! Forward runs over blocks of points. Backward runs twice: over points, to find the bones
-//! that weigh them and the gradient to each weight; then over bones, which own disjoint rows of
-//! the volume, so that no thread adds to another's memory and the sums come out in one order
-//! whatever the number of threads. Points that no gradient reaches take no part.
+//! The forward pass runs over blocks of points. The backward pass has two parts: over points, to
+//! find the bones that have a weight there and the gradient to each weight; then over bones, whose
+//! volumes are disjoint, so that no thread adds to another's memory and the order of the sums does
+//! not depend on the number of threads. Points without a gradient take no part.
 
 use super::grid::{Cell, Support, supports};
 use super::visits::{BLOCK, Block};
-use super::{MIN_WEIGHT_SUM, WarpGrid};
+use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
+use crate::ops::flex::tensor;
+use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use rayon::prelude::*;
 
+impl WarpOps for Flex {
+    fn warp(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self> {
+        let rows = points.shape()[0];
+        let [weights, transforms, points] =
+            [weights, transforms, points].map(|tensor| tensor.to_contiguous());
+        let output = forward(
+            weights.storage(),
+            transforms.storage(),
+            points.storage(),
+            &grid,
+        );
+        tensor(output, [rows, 4])
+    }
+
+    fn warp_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let ([rows, voxels], bones) = (weights.shape().dims(), transforms.shape()[0]);
+        let [weights, transforms, points, grad] =
+            [weights, transforms, points, grad].map(|tensor| tensor.to_contiguous());
+        let (to_weights, to_transforms) = backward(
+            weights.storage(),
+            transforms.storage(),
+            points.storage(),
+            grad.storage(),
+            &grid,
+        );
+        (
+            tensor(to_weights, [rows, voxels]),
+            tensor(to_transforms, [bones, 12]),
+        )
+    }
+}
+
+/// Checks that there is a volume for every bone, and whole points.
+fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
+    let voxels = grid.resolution.pow(3);
+    assert!(
+        transforms.len().is_multiple_of(12) && points.len().is_multiple_of(3),
+        "{} numbers of transforms and {} of points: 12 per bone and 3 per point",
+        transforms.len(),
+        points.len()
+    );
+    assert!(
+        weights.len().is_multiple_of(voxels) && weights.len() / voxels >= transforms.len() / 12,
+        "{} weights: {voxels} for each of {} bones",
+        weights.len(),
+        transforms.len() / 12
+    );
+}
+
 /// `[N, 4]` as in [`super::warp`].
+///
+/// # Panics
+/// If the sizes do not match the grid.
 pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
     let mut output = unlimited(weights, transforms, points, grid);
     for out in output.as_chunks_mut::<4>().0 {
@@ -19,8 +84,12 @@ pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpG
     output
 }
 
-/// The same with the plain sum of the weights, which can exceed 1, in the last place.
+/// The same with the plain sum of the weights, which can exceed 1, in the last column.
+///
+/// # Panics
+/// If the sizes do not match the grid.
 pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
+    check(weights, transforms, points, grid);
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let (min, scale) = (grid.min, grid.scale());
@@ -60,10 +129,10 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
     output
 }
 
-/// A point that a bone weighs.
+/// A point where a bone has a weight.
 struct Visit {
     point: u32,
-    /// Where the bone carries it, canonical metres.
+    /// The point as the bone carries it, canonical metres.
     at: [f32; 3],
     /// Share of the bone in the canonical point.
     share: f32,
@@ -74,11 +143,14 @@ struct Visit {
 /// The visits of a block of points, bone by bone.
 struct Visits {
     all: Vec<Visit>,
-    /// `[bones + 1]`: where those of each bone start.
+    /// `[bones + 1]`: the visits of bone k are numbers `starts[k]..starts[k + 1]`.
     starts: Vec<usize>,
 }
 
 /// Gradients to weights (same shape) and transforms `[K, 12]`, from `grad` `[N, 4]`.
+///
+/// # Panics
+/// If the sizes do not match the grid or each other.
 pub fn backward(
     weights: &[f32],
     transforms: &[f32],
@@ -86,20 +158,22 @@ pub fn backward(
     grad: &[f32],
     grid: &WarpGrid,
 ) -> (Vec<f32>, Vec<f32>) {
+    check(weights, transforms, points, grid);
+    assert_eq!(grad.len() / 4, points.len() / 3, "rows of the gradient");
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let bones = transforms.len() / 12;
     let (min, scale) = (grid.min, grid.scale());
     let supports = supports(weights, bones, grid);
     let (points, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<4>().0);
-    let felt: Vec<u32> = (0..points.len() as u32)
+    let active: Vec<u32> = (0..points.len() as u32)
         .filter(|&i| grad[i as usize] != [0.0; 4])
         .collect();
-    let blocks: Vec<Visits> = felt
+    let blocks: Vec<Visits> = active
         .par_chunks(BLOCK)
-        .map_init(Block::new, |block, felt| {
+        .map_init(Block::new, |block, active| {
             visits(
-                block, weights, transforms, points, grad, grid, &supports, felt,
+                block, weights, transforms, points, grad, grid, &supports, active,
             )
         })
         .collect();
@@ -114,9 +188,8 @@ pub fn backward(
             let volume = &weights[bone * voxels..(bone + 1) * voxels];
             for block in &blocks {
                 for visit in &block.all[block.starts[bone]..block.starts[bone + 1]] {
-                    let Some(cell) = Cell::of(visit.at, min, scale, d) else {
-                        continue;
-                    };
+                    let cell = Cell::of(visit.at, min, scale, d)
+                        .expect("a visit was made in a cell of the grid");
                     let (x, g) = (&points[visit.point as usize], &grad[visit.point as usize]);
                     let slope = cell.spread(volume, to_volume, visit.to_weight, d);
                     for a in 0..3 {
@@ -132,7 +205,7 @@ pub fn backward(
     (to_weights, to_transforms)
 }
 
-/// The visits of the points numbered `felt`, at most a block of them.
+/// The visits of the points numbered `active`, at most a block of them.
 #[allow(clippy::too_many_arguments)]
 fn visits(
     block: &mut Block,
@@ -142,18 +215,18 @@ fn visits(
     grad: &[[f32; 4]],
     grid: &WarpGrid,
     supports: &[Support],
-    felt: &[u32],
+    active: &[u32],
 ) -> Visits {
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let (min, scale) = (grid.min, grid.scale());
     let mut found = Visits {
-        all: Vec::with_capacity(4 * felt.len()),
+        all: Vec::with_capacity(4 * active.len()),
         starts: vec![0],
     };
     // Sum of the weights and the weighted sum of the carried points.
-    let mut sums = vec![[0f32; 4]; felt.len()];
-    block.fill(felt.iter().map(|i| &points[*i as usize]));
+    let mut sums = vec![[0f32; 4]; active.len()];
+    block.fill(active.iter().map(|i| &points[*i as usize]));
     for ((bone, volume), support) in transforms
         .chunks_exact(12)
         .zip(weights.chunks_exact(voxels))
@@ -180,7 +253,7 @@ fn visits(
     let dot = |g: &[f32; 4], p: &[f32]| g[0] * p[0] + g[1] * p[1] + g[2] * p[2];
     for visit in &mut found.all {
         let i = visit.point as usize;
-        let (g, sum) = (&grad[felt[i] as usize], sums[i][3]);
+        let (g, sum) = (&grad[active[i] as usize], sums[i][3]);
         let divisor = sum.max(MIN_WEIGHT_SUM);
         let mean = dot(g, &sums[i][..3]) / divisor;
         let mut to_sum = if sum > MIN_WEIGHT_SUM {
@@ -191,7 +264,7 @@ fn visits(
         if (0.0..=1.0).contains(&sum) {
             to_sum += g[3];
         }
-        visit.point = felt[i];
+        visit.point = active[i];
         visit.share /= divisor;
         visit.to_weight = dot(g, &visit.at) / divisor + to_sum;
     }

@@ -1,22 +1,46 @@
-//! The warp on a GPU: a thread a point forward; backward, a group of threads for each bone and
-//! run of points, so that a bone's twelve sums are made in the group before they are shared.
+//! The warp on a GPU. Forward, there is a thread for each point; backward, a group of threads for
+//! each bone and run of points, so that the twelve sums of a bone's transform are computed in the
+//! group before they are added to those of other groups.
 
 use super::lattice::{Lattice, LatticeLaunch, place, tap};
-use super::{MIN_WEIGHT_SUM, WarpGrid};
+use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::ops::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::ops::cube::tensors::{each, empty, rows, zeros};
+use burn::backend::tensor::FloatTensor;
 use burn::tensor::Shape;
+use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 
-/// Threads of a group backward. Every Vulkan device runs 128, and they share 6 KiB.
+/// Threads per group of the backward pass. Every Vulkan device runs 128; they share 6 KiB.
 const GROUP: usize = 128;
-/// Points that a group sums up for its bone: enough that few groups add to the same sums.
+/// Points that a group sums over for its bone: enough that few groups add to the same sums.
 const RUN: usize = 1024;
 
+impl WarpOps for CubeBackend {
+    fn warp(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self> {
+        forward(weights, transforms, points, &grid)
+    }
+
+    fn warp_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        backward(weights, transforms, points, grad, &grid)
+    }
+}
+
 /// `[N, 4]` as in [`super::warp`].
-pub fn forward(
+fn forward(
     weights: CubeTensor,
     transforms: CubeTensor,
     points: CubeTensor,
@@ -45,7 +69,7 @@ pub fn forward(
 }
 
 /// Gradients to weights (same shape) and transforms `[K, 12]`, from `grad` `[N, 4]`.
-pub fn backward(
+fn backward(
     weights: CubeTensor,
     transforms: CubeTensor,
     points: CubeTensor,
@@ -98,8 +122,8 @@ fn lattice(grid: &WarpGrid) -> LatticeLaunch {
     LatticeLaunch::new(x, y, z, sx, sy, sz, grid.resolution)
 }
 
-/// On the device: the lowest and highest nodes of each bone that weigh more than the floor,
-/// `[K, 6]` x y z, x y z. What lies further than a cell from them weighs nothing.
+/// The lowest and highest nodes where each bone has a weight above the floor, on the device:
+/// `[K, 6]` x y z, x y z. Points more than a cell outside are left out.
 struct Supports {
     handle: Handle,
     numbers: usize,
@@ -108,7 +132,7 @@ struct Supports {
 impl Supports {
     fn find(weights: &CubeTensor, transforms: &CubeTensor, grid: &WarpGrid) -> Self {
         let (bones, d) = (transforms.meta.shape()[0], grid.resolution);
-        // Of a bone without weight: nothing is between.
+        // Of a bone without weights: no node is between.
         let nothing = [d as u32, d as u32, d as u32, 0, 0, 0].repeat(bones);
         let client = &weights.client;
         let supports = Self {
@@ -241,8 +265,9 @@ fn mix(
     Mixed { x, y, z, sum }
 }
 
-/// What a point's gradient needs of all bones, `[N, 2]`: 1 / divisor, and the gradient to every
-/// bone's weight through the sum. Both 0 where the point's gradient is exactly zero.
+/// The part of a point's gradient that involves all bones, `[N, 2]`: 1 / divisor, and the gradient
+/// to every bone's weight through the sum. Both are 0 where the gradient to the result is exactly
+/// zero.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn mixing(

@@ -1,5 +1,5 @@
-//! The grid of motion weights: its box, the cells of points in it, and the part of it where a
-//! bone weighs anything.
+//! The grid of motion weights: its box, the cells that points lie in, and the part of the box where
+//! a bone has weights.
 
 use rayon::prelude::*;
 
@@ -10,15 +10,15 @@ pub struct WarpGrid {
     pub min: [f32; 3],
     /// Largest corner, metres.
     pub max: [f32; 3],
-    /// Nodes an axis, at least 2.
+    /// Nodes per axis, at least 2.
     pub resolution: usize,
-    /// Cells whose nodes all weigh no more than this may be left out: what a bone adds there
-    /// is too little to matter. 0 leaves out nothing.
+    /// Cells where a bone's weights are all at most this may be left out: its effect there is too
+    /// small to matter. 0 leaves out nothing.
     pub floor: f32,
 }
 
 impl WarpGrid {
-    /// Grid cells a metre, for each axis.
+    /// Cells per metre along each axis.
     pub fn scale(&self) -> [f32; 3] {
         std::array::from_fn(|a| (self.resolution - 1) as f32 / (self.max[a] - self.min[a]))
     }
@@ -39,8 +39,8 @@ impl Support {
     }
 }
 
-/// The support of each of the first `bones` volumes, canonical metres: one cell more on each
-/// side than the nodes above the floor.
+/// The support of each of the first `bones` volumes, canonical metres: the box of the nodes above
+/// the floor, and one cell more on each side.
 pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Support> {
     let d = grid.resolution;
     let scale = grid.scale();
@@ -50,14 +50,16 @@ pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Su
         .map(|volume| {
             let (mut low, mut high) = ([d; 3], [0usize; 3]);
             for (row, line) in volume.chunks_exact(d).enumerate() {
-                // Most lines are empty, and this one runs in wide instructions.
+                // Most lines are empty, and this loop compiles to wide instructions.
                 if !line.iter().fold(false, |any, w| any | (*w > grid.floor)) {
                     continue;
                 }
-                let Some(first) = line.iter().position(|w| *w > grid.floor) else {
-                    continue;
-                };
-                let last = line.iter().rposition(|w| *w > grid.floor).unwrap_or(first);
+                let above = |w: &f32| *w > grid.floor;
+                let (first, last) = line
+                    .iter()
+                    .position(above)
+                    .zip(line.iter().rposition(above))
+                    .expect("a node above the floor in this line");
                 for (a, (from, to)) in [(first, last), (row % d, row % d), (row / d, row / d)]
                     .into_iter()
                     .enumerate()
@@ -74,14 +76,17 @@ pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Su
         .collect()
 }
 
-/// A point inside one cell of the grid: its lowest node and the offset from it.
+/// A point in a cell of the grid.
 pub(super) struct Cell {
+    /// Lowest node of the cell, from −1.
     low: [i32; 3],
+    /// Offset from that node, cells.
     part: [f32; 3],
 }
 
 impl Cell {
-    /// `None` beyond one cell outside the box, where every tap is zero.
+    /// The cell of point `p`, or `None` more than one cell outside the box, where all weights are
+    /// zero.
     #[inline(always)]
     pub fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], d: i32) -> Option<Self> {
         let mut low = [0i32; 3];
@@ -91,15 +96,15 @@ impl Cell {
             if !(g > -1.0 && g < d as f32) {
                 return None;
             }
-            // A floor for numbers above −1, without a call into the C library.
+            // The floor of numbers above −1, without a call into the C library.
             low[a] = (g + 1.0) as i32 - 1;
             part[a] = g - low[a] as f32;
         }
         Some(Self { low, part })
     }
 
-    /// The eight nodes inside the box, each with its share and the share's derivative by
-    /// the cell offset along x, y, z.
+    /// Calls `visit` for those of the eight nodes that are inside the box, with the node's index,
+    /// its share and the derivatives of the share with respect to the offset along x, y, z.
     #[inline(always)]
     pub fn taps(&self, d: i32, mut visit: impl FnMut(usize, f32, [f32; 3])) {
         for corner in 0..8 {
@@ -125,8 +130,8 @@ impl Cell {
         }
     }
 
-    /// Adds `to_value` to the nodes around in proportion to their shares, and returns the
-    /// volume's derivative by the cell offset along x, y, z.
+    /// Adds `to_value` to the nodes of the cell in proportion to their shares, and returns the
+    /// volume's derivatives with respect to the offset along x, y, z.
     #[inline(always)]
     pub fn spread(&self, volume: &[f32], to_volume: &mut [f32], to_value: f32, d: i32) -> [f32; 3] {
         let mut slope = [0f32; 3];

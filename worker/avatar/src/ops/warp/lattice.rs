@@ -1,5 +1,5 @@
-//! Inside a kernel: where a bone carries a point to, and the nodes of the grid around it. The
-//! counterpart of `grid`.
+//! Inside a kernel: the position to which a bone carries a point, and the nodes of the grid around
+//! it. The counterpart of `grid`.
 
 use cubecl::prelude::*;
 
@@ -10,24 +10,24 @@ pub(super) struct Lattice {
     pub min_x: f32,
     pub min_y: f32,
     pub min_z: f32,
-    /// Cells a metre.
+    /// Cells per metre.
     pub scale_x: f32,
     pub scale_y: f32,
     pub scale_z: f32,
-    /// Nodes an axis.
+    /// Nodes per axis.
     pub d: usize,
 }
 
 /// A point as a bone carries it.
 #[derive(CubeType, Clone, Copy)]
 pub(super) struct Place {
-    /// Whether the bone can weigh it. The rest is only of use then.
+    /// Whether the point is in the bone's support. The rest is meaningful only then.
     pub inside: bool,
     /// Metres.
     pub x: f32,
     pub y: f32,
     pub z: f32,
-    /// Lowest node of its cell, from −1 on.
+    /// Lowest node of its cell, from −1.
     pub i: i32,
     pub j: i32,
     pub k: i32,
@@ -40,7 +40,7 @@ pub(super) struct Place {
 /// One of the eight nodes of a cell.
 #[derive(CubeType, Clone, Copy)]
 pub(super) struct Tap {
-    /// Whether the grid has it; others weigh nothing.
+    /// Whether the grid has it; weights outside the grid are 0.
     pub inside: bool,
     /// Its number in a bone's volume.
     pub node: usize,
@@ -48,12 +48,13 @@ pub(super) struct Tap {
     pub u: f32,
     pub v: f32,
     pub w: f32,
-    /// The shares' derivatives by the offset.
+    /// Derivatives of the shares with respect to the offset.
     pub du: f32,
     pub dv: f32,
     pub dw: f32,
 }
 
+/// One coordinate of a carried point, by the row of the transform that begins at `at`.
 #[cube]
 fn carried(transforms: &[f32], at: usize, x: f32, y: f32, z: f32) -> f32 {
     transforms[at] * x + transforms[at + 1] * y + transforms[at + 2] * z + transforms[at + 3]
@@ -65,6 +66,8 @@ fn near(g: f32, low: u32, high: u32) -> bool {
     g > f32::cast_from(low) - 1.0 && g < f32::cast_from(high) + 1.0
 }
 
+/// Point number `point` as bone number `bone` carries it. `supports` `[K, 6]` are the lowest and
+/// highest nodes that the bones have weights at.
 #[cube]
 pub(super) fn place(
     transforms: &[f32],
@@ -103,7 +106,7 @@ pub(super) fn place(
     }
 }
 
-/// Share of a node along an axis: that of the upper one is the part.
+/// Share of a node along an axis: `part` for the upper one, the rest for the lower one.
 #[cube]
 fn share(part: f32, upper: i32) -> f32 {
     let mut share = 1.0 - part;
@@ -113,11 +116,13 @@ fn share(part: f32, upper: i32) -> f32 {
     share
 }
 
+/// Derivative of the share with respect to `part`.
 #[cube]
 fn slope(upper: i32) -> f32 {
     2.0 * f32::cast_from(upper) - 1.0
 }
 
+/// Corner number `corner` of the cell of `place`: bit 0 is x, bit 1 y, bit 2 z.
 #[cube]
 pub(super) fn tap(place: &Place, corner: u32, d: usize) -> Tap {
     let upper_x = i32::cast_from(corner & 1);

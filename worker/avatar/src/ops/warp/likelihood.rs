@@ -1,33 +1,36 @@
-//! Canonical points and foreground likelihoods of samples along rays, without gradients: what
-//! decides which samples are evaluated at all.
+//! Canonical points and foreground likelihoods of samples along rays, without gradients. They decide
+//! which samples are evaluated at all.
 //!
 //! A bone's support is a box in canonical space, and a ray carried there by the bone is still a
-//! ray. One slab test therefore finds the few samples of a ray that a bone can weigh, instead
-//! of carrying every sample by every bone.
+//! ray. One slab test therefore finds the few samples of a ray that are in a bone's support, and
+//! not every bone has to carry every sample.
 
 use super::grid::{Cell, Support, supports};
 use super::{MIN_WEIGHT_SUM, WarpGrid};
 use rayon::prelude::*;
 
-/// Rays a task.
+/// Rays per task.
 const BLOCK: usize = 64;
 
-/// A ray and where its samples begin and end, in multiples of its direction.
+/// The part of a ray that samples are on. Distances are multiples of its direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
     /// Metres, body frame.
     pub origin: [f32; 3],
     /// Any length.
     pub direction: [f32; 3],
-    /// First stratum's start.
+    /// Start of the first stratum.
     pub near: f32,
-    /// Last stratum's end.
+    /// End of the last stratum.
     pub far: f32,
 }
 
-/// Warped samples `[R M]`: canonical point and likelihood as [`super::warp`] has them, of the
-/// samples at `depths` `[R M]`: M on each segment, one in each of M equal strata. `weights` and
-/// `transforms` as for [`super::warp`].
+/// Canonical points and likelihoods, as [`super::warp`] returns them, of the samples at `depths`
+/// `[R M]`: M on each segment, one in each of M equal strata. `weights` and `transforms` as for
+/// [`super::warp`].
+///
+/// # Panics
+/// If `depths` are not equally many on each segment.
 pub fn along_rays(
     weights: &[f32],
     transforms: &[f32],
@@ -41,9 +44,12 @@ pub fn along_rays(
     blocks.concat()
 }
 
-/// The same, a block of rays at a time: `finish` gets the number of a block's first ray and its
-/// warped samples, most of which are usually nothing, and what it makes of them is returned in
-/// the order of the rays.
+/// The same for a block of rays at a time: the results of `finish` in the order of the rays, which
+/// gets the number of a block's first ray and the block's samples. Most samples are usually zeros:
+/// no bone has a weight there.
+///
+/// # Panics
+/// If `depths` are not equally many on each segment.
 pub fn along_rays_with<T: Send>(
     weights: &[f32],
     transforms: &[f32],
@@ -55,6 +61,12 @@ pub fn along_rays_with<T: Send>(
     if segments.is_empty() || depths.is_empty() {
         return Vec::new();
     }
+    assert!(
+        depths.len().is_multiple_of(segments.len()),
+        "{} depths on {} segments: not equally many on each",
+        depths.len(),
+        segments.len()
+    );
     let per_ray = depths.len() / segments.len();
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
@@ -91,7 +103,7 @@ pub fn along_rays_with<T: Send>(
                 for m in first.min(last)..last {
                     let t = depths[m];
                     let p: [f32; 3] = std::array::from_fn(|a| origin[a] + t * direction[a]);
-                    // The first and last strata reach out of the support.
+                    // The first and last strata extend beyond the support.
                     if !support.contains(p) {
                         continue;
                     }
@@ -134,8 +146,8 @@ fn inside(
     let (mut from, mut to) = (segment.near, segment.far);
     for a in 0..3 {
         let (low, high) = (support.min[a] - origin[a], support.max[a] - origin[a]);
-        // Parallel to the slab: the quotients are ±∞, or NaN on its border, which min and max
-        // pass over.
+        // Parallel to the slab, the quotients are ±∞, or NaN on its border, which min and max
+        // ignore.
         let (one, other) = (low / direction[a], high / direction[a]);
         from = from.max(one.min(other));
         to = to.min(one.max(other));

@@ -1,11 +1,12 @@
-//! Warp by inverse linear blend skinning (model.md §2, paper eq. 1): each bone carries a point
-//! of the posed body into the canonical box and looks its own motion weight up there; the
-//! weighted mean of the carried points is the canonical point, the sum of the weights is the
-//! foreground likelihood.
+//! Warp by inverse linear blend skinning (YOTO, eq. 1): each bone carries a point of the posed
+//! body into the canonical box and looks its own motion weight up there; the weighted mean of
+//! the carried points is the canonical point, the sum of the weights is the foreground
+//! likelihood.
 
+mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
-pub(super) mod cube;
+mod cube;
 mod grid;
 #[cfg(feature = "gpu")]
 mod lattice;
@@ -15,16 +16,39 @@ mod visits;
 
 pub use grid::WarpGrid;
 
-use super::{AvatarOps, has_own_form};
-use burn::backend::Dispatch;
+use super::has_own_form;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// The least sum of weights that the canonical point is divided by (HumanNeRF's 1e-4).
+/// Lower bound of the sum of weights that the canonical point is divided by (HumanNeRF's 1e-4).
 pub const MIN_WEIGHT_SUM: f32 = 1e-4;
 
-/// Of what [`warp`] yields for `points` of this shape.
+/// The warp as a backend implements it. Call [`warp`] instead: it chooses the form for the
+/// tensors' device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
+pub trait WarpOps: Backend {
+    /// Forward of [`warp`].
+    #[fusion(dtype = points, shape = output_shape(points))]
+    fn warp(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self>;
+    /// Gradients of [`warp`] to the weights and the transforms, from `grad` `[N, 4]`.
+    #[fusion(meta = |weights, transforms, _, _, _| (weights.clone(), transforms.clone()))]
+    fn warp_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// Shape of the result of [`warp`] for `points` of this shape.
 #[cfg(feature = "gpu")]
-pub(super) fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
+fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
     burn::tensor::Shape::new([points[0], 4])
 }
 

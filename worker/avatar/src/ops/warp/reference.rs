@@ -1,4 +1,4 @@
-//! The warp in Burn's own tensor operations: what the other forms must equal.
+//! The warp in Burn's own tensor operations, which the tests compare the other forms with.
 
 use super::{MIN_WEIGHT_SUM, WarpGrid};
 use burn::tensor::{Int, Tensor};

@@ -1,14 +1,16 @@
-//! Which points a bone can weigh, for a block of points at a time: a bone carries the whole
-//! block, coordinate by coordinate, and most points turn out to be outside its support. That
-//! part is plain arithmetic on arrays, and the compiler makes wide instructions of it where the
-//! processor has them; the results are the same bit for bit.
+//! The points inside the support of a bone, for a block of points at a time: the bone carries the
+//! whole block, coordinate by coordinate, and most points turn out to be outside. This is plain
+//! arithmetic on arrays, for which the compiler uses wide instructions where the form allows them;
+//! it fuses no multiplication with an addition, so that the results are the same bit for bit.
 
 use super::grid::Support;
+use crate::ops::form::{Form, Work};
 
-/// Points a block: their coordinates stay in the first-level cache.
+/// Points per block: their coordinates stay in the first-level cache.
 pub(super) const BLOCK: usize = 512;
 
-/// A block of points and what a bone makes of them. Unused places are not read.
+/// A block of points, as they are and as a bone carries them. Numbers past the points are not
+/// read.
 pub(super) struct Block {
     count: usize,
     from: [[f32; BLOCK]; 3],
@@ -27,7 +29,7 @@ impl Block {
         }
     }
 
-    /// Takes the place of what was there; at most [`BLOCK`] points.
+    /// Replaces the points of the block by at most [`BLOCK`] others.
     pub fn fill<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]>) {
         self.count = 0;
         for (i, point) in points.take(BLOCK).enumerate() {
@@ -38,8 +40,9 @@ impl Block {
         }
     }
 
-    /// Calls `visit` with the number in the block and the carried place of each point in the
-    /// support of a bone, in the order of the points.
+    /// Calls `visit` for each point in the support of a bone, in the order of the points, with its
+    /// number in the block and its position as the bone carries it. `bone` `[12]` is a 3x4
+    /// transform, row by row.
     #[inline(always)]
     pub fn visit(
         &mut self,
@@ -47,7 +50,11 @@ impl Block {
         support: &Support,
         mut visit: impl FnMut(usize, [f32; 3]),
     ) {
-        carry_all(self, bone, support);
+        Form::best().run(Carry {
+            block: self,
+            bone,
+            support,
+        });
         for (group, hits) in self.hits[..self.count.next_multiple_of(8)]
             .as_chunks::<8>()
             .0
@@ -64,43 +71,35 @@ impl Block {
     }
 }
 
-/// Fills `to` and `hits`, by the widest instructions there are.
-fn carry_all(block: &mut Block, bone: &[f32], support: &Support) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2, which is all that the function needs.
-        unsafe { carry_avx2(block, bone, support) };
-        return;
-    }
-    carry_portable(block, bone, support);
+/// Fills `to` and `hits` of a block.
+struct Carry<'a> {
+    block: &'a mut Block,
+    bone: &'a [f32],
+    support: &'a Support,
 }
 
-/// # Safety
-/// The processor must have AVX2.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-unsafe fn carry_avx2(block: &mut Block, bone: &[f32], support: &Support) {
-    carry_portable(block, bone, support);
-}
+impl Work for Carry<'_> {
+    type Output = ();
 
-#[inline(always)]
-fn carry_portable(block: &mut Block, bone: &[f32], support: &Support) {
-    let count = block.count.next_multiple_of(8).min(BLOCK);
-    let [xs, ys, zs] = &block.from;
-    let (xs, ys, zs) = (&xs[..count], &ys[..count], &zs[..count]);
-    let hits = &mut block.hits[..count];
-    hits.fill(1);
-    for (a, to) in block.to.iter_mut().enumerate() {
-        let (low, high) = (support.min[a], support.max[a]);
-        let &[tx, ty, tz, shift] = &bone[4 * a..4 * a + 4] else {
-            return;
-        };
-        let to = &mut to[..count];
-        for i in 0..count {
-            let p = tx * xs[i] + ty * ys[i] + tz * zs[i] + shift;
-            to[i] = p;
-            // Also 0 for a NaN.
-            hits[i] &= u8::from(p > low) & u8::from(p < high);
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let block = self.block;
+        let count = block.count.next_multiple_of(8).min(BLOCK);
+        let [xs, ys, zs] = &block.from;
+        let (xs, ys, zs) = (&xs[..count], &ys[..count], &zs[..count]);
+        let hits = &mut block.hits[..count];
+        hits.fill(1);
+        let rows = self.bone.as_chunks::<4>().0;
+        for (a, to) in block.to.iter_mut().enumerate() {
+            let (low, high) = (self.support.min[a], self.support.max[a]);
+            let [tx, ty, tz, shift] = rows[a];
+            let to = &mut to[..count];
+            for i in 0..count {
+                let p = tx * xs[i] + ty * ys[i] + tz * zs[i] + shift;
+                to[i] = p;
+                // Also 0 for a NaN.
+                hits[i] &= u8::from(p > low) & u8::from(p < high);
+            }
         }
     }
 }
@@ -116,13 +115,13 @@ mod tests {
         })
     }
 
-    /// Numbers in ±1, none of them round.
+    /// Numbers in ±1 with digits in every place.
     fn number(i: usize) -> f32 {
         ((i as f32 * 12.9898).sin() * 43_758.547).fract()
     }
 
     #[test]
-    fn blocks_of_any_length_visit_what_a_point_alone_would_bit_for_bit() {
+    fn blocks_of_any_length_visit_the_points_that_are_inside_one_by_one() {
         let bone: Vec<f32> = (0..12).map(number).collect();
         let support = Support {
             min: [-1.2, -1.0, -1.1],
@@ -148,12 +147,17 @@ mod tests {
                 .collect();
             assert_eq!(visited, expected, "{count} points");
             seen += visited.len();
-            // What every processor computes.
-            let wide = (block.to, block.hits);
-            carry_portable(&mut block, &bone, &support);
-            assert_eq!(wide.1, block.hits);
-            let bits = |to: &[[f32; BLOCK]; 3]| to.map(|row| row.map(f32::to_bits));
-            assert_eq!(bits(&wide.0), bits(&block.to));
+            let best = (block.to, block.hits);
+            for form in Form::of_loops() {
+                form.run(Carry {
+                    block: &mut block,
+                    bone: &bone,
+                    support: &support,
+                });
+                assert_eq!(best.1, block.hits, "{}", form.name());
+                let bits = |to: &[[f32; BLOCK]; 3]| to.map(|row| row.map(f32::to_bits));
+                assert_eq!(bits(&best.0), bits(&block.to), "{}", form.name());
+            }
         }
         assert!(seen > 200, "only {seen} points in the support");
     }

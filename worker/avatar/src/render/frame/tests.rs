@@ -69,7 +69,7 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
         steps: samples.steps.as_slice().into(),
         depths: samples.depths.as_slice().into(),
         min_transmittance: 0.0,
-        thinning: None,
+        subsampling: None,
     };
     let seen = reference::composite(fields.rgb, fields.density, likelihood, &along);
     let mut parts = [Vec::new(), Vec::new(), Vec::new()];

@@ -13,7 +13,7 @@ pub(super) fn backward<const F: usize>(
     points: &[f32],
     grad: &[f32],
     grid: &HashGrid,
-    points_too: bool,
+    needs_points_grad: bool,
 ) -> (Vec<f32>, Vec<f32>) {
     let width = grid.width();
     let blocks: Vec<Live> = points
@@ -39,11 +39,11 @@ pub(super) fn backward<const F: usize>(
         .into_par_iter()
         .map(|(l, level, to_rows)| {
             let rows = &table[level.offset * F..(level.offset + level.rows) * F];
-            let mut to_unit = Vec::with_capacity(if points_too { groups } else { 0 });
+            let mut to_unit = Vec::with_capacity(if needs_points_grad { groups } else { 0 });
             let scatter = Scatter::<F> {
                 rows: rows.as_chunks().0,
                 to_rows: to_rows.as_chunks_mut().0,
-                to_unit: points_too.then_some(&mut to_unit),
+                to_unit: needs_points_grad.then_some(&mut to_unit),
                 blocks: &blocks,
                 width,
                 level,
@@ -53,7 +53,7 @@ pub(super) fn backward<const F: usize>(
             to_unit
         })
         .collect();
-    if !points_too {
+    if !needs_points_grad {
         return (to_table, Vec::new());
     }
 
@@ -83,20 +83,22 @@ pub(super) fn backward<const F: usize>(
     (to_table, to_points)
 }
 
-/// The points of a block that have a gradient: samples behind something opaque have none.
-struct Live {
-    /// Their places in the block.
-    places: Vec<u16>,
+/// The points of a block that have a gradient: hidden samples have none.
+pub(super) struct Live {
+    /// Numbers of the points in the block.
+    pub places: Vec<u16>,
     /// Sixteen at a time.
-    points: Vec<Points>,
-    /// `[groups, L F]` gradients, nothing in lanes without a point.
-    grad: Vec<Lanes>,
+    pub points: Vec<Points>,
+    /// `[groups, L F]` gradients, 0 in lanes without a point.
+    pub grad: Vec<Lanes>,
 }
 
-struct Gather<'a> {
-    points: &'a [f32],
-    grad: &'a [f32],
-    grid: &'a HashGrid,
+/// The selection of a block's points that have a gradient. `points` `[n, 3]` and `grad` `[n, L F]`
+/// are those of the block.
+pub(super) struct Gather<'a> {
+    pub points: &'a [f32],
+    pub grad: &'a [f32],
+    pub grid: &'a HashGrid,
 }
 
 impl Work for Gather<'_> {
@@ -135,15 +137,20 @@ impl Work for Gather<'_> {
     }
 }
 
-/// One level of all blocks, in their order.
-struct Scatter<'a, const F: usize> {
-    rows: &'a [[f32; F]],
-    to_rows: &'a mut [[f32; F]],
-    to_unit: Option<&'a mut Vec<[Lanes; 3]>>,
-    blocks: &'a [Live],
-    width: usize,
-    level: &'a Level,
-    l: usize,
+/// The backward pass of one level over all blocks, in their order.
+pub(super) struct Scatter<'a, const F: usize> {
+    /// The level's rows of the table.
+    pub rows: &'a [[f32; F]],
+    /// The gradients to them, as many.
+    pub to_rows: &'a mut [[f32; F]],
+    /// Gradients to the positions in the cube, group by group, if they are needed.
+    pub to_unit: Option<&'a mut Vec<[Lanes; 3]>>,
+    pub blocks: &'a [Live],
+    /// L F.
+    pub width: usize,
+    pub level: &'a Level,
+    /// Number of the level.
+    pub l: usize,
 }
 
 impl<const F: usize> Work for Scatter<'_, F> {
@@ -151,7 +158,12 @@ impl<const F: usize> Work for Scatter<'_, F> {
 
     #[inline(always)]
     fn run<const FMA: bool>(self) {
-        let cells_an_axis = self.level.cells as f32;
+        // Checked here, since look-ups are not.
+        assert!(
+            self.rows.len() == self.level.rows && self.to_rows.len() == self.level.rows,
+            "the rows of one level"
+        );
+        let cells_per_axis = self.level.cells as f32;
         let mut to_unit = self.to_unit;
         for block in self.blocks {
             let mut left = block.places.len();
@@ -165,8 +177,8 @@ impl<const F: usize> Work for Scatter<'_, F> {
                 for lane in 0..lanes {
                     let grad: [f32; F] = std::array::from_fn(|f| grad[f][lane]);
                     for (rows, shares) in cells.rows.iter().zip(&shares) {
-                        // SAFETY: `Cells` names rows of its level only, and the grid's levels
-                        // were checked to hold them.
+                        // SAFETY: `Cells` computes rows of its level only, which `check` found to
+                        // be complete, and `to_rows` are all of them.
                         let row = unsafe { self.to_rows.get_unchecked_mut(rows[lane] as usize) };
                         for f in 0..F {
                             row[f] = multiply_add::<FMA>(shares[lane], grad[f], row[f]);
@@ -180,7 +192,7 @@ impl<const F: usize> Work for Scatter<'_, F> {
                 for lane in 0..lanes {
                     let grad: [f32; F] = std::array::from_fn(|f| grad[f][lane]);
                     for (rows, to_corners) in cells.rows.iter().zip(&mut to_corners) {
-                        // SAFETY: as above; `rows` is as long as `to_rows`.
+                        // SAFETY: as above; `rows` are as many as `to_rows`.
                         let row = unsafe { self.rows.get_unchecked(rows[lane] as usize) };
                         let mut dot = 0.0;
                         for f in 0..F {
@@ -190,7 +202,7 @@ impl<const F: usize> Work for Scatter<'_, F> {
                     }
                 }
                 let slopes = cells.slopes(&to_corners);
-                to_unit.push(slopes.map(|lanes| lanes.map(|slope| slope * cells_an_axis)));
+                to_unit.push(slopes.map(|lanes| lanes.map(|slope| slope * cells_per_axis)));
             }
         }
     }

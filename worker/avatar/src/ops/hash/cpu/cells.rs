@@ -1,8 +1,8 @@
-//! Where sixteen points stand at one level.
+//! The positions of sixteen points in the cells of one level.
 
 use crate::ops::hash::{HashGrid, Level, PRIMES};
 
-/// Points taken at a time: one 512-bit vector of numbers.
+/// Points processed at a time: one 512-bit vector of numbers.
 pub(super) const LANES: usize = 16;
 
 /// A number of each of the points.
@@ -11,14 +11,14 @@ pub(super) type Lanes = [f32; LANES];
 /// Sixteen points, axis by axis.
 #[derive(Clone, Copy)]
 pub(super) struct Points {
-    /// In the box, 0 to 1; a point outside is moved to its border.
+    /// Position in the cube, 0 to 1; a point outside is moved to the border.
     pub unit: [Lanes; 3],
-    /// Derivative of `unit` to the point, 1/m: none along an axis on which it was moved.
+    /// Derivative of `unit` with respect to the point, 1/m: 0 along axes where it was moved.
     pub slope: [Lanes; 3],
 }
 
 impl Points {
-    /// Of `[n ≤ 16, 3]` numbers; the rest of the lanes stand at the box's corner.
+    /// The points `[n ≤ 16, 3]`, metres. The rest of the lanes hold the point at the origin.
     #[inline(always)]
     pub fn new(points: &[f32], grid: &HashGrid) -> Self {
         let (mut unit, mut slope) = ([[0f32; LANES]; 3], [[0f32; LANES]; 3]);
@@ -39,16 +39,18 @@ impl Points {
     }
 }
 
-/// The cells that the points stand in.
+/// The cells that the points lie in.
 pub(super) struct Cells {
-    /// Rows of the cells' corners, relative to the level's first: bit 0 of the corner is its x.
+    /// Rows of the cells' corners, relative to the level's first row: bit 0 of a corner's number is
+    /// its x.
     pub rows: [[u32; LANES]; 8],
-    /// Part of the cell behind the point, by axis.
+    /// Offset of the point from the cell's lowest corner, cells.
     pub part: [Lanes; 3],
 }
 
 impl Cells {
-    /// Every row is one of the level's, whatever `unit` is, NaN included.
+    /// The cells of `unit` at a level. Every row is one of the level's, whatever `unit` is, even
+    /// NaN.
     #[inline(always)]
     pub fn new(unit: &[Lanes; 3], level: &Level) -> Self {
         let cells = level.cells as f32;
@@ -57,7 +59,7 @@ impl Cells {
         for a in 0..3 {
             for lane in 0..LANES {
                 let x = unit[a][lane] * cells;
-                // `as` saturates and takes a NaN to 0.
+                // `as` saturates and turns a NaN into 0.
                 let node = (x as i32).clamp(0, last);
                 low[a][lane] = node as u32;
                 part[a][lane] = x - node as f32;
@@ -87,14 +89,14 @@ impl Cells {
         Self { rows, part }
     }
 
-    /// Weights of the corner at `side` of an axis.
+    /// Share of the corners at `side` of an axis: 0 the lower, 1 the upper one.
     #[inline(always)]
     fn weight(&self, axis: usize, side: usize, lane: usize) -> f32 {
         let part = self.part[axis][lane];
         if side == 1 { part } else { 1.0 - part }
     }
 
-    /// Weight of each corner: the eight of a point add up to 1.
+    /// Share of each corner: the eight of a point add up to 1.
     #[inline(always)]
     pub fn shares(&self) -> [Lanes; 8] {
         let mut shares = [[0f32; LANES]; 8];
@@ -108,7 +110,7 @@ impl Cells {
         shares
     }
 
-    /// Gradient to `unit` times cells, of what has the gradients `to` to the corners' values.
+    /// Gradient to the position in cells, given the gradients `to` to the shares of the corners.
     #[inline(always)]
     pub fn slopes(&self, to: &[Lanes; 8]) -> [Lanes; 3] {
         let mut slopes = [[0f32; LANES]; 3];
@@ -137,7 +139,7 @@ mod tests {
         let mut numbers: Vec<f32> = (0..48)
             .map(|i| (i as f32 * 0.37).sin() * 1.3 + 0.5)
             .collect();
-        // On the far border, far outside, and nowhere.
+        // On the upper border, far outside, and NaN.
         numbers[..9].copy_from_slice(&[
             1.0,
             2.0,

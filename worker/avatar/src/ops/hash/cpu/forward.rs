@@ -29,11 +29,14 @@ pub(super) fn forward<const F: usize>(
     output
 }
 
-struct Block<'a, const F: usize> {
-    table: &'a [f32],
-    points: &'a [f32],
-    output: &'a mut [f32],
-    grid: &'a HashGrid,
+/// The features of a block of points.
+pub(super) struct Block<'a, const F: usize> {
+    pub table: &'a [f32],
+    /// `[n, 3]`.
+    pub points: &'a [f32],
+    /// `[n, L F]`.
+    pub output: &'a mut [f32],
+    pub grid: &'a HashGrid,
 }
 
 impl<const F: usize> Work for Block<'_, F> {
@@ -56,8 +59,8 @@ impl<const F: usize> Work for Block<'_, F> {
                 for (lane, output) in output.chunks_exact_mut(width).enumerate() {
                     let mut sum = [0f32; F];
                     for (corner, shares) in cells.rows.iter().zip(&shares) {
-                        // SAFETY: `Cells` names rows of its level only, and the grid's levels
-                        // were checked to hold them.
+                        // SAFETY: `Cells` computes rows of its level only, which `check` found to
+                        // be complete, and `rows` are all of them.
                         let row = unsafe { rows.get_unchecked(corner[lane] as usize) };
                         for f in 0..F {
                             sum[f] = multiply_add::<FMA>(shares[lane], row[f], sum[f]);

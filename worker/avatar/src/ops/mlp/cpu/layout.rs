@@ -1,4 +1,4 @@
-//! Where a network's numbers stand: its parameters packed for the products, and its gradients
+//! Layout of a network's numbers: of its parameters, packed for the products, and of its gradients
 //! before they are unpacked.
 
 use super::encode::Angles;
@@ -8,7 +8,7 @@ use super::vector::{bf16_bits, bf16_rounded};
 use crate::ops::mlp::{Input, MlpPlan};
 use rayon::prelude::*;
 
-/// What a layer multiplies with a part of its weight.
+/// A factor of a layer, and the part of the weight that it is multiplied with.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
     /// Whether it is the network's input, and not the layer before.
@@ -26,7 +26,7 @@ pub struct Segment {
 /// A layer.
 #[derive(Clone, Debug)]
 pub struct Layer {
-    /// What it multiplies, side by side.
+    /// The factors, side by side.
     pub segments: Vec<Segment>,
     /// Width of its result.
     pub columns: usize,
@@ -48,13 +48,13 @@ pub struct Layer {
 pub struct Layout {
     pub kernels: &'static Kernels,
     pub layers: Vec<Layer>,
-    /// Width of what the first layer sees.
+    /// Width of the first layer's factor.
     pub input: usize,
     /// Width of the result.
     pub output: usize,
-    /// Numbers of the encoding, where points come in.
+    /// The encoding, if the input is points.
     pub angles: Option<Angles>,
-    /// Which plain column of the input each column is.
+    /// Column of the plain input that each column is.
     order: Vec<usize>,
     /// Numbers of the gradients.
     pub gradients: usize,
@@ -128,7 +128,7 @@ impl Layout {
         }
     }
 
-    /// Numbers that the operation gets for each row.
+    /// Numbers per row of the operation's input.
     pub fn given(&self) -> usize {
         if self.angles.is_some() { 3 } else { self.input }
     }
@@ -143,7 +143,7 @@ impl Layout {
         if segment.input { self.order[row] } else { row }
     }
 
-    /// Packs `params`, transposed as well for a `backward` pass.
+    /// The packed `params`, for a `backward` pass also transposed.
     pub fn pack(&self, params: &[f32], backward: bool) -> Packed {
         let mut packed = Packed {
             forward: Words::zeroed(self.forward_words),
@@ -172,11 +172,16 @@ impl Layout {
                 back = after;
             }
         }
-        jobs.into_par_iter()
-            .for_each(|(layer, segment, to)| match segment {
-                None => self.pack_forward(params, layer, to),
-                Some(segment) => self.pack_transposed(params, layer, segment, to),
-            });
+        let run = |(layer, segment, to): (&Layer, Option<&Segment>, &mut [u32])| match segment {
+            None => self.pack_forward(params, layer, to),
+            Some(segment) => self.pack_transposed(params, layer, segment, to),
+        };
+        // Miri finds that the queues of rayon's threads break Stacked Borrows.
+        if cfg!(miri) {
+            jobs.into_iter().for_each(run);
+        } else {
+            jobs.into_par_iter().for_each(run);
+        }
         packed
     }
 
@@ -198,7 +203,7 @@ impl Layout {
             let some = panel.min(layer.columns - first);
             for segment in &layer.segments {
                 for k in (0..segment.width).step_by(pair) {
-                    let Some(row) = rows.next() else { return };
+                    let row = rows.next().expect("packed words for every row");
                     let from: [&[f32]; 2] = std::array::from_fn(|i| {
                         if k + i >= segment.width {
                             return &[][..];
@@ -221,7 +226,7 @@ impl Layout {
         for first in (0..segment.width).step_by(panel) {
             let some = panel.min(segment.width - first);
             for n in (0..layer.columns).step_by(pair) {
-                let Some(row) = rows.next() else { return };
+                let row = rows.next().expect("packed words for every row");
                 for (c, word) in row[..some].iter_mut().enumerate() {
                     let source = self.source(segment, first + c);
                     let at = segment.weight + source * layer.columns + n;

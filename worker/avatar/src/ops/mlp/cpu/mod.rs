@@ -1,11 +1,11 @@
 //! The network on CPU threads: tiles of rows that stay in the cache from the first layer to
 //! the last, in the best instructions that the machine has.
 //!
-//! The backward pass keeps nothing of the forward one: it runs each tile again, which costs a
-//! third more arithmetic and saves 8 KB a row of the paper's network. Rows whose gradient is
-//! exactly zero contribute nothing and are left out before the tiles are made. Weights'
-//! gradients are summed in a fixed number of parts, whose sums are added in one order: they
-//! come out the same whatever the number of threads.
+//! The backward pass keeps nothing of the forward pass: it runs each tile again, which takes a
+//! third more arithmetic and saves 8 KB per row of the paper's network. Rows whose gradient is
+//! exactly zero contribute nothing and are left out before the tiles are made. Gradients to
+//! parameters are summed in a number of parts that depends on the rows alone, whose sums are added
+//! in a fixed order: the result does not depend on the number of threads.
 
 mod arithmetic;
 mod encode;
@@ -13,6 +13,8 @@ mod kernels;
 mod layout;
 mod memory;
 mod product;
+#[cfg(test)]
+mod tests;
 mod tile;
 mod vector;
 #[cfg(target_arch = "x86_64")]
@@ -20,23 +22,65 @@ mod x86;
 #[cfg(target_arch = "x86_64")]
 mod x86_bf16;
 
-use super::MlpPlan;
+use super::{MlpOps, MlpPlan};
+use crate::ops::flex::tensor;
 use crate::ops::form::Form;
+use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use kernels::kernels;
 use layout::Layout;
-use memory::{Words, with_scratch};
+use memory::{Region, Words, with_scratch};
 use rayon::prelude::*;
 use tile::{Gradients, Rows, Tiles};
 
-/// Parts that a weight's gradient is summed in, at most.
+/// Most parts that gradients to parameters are summed in.
 const PARTS: usize = 32;
-/// Tiles a part, at least: fewer would not be worth the part's own sums.
+/// Fewest tiles per part: fewer would not be worth the part's own sums.
 const TILES: usize = 6;
+
+impl MlpOps for Flex {
+    fn mlp(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        plan: MlpPlan,
+    ) -> FloatTensor<Self> {
+        let rows = input.shape()[0];
+        let [params, input] = [params, input].map(|tensor| tensor.to_contiguous());
+        let output = forward(params.storage(), input.storage(), &plan, Form::best());
+        tensor(output, [rows, plan.output])
+    }
+
+    fn mlp_backward(
+        params: FloatTensor<Self>,
+        input: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        plan: MlpPlan,
+        needs_input_grad: bool,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let [params, input, grad] = [params, input, grad].map(|tensor| tensor.to_contiguous());
+        let (to_params, to_input) = backward(
+            params.storage(),
+            input.storage(),
+            grad.storage(),
+            &plan,
+            needs_input_grad,
+            Form::best(),
+        );
+        let (count, given) = (to_params.len(), plan.input.given());
+        let to_input = match to_input {
+            Some(to_input) => {
+                let rows = to_input.len() / given;
+                tensor(to_input, [rows, given])
+            }
+            None => tensor(Vec::new(), [0, given]),
+        };
+        (tensor(to_params, [count]), to_input)
+    }
+}
 
 /// `[N, output]` of `input` `[N, given]`, in instructions of `form`.
 ///
 /// # Panics
-/// When the sizes are not the plan's.
+/// If the sizes do not match the plan.
 pub fn forward(params: &[f32], input: &[f32], plan: &MlpPlan, form: Form) -> Vec<f32> {
     let rows = check(params, input, plan);
     let layout = Layout::new(plan, kernels(form, plan.precision));
@@ -55,21 +99,21 @@ pub fn forward(params: &[f32], input: &[f32], plan: &MlpPlan, form: Form) -> Vec
     output
 }
 
-/// Gradients to the parameters and, where `to_input`, to the input `[N, given]`, from the
+/// Gradients to the parameters and, if `needs_input_grad`, to the input `[N, given]`, from the
 /// gradient `grad` `[N, output]` to the result.
 ///
 /// # Panics
-/// When the sizes are not the plan's.
+/// If the sizes do not match the plan.
 pub fn backward(
     params: &[f32],
     input: &[f32],
     grad: &[f32],
     plan: &MlpPlan,
-    to_input: bool,
+    needs_input_grad: bool,
     form: Form,
 ) -> (Vec<f32>, Option<Vec<f32>>) {
     let rows = check(params, input, plan);
-    assert_eq!(grad.len(), rows * plan.output, "a gradient of another size");
+    assert_eq!(grad.len(), rows * plan.output, "numbers of the gradient");
     let layout = Layout::new(plan, kernels(form, plan.precision));
     let given = layout.given();
     let live: Vec<u32> = grad
@@ -78,7 +122,7 @@ pub fn backward(
         .filter(|(_, row)| row.iter().any(|g| *g != 0.0))
         .map(|(i, _)| i as u32)
         .collect();
-    let mut input_grad = to_input.then(|| vec![0f32; input.len()]);
+    let mut input_grad = needs_input_grad.then(|| vec![0f32; input.len()]);
     if live.is_empty() {
         return (vec![0f32; params.len()], input_grad);
     }
@@ -87,7 +131,7 @@ pub fn backward(
 
     let parts = live.len().div_ceil(tiles.rows * TILES).min(PARTS);
     let share = live.len().div_ceil(tiles.rows).div_ceil(parts) * tiles.rows;
-    // The rows of a part's gradient to the input: from its first row to the next part's.
+    // A part's gradient to the input: from the part's first row to that of the next part.
     let mut jobs = Vec::with_capacity(parts);
     let mut rest = input_grad.as_deref_mut();
     let mut first = 0;
@@ -110,7 +154,7 @@ pub fn backward(
         .map(|(picked, first, own)| {
             let mut sums = Words::zeroed(layout.gradients);
             let mut gradients = Gradients {
-                params: sums.floats(),
+                params: Region::new(sums.floats()),
                 input: own,
                 first,
             };
@@ -125,29 +169,26 @@ pub fn backward(
     (layout.unpack(&added(sums), params.len()), input_grad)
 }
 
-/// Rows of `input`. The products trust in the sizes that are looked at here.
+/// Number of rows of `input`. The products rely on the sizes that are checked here.
 fn check(params: &[f32], input: &[f32], plan: &MlpPlan) -> usize {
     let (given, output) = (plan.input.given(), plan.output);
     assert!(
         given > 0 && output > 0 && plan.hidden.iter().all(|layer| layer.width > 0),
-        "a network without width"
+        "a layer, input or output of width 0"
     );
-    assert_eq!(
-        params.len(),
-        plan.parameters(),
-        "parameters of another network"
-    );
-    assert_eq!(input.len() % given, 0, "an input that is not whole rows");
+    assert_eq!(params.len(), plan.parameters(), "numbers of the parameters");
+    assert_eq!(input.len() % given, 0, "numbers of the input: whole rows");
     let rows = input.len() / given;
-    assert!(u32::try_from(rows).is_ok(), "more rows than can be counted");
+    assert!(
+        u32::try_from(rows).is_ok(),
+        "more rows than 32 bits can count"
+    );
     rows
 }
 
-/// The parts' sums, added in their order.
+/// The sum of the parts' sums, added in their order.
 fn added(sums: Vec<Words>) -> Vec<f32> {
-    let Some((first, others)) = sums.split_first() else {
-        return Vec::new();
-    };
+    let (first, others) = sums.split_first().expect("at least one part");
     let mut total = first.read_floats().to_vec();
     const CHUNK: usize = 4096;
     total

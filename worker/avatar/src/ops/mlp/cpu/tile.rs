@@ -2,19 +2,20 @@
 //! scratch memory.
 
 use super::layout::{Layer, Layout, Packed, Segment};
+use super::memory::Region;
 use super::product::{End, Factor, Fill, Gradient, Product};
 
-/// Bytes of a tile's buffers that are aimed at: most of a core's second-level cache.
+/// Target size of a tile's buffers, bytes: most of a core's second-level cache.
 const BUDGET: usize = 800 << 10;
-/// Fewest and most rows a tile.
+/// Fewest and most rows per tile.
 const ROWS: (usize, usize) = (48, 240);
 
 /// The rows of a tile.
 #[derive(Clone, Copy)]
 pub enum Rows<'a> {
-    /// So many from this one on.
+    /// From the first number on, as many as the second one.
     From(usize, usize),
-    /// These.
+    /// The rows of these numbers.
     Picked(&'a [u32]),
 }
 
@@ -40,12 +41,12 @@ pub struct Tiles<'a> {
     pub packed: &'a Packed,
     /// `[N, given]`.
     pub input: &'a [f32],
-    /// Rows a tile.
+    /// Rows per tile.
     pub rows: usize,
     backward: bool,
 }
 
-/// First words of a tile's buffers.
+/// Positions of a tile's buffers in its scratch memory: their first words.
 struct Buffers {
     /// The input as f32 `[rows, padded]`.
     staged: usize,
@@ -53,18 +54,19 @@ struct Buffers {
     input: usize,
     /// Cells after each hidden layer.
     hidden: Vec<usize>,
-    /// Gradients to layers' results, in turn.
+    /// Cells of gradients to layers' results, used in turn.
     turns: [usize; 2],
     /// f32 panels: the output, or the gradient to the input.
     plain: usize,
+    /// Words of all buffers.
     end: usize,
 }
 
-/// What a backward tile writes.
+/// The gradients that a backward tile writes.
 pub struct Gradients<'a> {
-    /// Of the packed parameters, added to.
-    pub params: &'a mut [f32],
-    /// Of the input's rows from `first` on, where it is asked for.
+    /// To the packed parameters; the tile adds to them.
+    pub params: Region<'a, f32>,
+    /// To the input's rows from `first` on, if they are needed.
     pub input: Option<&'a mut [f32]>,
     /// The row that `input` begins with.
     pub first: usize,
@@ -85,7 +87,7 @@ impl<'a> Tiles<'a> {
         tiles
     }
 
-    /// Words of scratch memory a tile.
+    /// Words of scratch memory per tile.
     pub fn words(&self) -> usize {
         self.buffers(self.rows).end
     }
@@ -124,17 +126,17 @@ impl<'a> Tiles<'a> {
         }
     }
 
-    /// Rows as the products need them: padded, the rest zeros.
+    /// Number of rows with the padding that the products need.
     fn padded_rows(&self, rows: Rows) -> usize {
         rows.len().next_multiple_of(self.layout.kernels.rows)
     }
 
     /// Puts the tile's input into its buffers.
-    fn stage(&self, rows: Rows, scratch: &mut [u32], buffers: &Buffers) {
+    fn stage(&self, rows: Rows, scratch: &mut Region<u32>, buffers: &Buffers) {
         let layout = self.layout;
         let (given, stride) = (layout.given(), layout.padded(layout.input));
         let count = self.padded_rows(rows);
-        let staged = floats(&mut scratch[buffers.staged..buffers.staged + count * stride]);
+        let staged = scratch.floats(buffers.staged..buffers.staged + count * stride);
         match &layout.angles {
             None => {
                 for (i, to) in staged.chunks_exact_mut(stride).enumerate() {
@@ -159,22 +161,22 @@ impl<'a> Tiles<'a> {
                 for to in staged.chunks_exact_mut(stride) {
                     to[layout.input..].fill(0.0);
                 }
-                // SAFETY: the kernels are those of a form that this machine has.
+                // SAFETY: the form is available on this machine.
                 unsafe { (layout.kernels.encode)(angles, &points[..3 * count], staged, stride) }
             }
         }
         let fill = Fill {
             rows: count,
             width: layout.input,
-            from: scratch[buffers.staged..].as_ptr().cast(),
-            cells: scratch[buffers.input..].as_mut_ptr(),
+            from: scratch.at(buffers.staged).cast(),
+            cells: scratch.at(buffers.input),
         };
         // SAFETY: both buffers are `count` rows of the padded input; the form is available.
         unsafe { (layout.kernels.fill)(&fill) }
     }
 
-    /// What a layer multiplies.
-    fn factors(&self, l: usize, scratch: *const u32, buffers: &Buffers) -> Vec<Factor> {
+    /// The factors that layer `l` multiplies with its weight.
+    fn factors(&self, l: usize, scratch: &Region<u32>, buffers: &Buffers) -> Vec<Factor> {
         let factor = |segment: &Segment| {
             let first = if segment.input {
                 buffers.input
@@ -182,7 +184,7 @@ impl<'a> Tiles<'a> {
                 buffers.hidden[l - 1]
             };
             Factor {
-                cells: scratch.wrapping_add(first),
+                cells: scratch.at(first),
                 width: segment.width,
             }
         };
@@ -190,17 +192,16 @@ impl<'a> Tiles<'a> {
     }
 
     /// Runs layer `l`; the last one leaves its result in the plain buffer.
-    fn layer(&self, l: usize, count: usize, scratch: &mut [u32], buffers: &Buffers) {
+    fn layer(&self, l: usize, count: usize, scratch: &mut Region<u32>, buffers: &Buffers) {
         let layer = &self.layout.layers[l];
-        let base = scratch.as_mut_ptr();
         let bias = self.packed.biases.read_floats()[layer.packed_bias..].as_ptr();
         let end = match buffers.hidden.get(l) {
-            Some(to) => End::Hidden(bias, base.wrapping_add(*to)),
-            None => End::Output(bias, base.wrapping_add(buffers.plain).cast()),
+            Some(to) => End::Hidden(bias, scratch.at(*to)),
+            None => End::Output(bias, scratch.at(buffers.plain).cast()),
         };
         let product = Product {
             rows: count,
-            factors: &self.factors(l, base, buffers),
+            factors: &self.factors(l, scratch, buffers),
             weights: self.packed.forward.read()[layer.forward..].as_ptr(),
             columns: layer.columns,
             end,
@@ -215,17 +216,18 @@ impl<'a> Tiles<'a> {
         let layout = self.layout;
         let buffers = self.buffers(self.rows);
         let count = self.padded_rows(rows);
+        let scratch = &mut Region::new(scratch);
         self.stage(rows, scratch, &buffers);
         for l in 0..layout.layers.len() {
             self.layer(l, count, scratch, &buffers);
         }
-        let plain = floats(&mut scratch[buffers.plain..]);
+        let plain = scratch.read_floats(buffers.plain..buffers.end);
         for (i, to) in output.chunks_exact_mut(layout.output).enumerate() {
             self.gather_row(plain, count, i, to);
         }
     }
 
-    /// Row `i` of the f32 panels.
+    /// Copies row `i` of the f32 panels.
     fn gather_row(&self, panels: &[f32], count: usize, i: usize, to: &mut [f32]) {
         let panel = self.layout.kernels.panel;
         for (p, to) in to.chunks_mut(panel).enumerate() {
@@ -234,8 +236,8 @@ impl<'a> Tiles<'a> {
         }
     }
 
-    /// Runs `rows` forward again and adds to the gradients what the gradient `grad`
-    /// `[N, output]` to the results makes.
+    /// Runs `rows` forward again, and adds the gradients that follow from the gradient `grad`
+    /// `[N, output]` to the results.
     pub fn backward(
         &self,
         rows: Rows,
@@ -247,6 +249,7 @@ impl<'a> Tiles<'a> {
         let kernels = layout.kernels;
         let buffers = self.buffers(self.rows);
         let count = self.padded_rows(rows);
+        let scratch = &mut Region::new(scratch);
         self.stage(rows, scratch, &buffers);
         let last = layout.layers.len() - 1;
         for l in 0..last {
@@ -256,33 +259,30 @@ impl<'a> Tiles<'a> {
         let mut begun = false;
         for l in (0..=last).rev() {
             let layer = &layout.layers[l];
-            let base = scratch.as_mut_ptr();
             let turn = (last - l) % 2;
             let result = Factor {
-                cells: base.wrapping_add(buffers.turns[turn]),
+                cells: scratch.at(buffers.turns[turn]),
                 width: layer.columns,
             };
-            let weights = gradients.params[layer.gradient..].as_mut_ptr();
-            let bias = gradients.params[layer.gradient_bias..].as_mut_ptr();
             let task = Gradient {
                 rows: count,
-                factors: &self.factors(l, base, &buffers),
+                factors: &self.factors(l, scratch, &buffers),
                 result,
-                weights,
-                bias,
+                weights: gradients.params.at(layer.gradient),
+                bias: gradients.params.at(layer.gradient_bias),
             };
-            // SAFETY: the layout gave each gradient its room; buffers as in `layer`.
+            // SAFETY: the layout made room for each gradient; buffers as in `layer`.
             unsafe { (kernels.gradient)(&task) }
             for segment in &layer.segments {
                 let end = if !segment.input {
                     End::Masked(
-                        base.wrapping_add(buffers.hidden[l - 1]),
-                        base.wrapping_add(buffers.turns[1 - turn]),
+                        scratch.at(buffers.hidden[l - 1]),
+                        scratch.at(buffers.turns[1 - turn]),
                     )
                 } else if gradients.input.is_none() {
                     continue;
                 } else {
-                    let to = base.wrapping_add(buffers.plain).cast();
+                    let to = scratch.at(buffers.plain).cast();
                     if std::mem::replace(&mut begun, true) {
                         End::Added(to)
                     } else {
@@ -295,6 +295,7 @@ impl<'a> Tiles<'a> {
         self.write_input_gradient(rows, scratch, &buffers, gradients);
     }
 
+    /// Propagates the gradient `result` to a layer's result back to one of its factors.
     fn to_segment(&self, layer: &Layer, segment: &Segment, count: usize, result: Factor, end: End) {
         debug_assert_eq!(result.width, layer.columns);
         let product = Product {
@@ -309,12 +310,18 @@ impl<'a> Tiles<'a> {
         unsafe { (self.layout.kernels.product)(&product) }
     }
 
-    /// Puts the gradients to the results of `rows` into the first turn's cells.
-    fn stage_gradient(&self, rows: Rows, grad: &[f32], scratch: &mut [u32], buffers: &Buffers) {
+    /// Puts the gradients to the results of `rows` into the cells of the first turn.
+    fn stage_gradient(
+        &self,
+        rows: Rows,
+        grad: &[f32],
+        scratch: &mut Region<u32>,
+        buffers: &Buffers,
+    ) {
         let layout = self.layout;
         let (width, stride) = (layout.output, layout.padded(layout.output));
         let count = self.padded_rows(rows);
-        let plain = floats(&mut scratch[buffers.plain..buffers.plain + count * stride]);
+        let plain = scratch.floats(buffers.plain..buffers.plain + count * stride);
         for (i, to) in plain.chunks_exact_mut(stride).enumerate() {
             to.fill(0.0);
             if i < rows.len() {
@@ -325,17 +332,18 @@ impl<'a> Tiles<'a> {
         let fill = Fill {
             rows: count,
             width,
-            from: scratch[buffers.plain..].as_ptr().cast(),
-            cells: scratch[buffers.turns[0]..].as_mut_ptr(),
+            from: scratch.at(buffers.plain).cast(),
+            cells: scratch.at(buffers.turns[0]),
         };
         // SAFETY: both buffers are `count` rows of the padded output; the form is available.
         unsafe { (layout.kernels.fill)(&fill) }
     }
 
+    /// Writes the gradients to the input of `rows`, if they are needed.
     fn write_input_gradient(
         &self,
         rows: Rows,
-        scratch: &mut [u32],
+        scratch: &Region<u32>,
         buffers: &Buffers,
         gradients: &mut Gradients,
     ) {
@@ -346,7 +354,7 @@ impl<'a> Tiles<'a> {
             return;
         };
         let mut row = vec![0f32; layout.input];
-        let scratch = floats(scratch);
+        let scratch = scratch.read_floats(0..buffers.end);
         for i in 0..rows.len() {
             let at = (rows.get(i) - gradients.first) * given;
             let to = &mut input[at..at + given];
@@ -356,17 +364,11 @@ impl<'a> Tiles<'a> {
                     self.gather_row(&scratch[buffers.plain..], count, i, &mut row);
                     let staged = buffers.staged + i * stride;
                     let encoded = &scratch[staged..staged + layout.input];
-                    // SAFETY: the kernels are those of a form that this machine has.
+                    // SAFETY: the form is available on this machine.
                     let point = unsafe { (layout.kernels.encode_backward)(angles, encoded, &row) };
                     to.copy_from_slice(&point);
                 }
             }
         }
     }
-}
-
-/// Words as numbers.
-fn floats(words: &mut [u32]) -> &mut [f32] {
-    // SAFETY: same size and alignment, each pattern of bits is an f32, borrowed alone.
-    unsafe { std::slice::from_raw_parts_mut(words.as_mut_ptr().cast(), words.len()) }
 }

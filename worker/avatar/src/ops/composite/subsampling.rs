@@ -1,33 +1,34 @@
-//! Which samples a step learns from, when it can't afford all of them.
+//! Choice of the samples that a step learns from when all of them would take too long.
 //!
-//! The gradient of most samples is next to nothing: empty space that is known to be empty, and
-//! what is hidden. The networks' backward pass costs as much for these as for any other. So a
-//! sample is kept with a probability that rises with the size of its gradient, and the gradient
-//! of a kept one is divided by that probability: the expected gradient of every parameter is what
-//! it was without (Russian roulette, Arvo and Kirk 1990). What is paid is variance.
+//! The gradients of most samples are close to zero: of empty space that is known to be empty, and
+//! of hidden samples. The networks' backward pass takes as long for these as for any other. A
+//! sample is therefore kept with a probability that rises with the size of its gradient, and the
+//! gradient of a kept sample is divided by that probability, so that the expected gradient of
+//! every parameter is unchanged (Russian roulette, Arvo and Kirk 1990). The price is variance.
 
 use super::cpu::Gradients;
 
-/// How a step's samples are thinned out on the way back.
+/// A random choice of samples whose gradients are kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Thinning {
-    /// Share of the samples with a gradient that is kept, about; 1 or more keeps all.
+pub struct GradientSubsampling {
+    /// Expected share of the samples with a gradient that is kept; 1 or more keeps all.
     pub share: f32,
-    /// What one unit of the density field's output means, 1/m: a gradient to a density is
-    /// compared with others by what it means to that output.
+    /// Density per unit of the density field's output, 1/m: the size of a gradient to a density
+    /// is that of the gradient to this output.
     pub density_scale: f32,
-    /// Decides between the samples; another each step.
+    /// Seed of the choice; different in each step.
     pub seed: u64,
 }
 
-/// A density counts as at least this share of the scale. Softplus needs none; a ReLU has a full
-/// slope even where its density is nearly 0, so that probabilities must not vanish there.
+/// Lower bound of the slope of the density's activation. A softplus needs none; a ReLU has slope 1
+/// even where its density is close to 0, so that probabilities must not vanish there.
 const FLOOR: f32 = 1e-2;
-/// Halvings of the interval of the bound: to a millionth.
+/// Halvings of the interval that holds the bound: its error is a millionth.
 const HALVINGS: u32 = 20;
 
-impl Thinning {
-    /// Sets the gradients of the samples that are left out to 0 and enlarges the others.
+impl GradientSubsampling {
+    /// Sets the gradients of the samples that are left out to 0 and scales the others up. `rgb`
+    /// `[n, 3]`, `density` `[n]` and `likelihood` `[n]` are the values that the gradients are to.
     pub(super) fn apply(
         &self,
         rgb: &[f32],
@@ -51,7 +52,7 @@ impl Thinning {
             .collect();
         let bound = bound(&sizes, self.share);
         for (i, size) in sizes.into_iter().enumerate() {
-            // What is not a number is kept, for whoever watches over gradients to see.
+            // A NaN is kept, so that the check of the gradients finds it.
             if size >= bound || !size.is_finite() {
                 continue;
             }
@@ -68,21 +69,21 @@ impl Thinning {
         }
     }
 
-    /// Of a softplus where it is `density`, times the scale.
+    /// Slope of the scaled softplus whose value is `density`, 1/m.
     fn slope(&self, density: f32) -> f32 {
         let share = 1.0 - (-density / self.density_scale).exp();
         self.density_scale * share.max(FLOOR)
     }
 }
 
-/// The size from which on a sample is kept for certain, so that `share` of those with any size
-/// are kept in expectation.
+/// The size from which on samples are always kept, such that the expected share of the samples of
+/// any size over 0 that are kept is `share`.
 fn bound(sizes: &[f32], share: f32) -> f32 {
     let finite = || sizes.iter().copied().filter(|s| s.is_finite() && *s > 0.0);
     let wanted = f64::from(share) * finite().count() as f64;
     let (mut low, mut high) = (0f32, finite().fold(0.0, f32::max));
-    // With the largest size as the bound, all chances are at their smallest for any bound under
-    // it; fewer can be wanted still.
+    // Under a bound of the largest size, chances are proportional to sizes; where that still keeps
+    // too many samples, the bound must be larger than any size.
     while high > 0.0 && kept(finite(), high) > wanted && high < f32::MAX / 2.0 {
         high *= 2.0;
     }
@@ -97,11 +98,13 @@ fn bound(sizes: &[f32], share: f32) -> f32 {
     high
 }
 
+/// Expected number of samples that are kept.
 fn kept(sizes: impl Iterator<Item = f32>, bound: f32) -> f64 {
     sizes.map(|s| f64::from((s / bound).min(1.0))).sum()
 }
 
-/// In [0, 1): a hash of both numbers (SplitMix64), so that no order of work changes it.
+/// A number in [0, 1): a hash of both arguments (SplitMix64), which does not depend on the order
+/// of the work.
 fn uniform(seed: u64, index: u64) -> f32 {
     let mut z = seed.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -132,25 +135,26 @@ mod tests {
         (rgb, density, likelihood, gradients)
     }
 
-    fn thinned(share: f32, seed: u64) -> Gradients {
+    fn subsampled(share: f32, seed: u64) -> Gradients {
         let (rgb, density, likelihood, mut to) = samples();
-        let thinning = Thinning {
+        let subsampling = GradientSubsampling {
             share,
             density_scale: 50.0,
             seed,
         };
-        thinning.apply(&rgb, &density, &likelihood, &mut to);
+        subsampling.apply(&rgb, &density, &likelihood, &mut to);
         to
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "takes hours, and nothing here is unsafe")]
     fn the_expected_gradient_is_the_whole_one() {
         const DRAWS: u64 = 4000;
         let whole = samples().3;
         let mut sums = vec![0f64; SAMPLES];
         let mut kept = 0usize;
         for seed in 0..DRAWS {
-            let to = thinned(0.1, seed * 977);
+            let to = subsampled(0.1, seed * 977);
             kept += to.density.iter().filter(|g| **g != 0.0).count();
             for (sum, g) in sums.iter_mut().zip(&to.density) {
                 *sum += f64::from(*g);
@@ -170,8 +174,8 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_goes_or_stays_as_a_whole_and_large_ones_stay_as_they_are() {
-        let (whole, to) = (samples().3, thinned(0.25, 5));
+    fn all_gradients_of_a_sample_are_kept_or_none_and_large_ones_are_unchanged() {
+        let (whole, to) = (samples().3, subsampled(0.25, 5));
         for i in 0..SAMPLES {
             let gone = to.density[i] == 0.0;
             assert_eq!(gone, to.likelihood[i] == 0.0, "{i}");
@@ -187,24 +191,24 @@ mod tests {
     }
 
     #[test]
-    fn a_share_of_one_changes_nothing_and_what_is_no_number_stays() {
-        let (whole, to) = (samples().3, thinned(1.0, 5));
+    fn a_share_of_one_changes_nothing_and_nan_is_kept() {
+        let (whole, to) = (samples().3, subsampled(1.0, 5));
         assert_eq!((to.rgb, to.density), (whole.rgb, whole.density));
         let (rgb, density, likelihood, mut to) = samples();
         to.density[SAMPLES - 1] = f32::NAN;
-        let thinning = Thinning {
+        let subsampling = GradientSubsampling {
             share: 0.01,
             density_scale: 50.0,
             seed: 1,
         };
-        thinning.apply(&rgb, &density, &likelihood, &mut to);
+        subsampling.apply(&rgb, &density, &likelihood, &mut to);
         assert!(to.density[SAMPLES - 1].is_nan());
         let mut nothing = Gradients {
             rgb: vec![0.0; 3],
             density: vec![0.0],
             likelihood: vec![0.0],
         };
-        thinning.apply(&[0.5; 3], &[1.0], &[1.0], &mut nothing);
+        subsampling.apply(&[0.5; 3], &[1.0], &[1.0], &mut nothing);
         assert_eq!(nothing.density, [0.0]);
     }
 }
