@@ -198,10 +198,7 @@ impl Avatar {
         posed: &Posed,
         canonical: Tensor<2>,
     ) -> FieldValues {
-        let (pose, code) = (posed.pose.clone(), posed.conditioned.clone());
-        let moved = self
-            .non_rigid
-            .forward(config, canonical, pose, code, posed.progress);
+        let moved = self.moved(config, posed, canonical);
         self.canonical.forward(
             &config.canonical,
             moved,
@@ -209,6 +206,18 @@ impl Avatar {
             body.hash.as_ref(),
             posed.code.clone(),
         )
+    }
+
+    /// `canonical` points `[N, 3]`, metres, after the non-rigid field.
+    pub(crate) fn moved(
+        &self,
+        config: &ModelConfig,
+        posed: &Posed,
+        canonical: Tensor<2>,
+    ) -> Tensor<2> {
+        let (pose, code) = (posed.pose.clone(), posed.conditioned.clone());
+        self.non_rigid
+            .forward(config, canonical, pose, code, posed.progress)
     }
 
     /// Appends an identity that is the mixture of two others.

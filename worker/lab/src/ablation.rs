@@ -6,6 +6,8 @@
 //! the comparison that an operator with a given machine and evening has to make.
 
 use crate::captures::{self, Recording};
+use crate::cast;
+use crate::displacement::{self, DisplacementError};
 use crate::display::Screen;
 use crate::measure;
 use crate::report::{SplitScores, SubjectScore};
@@ -20,14 +22,16 @@ use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::tiers::VARIANTS;
 
+/// Seed of the synthetic people.
+const CAST_SEED: u64 = 7;
 /// The file that holds everything an ablation found.
 pub const FILE: &str = "ablation.json";
 
 /// What to train on, and how.
 #[derive(Debug, Clone)]
 pub struct AblationOptions {
-    /// Capture folders, one a person.
-    pub captures: Vec<PathBuf>,
+    /// On whom.
+    pub people: People,
     /// Longest side of the pictures, pixels.
     pub size: u32,
     /// Of each variant, over all of its models.
@@ -40,6 +44,15 @@ pub struct AblationOptions {
     pub pictures: usize,
     /// Folder for `ablation.json` and the models.
     pub out: PathBuf,
+}
+
+/// Who an ablation trains on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum People {
+    /// Capture folders, one per person.
+    Captures(Vec<PathBuf>),
+    /// So many synthetic people, whose clothes move with the pose by a known rule.
+    Synthetic(usize),
 }
 
 /// `ablation.json`.
@@ -82,10 +95,16 @@ pub struct VariantScores {
     pub parameters: u64,
     /// Steps not taken because loss or gradients were not finite, over all models.
     pub skipped_steps: u64,
-    /// One entry a person.
+    /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// Over the people, each counting the same.
     pub mean: SplitScores,
+    /// Of clothes whose motion is known.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub displacement: Option<DisplacementError>,
+    /// Parts of the model that were active at the end.
+    #[serde(default)]
+    pub active_parts: Vec<String>,
 }
 
 /// Trains and measures all variants, and writes `ablation.json` and the models.
@@ -95,7 +114,11 @@ pub struct VariantScores {
 /// fewer steps than models, training that diverges, a file that can't be written.
 pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Ablation> {
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let recordings = match &options.people {
+        People::Captures(folders) => captures::read_all(folders, options.size, protocol, screen)?,
+        // The same people whatever the seed of the training: seeds tell its chance alone.
+        People::Synthetic(count) => cast::record(*count, options.size, CAST_SEED)?,
+    };
     let picked = pick_device(screen);
     let mut bench = Bench {
         options,
@@ -162,14 +185,19 @@ impl Bench<'_> {
             skipped_steps: 0,
             mean: SplitScores::mean(&[]),
             subjects: Vec::new(),
+            displacement: None,
+            active_parts: Vec::new(),
         };
+        let mut displacements = Vec::new();
         for (group, budget) in groups.into_iter().zip(budgets) {
             let folder = match group {
                 [one] if found.models > 1 => Path::new(variant).join(&self.recordings[*one].name),
                 _ => PathBuf::from(variant),
             };
-            self.model(config.clone(), group, budget, &folder, &mut found)?;
+            let displacement = self.model(config.clone(), group, budget, &folder, &mut found)?;
+            displacements.extend(displacement);
         }
+        found.displacement = DisplacementError::mean(&displacements);
         found.mean = SplitScores::mean(&found.subjects);
         Ok(found)
     }
@@ -182,7 +210,7 @@ impl Bench<'_> {
         budget: Budget,
         folder: &Path,
         found: &mut VariantScores,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<DisplacementError>> {
         let people = group.iter().enumerate();
         let people = people.map(|(slot, &at)| self.recordings[at].person(slot));
         let options = training::options(budget, self.options.size, self.options.seed);
@@ -194,6 +222,7 @@ impl Bench<'_> {
         found.train_seconds += progress.train_seconds;
         found.parameters += trainer.parameters();
         found.skipped_steps += progress.skipped_steps;
+        found.active_parts = progress.active_parts;
         self.objective = progress.objective;
         self.keep(&trainer, folder)?;
         let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(&self.picked)?);
@@ -204,7 +233,9 @@ impl Bench<'_> {
             found.subjects.push(subject);
         }
         display.finish(&format!("{} steps", progress.step));
-        Ok(())
+        let people = group.iter().map(|&at| &self.recordings[at]).enumerate();
+        let people: Vec<_> = people.collect();
+        displacement::measure(&trainer.renderer(), &people)
     }
 
     fn keep(&self, trainer: &Trainer, folder: &Path) -> anyhow::Result<()> {

@@ -8,6 +8,7 @@ use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
 use yoto_avatar::train::Person;
 use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
 
 /// The two kinds of pictures that training never sees.
@@ -52,6 +53,8 @@ pub(super) struct Recording {
     pub shard: Arc<Shard>,
     pub novel_view: Vec<View>,
     pub novel_pose: Vec<View>,
+    /// Who it shows, when that is known to the last fold.
+    pub actor: Option<SyntheticPerson>,
 }
 
 /// A held-out picture.
@@ -109,6 +112,7 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
             Pictures::Views => Vec::new(),
             Pictures::ViewsAndPoses => views(folder.held_out_poses())?,
         },
+        actor: None,
     };
     for split in Split::of(protocol) {
         let field = match split {

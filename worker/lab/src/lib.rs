@@ -2,6 +2,7 @@
 //!
 //! - [`quality`]: what a model reaches on held-out pictures of given captures.
 //! - [`ablation`]: the paper's four variants on the same captures.
+//! - [`displacement`]: how near learned motion of clothes comes to the truth.
 //! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
 //! - [`model_dir`]: figures of a trained model in a folder.
 //! - [`bench`]: seconds of a training step, stage by stage.
@@ -13,6 +14,8 @@
 pub mod ablation;
 pub mod bench;
 mod captures;
+mod cast;
+pub mod displacement;
 pub mod display;
 mod measure;
 mod memory;

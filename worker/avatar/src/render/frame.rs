@@ -243,14 +243,17 @@ impl Renderer {
         enlarge(&frame, width as usize, height as usize)
     }
 
-    /// The body that a view shows, once the view is one.
+    /// The body in `slot`, once `pose` is a pose of it.
+    pub(super) fn body_in(&self, slot: usize, pose: &Pose) -> Result<&Body, RenderError> {
+        let body = self.bodies.get(slot).and_then(Option::as_ref);
+        let body = body.ok_or(RenderError::NoSuchSlot(slot))?;
+        body.skeleton.check_pose(pose)?;
+        Ok(body)
+    }
+
+    /// The body that a view shows, once the view is checked.
     fn body(&self, view: &RenderView) -> Result<&Body, RenderError> {
-        let body = self
-            .bodies
-            .get(view.slot)
-            .and_then(Option::as_ref)
-            .ok_or(RenderError::NoSuchSlot(view.slot))?;
-        body.skeleton.check_pose(&view.pose)?;
+        let body = self.body_in(view.slot, &view.pose)?;
         if !view
             .camera
             .k

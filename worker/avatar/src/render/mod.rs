@@ -2,6 +2,7 @@
 //! samples that can matter, and compositing.
 
 pub mod composite;
+mod displacement;
 mod enlarge;
 pub mod frame;
 pub mod march;
