@@ -18,7 +18,7 @@ Examples:
 
 #[derive(Debug, Args)]
 pub(super) struct Info {
-    /// Folder with weights.safetensors and state.json, or a model of the service.
+    /// Folder with weights.safetensors and state.json, or the name of a model of the service.
     #[arg(value_name = "PATH|MODEL")]
     model: String,
     /// Joints of the people's skeletons, for a model of the service.

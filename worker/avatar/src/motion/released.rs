@@ -1,7 +1,7 @@
 //! Bone transforms as the released HumanNeRF program computes them (`numerics = "reference"`).
 //!
-//! Its rotations are off orthonormal by a little: two different guards against a division by
-//! zero shorten the axis. Their inverse is therefore a general one.
+//! Its rotations are slightly off orthonormal: two different guards against a division by zero
+//! shorten the axis. Their inverse is therefore a general one.
 
 use super::body::Body;
 use super::posed::{chain, unrooted};
@@ -75,8 +75,8 @@ fn inverse(m: Tensor<3>) -> Tensor<3> {
     Tensor::cat(columns.to_vec(), 2) / determinant
 }
 
-/// `[K, 12]`: posed body to canonical, of each bone, row-major 3x4. `correction`
-/// `[K − 1, 3, 3]` follows each local rotation but the root's.
+/// Transforms `[K, 12]` from the posed body to the canonical one, a row-major 3x4 per bone.
+/// `correction` `[K − 1, 3, 3]` follows each local rotation but the root's.
 pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
     let device = body.log_prior.device();
     let (axes, angles): (Vec<[f32; 3]>, Vec<f32>) =

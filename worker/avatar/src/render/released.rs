@@ -1,5 +1,5 @@
 //! A frame as the released HumanNeRF program renders it (`numerics = "reference"`): its rays,
-//! its sample places, its compositing. It exists to be compared with that program and so keeps
+//! its sample places, its compositing. It exists for comparisons with that program and so keeps
 //! what is unsound there: a likelihood over 1, a last step of 10¹⁰ m, rays counted by plane hits.
 //!
 //! Compositing runs on the host: there are no gradients, and the networks take all the time.
@@ -12,7 +12,7 @@ use crate::motion::body::Body;
 use crate::ops::warp::cpu::unlimited;
 use burn::tensor::{Tensor, TensorData};
 
-/// Rays a batch: bounds the memory of a frame whatever its size.
+/// Rays per batch: bounds the memory of a frame whatever its size.
 const RAYS_PER_BATCH: usize = 1024;
 /// The ray test's box reaches this far beyond the frame's, metres.
 const TEST_MARGIN: f64 = 0.01;
@@ -25,8 +25,8 @@ const LAST_STEP: f32 = 1e10;
 /// Added to each factor of the transmittance.
 const CLEAR_GUARD: f32 = 1e-10;
 
-/// The ray through image position (`u`, `v`), when exactly two of its hits with the box's six
-/// planes lie on the box. Near and far are distances, also for hits behind the camera.
+/// The ray through image position (`u`, `v`), pixels, when exactly two of its hits with the box's
+/// six planes lie on the box. Near and far are distances, also for hits behind the camera.
 fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
     let low = sight.low.map(|c| c - TEST_MARGIN);
     let high = sight.high.map(|c| c + TEST_MARGIN);
@@ -70,7 +70,7 @@ fn distances(ray: &Ray, count: usize) -> impl Iterator<Item = f32> {
     })
 }
 
-/// What one ray sees of its evaluated samples, near to far.
+/// Compositing of the evaluated samples of one ray, near to far.
 struct Seen {
     rgb: [f32; 3],
     alpha: f32,
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_before_dims_what_stands_behind() {
+    fn near_samples_dim_far_ones() {
         let mut seen = Seen::NOTHING;
         seen.add(&[1.0, 0.0, 0.0], 0.75, 2.0);
         seen.add(&[0.0, 1.0, 0.0], 1.0, 4.0);
