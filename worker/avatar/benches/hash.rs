@@ -1,7 +1,7 @@
-//! How long the hash grid takes on this machine, form by form and beside the same in Burn's own
-//! tensor operations, on points as training has them:
-//! patches of neighbouring rays through a body. Prints the shortest processor time of many
-//! alternating runs on one thread, so that other programs' load hardly shows.
+//! Times of the hash grid on this machine, in each form and in Burn's own tensor operations, on
+//! points like those of training: patches of neighbouring rays through a body. Prints the shortest
+//! processor time of many alternating runs on one thread, so that the load of other programs hardly
+//! shows.
 //!
 //! `cargo bench --workspace --bench hash --profile dev`: the profile that programs run with.
 
@@ -15,9 +15,9 @@ use yoto_avatar::ops::hash::{self, HashGrid, cpu};
 
 /// Runs of each form.
 const RUNS: usize = 25;
-/// Runs beside the reference, which takes long.
+/// Runs of the comparison with the reference, which is slow.
 const REFERENCE_RUNS: usize = 5;
-/// Patches, their side in pixels, and samples of a ray that are inside the body.
+/// Patches, pixels per side of a patch, and samples per ray inside the body.
 const PATCHES: usize = 8;
 const SIDE: usize = 12;
 const SAMPLES: usize = 23;
@@ -39,7 +39,8 @@ fn points() -> Vec<f32> {
     points
 }
 
-/// The operation through Burn's automatic differentiation beside its reference.
+/// Prints the times of the operation and of its reference through Burn's automatic
+/// differentiation.
 fn against_burn(grid: &HashGrid, table: &[f32], points: &[f32]) {
     let device = Device::flex().autodiff();
     let two = |values: &[f32], width: usize| {

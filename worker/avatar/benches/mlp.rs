@@ -1,10 +1,9 @@
-//! The network operation: `cargo bench --workspace --profile dev --bench mlp`. (The development
-//! profile is optimised as the release is, and built already.)
+//! Times of the network operation: `cargo bench --workspace --profile dev --bench mlp`. (The
+//! development profile has the optimisations of the release, and is usually built already.)
 //!
-//! First a table, on one thread and in its CPU time, so that a busy machine does not spoil it:
-//! arithmetic a second of each form, its share of the thread's measured FMA peak, and how much
-//! faster than the reference it is. The reference takes turns with the operation. Then divan's
-//! figures, in wall time.
+//! First a table of one thread's CPU time, which hardly depends on the load of the machine:
+//! arithmetic per second of each form, its share of the thread's measured FMA peak, and the ratio to
+//! the reference, which runs in turn with the operation. Then divan's figures, in wall time.
 
 mod timing;
 
@@ -116,7 +115,7 @@ impl Case {
 
 type Run = fn(Tensor<1>, Tensor<2>, &MlpPlan) -> Tensor<2>;
 
-/// Seconds of this thread's processor time of each work.
+/// Shortest processor time of each of the works on this thread, seconds.
 fn seconds<const N: usize>(works: [&mut dyn FnMut(); N]) -> [f64; N] {
     shortest(TURNS, works).map(|milliseconds| milliseconds / 1e3)
 }
@@ -125,7 +124,7 @@ fn seconds<const N: usize>(works: [&mut dyn FnMut(); N]) -> [f64; N] {
 mod peak {
     use std::arch::x86_64::*;
 
-    /// Multiply-adds of vectors, in chains that don't wait for each other.
+    /// Independent chains of multiply-adds of vectors.
     const CHAINS: usize = 14;
 
     macro_rules! chains {
@@ -164,15 +163,15 @@ mod peak {
     );
 }
 
-/// The most multiply-adds that this thread can do, in FLOP a second of its CPU time.
+/// Peak rate of this thread's multiply-adds, FLOP per second of its CPU time.
 #[cfg(target_arch = "x86_64")]
 fn peak() -> Option<f64> {
     const STEPS: usize = 3_000_000;
     let run: fn() -> f64 = if is_x86_feature_detected!("avx512f") {
-        // SAFETY: its instructions were just found on this machine.
+        // SAFETY: its instructions were just detected on this machine.
         || unsafe { peak::avx512(STEPS) }
     } else if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-        // SAFETY: its instructions were just found on this machine.
+        // SAFETY: its instructions were just detected on this machine.
         || unsafe { peak::avx2(2 * STEPS) }
     } else {
         return None;
@@ -227,7 +226,8 @@ fn report(name: &str) {
                 "| {name} | {precision:?} | {named} | {} | {} | {} | 1 − {:.0e} |",
                 share(products, there, peak),
                 share(3.0 * products, back, peak),
-                // What is useful: forward, and twice that backward; the rest is run again.
+                // Useful are the forward pass and twice as much backward; the rest repeats the
+                // forward pass.
                 share(3.0 * products, there + back, peak),
                 1.0 - cosine(&gradients, &exact),
             );
@@ -260,13 +260,14 @@ fn reference(bencher: divan::Bencher, name: &str) {
 }
 
 fn main() {
-    // One thread does all, the reference's products too, so that its CPU time is the whole.
+    // One thread runs everything, also the reference's products, so that its CPU time is that of
+    // all work.
     let one = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .use_current_thread()
         .build_global();
     if let Err(error) = one {
-        println!("several threads: {error}; CPU times leave the others' out");
+        println!("several threads: {error}; CPU times are those of one of them");
     }
     println!(
         "| network | factors | form | forward | backward, all of its arithmetic | forward and backward, useful arithmetic | cosine of the weights' gradient with f32's |"

@@ -1,6 +1,7 @@
-//! How long warp, compositing, the motion decoder's layers and Adam take on this machine beside the same in Burn's own tensor
-//! operations, at the sizes of a step of the tier `fast`. Prints the shortest processor time of
-//! many alternating runs on one thread, so that other programs' load hardly shows.
+//! Times of the warp, compositing, the motion decoder's layers and Adam on this machine, and of the
+//! same in Burn's own tensor operations, at the sizes of a step of the tier `fast`. Prints the
+//! shortest processor time of many alternating runs on one thread, so that the load of other
+//! programs hardly shows.
 //!
 //! `cargo bench --workspace --bench volume --profile dev`: the profile that programs run with.
 
@@ -15,16 +16,16 @@ use yoto_avatar::ops::warp::{self, WarpGrid};
 
 /// Runs of each form.
 const RUNS: usize = 15;
-/// Rays of a step, and live samples of each.
+/// Rays per step, and evaluated samples per ray.
 const RAYS: usize = 8 * 12 * 12;
 const SAMPLES: usize = 23;
-/// Bones and voxels a side of the motion volume.
+/// Bones, and voxels per side of the motion volume.
 const BONES: usize = 24;
 const SIDE: usize = 24;
 /// Numbers that Adam updates.
 const PARAMETERS: usize = 1 << 20;
 
-/// Weights that fall off around a joint, as learned ones do: most of the volume is next to 0.
+/// Weights that fall off around a joint like learned ones: most of the volume is close to 0.
 fn weights() -> Vec<f32> {
     let mut weights = Vec::with_capacity(BONES * SIDE.pow(3));
     for bone in 0..BONES {
@@ -154,7 +155,7 @@ fn adams(device: &Device) {
     let tensor =
         || Tensor::<1>::from_data(TensorData::new(many(PARAMETERS, 1.0), [PARAMETERS]), device);
     let grad = tensor();
-    // Each has its own, and gives it up at each update as the optimiser does.
+    // Each has its own tensors, and passes them on at each update as the optimiser does.
     let mut a = Some((tensor(), tensor(), tensor()));
     let mut b = Some((tensor(), tensor(), tensor()));
     let mut ours = || {

@@ -1,24 +1,25 @@
-//! What the benchmarks share: numbers without a pattern, and times that hardly show what else the
-//! machine does.
+//! What the benchmarks share: numbers without a pattern, and times that hardly depend on the load of
+//! the machine.
 
-// Each benchmark is a program of its own and takes what it needs.
+// Each benchmark is a program of its own and uses a part of this module.
 #![allow(dead_code)]
 
 use cpu_time::ThreadTime;
 use std::time::Duration;
 
-/// In [0, 1), another for each `i`.
+/// A number in [0, 1], different for each `i`.
 pub fn noise(i: usize) -> f32 {
     let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     (hash ^ hash >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) as u32 as f32 / u32::MAX as f32
 }
 
-/// `count` of them, times `scale`.
+/// `count` numbers in [0, `scale`].
 pub fn many(count: usize, scale: f32) -> Vec<f32> {
     (0..count).map(|i| scale * noise(i)).collect()
 }
 
-/// Shortest milliseconds of this thread's processor time of each work, taken in turn `runs` times.
+/// Shortest processor time of each of the works on this thread, milliseconds. They run in turn,
+/// `runs` times.
 pub fn shortest<const N: usize>(runs: usize, mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut best = [Duration::MAX; N];
     for _ in 0..runs {
@@ -31,12 +32,13 @@ pub fn shortest<const N: usize>(runs: usize, mut works: [&mut dyn FnMut(); N]) -
     best.map(|time| 1e3 * time.as_secs_f64())
 }
 
-/// A line of a table: an operation, its milliseconds, those of Burn's operations, and the ratio.
+/// Prints a line of a table: an operation, its milliseconds, those of Burn's operations, and the
+/// ratio.
 pub fn line(name: &str, [ours, burns]: [f64; 2]) {
     println!("{name:<32} {ours:>8.2} {burns:>10.2} {:>7.1}", burns / ours);
 }
 
-/// The heading over such lines.
+/// Prints the heading of the table.
 pub fn heading() {
     println!(
         "{:<32} {:>8} {:>10} {:>7}",
@@ -44,7 +46,8 @@ pub fn heading() {
     );
 }
 
-/// Runs `measure` on one thread, operations' own threads too, so that its time is the whole.
+/// Runs `measure` and the operations' tasks on one thread, whose processor time is then that of all
+/// work.
 pub fn on_one_thread(measure: impl FnOnce() + Send) -> Result<(), rayon::ThreadPoolBuildError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)

@@ -1,19 +1,21 @@
-//! Which instructions a CPU form runs with: decided when the program runs, so that one build
-//! serves every x86 machine and still uses what a newer one offers.
+//! The instructions that CPU code runs with. They are chosen when the program runs, so that one
+//! build works on every x86 machine and still uses the instructions of newer ones.
 //!
-//! Networks have products of their own for each form ([`super::mlp::cpu`]). Plain loops over
+//! Networks have separate products for each form ([`super::mlp::cpu`]). Plain loops over
 //! fixed-size arrays ([`Work`]) are written once and compiled twice, the second time with AVX2
-//! allowed. With AVX-512 allowed, too, the compiler makes gathers and scatters of single look-ups,
-//! which took the hash grid twice as long as AVX2 on the Zen processor it was measured on.
+//! and FMA. With AVX-512 the compiler turns single look-ups into gathers and scatters, with which
+//! the hash grid took twice as long as with AVX2 on a Zen 4 processor.
+//!
+//! Under Miri no instructions are detected, and only the portable form is available.
 
 use std::sync::OnceLock;
 
-/// Instructions that this machine has.
+/// A set of instructions that this machine has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Form(Kind);
 
-// Made in this file alone, so that a form that the machine lacks can't be had: running one is
-// undefined.
+// Only this file makes forms, and only those that the machine can run: to run another is undefined
+// behaviour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Portable,
@@ -25,18 +27,18 @@ pub(super) enum Kind {
     Avx512Bf16,
 }
 
-/// Work that is compiled for each form. `run` must be `#[inline(always)]`, as must all that it
-/// calls in its loops: only what is inlined is compiled for the form.
+/// Work that is compiled for each form. `run` must be `#[inline(always)]`, and so must every
+/// function that its loops call: only inlined code is compiled for the form.
 pub trait Work {
-    /// What it results in.
+    /// Result of the work.
     type Output;
-    /// Does it. With `FMA`, a fused multiply and add is one instruction; without, it would be a
-    /// call into a library.
+    /// Does the work. With `FMA`, a fused multiply-add is one instruction; without, it would be a
+    /// library call.
     fn run<const FMA: bool>(self) -> Self::Output;
 }
 
 impl Form {
-    /// All forms that this machine can run, the best last.
+    /// All forms that this machine can run, at least the portable one, the best last.
     pub fn available() -> Vec<Self> {
         let mut forms = vec![Self(Kind::Portable)];
         #[cfg(target_arch = "x86_64")]
@@ -52,25 +54,28 @@ impl Form {
         forms
     }
 
-    /// Of them, those whose [`Work`] differs, the best last.
+    /// The available forms that compile [`Work`] differently, the best last.
     pub fn of_loops() -> Vec<Self> {
         let mut forms = Self::available();
         forms.truncate(2);
         forms
     }
 
-    /// The best of this machine, found once.
+    /// The best form of this machine, detected once.
     pub fn best() -> Self {
         static BEST: OnceLock<Form> = OnceLock::new();
-        *BEST.get_or_init(|| Self::available().pop().unwrap_or(Self(Kind::Portable)))
+        *BEST.get_or_init(|| {
+            let best = Self::available().pop();
+            best.expect("every machine runs the portable form")
+        })
     }
 
-    /// Which it is, for whoever has instances of their own.
+    /// The instructions, for code with a separate instance for each form.
     pub(super) fn kind(self) -> Kind {
         self.0
     }
 
-    /// For figures.
+    /// Name in test messages and benchmark tables.
     pub fn name(self) -> &'static str {
         match self.0 {
             Kind::Portable => "portable",
@@ -88,8 +93,7 @@ impl Form {
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
             Kind::Portable => work.run::<false>(),
-            // SAFETY: a form of these kinds is made only where the CPU was seen to have AVX2 and
-            // FMA.
+            // SAFETY: forms of these kinds are made only if AVX2 and FMA were detected.
             #[cfg(target_arch = "x86_64")]
             Kind::Avx2 | Kind::Avx512 | Kind::Avx512Bf16 => unsafe { with_avx2(work) },
         }

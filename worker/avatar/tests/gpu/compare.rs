@@ -1,4 +1,4 @@
-//! Numbers made on two devices.
+//! Comparison of numbers computed on two devices.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
@@ -30,7 +30,7 @@ impl<const D: usize> Numbers<D> {
         Tensor::from_data(TensorData::new(self.values.clone(), self.shape), device)
     }
 
-    /// The same as something to learn.
+    /// The same, tracked as a parameter.
     pub fn learned_on(&self, device: &Device) -> Tensor<D> {
         self.on(device).require_grad()
     }

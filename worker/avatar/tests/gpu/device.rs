@@ -1,11 +1,11 @@
-//! The device that the tests run on, and what keeps them from running for ever.
+//! The device that the tests run on, and their time limit.
 
 use burn::tensor::wgpu::WgpuBackend;
 use burn::tensor::{Device, DeviceKind, DeviceType};
 use std::sync::{Mutex, OnceLock, mpsc};
 use std::time::{Duration, Instant};
 
-/// Names the environment variable that makes a missing device a failure.
+/// The environment variable that turns a missing device into a failure.
 const REQUIRED: &str = "YOTO_TEST_VULKAN";
 
 /// The first Vulkan device: a GPU before a software one.
@@ -27,20 +27,20 @@ fn find() -> Option<Device> {
         .graphics_api(WgpuBackend::Vulkan)
         .device_kind(kind)
         .init()
-        // Found, perhaps, but through OpenGL alone.
+        // The device may have been found through OpenGL only.
         .ok()?;
     let name = device.identity().map(|identity| identity.name);
     println!("Vulkan device: {}", name.unwrap_or_default());
     Some(device)
 }
 
-/// Runs `test` on the Vulkan device, and fails it when it takes longer than `seconds`: a
-/// driver that hangs must not hang the whole run. One test at a time, so that each has all of
-/// the device; its time starts when its turn comes.
+/// Runs `test` on the Vulkan device, and fails if it takes longer than `seconds`: a driver that
+/// hangs must not hang the whole run. Tests run one at a time, so that each has the device to
+/// itself; the time of a test starts with its turn.
 pub fn on_vulkan(seconds: u64, test: impl FnOnce(Device) + Send + 'static) {
     static DEVICE: OnceLock<Option<Device>> = OnceLock::new();
     static TURN: Mutex<()> = Mutex::new(());
-    // A test that failed leaves the device in order.
+    // A failed test leaves the device usable.
     let _turn = TURN.lock().unwrap_or_else(|failed| failed.into_inner());
     let (done, outcome) = mpsc::channel();
     let start = Instant::now();
@@ -55,7 +55,7 @@ pub fn on_vulkan(seconds: u64, test: impl FnOnce(Device) + Send + 'static) {
             return;
         };
         test(device.clone());
-        // Dropped before in a panic, which ends the wait as well.
+        // A panic drops the sender, which also ends the wait.
         done.send(()).ok();
     });
     match outcome.recv_timeout(Duration::from_secs(seconds)) {

@@ -1,10 +1,10 @@
 //! The `cube` forms on a Vulkan device against the CPU: each operation, a whole training step,
-//! a frame. With the feature `gpu` alone.
+//! a frame. Only with the feature `gpu`.
 //!
 //! Any Vulkan device will do, a software one too, as nothing here is measured: Debian's
 //! `mesa-vulkan-drivers`, by `VK_DRIVER_FILES=/usr/share/vulkan/icd.d/lvp_icd.x86_64.json`, or the
 //! SwiftShader in its `chromium`, by `VK_DRIVER_FILES=/usr/lib/chromium/vk_swiftshader_icd.json`.
-//! Without one the tests say so and pass, unless `YOTO_TEST_VULKAN=required`.
+//! Without a device the tests print that and pass, unless `YOTO_TEST_VULKAN=required`.
 //!
 //! With `--features yoto-avatar/gpu`, that is without `autotune`: compiling a dozen kernels for every
 //! new shape of a matrix product takes a software driver ten minutes.

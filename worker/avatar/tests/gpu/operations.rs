@@ -15,11 +15,11 @@ use yoto_avatar::ops::warp::{self, WarpGrid};
 
 /// Seconds an operation may take: a software driver compiles its kernels first.
 const LIMIT: u64 = 120;
-/// Of f32 sums in another order.
+/// Largest error over the largest magnitude, of f32 sums in another order.
 const BOUND: f32 = 2e-5;
 
-/// Rows `from..` of gradients become exactly zero.
-fn unfelt(width: usize, from: usize) -> impl FnOnce(&mut [f32]) {
+/// Sets rows `from..` of gradients to exactly zero.
+fn zeroed(width: usize, from: usize) -> impl FnOnce(&mut [f32]) {
     move |values| values[width * from..].fill(0.0)
 }
 
@@ -27,7 +27,7 @@ fn unfelt(width: usize, from: usize) -> impl FnOnce(&mut [f32]) {
 fn warp_equals_its_reference_and_leaves_out_what_the_cpu_does() {
     on_vulkan(LIMIT, |vulkan| {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        // More points than one group of threads sums up, and no multiple of anything.
+        // More points than one group of threads sums over, and an odd number of groups.
         let (bones, d, n) = (5, 7, 2_300);
         let grid = WarpGrid {
             min: [-1.0, -0.5, -0.8],
@@ -38,13 +38,13 @@ fn warp_equals_its_reference_and_leaves_out_what_the_cpu_does() {
         let voxels = d * d * d;
         let weights = Numbers::drawn(&mut rng, [bones + 1, voxels], 0.0, 0.3);
         let sparse = weights.clone().with(|values| {
-            // A bone that weighs nothing, and one that weighs something in a corner alone.
+            // A bone without weights, and one with weights in a corner only.
             values[voxels..2 * voxels].fill(0.0);
             values[2 * voxels + 40..3 * voxels].fill(0.0);
         });
         let transforms = Numbers::drawn(&mut rng, [bones, 12], -0.8, 0.8);
         let points = Numbers::drawn(&mut rng, [n, 3], -1.6, 1.6);
-        let towards = Numbers::drawn(&mut rng, [n, 4], -1.0, 1.0).with(unfelt(4, 2_000));
+        let towards = Numbers::drawn(&mut rng, [n, 4], -1.0, 1.0).with(zeroed(4, 2_000));
 
         type Form = fn(Tensor<2>, Tensor<2>, Tensor<2>, &WarpGrid) -> Tensor<2>;
         let run = |device: Device, weights: &Numbers<2>, form: Form| {
@@ -64,8 +64,8 @@ fn warp_equals_its_reference_and_leaves_out_what_the_cpu_does() {
                 values(transforms.grad(&grads).expect("tracked")),
             ]
         };
-        // Where a bone weighs nothing, the reference has gradients to its weights, other forms
-        // none: there they are compared with the CPU's.
+        // Where a bone has no weights, the reference has gradients to them and the other forms have
+        // none: there the GPU is compared with the CPU.
         let cpu = Device::flex();
         for (weights, expected) in [
             (&weights, run(cpu.clone(), &weights, warp::reference::warp)),
@@ -94,7 +94,7 @@ fn hash_encoding_equals_its_reference() {
             let table = Numbers::drawn(&mut rng, [grid.rows(), features], -1.0, 1.0);
             let points = Numbers::drawn(&mut rng, [700, 3], -1.2, 2.2);
             let towards = Numbers::drawn(&mut rng, [700, grid.width()], -1.0, 1.0)
-                .with(unfelt(grid.width(), 500));
+                .with(zeroed(grid.width(), 500));
 
             type Form = fn(Tensor<2>, Tensor<2>, &HashGrid) -> Tensor<2>;
             let run = |device: Device, form: Form| {
@@ -115,7 +115,7 @@ fn hash_encoding_equals_its_reference() {
                 &reference,
                 BOUND,
             );
-            // Given points, as where nothing moves them, get no gradient at all.
+            // Constant points get no gradient at all.
             let device = vulkan.clone().autodiff();
             let table = table.learned_on(&device);
             let output = hash::encode(table.clone(), points.on(&device), &grid);
@@ -182,12 +182,11 @@ fn compositing_equals_its_reference() {
             let parts = ["output", "rgb", "density", "likelihood"];
             assert_close(&parts, &ours, &reference, BOUND);
             if min_transmittance > 0.0 {
-                // What is left out by whoever computes the samples backwards must be the same.
-                // Without a bound there are zeros as well: a GPU may take the smallest numbers
-                // for nothing.
-                let unfelt = |to_rgb: &[f32]| to_rgb.iter().filter(|g| **g == 0.0).count();
-                assert_eq!(unfelt(&ours[1]), unfelt(&reference[1]));
-                assert!(unfelt(&ours[1]) > 0);
+                // The networks' backward passes must leave out the same samples. Without a bound
+                // there may be other zeros: a GPU may flush the smallest numbers to 0.
+                let zeros = |to_rgb: &[f32]| to_rgb.iter().filter(|g| **g == 0.0).count();
+                assert_eq!(zeros(&ours[1]), zeros(&reference[1]));
+                assert!(zeros(&ours[1]) > 0);
             }
         }
     });
@@ -239,7 +238,7 @@ fn adam_equals_its_reference_and_leaves_shared_tensors_alone() {
 }
 
 #[test]
-fn of_nothing_comes_nothing() {
+fn no_points_or_samples_have_no_results() {
     on_vulkan(LIMIT, |vulkan| {
         let grid = WarpGrid {
             min: [0.0; 3],
@@ -264,7 +263,7 @@ fn of_nothing_comes_nothing() {
         assert_eq!(encoded.dims(), [0, 12]);
         assert!(values(encoded).is_empty());
 
-        // Three rays past everything.
+        // Three rays without samples.
         let samples = RaySamples {
             starts: vec![0; 4].into(),
             steps: Vec::new().into(),
@@ -279,7 +278,7 @@ fn of_nothing_comes_nothing() {
 }
 
 #[test]
-fn encoding_equals_its_reference_whatever_the_drivers_sines_are() {
+fn encoding_equals_its_reference_with_any_precision_of_the_drivers_sines() {
     on_vulkan(LIMIT, |vulkan| {
         let mut rng = ChaCha8Rng::seed_from_u64(6);
         let points = Numbers::drawn(&mut rng, [700, 3], -1.5, 1.5);

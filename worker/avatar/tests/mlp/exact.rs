@@ -1,16 +1,16 @@
-//! The network in f64, row by row, with factors rounded as the precision says.
+//! The network in f64, row by row, with factors rounded to the plan's precision.
 
 use yoto_avatar::config::Precision;
 use yoto_avatar::ops::mlp::{Input, MlpPlan};
 
-/// What the operation should give.
+/// Expected results and gradients.
 pub struct Exact {
     pub output: Vec<f64>,
     pub params: Vec<f64>,
     pub input: Vec<f64>,
 }
 
-/// A factor in `precision`: to 8 significant bits, ties to even.
+/// A factor in `precision`: bf16 has 8 significant bits, ties round to even.
 fn factor(value: f64, precision: Precision) -> f64 {
     if precision == Precision::F32 || value == 0.0 || !value.is_finite() {
         return value;
@@ -19,7 +19,8 @@ fn factor(value: f64, precision: Precision) -> f64 {
     (value / unit).round_ties_even() * unit
 }
 
-/// The encoded input of a row, and what each number's derivative to its coordinate is.
+/// The encoded input of a row: each number, the coordinate that it depends on, and its derivative
+/// with respect to that coordinate.
 fn encoded(plan: &MlpPlan, row: &[f64]) -> Vec<(f64, usize, f64)> {
     match &plan.input {
         Input::Features { .. } => row.iter().enumerate().map(|(i, v)| (*v, i, 1.0)).collect(),
@@ -32,7 +33,7 @@ fn encoded(plan: &MlpPlan, row: &[f64]) -> Vec<(f64, usize, f64)> {
                 let scale = (1u64 << band) as f32 * bands.unit;
                 let window = bands.window.as_ref();
                 let weight = window.map_or(1.0, |w| f64::from(w[band]));
-                // The angle that f32 has: its rounding is the encoding's, not the operation's.
+                // The angle in f32: its rounding is a part of the encoding, not an error.
                 let angle = |v: f64| f64::from(v as f32 * scale);
                 let scale = f64::from(scale);
                 for (c, v) in row.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The network operation in each form that this machine has, against f64 arithmetic and against
+//! The network operation in each form that this machine can run, against f64 arithmetic and against
 //! Burn's own operations, at sizes that fill no tile or panel.
 //!
 //! `cargo test --workspace --test mlp -- --nocapture` prints the errors.
@@ -22,11 +22,12 @@ const SIZES: [usize; 5] = [1, 7, 127, 129, 1000];
 const VALUES: f64 = 2e-6;
 /// Largest error of an f32 gradient over the largest magnitude.
 const GRADIENTS: f64 = 1e-5;
-/// The same in bf16 against f64 with the same roundings. A sum of f32 and one of f64 may round
-/// to different neighbours, and a unit may be on in one and off in the other.
+/// Largest error of a bf16 result or gradient over the largest magnitude, against f64 with the same
+/// roundings. A sum of f32 and one of f64 may round to different neighbours, and a unit may be
+/// active in one and not in the other.
 const ROUNDED: f64 = 2e-2;
-/// How much smaller the cosine between bf16's gradients and those of unrounded f64 may be than
-/// f64's own with the same roundings.
+/// Largest loss of cosine: between bf16 gradients and those of unrounded f64, compared with the
+/// cosine of f64 with the same roundings.
 const COSINE: f64 = 1e-4;
 
 /// Largest difference over the largest expected magnitude.
@@ -60,7 +61,7 @@ fn every_form_equals_f64() {
                 let expected = exact(&params, &input, &grad, &plan);
                 let output = forward(&params, &input, &plan, form);
                 let (to_params, to_input) = backward(&params, &input, &grad, &plan, true, form);
-                let to_input = to_input.expect("asked for");
+                let to_input = to_input.expect("needed");
                 for (worst, error) in worst.iter_mut().zip([
                     error(&output, &expected.output),
                     error(&to_params, &expected.params),
@@ -95,7 +96,7 @@ fn every_form_of_bf16_equals_f64_rounded_alike() {
                 let unrounded = exact(&params, &input, &grad, &plan);
                 let output = forward(&params, &input, &rounded, form);
                 let (to_params, to_input) = backward(&params, &input, &grad, &rounded, true, form);
-                let to_input = to_input.expect("asked for");
+                let to_input = to_input.expect("needed");
                 for (i, (ours, alike, unrounded)) in [
                     (&output, &alike.output, &unrounded.output),
                     (&to_params, &alike.params, &unrounded.params),
@@ -186,7 +187,7 @@ fn the_operation_equals_its_reference() {
 }
 
 #[test]
-fn rows_without_gradient_cost_nothing_and_change_nothing() {
+fn rows_without_a_gradient_change_nothing() {
     for form in Form::available() {
         for (name, plan) in plans() {
             let rows = 700;
@@ -207,7 +208,7 @@ fn rows_without_gradient_cost_nothing_and_change_nothing() {
             let (alone, alone_input) =
                 backward(&params, &some_input, &some_grad, &plan, true, form);
             assert_eq!(to_params, alone, "{form:?}, {name}");
-            let (to_input, alone_input) = (to_input.expect("asked"), alone_input.expect("asked"));
+            let (to_input, alone_input) = (to_input.expect("needed"), alone_input.expect("needed"));
             let mut alone_rows = alone_input.chunks(given);
             for (row, ours) in to_input.chunks(given).enumerate() {
                 if live(row) {
@@ -253,7 +254,7 @@ fn gradients_are_the_same_bits_with_any_number_of_threads() {
 }
 
 #[test]
-fn what_is_not_finite_shows_and_spoils_no_other_row() {
+fn infinity_and_nan_show_and_affect_no_other_row() {
     for form in Form::available() {
         for precision in [Precision::F32, Precision::Bf16] {
             for (name, plan) in plans() {
@@ -266,10 +267,10 @@ fn what_is_not_finite_shows_and_spoils_no_other_row() {
                 }
                 let output = forward(&params, &input, &plan, form);
                 for (row, output) in output.chunks(plan.output).enumerate() {
-                    let spoilt = output.iter().any(|v| !v.is_finite());
+                    let is_affected = output.iter().any(|v| !v.is_finite());
                     let expected = [3, 17, 22].contains(&row);
                     assert_eq!(
-                        spoilt, expected,
+                        is_affected, expected,
                         "{form:?}, {precision:?}, {name}: row {row}"
                     );
                 }
@@ -281,7 +282,7 @@ fn what_is_not_finite_shows_and_spoils_no_other_row() {
 }
 
 #[test]
-fn far_points_are_encoded_as_exactly_as_near_ones() {
+fn far_points_are_encoded_as_precisely_as_near_ones() {
     // The first layer's weights pick out single numbers of the encoding.
     let input = frequencies(10, true, None);
     let width = input.width();
@@ -311,14 +312,14 @@ fn far_points_are_encoded_as_exactly_as_near_ones() {
 }
 
 #[test]
-#[should_panic(expected = "parameters of another network")]
+#[should_panic(expected = "numbers of the parameters")]
 fn parameters_of_another_network_are_refused() {
     let (_, plan) = plans().swap_remove(0);
     forward(&[0.0; 5], &[0.0; 3], &plan, Form::best());
 }
 
 #[test]
-#[should_panic(expected = "a gradient of another size")]
+#[should_panic(expected = "numbers of the gradient")]
 fn a_gradient_of_another_size_is_refused() {
     let (_, plan) = plans().swap_remove(0);
     let params = vec![0.0; plan.parameters()];

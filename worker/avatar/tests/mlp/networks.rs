@@ -1,4 +1,4 @@
-//! The networks that the forms are compared on, and numbers for them.
+//! The networks that the forms are compared on, and their parameters, inputs and gradients.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -35,7 +35,7 @@ pub fn frequencies(bands: usize, raw: bool, window: Option<Vec<f32>>) -> Input {
     }
 }
 
-/// Networks with widths that are no multiple of anything, and small ones of the real shapes.
+/// Networks with odd widths, and small ones of the real shapes.
 pub fn plans() -> Vec<(&'static str, MlpPlan)> {
     let window = Some(vec![1.0, 1.0, 0.5, 0.0]);
     vec![
@@ -74,7 +74,7 @@ pub fn plans() -> Vec<(&'static str, MlpPlan)> {
     ]
 }
 
-/// Parameters, input and gradient of a network with units on and off.
+/// Parameters, input and gradient of a network with active and inactive units.
 pub fn case(plan: &MlpPlan, rows: usize, seed: u64) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut params = vec![0f32; plan.parameters()];

@@ -33,3 +33,16 @@ fn adam_equals_its_reference_and_leaves_shared_tensors_alone() {
         "the update must not write through a shared tensor"
     );
 }
+
+#[test]
+#[should_panic(expected = "gradient and moments of a parameter")]
+fn a_gradient_of_another_size_is_refused() {
+    let rates = AdamRates::new(1e-2, 0.9, 0.999, 1e-8, 1);
+    adam::cpu::update(
+        &mut [0.0; 3],
+        &[1.0; 2],
+        &mut [0.0; 3],
+        &mut [0.0; 3],
+        rates,
+    );
+}

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::ops::composite::{self, RaySamples};
 
-/// Some hundred rays of 0 to 12 samples, a few of them opaque or of no density.
+/// 300 rays of 0 to 12 samples.
 fn ray_samples(rng: &mut ChaCha8Rng, min_transmittance: f32) -> RaySamples {
     let mut starts = vec![0usize];
     for ray in 0..300 {
@@ -20,8 +20,8 @@ fn ray_samples(rng: &mut ChaCha8Rng, min_transmittance: f32) -> RaySamples {
     }
 }
 
-/// Colours, densities and likelihoods for `samples`.
-fn seen_values(
+/// Colours, densities and likelihoods for `samples`; some samples are opaque or have no density.
+fn field_values(
     rng: &mut ChaCha8Rng,
     samples: &RaySamples,
     device: &Device,
@@ -46,7 +46,7 @@ fn compositing_equals_its_reference_stopped_or_not() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     for min_transmittance in [0.0, 1e-3, 0.1] {
         let samples = ray_samples(&mut rng, min_transmittance);
-        let (rgb, density, likelihood) = seen_values(&mut rng, &samples, &device);
+        let (rgb, density, likelihood) = field_values(&mut rng, &samples, &device);
         let towards = numbers(&mut rng, [samples.rays(), 5], -1.0, 1.0, &device);
         type Form = fn(Tensor<2>, Tensor<1>, Tensor<1>, &RaySamples) -> Tensor<2>;
         let run = |form: Form| {
@@ -84,7 +84,7 @@ fn an_early_stop_costs_at_most_its_bound_and_leaves_exact_zeros() {
     let device = Device::flex().autodiff();
     let mut rng = ChaCha8Rng::seed_from_u64(6);
     let whole = ray_samples(&mut rng, 0.0);
-    let (rgb, density, likelihood) = seen_values(&mut rng, &whole, &device);
+    let (rgb, density, likelihood) = field_values(&mut rng, &whole, &device);
     let look = |samples: &RaySamples| {
         composite::composite(rgb.clone(), density.clone(), likelihood.clone(), samples)
     };
@@ -133,7 +133,7 @@ fn compositings_gradients_equal_those_in_double_precision() {
     let device = Device::flex().autodiff();
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let samples = ray_samples(&mut rng, 0.0);
-    let (rgb, density, likelihood) = seen_values(&mut rng, &samples, &device);
+    let (rgb, density, likelihood) = field_values(&mut rng, &samples, &device);
     let towards = numbers(&mut rng, [samples.rays(), 5], -1.0, 1.0, &device);
     let output = composite::composite(rgb.clone(), density.clone(), likelihood.clone(), &samples);
     let grads = (output * towards.clone()).sum().backward();
@@ -159,7 +159,7 @@ fn compositings_gradients_equal_those_in_double_precision() {
             let alpha = |i: usize| (1.0 - left(i)) * m[i];
             let through = |i: usize| 1.0 - alpha(i) + 1e-10;
             let clear: f64 = (pair[0]..i).map(through).product();
-            // From the definition: every later sample loses what this one takes.
+            // By definition, every later sample loses the share of the light that this one takes.
             let later: f64 = (i + 1..pair[1])
                 .map(|j| (i + 1..j).map(through).product::<f64>() * alpha(j) * value(j))
                 .sum();
@@ -172,4 +172,17 @@ fn compositings_gradients_equal_those_in_double_precision() {
         let error = relative_error(ours, exact);
         assert!(error < 2e-6, "{error:e}");
     }
+}
+
+#[test]
+#[should_panic(expected = "samples of rays")]
+fn values_for_fewer_samples_than_the_rays_have_are_refused() {
+    let device = Device::flex();
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let samples = ray_samples(&mut rng, 0.0);
+    let n = samples.steps.len();
+    let rgb = numbers(&mut rng, [n, 3], 0.0, 1.0, &device);
+    let density = numbers(&mut rng, [n - 1], 0.0, 1.0, &device);
+    let likelihood = numbers(&mut rng, [n], 0.0, 1.0, &device);
+    composite::composite(rgb, density, likelihood, &samples);
 }

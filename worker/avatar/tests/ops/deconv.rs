@@ -8,7 +8,7 @@ use yoto_avatar::ops::deconv;
 fn doubling_equals_burns_transposed_convolution() {
     let device = Device::flex().autodiff();
     let mut rng = ChaCha8Rng::seed_from_u64(17);
-    // From a single voxel, of whose kernel only the middle is seen, on.
+    // The smallest volume is a single voxel, to which only the middle of a kernel applies.
     for (input, output, side) in [(5, 3, 1), (4, 6, 2), (2, 3, 5)] {
         let volume =
             numbers(&mut rng, [input, side, side, side], -1.0, 1.0, &device).require_grad();

@@ -15,7 +15,7 @@ fn hash_grid(features: usize) -> HashGrid {
     grid
 }
 
-/// More than a task's, and no multiple of anything.
+/// More points than a task has, and an odd number.
 const HASH_POINTS: usize = 1237;
 
 #[test]
@@ -28,7 +28,7 @@ fn hash_encoding_equals_its_reference_in_every_form() {
         let table = numbers(&mut rng, [grid.rows(), features], -1.0, 1.0, &device).require_grad();
         let points = numbers(&mut rng, [n, 3], -1.2, 2.2, &device).require_grad();
         let mut towards = values(numbers(&mut rng, [n, grid.width()], -1.0, 1.0, &device));
-        // Points without a gradient, one here and there and many in a row.
+        // Points without a gradient, single ones and many in a row.
         for (at, row) in towards.chunks_exact_mut(grid.width()).enumerate() {
             if at % 7 == 3 || (400..1000).contains(&at) {
                 row.fill(0.0);
@@ -73,7 +73,7 @@ fn hash_encoding_equals_its_reference_in_every_form() {
 }
 
 #[test]
-fn gradients_of_the_hash_grid_hang_on_no_number_of_threads() {
+fn gradients_of_the_hash_grid_do_not_depend_on_the_number_of_threads() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let grid = hash_grid(2);
     let mut draw =
@@ -94,7 +94,7 @@ fn gradients_of_the_hash_grid_hang_on_no_number_of_threads() {
 }
 
 #[test]
-fn points_that_are_no_numbers_stay_inside_the_table() {
+fn infinite_and_nan_points_stay_inside_the_table() {
     let grid = hash_grid(2);
     let table = vec![1.0; 2 * grid.rows()];
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -0.0];
@@ -109,9 +109,9 @@ fn points_that_are_no_numbers_stay_inside_the_table() {
             .chunks_exact(3)
             .zip(output.chunks_exact(grid.width()))
         {
-            let sound = point.iter().all(|x| !x.is_nan());
+            let is_number = point.iter().all(|x| !x.is_nan());
             assert!(
-                !sound || row.iter().all(|v| (v - 1.0).abs() < 1e-5),
+                !is_number || row.iter().all(|v| (v - 1.0).abs() < 1e-5),
                 "{point:?}"
             );
         }
@@ -120,7 +120,7 @@ fn points_that_are_no_numbers_stay_inside_the_table() {
 }
 
 #[test]
-#[should_panic(expected = "rows don't hold its nodes")]
+#[should_panic(expected = "without a row for each of its nodes")]
 fn a_grid_whose_levels_do_not_fit_is_refused() {
     let mut grid = hash_grid(2);
     let table = vec![0.0; 2 * grid.rows()];

@@ -1,5 +1,5 @@
-//! Each operation of our own against its form in Burn's tensor operations: values and
-//! gradients, on points inside, at the border of and outside its box.
+//! Each operation against its reference in Burn's tensor operations: values and gradients, on
+//! points inside its box, at the border and outside.
 
 mod adam;
 mod composite;

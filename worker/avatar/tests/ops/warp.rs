@@ -51,7 +51,7 @@ fn points_along_rays_equal_the_warps() {
         resolution: 6,
         floor: 0.0,
     };
-    // Most nodes weigh nothing, so that supports are smaller than the box.
+    // Most weights are 0, so that supports are smaller than the box.
     let weights = numbers(&mut rng, [4, 216], -2.0, 0.5, &device).clamp_min(0.0);
     let transforms = numbers(&mut rng, [3, 12], -0.8, 0.8, &device);
     let (rays, per_ray) = (200, 16);
@@ -92,9 +92,21 @@ fn points_along_rays_equal_the_warps() {
         values.iter().skip(c).step_by(4).copied().collect()
     };
     let alone = alone.concat();
-    // A mean by next to no weight is that weight's rounding.
+    // A mean whose weights are close to 0 has a large relative rounding error.
     for (c, bound) in [(0, 2e-4), (1, 2e-4), (2, 2e-4), (3, 1e-5)] {
         let error = relative_error(&column(&alone, c), &column(&warped, c));
         assert!(error < bound, "column {c}: {error:e}");
     }
+}
+
+#[test]
+#[should_panic(expected = "weights: 27 for each of 2 bones")]
+fn a_bone_without_weights_is_refused() {
+    let grid = WarpGrid {
+        min: [0.0; 3],
+        max: [1.0; 3],
+        resolution: 3,
+        floor: 0.0,
+    };
+    warp::cpu::forward(&[0.5; 27], &[0.0; 24], &[0.0; 3], &grid);
 }

@@ -1,27 +1,27 @@
-//! The shape of a network as the operation sees it.
+//! The shape of a network, and the order of its parameters.
 
 use crate::config::Precision;
 use crate::ops::encode::Bands;
 
-/// What comes into the network.
+/// The input of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
-    /// `[N, width]`, as they are.
+    /// Features `[N, width]`, used as they are.
     Features {
-        /// Numbers a row.
+        /// Numbers per row.
         width: usize,
     },
     /// Points `[N, 3]`, metres, encoded as [`crate::ops::encode::frequencies`] does.
     Frequencies {
-        /// Of the encoding.
+        /// Bands of the encoding.
         bands: Bands,
-        /// Whether the point itself comes first.
+        /// Whether the point itself stands before its encoding.
         raw: bool,
     },
 }
 
 impl Input {
-    /// Numbers a row that the first layer sees.
+    /// Numbers per row of the first layer's input.
     pub fn width(&self) -> usize {
         match self {
             Self::Features { width } => *width,
@@ -29,7 +29,7 @@ impl Input {
         }
     }
 
-    /// Numbers a row that the operation gets.
+    /// Numbers per row of the operation's input.
     pub fn given(&self) -> usize {
         match self {
             Self::Features { width } => *width,
@@ -43,40 +43,40 @@ impl Input {
 pub struct Hidden {
     /// Width of its result.
     pub width: usize,
-    /// Whether it gets the network's input beside the layer before.
+    /// Whether its input is the result of the layer before and the network's input.
     pub skip: bool,
 }
 
-/// A network: hidden layers with ReLU, and a linear one.
+/// A network: hidden layers with ReLU, and a linear layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MlpPlan {
-    /// What comes in.
+    /// Input of the network.
     pub input: Input,
     /// Hidden layers.
     pub hidden: Vec<Hidden>,
     /// Width of the result.
     pub output: usize,
-    /// What factors of products are rounded to.
+    /// Precision that factors of products are rounded to.
     pub precision: Precision,
 }
 
 /// A part of a layer's weight.
 pub struct Part {
-    /// Whether it multiplies the network's input, and not the layer before.
+    /// Whether its factor is the network's input, and not the result of the layer before.
     pub input: bool,
     /// Rows.
     pub width: usize,
-    /// First number in the flat parameters, where it stands row by row.
+    /// Index of its first number in the flat parameters, which hold it row by row.
     pub weight: usize,
 }
 
-/// A layer's place in the flat parameters.
+/// Position of a layer in the flat parameters.
 pub struct LayerShape {
     /// Parts of the weight, each `[width, columns]`.
     pub parts: Vec<Part>,
     /// Width of the result.
     pub columns: usize,
-    /// First number of the bias `[columns]` in the flat parameters.
+    /// Index of the first number of the bias `[columns]` in the flat parameters.
     pub bias: usize,
 }
 
@@ -124,7 +124,7 @@ impl MlpPlan {
             .map_or(0, |layer| layer.bias + layer.columns)
     }
 
-    /// Multiply-adds a row, forward.
+    /// Multiply-adds per row of the forward pass.
     pub fn products(&self) -> usize {
         self.layers()
             .iter()

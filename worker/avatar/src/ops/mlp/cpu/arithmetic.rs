@@ -1,21 +1,21 @@
-//! How a product multiplies, and how its factors lie in memory.
+//! The arithmetic of products, and the layout of their factors in memory.
 //!
 //! A *cell buffer* holds a tile's activations, or gradients to them, `[rows, width]`, as
-//! factors of products, in 32-bit words. Columns stand in panels of `P`. There are two views
+//! factors of products, in 32-bit words. Columns are grouped in panels of `P`. There are two views
 //! of it: by rows, `[panel][row][P / PAIR]`, where a word holds `PAIR` neighbouring columns
 //! (a product sums over columns), and by pairs, `[panel][row / PAIR][P]`, where a word holds
 //! `PAIR` neighbouring rows (a weight's gradient sums over rows). With f32 a word is a number,
 //! `PAIR` is 1 and both views are the same; with bf16 a word is two numbers and the views take
 //! half of the buffer each.
-#![allow(clippy::needless_range_loop)] // as in `product`: blocks stay in registers
+#![allow(clippy::needless_range_loop)] // As in `product`: blocks stay in registers.
 
 use super::vector::Vector;
 use std::marker::PhantomData;
 
-/// Vectors a panel.
+/// Vectors per panel.
 pub const VECTORS: usize = 2;
 
-/// Where a block of cells begins: the buffer's shape, the panel and the first row.
+/// Position of a block of cells: the buffer's shape, the panel and the first row.
 #[derive(Clone, Copy)]
 pub struct Place {
     /// Rows of the tile.
@@ -28,18 +28,18 @@ pub struct Place {
     pub row: usize,
 }
 
-/// A way to multiply and to keep the factors.
+/// The arithmetic of products, and the layout of their factors.
 ///
 /// # Safety
-/// As [`Vector`]'s.
+/// As for [`Vector`].
 pub unsafe trait Arithmetic {
-    /// Sums.
+    /// A vector of sums.
     type V: Vector;
     /// A vector of factors.
     type Factor: Copy;
-    /// Numbers a word of a factor.
+    /// Numbers per word of a factor.
     const PAIR: usize;
-    /// Columns a panel.
+    /// Columns per panel.
     const PANEL: usize = VECTORS * Self::V::LANES;
 
     /// `LANES` words from `from` on.
@@ -56,7 +56,7 @@ pub unsafe trait Arithmetic {
         cells: *mut u32,
         place: Place,
     );
-    /// `value` where the cells of vector `vector` at `place` are over 0 or NaN, else 0.
+    /// `value` where the cells of vector number `vector` at `place` are over 0 or NaN, else 0.
     unsafe fn where_over_zero(
         value: Self::V,
         cells: *const u32,
@@ -82,11 +82,11 @@ pub unsafe trait Arithmetic {
     }
 }
 
-/// Products of f32. With `ROUNDED`, whatever is kept as a factor is first rounded to bf16:
-/// bf16's results on machines without instructions for it, at f32's speed.
+/// Products of f32. With `ROUNDED`, factors are rounded to bf16 when they are written: the results
+/// of bf16 on machines without instructions for it, at the speed of f32.
 pub struct Plain<V, const ROUNDED: bool>(PhantomData<V>);
 
-// SAFETY: everything goes through `V`, whose requirements are passed on.
+// SAFETY: all memory is accessed through `V`, whose requirements are passed on.
 unsafe impl<V: Vector, const ROUNDED: bool> Arithmetic for Plain<V, ROUNDED> {
     type V = V;
     type Factor = V;

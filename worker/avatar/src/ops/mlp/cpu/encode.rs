@@ -1,35 +1,35 @@
 //! The frequency encoding of a tile's points.
 //!
-//! Inside the operation the columns stand as all sines (band by band, x y z), all cosines, and
-//! the point itself, so that neighbouring lanes do the same; weights are packed in that order.
-//! Plain loops: the compiler makes vectors of them in each form's instructions.
+//! Inside the operation the order of the columns is all sines (band by band, x y z), all cosines,
+//! and the point itself, so that neighbouring lanes do the same; weights are packed in that order.
+//! The loops are plain ones, which the compiler vectorises with each form's instructions.
 
 use crate::ops::encode::Bands;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 /// Lanes computed at once.
 const LANES: usize = 16;
-/// Angles over this, in radians, go to the standard library one by one: under it the reduced
-/// angle is right to 2e-8, and no point that a network was trained on is that far.
+/// Angles over this, in radians, go to the standard library one by one: up to it the reduced angle
+/// has an error of 2e-8, and no point that a network was trained on is that far away.
 const LARGEST: f32 = 1e8;
-/// Adding 1.5 · 2⁵² leaves an f64's nearest integer in its lowest bits.
+/// Adding 1.5 · 2⁵² to an f64 leaves the nearest integer in its lowest bits.
 const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
 
-/// The encoding's numbers, an entry an angle, padded to a multiple of the lanes by zeros.
+/// Constants of the encoding, one entry per angle, padded with zeros to a multiple of the lanes.
 #[derive(Clone, Debug)]
 pub struct Angles {
-    /// Angles a point: 3 a band.
+    /// Angles per point: 3 per band.
     count: usize,
-    /// What the coordinate is multiplied by.
+    /// Radians per metre of each angle.
     scales: Vec<f32>,
-    /// What sine and cosine are multiplied by.
+    /// Weights of the sines and cosines.
     window: Vec<f32>,
-    /// Whether the point itself comes along.
+    /// Whether the point itself is a part of its encoding.
     raw: bool,
 }
 
 impl Angles {
-    /// Of a point's three coordinates in `bands`, and with `raw` the point itself.
+    /// The encoding of a point's three coordinates in `bands`, with `raw` also of the point itself.
     pub fn new(bands: &Bands, raw: bool) -> Self {
         let count = 3 * bands.count;
         let mut scales = vec![0.0; count.next_multiple_of(LANES)];
@@ -46,8 +46,8 @@ impl Angles {
         }
     }
 
-    /// Which column of the plain order (the point, then band by band sines and cosines) each
-    /// column in here is.
+    /// For each column, its index in the plain order: the point, then sines and cosines band by
+    /// band.
     pub fn order(&self) -> Vec<usize> {
         let first = if self.raw { 3 } else { 0 };
         let column = |cosine: usize| move |i: usize| first + 6 * (i / 3) + 3 * cosine + i % 3;
@@ -59,13 +59,13 @@ impl Angles {
     }
 }
 
-/// Sines and cosines of some angles, each within 1e-7 of the exact one.
+/// Sines and cosines of angles in radians, with errors of at most 1.2e-7.
 #[inline(always)]
 fn sines_cosines(angles: &[f32; LANES]) -> ([f32; LANES], [f32; LANES]) {
     let (mut sines, mut cosines) = ([0f32; LANES], [0f32; LANES]);
     for i in 0..LANES {
-        // The multiple of π/2 is taken off in f64, whose 53 bits stand for all that f32 would
-        // need three parts of π for.
+        // The multiple of π/2 is subtracted in f64, whose 53 bits are enough; in f32 π/2 would have
+        // to be split into three parts.
         let x = f64::from(angles[i]);
         let shifted = x * FRAC_2_PI + TO_INTEGER;
         let quarter = shifted.to_bits() as u32;
@@ -98,7 +98,7 @@ fn sines_cosines(angles: &[f32; LANES]) -> ([f32; LANES], [f32; LANES]) {
 pub fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
     let count = angles.count;
     for (point, to) in points.chunks_exact(3).zip(to.chunks_exact_mut(stride)) {
-        // Any 16 lanes begin at x, y or z.
+        // A vector of lanes begins at x, y or z.
         let mut repeated = [0f32; LANES + 3];
         for (i, lane) in repeated.iter_mut().enumerate() {
             *lane = point[i % 3];
@@ -123,7 +123,8 @@ pub fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
     }
 }
 
-/// Gradient to a point: `encoded` and `grad` are its row and the gradient to it.
+/// Gradient to a point, from the row `encoded` that it was encoded in and the gradient `grad` to
+/// that row.
 #[inline(always)]
 pub fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 3] {
     let count = angles.count;
@@ -136,7 +137,7 @@ pub fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 
     for band in (0..count).step_by(3) {
         for (c, sum) in sums.iter_mut().enumerate() {
             let i = band + c;
-            // The window is in the encoded values already.
+            // The encoded values contain the window.
             *sum += angles.scales[i] * (cosines[i] * to_sines[i] - sines[i] * to_cosines[i]);
         }
     }
@@ -148,6 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg_attr(miri, ignore = "takes hours, and nothing here is unsafe")]
     fn sines_and_cosines_are_right_at_every_angle() {
         let mut worst = 0f64;
         let mut check = |angles: [f32; LANES]| {

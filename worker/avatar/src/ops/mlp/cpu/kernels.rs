@@ -1,4 +1,4 @@
-//! The products of each form: what is compiled with which instructions.
+//! The products of each form, compiled with its instructions.
 
 use super::arithmetic::{Arithmetic, Plain};
 use super::encode::{self, Angles};
@@ -7,7 +7,7 @@ use super::vector::Portable;
 use crate::config::Precision;
 use crate::ops::form::{Form, Kind};
 
-/// The products of `form`, f32 with bf16's instructions as without.
+/// The products of `form` in `precision`. Instructions for bf16 make no difference to f32.
 pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
     match (form.kind(), precision) {
         #[cfg(target_arch = "x86_64")]
@@ -25,16 +25,16 @@ pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
     }
 }
 
-/// The products of one form at one precision. Functions need the form's instructions, and
-/// pointers that are valid for the shapes said.
+/// The products of one form in one precision. The functions require the form's instructions, and
+/// pointers that are valid for the documented shapes.
 pub(super) struct Kernels {
-    /// Columns a panel.
+    /// Columns per panel.
     pub panel: usize,
-    /// A tile's rows are a multiple of this.
+    /// Number that a tile's rows are a multiple of.
     pub rows: usize,
-    /// A factor's columns are rounded up to this in a weight's gradient.
+    /// Number to whose multiples a factor's columns are rounded up in the gradient to a weight.
     pub block: usize,
-    /// Numbers a word of a factor; see [`super::arithmetic`].
+    /// Numbers per word of a factor; see [`super::arithmetic`].
     pub pair: usize,
     /// Whether packed weights are rounded to bf16 though a word holds one number.
     pub rounded: bool,
@@ -50,7 +50,7 @@ pub(super) struct Kernels {
     pub encode_backward: unsafe fn(&Angles, &[f32], &[f32]) -> [f32; 3],
 }
 
-/// Instances of everything in [`product`] and [`encode`] with some instructions turned on.
+/// Instances of the functions of [`product`] and [`encode`], compiled with some instructions.
 macro_rules! kernels {
     ($name:ident, $arithmetic:ty, $rounded:literal, $rows:literal, $block:literal $(, $features:literal)?) => {
         #[doc = concat!("Instances for `", stringify!($arithmetic), "`.")]

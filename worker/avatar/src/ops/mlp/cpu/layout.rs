@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// A factor of a layer, and the part of the weight that it is multiplied with.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// Whether it is the network's input, and not the layer before.
+    /// Whether the factor is the network's input, and not the result of the layer before.
     pub input: bool,
     /// Columns.
     pub width: usize,

@@ -1,8 +1,8 @@
-//! The products that all time goes into, over one tile, written once for every
+//! The products over one tile, which take nearly all of the time, written once for every
 //! [`Arithmetic`].
 //!
-//! Sums must stay in registers: blocks are walked by constant indices, which the compiler
-//! unrolls, and not by iterators, which made it keep them in memory.
+//! Sums must stay in registers: blocks are accessed by constant indices, for which the compiler
+//! unrolls the loops. With iterators it kept the sums in memory.
 #![allow(clippy::needless_range_loop)]
 
 use super::arithmetic::{Arithmetic, Place, VECTORS};
@@ -21,46 +21,49 @@ pub struct Factor {
 pub struct Product<'a> {
     /// Rows of the tile, a multiple of the kernels' `rows`.
     pub rows: usize,
-    /// Stand side by side.
+    /// Factors, side by side.
     pub factors: &'a [Factor],
-    /// `[panel][word][P]`: the factors' columns, `PAIR` a word, each factor from a new word on.
+    /// `[panel][word][P]`: a word holds `PAIR` of the factors' columns; each factor begins with a
+    /// new word.
     pub weights: *const u32,
     /// Columns of the result.
     pub columns: usize,
-    /// What becomes of the sums.
+    /// Use of the sums.
     pub end: End,
 }
 
-/// What becomes of a product's sums.
+/// Use of a product's sums.
 #[derive(Clone, Copy)]
 pub enum End {
-    /// Plus a bias `[columns]`, padded to panels; ReLU; kept in the cell buffer.
+    /// A bias `[columns]`, padded to panels, is added; the ReLU of the sums is written to the cell
+    /// buffer.
     Hidden(*const f32, *mut u32),
-    /// Plus a bias; as f32 `[panel][row][P]`.
+    /// A bias is added; the sums are written as f32 `[panel][row][P]`.
     Output(*const f32, *mut f32),
-    /// Where the first buffer is over 0, else 0; kept in the second.
+    /// The sums where the first cell buffer is over 0, and 0 elsewhere, are written to the second
+    /// one.
     Masked(*const u32, *mut u32),
-    /// As f32 `[panel][row][P]`.
+    /// The sums are written as f32 `[panel][row][P]`.
     Fresh(*mut f32),
-    /// Added to f32 `[panel][row][P]`.
+    /// The sums are added to f32 `[panel][row][P]`.
     Added(*mut f32),
 }
 
-/// Gradients of a layer's weights and bias: sums over the tile's rows, added to what is there.
+/// Gradients to a layer's weights and bias: sums over the tile's rows, added to those before.
 pub struct Gradient<'a> {
     /// Rows of the tile.
     pub rows: usize,
-    /// What the layer multiplied.
+    /// The layer's factors.
     pub factors: &'a [Factor],
     /// Gradient to the layer's result.
     pub result: Factor,
-    /// `[panel][k][P]`; each factor takes its width rounded up to the kernels' `block`.
+    /// `[panel][k][P]`; each factor has its width rounded up to the kernels' `block`.
     pub weights: *mut f32,
     /// `[columns]`, padded to panels.
     pub bias: *mut f32,
 }
 
-/// f32 rows to be kept in a cell buffer.
+/// f32 rows to be written to a cell buffer.
 pub struct Fill {
     /// Rows of the tile.
     pub rows: usize,
@@ -75,8 +78,8 @@ pub struct Fill {
 /// See [`Product`]; `MR` rows at a time.
 ///
 /// # Safety
-/// All pointers must be valid for the shapes that are said, and the machine must have the
-/// instructions of `A`.
+/// All pointers must be valid for the documented shapes, and the machine must have the
+/// instructions of `A`. What is written must not overlap what is read, but for [`End::Added`].
 #[inline(always)]
 pub unsafe fn product<A: Arithmetic, const MR: usize>(task: &Product) {
     let panel = A::PANEL;
@@ -192,7 +195,7 @@ unsafe fn product_block<A: Arithmetic, const MR: usize, const NV: usize>(
 /// See [`Gradient`]; `KR` rows of the weight at a time.
 ///
 /// # Safety
-/// As [`product`]'s.
+/// As for [`product`].
 #[inline(always)]
 pub unsafe fn gradient<A: Arithmetic, const KR: usize>(task: &Gradient) {
     let panel = A::PANEL;
@@ -292,7 +295,7 @@ unsafe fn gradient_block<A: Arithmetic, const KR: usize, const NV: usize>(
 /// See [`Fill`].
 ///
 /// # Safety
-/// As [`product`]'s.
+/// As for [`product`].
 #[inline(always)]
 pub unsafe fn fill<A: Arithmetic>(task: &Fill) {
     let (panel, lanes) = (A::PANEL, A::V::LANES);

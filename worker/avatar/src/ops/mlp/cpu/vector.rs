@@ -1,27 +1,27 @@
-//! Vectors of f32 as the products use them, and the form for any machine.
+//! Vectors of f32 as the products use them, and the implementation for any machine.
 //!
-//! The products are written once over this trait. Each of their instances is inlined into a
-//! function that turns the machine's vector instructions on (see [`super::kernels`]).
+//! The products are written once, generic over this trait. Each of their instances is inlined into
+//! a function that enables the form's vector instructions (see [`super::kernels`]).
 
-/// Some f32 that are computed with at once.
+/// A vector of f32.
 ///
 /// # Safety
 /// Pointers must be valid for `LANES` numbers, and the machine must have the instructions of
 /// the implementing type.
 pub unsafe trait Vector: Copy {
-    /// How many numbers.
+    /// Numbers per vector.
     const LANES: usize;
     /// All 0.
     unsafe fn zero() -> Self;
     /// `LANES` numbers from `from` on, which needs no alignment.
     unsafe fn load(from: *const f32) -> Self;
-    /// Writes `LANES` numbers from `to` on, which needs no alignment.
+    /// Writes the numbers to `to` on, which needs no alignment.
     unsafe fn store(self, to: *mut f32);
     /// The number at `from` in all lanes.
     unsafe fn splat(from: *const f32) -> Self;
     /// `self + a b`.
     unsafe fn plus_product(self, a: Self, b: Self) -> Self;
-    /// `max(self, 0)`; a NaN stays one.
+    /// `max(self, 0)`; a NaN stays a NaN.
     unsafe fn relu(self) -> Self;
     /// `self` where `by` is over 0 or NaN, else 0.
     unsafe fn where_over_zero(self, by: Self) -> Self;
@@ -35,7 +35,7 @@ pub fn bf16_bits(value: f32) -> u16 {
     let bits = value.to_bits();
     let even = 0x7fff + (bits >> 16 & 1);
     let rounded = (bits.wrapping_add(even) >> 16) as u16;
-    // A NaN must not round to an infinity.
+    // A NaN must not round to infinity.
     let nan = (bits >> 16) as u16 | 0x40;
     if value.is_nan() { nan } else { rounded }
 }
@@ -46,7 +46,7 @@ pub fn bf16_rounded(value: f32) -> f32 {
     f32::from_bits(u32::from(bf16_bits(value)) << 16)
 }
 
-/// Four numbers that the compiler makes a vector of where there is one.
+/// Four numbers, which the compiler keeps in a vector register if the target has one.
 #[derive(Clone, Copy)]
 pub struct Portable([f32; 4]);
 
@@ -90,7 +90,7 @@ unsafe impl Vector for Portable {
 
     #[inline(always)]
     unsafe fn plus_product(self, a: Self, b: Self) -> Self {
-        // Written out: loops over four numbers are not made into vectors.
+        // Written out: the compiler does not vectorise loops over four numbers.
         let ([s0, s1, s2, s3], [a0, a1, a2, a3], [b0, b1, b2, b3]) = (self.0, a.0, b.0);
         Self([s0 + a0 * b0, s1 + a1 * b1, s2 + a2 * b2, s3 + a3 * b3])
     }
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounding_to_bf16_is_to_nearest_even_and_keeps_what_is_not_finite() {
+    fn rounding_to_bf16_is_to_nearest_even_and_keeps_infinity_and_nan() {
         // One bf16 step at 1 is 2⁻⁷: halfway values go to the even neighbour.
         let step = 2f32.powi(-7);
         for (value, rounded) in [

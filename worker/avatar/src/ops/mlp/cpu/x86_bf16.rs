@@ -1,16 +1,16 @@
 //! Products of bf16 by the instructions of AVX512-BF16: a word holds two numbers, whose two
 //! products are added to an f32 at once.
-#![allow(clippy::needless_range_loop)] // as in `product`: blocks stay in registers
+#![allow(clippy::needless_range_loop)] // As in `product`: blocks stay in registers.
 
 use super::arithmetic::{Arithmetic, Place};
 use super::vector::Vector;
 use super::x86::Avx512;
 use std::arch::x86_64::*;
 
-/// Needs AVX-512F, AVX-512BW and AVX512-BF16.
+/// bf16 products; needs AVX-512F, AVX-512BW and AVX512-BF16.
 pub struct Bf16;
 
-/// Two vectors' numbers alternately: what two rows are in the view by pairs.
+/// Order that interleaves the numbers of two vectors: the view by pairs of two rows.
 static INTERLEAVED: [u16; 32] = {
     let mut order = [0; 32];
     let mut i = 0;
@@ -22,7 +22,7 @@ static INTERLEAVED: [u16; 32] = {
     order
 };
 
-// SAFETY: reads and writes the words that the trait says; the instructions are the caller's
+// SAFETY: reads and writes the words that the trait documents; the instructions are the caller's
 // promise.
 unsafe impl Arithmetic for Bf16 {
     type V = Avx512;
