@@ -14,6 +14,7 @@ use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
 use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_server::{
@@ -40,6 +41,8 @@ pub struct EmbeddedOptions {
     /// How the worker reads uploads. By default it starts this program again, which must call
     /// [`yoto_ingest::become_ingest_child_if_asked`] first of all.
     pub ingest: IngestSettings,
+    /// Weights of the networks of LPIPS, where there are any.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// Why the embedded service can't start or go on.
@@ -142,6 +145,7 @@ impl Embedded {
                 idle_poll_seconds: 0.25,
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
                 ingest: options.ingest,
+                lpips: options.lpips,
                 ..WorkerConfig::default()
             };
             let worker = Worker::new(embedded.connector.channel(), &objects, picked, config)?;
@@ -300,6 +304,7 @@ mod tests {
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
             worker: true,
             ingest: IngestSettings::default(),
+            lpips: None,
         }
     }
 

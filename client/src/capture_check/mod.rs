@@ -29,11 +29,16 @@ pub struct Checked {
     capture: LocalCapture,
 }
 
-/// Checks the capture at `path`, a folder or an archive, read as `options` say.
+/// Checks the capture at `path`, a folder or an archive, read as `options` say; videos of other
+/// kinds by the program `ffmpeg`, which is searched for when it has no name.
 ///
 /// # Errors
 /// A capture that can't be read; each fault names file, frame and field.
-pub fn check(path: &Path, options: &CaptureOptions) -> anyhow::Result<Checked> {
+pub fn check(
+    path: &Path,
+    options: &CaptureOptions,
+    ffmpeg: Option<&Path>,
+) -> anyhow::Result<Checked> {
     let found = CaptureDir::open_with(path, options)?;
     let name = path.file_name().unwrap_or(path.as_os_str());
     let name = name.to_string_lossy().into_owned();
@@ -52,7 +57,7 @@ pub fn check(path: &Path, options: &CaptureOptions) -> anyhow::Result<Checked> {
         };
         files.insert(file.path, disk);
     }
-    let capture = LocalCapture::open(&files)?;
+    let capture = LocalCapture::open(&files, ffmpeg)?;
     let mut checker = Checker::new(capture.track().clone())?;
     let wanted = checker.wanted().to_vec();
     let mut display = ProgressDisplay::new("check");

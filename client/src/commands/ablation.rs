@@ -61,6 +61,8 @@ pub(super) struct AblationCommand {
     /// Folder for the figures and the models.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl AblationCommand {
@@ -86,6 +88,7 @@ impl AblationCommand {
                 seed,
                 pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
                 out: out.clone(),
+                lpips: self.lpips.weights()?,
             };
             let ablation = run(&options, &Terminal)?;
             println!("{}", text(&ablation));

@@ -59,6 +59,8 @@ pub(super) struct Bench {
     /// Also write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl Bench {
@@ -68,6 +70,7 @@ impl Bench {
             (None, forms) if forms.is_empty() => StepForm::ALL.map(Timed::Form).into(),
             (None, forms) => forms.into_iter().map(Timed::Form).collect(),
         };
+        let lpips = self.lpips.weights()?;
         let mut reports = Vec::new();
         for what in timed {
             let report = run(&BenchOptions {
@@ -80,6 +83,7 @@ impl Bench {
                 bf16: !self.f32_only,
                 seed: self.seed,
                 settings: self.settings.clone(),
+                lpips: lpips.clone(),
             })?;
             print!("{}", shown(&report));
             reports.push(report);

@@ -1,6 +1,7 @@
 //! `yoto capture`: captures on this disk, without a service.
 
 use super::correction::CorrectionArgs;
+use super::ffmpeg_arg::FfmpegArg;
 use super::media_args::MediaArgs;
 use crate::capture_check;
 use anyhow::Context;
@@ -42,6 +43,8 @@ struct Check {
     #[arg(long, value_name = "DIR", default_value = "check")]
     out: PathBuf,
     #[command(flatten)]
+    ffmpeg: FfmpegArg,
+    #[command(flatten)]
     media: MediaArgs,
     #[command(flatten)]
     correction: CorrectionArgs,
@@ -51,7 +54,7 @@ impl CaptureCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let Action::Check(check) = self.action;
         let options = check.media.options(check.correction.correction());
-        let checked = capture_check::check(&check.capture, &options)?;
+        let checked = capture_check::check(&check.capture, &options, check.ffmpeg.program())?;
         let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;
         let write = |name: &str, bytes: &[u8]| {
             let path = check.out.join(name);

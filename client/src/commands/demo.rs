@@ -38,6 +38,8 @@ pub(super) struct Demo {
     /// Seed of everything random.
     #[arg(long, default_value_t = 7)]
     seed: u64,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl Demo {
@@ -48,6 +50,7 @@ impl Demo {
             size: self.size,
             seconds: self.seconds,
             seed: self.seed,
+            lpips: self.lpips.weights()?,
         };
         let report = run(&options).await?;
         println!("\n{}", report.table());

@@ -63,6 +63,9 @@ pub(super) struct Evaluate {
     #[cfg(feature = "embedded")]
     #[arg(long)]
     table: bool,
+    #[cfg(feature = "embedded")]
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
     #[command(flatten)]
     server: Server,
 }
@@ -138,6 +141,7 @@ impl Evaluate {
             pictures: self
                 .pictures
                 .map_or(usize::MAX, std::num::NonZeroUsize::get),
+            lpips: self.lpips.weights()?,
         };
         let measured = run(&options, &Terminal)?;
         println!("step {} by {}\n", measured.step, measured.protocol);

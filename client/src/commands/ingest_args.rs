@@ -1,5 +1,6 @@
 //! Limits of the process that reads an upload.
 
+use super::ffmpeg_arg::FfmpegArg;
 use clap::Args;
 use yoto_ingest::IngestSettings;
 
@@ -22,6 +23,8 @@ pub(super) struct IngestArgs {
         default_value_t = 3600
     )]
     ingest_seconds: u64,
+    #[command(flatten)]
+    ffmpeg: FfmpegArg,
 }
 
 impl IngestArgs {
@@ -30,6 +33,7 @@ impl IngestArgs {
         IngestSettings {
             memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),
             seconds: self.ingest_seconds,
+            ffmpeg: self.ffmpeg.program().map(Into::into),
             ..IngestSettings::default()
         }
     }

@@ -12,11 +12,14 @@ mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
+mod ffmpeg_arg;
 mod import;
 #[cfg(feature = "embedded")]
 mod ingest_args;
 mod job;
 mod logs;
+#[cfg(feature = "embedded")]
+mod lpips_args;
 mod media_args;
 mod model;
 #[cfg(feature = "embedded")]

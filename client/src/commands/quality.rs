@@ -65,6 +65,8 @@ pub(super) struct Quality {
     /// Also write each held-out picture beside its render: truth left, render right.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl Quality {
@@ -83,6 +85,7 @@ impl Quality {
             variant: self.variant,
             seed: self.seed,
             pictures: self.pictures,
+            lpips: self.lpips.weights()?,
         };
         let report = run(&options, &Terminal)?;
         report

@@ -37,6 +37,8 @@ pub(super) struct Serve {
     insecure: bool,
     #[command(flatten)]
     ingest: super::ingest_args::IngestArgs,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl Serve {
@@ -47,6 +49,7 @@ impl Serve {
             listen: Some(self.listen),
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
+            lpips: self.lpips.weights()?,
         };
         let mut service = Embedded::start(options)
             .await

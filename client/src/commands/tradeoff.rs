@@ -78,6 +78,8 @@ pub(super) struct TradeoffCommand {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
+    #[command(flatten)]
     server: Server,
 }
 
@@ -107,6 +109,7 @@ impl TradeoffCommand {
             pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
             views: self.views as usize,
             repeats: self.repeats as usize,
+            lpips: self.lpips.clone().weights()?,
         };
         run(&options, &Terminal)
     }

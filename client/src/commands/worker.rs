@@ -31,6 +31,8 @@ pub(super) struct WorkerCommand {
     name: String,
     #[command(flatten)]
     ingest: super::ingest_args::IngestArgs,
+    #[command(flatten)]
+    lpips: super::lpips_args::LpipsArgs,
 }
 
 impl WorkerCommand {
@@ -49,6 +51,7 @@ impl WorkerCommand {
         let config = WorkerConfig {
             display_name: self.name,
             ingest: self.ingest.settings(),
+            lpips: self.lpips.weights()?,
             ..WorkerConfig::default()
         };
         let worker = Worker::new(channel, &self.objects, picked, config)?;

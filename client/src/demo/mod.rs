@@ -15,6 +15,7 @@ use anyhow::{Context, bail, ensure};
 use people::Actor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::v1::{Model, Subject, TrainResult, TrainSpec, job_result};
 
@@ -37,6 +38,8 @@ pub struct DemoOptions {
     pub seconds: f64,
     /// Seed of everything random.
     pub seed: u64,
+    /// Weights of the networks of LPIPS, where there are any.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// The files worth looking at, with what they show.
@@ -91,6 +94,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
         listen: None,
         worker: true,
         ingest: yoto_ingest::IngestSettings::default(),
+        lpips: options.lpips.clone(),
     })
     .await
     .context("starting the embedded service")?;

@@ -57,6 +57,7 @@ fn options() -> TrainOptions {
         seed: 11,
         image_size: 0,
         holdout_every: 0,
+        lpips: None,
     }
 }
 

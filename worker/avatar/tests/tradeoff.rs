@@ -35,6 +35,7 @@ fn trained() -> (Renderer, Vec<SweepView>) {
         seed: 11,
         image_size: 0,
         holdout_every: 0,
+        lpips: None,
     };
     let config = ModelConfig::named("draft", "yoto").expect("named");
     let mut trainer = Trainer::new(config, options, people, &Device::flex()).expect("starts");

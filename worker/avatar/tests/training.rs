@@ -55,6 +55,7 @@ fn options(steps: u64, used_steps: u64) -> TrainOptions {
         seed: 11,
         image_size: 0,
         holdout_every: 6,
+        lpips: None,
     }
 }
 

@@ -45,7 +45,8 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
     if let Err(error) = confine(memory, seconds, order.limits.unpacked_bytes) {
         return Outcome::Machine(format!("limiting the child: {error}"));
     }
-    match prepare(&order, &Ffmpeg::find(), &mut |place| say(&Line::At(place))) {
+    let ffmpeg = Ffmpeg::find(order.ffmpeg.as_deref());
+    match prepare(&order, &ffmpeg, &mut |place| say(&Line::At(place))) {
         Ok(prepared) => Outcome::Done(prepared),
         Err(ReadFailure::Rejected(mut found)) => {
             // Only here is it known how much there was.

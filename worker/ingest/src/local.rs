@@ -4,7 +4,7 @@
 use super::capture::Capture;
 use super::failure::ReadFailure;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use yoto_capture::FrameImage;
 use yoto_media::Limits;
@@ -22,17 +22,22 @@ pub struct LocalCapture {
 
 impl LocalCapture {
     /// Reads all but the pictures of the capture of `files`: path in it to path on this disk.
+    /// Videos that are not read in this process go to the program `ffmpeg`; without a name it is
+    /// searched for.
     ///
     /// # Errors
     /// Faults of the files, and of this machine.
-    pub fn open(files: &BTreeMap<String, PathBuf>) -> Result<Self, ReadFailure> {
+    pub fn open(
+        files: &BTreeMap<String, PathBuf>,
+        ffmpeg: Option<&Path>,
+    ) -> Result<Self, ReadFailure> {
         let folder = tempfile::Builder::new()
             .prefix("yoto-capture-")
             .tempdir()
             .map_err(|error| ReadFailure::Machine(format!("making a folder: {error}")))?;
         Ok(Self {
             capture: Capture::read(folder.path(), files, &Limits::default())?,
-            ffmpeg: Ffmpeg::find(),
+            ffmpeg: Ffmpeg::find(ffmpeg),
             _folder: folder,
         })
     }

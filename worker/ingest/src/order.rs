@@ -14,6 +14,8 @@ pub(super) struct Order {
     pub(super) files: Files,
     /// What a capture may hold.
     pub(super) limits: Limits,
+    /// The program for videos that are not read in-process; searched for when it has no name.
+    pub(super) ffmpeg: Option<PathBuf>,
 }
 
 impl Order {
@@ -22,6 +24,7 @@ impl Order {
             folder: folder.to_owned(),
             files: Files::new(),
             limits: limits.clone(),
+            ffmpeg: None,
         }
     }
 

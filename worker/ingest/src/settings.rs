@@ -15,6 +15,8 @@ pub struct IngestSettings {
     pub seconds: u64,
     /// What a capture may hold.
     pub limits: Limits,
+    /// The `ffmpeg` for videos that are not read in-process; searched for when it has no name.
+    pub ffmpeg: Option<PathBuf>,
 }
 
 impl Default for IngestSettings {
@@ -24,6 +26,7 @@ impl Default for IngestSettings {
             memory_bytes: 4 << 30,
             seconds: 3600,
             limits: Limits::default(),
+            ffmpeg: None,
         }
     }
 }

@@ -42,6 +42,7 @@ pub fn ingest<E>(
 ) -> Result<Ingested, IngestError<E>> {
     let order = Order {
         files,
+        ffmpeg: settings.ffmpeg.clone(),
         ..Order::new(folder, &settings.limits)
     };
     let prepared = match supervise::run(settings, &order, &mut watch)? {

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{ModelConfig, Variant};
 use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
@@ -44,6 +45,8 @@ pub struct AblationOptions {
     pub pictures: usize,
     /// Folder for `ablation.json` and the models.
     pub out: PathBuf,
+    /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// Who an ablation trains on.
@@ -213,7 +216,8 @@ impl Bench<'_> {
     ) -> anyhow::Result<Option<DisplacementError>> {
         let people = group.iter().enumerate();
         let people = people.map(|(slot, &at)| self.recordings[at].person(slot));
-        let options = training::options(budget, self.options.size, self.options.seed);
+        let weights = self.options.lpips.as_ref();
+        let options = training::options(budget, self.options.size, self.options.seed, weights);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
         let mut display = self.screen.begin(&folder.display().to_string());
         training::to_the_end(&mut trainer, &mut *display)?;
@@ -225,7 +229,11 @@ impl Bench<'_> {
         found.active_parts = progress.active_parts;
         self.objective = progress.objective;
         self.keep(&trainer, folder)?;
-        let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(&self.picked)?);
+        let examiner = Examiner::new(
+            trainer.renderer(),
+            self.protocol,
+            lpips(weights, &self.picked)?,
+        );
         for (slot, &at) in group.iter().enumerate() {
             let recording = &self.recordings[at];
             let pictures = self.options.pictures;

@@ -7,6 +7,7 @@ use crate::training::{lpips, pick_device};
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_avatar::evaluate::{Examiner, Protocol, Score};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::ModelState;
 use yoto_capture::skeleton::Skeleton;
@@ -30,6 +31,8 @@ pub struct ModelDirOptions {
     pub size: u32,
     /// At most this many pictures of each kind and person.
     pub pictures: usize,
+    /// Weights of the networks of LPIPS; without them it is not measured.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// Figures of a model.
@@ -78,7 +81,7 @@ pub fn run(options: &ModelDirOptions, screen: &dyn Screen) -> anyhow::Result<Mea
     let picked = pick_device(screen);
     let renderer = Renderer::load(dir, &picked.device)
         .with_context(|| format!("the model {}", dir.display()))?;
-    let examiner = Examiner::new(renderer, protocol, lpips(&picked)?);
+    let examiner = Examiner::new(renderer, protocol, lpips(options.lpips.as_ref(), &picked)?);
     let (mut rows, mut headings, mut means) = (Vec::new(), Vec::new(), Vec::new());
     let mut display = screen.begin("evaluating");
     for split in Split::of(protocol) {

@@ -13,6 +13,7 @@ use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
@@ -47,6 +48,8 @@ pub struct QualityOptions {
     pub seed: u64,
     /// Where to write truth and render of each held-out picture side by side.
     pub pictures: Option<PathBuf>,
+    /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// Trains and measures.
@@ -65,7 +68,12 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let picked = pick_device(screen);
     let people = recordings.iter().enumerate();
     let people = people.map(|(slot, recording)| recording.person(slot));
-    let train_options = training::options(options.budget, options.size, options.seed);
+    let train_options = training::options(
+        options.budget,
+        options.size,
+        options.seed,
+        options.lpips.as_ref(),
+    );
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
     let curve = train(&mut trainer, &recordings, protocol, screen)?;
     finish(
@@ -130,7 +138,11 @@ fn finish(
     picked: &PickedDevice,
     screen: &dyn Screen,
 ) -> anyhow::Result<Report> {
-    let examiner = Examiner::new(trainer.renderer(), protocol, lpips(picked)?);
+    let examiner = Examiner::new(
+        trainer.renderer(),
+        protocol,
+        lpips(options.lpips.as_ref(), picked)?,
+    );
     let mut display = screen.begin("evaluating");
     let measured = |pictures: &[View]| pictures.len().min(options.measured);
     let total: usize = recordings

@@ -3,6 +3,7 @@
 use crate::display::{Display, Screen};
 use anyhow::{Context, ensure};
 use yoto_avatar::evaluate::LpipsMetric;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::v1::Progress;
@@ -17,13 +18,24 @@ pub(crate) fn pick_device(screen: &dyn Screen) -> PickedDevice {
     picked
 }
 
-/// The networks of LPIPS, where the environment names their weights.
-pub(crate) fn lpips(picked: &PickedDevice) -> anyhow::Result<Option<LpipsMetric>> {
-    LpipsMetric::from_environment(&picked.device).context("loading the weights of LPIPS")
+/// The networks of LPIPS, where there are weights.
+pub(crate) fn lpips(
+    weights: Option<&LpipsWeights>,
+    picked: &PickedDevice,
+) -> anyhow::Result<Option<LpipsMetric>> {
+    weights
+        .map(|weights| LpipsMetric::load(weights, &picked.device))
+        .transpose()
+        .context("loading the weights of LPIPS")
 }
 
 /// Options under which all frames train: held-out views and poses stand beside them.
-pub(crate) fn options(budget: Budget, image_size: u32, seed: u64) -> TrainOptions {
+pub(crate) fn options(
+    budget: Budget,
+    image_size: u32,
+    seed: u64,
+    lpips: Option<&LpipsWeights>,
+) -> TrainOptions {
     TrainOptions {
         budget,
         used_seconds: 0.0,
@@ -31,6 +43,7 @@ pub(crate) fn options(budget: Budget, image_size: u32, seed: u64) -> TrainOption
         seed,
         image_size,
         holdout_every: 0,
+        lpips: lpips.cloned(),
     }
 }
 

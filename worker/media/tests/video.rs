@@ -137,7 +137,7 @@ fn what_needs_ffmpeg_says_so() {
 
 #[test]
 fn ffmpeg_decodes_the_rest_where_it_is_installed() {
-    let ffmpeg = Ffmpeg::find();
+    let ffmpeg = Ffmpeg::find(None);
     if Video::open(&clip("hevc.mp4"), &Limits::default(), &ffmpeg, false).is_err() {
         eprintln!("no ffmpeg on this machine: its part is not run");
         return;

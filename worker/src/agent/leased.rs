@@ -126,6 +126,7 @@ impl<'a> Leased<'a> {
             device: self.worker.device.clone(),
             control: self.control.clone(),
             ingest: self.worker.ingest.clone(),
+            lpips: self.worker.lpips.clone(),
             objects: self.worker.objects.clone(),
             client: self.worker.client.clone(),
             progress,

@@ -23,6 +23,7 @@ use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::{Code, Status, transport::Channel};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::{
@@ -49,6 +50,8 @@ pub struct WorkerConfig {
     pub drain_seconds: f64,
     /// How uploads are read: by which program, within which limits.
     pub ingest: IngestSettings,
+    /// Weights of the networks of LPIPS, where there are any.
+    pub lpips: Option<LpipsWeights>,
 }
 
 impl Default for WorkerConfig {
@@ -60,6 +63,7 @@ impl Default for WorkerConfig {
             progress_seconds: 0.5,
             drain_seconds: 10.0,
             ingest: IngestSettings::default(),
+            lpips: None,
         }
     }
 }
@@ -94,6 +98,7 @@ pub struct Worker {
     progress: Duration,
     drain: Duration,
     ingest: Arc<IngestSettings>,
+    lpips: Option<LpipsWeights>,
 }
 
 impl Worker {
@@ -118,6 +123,7 @@ impl Worker {
             progress: seconds("progress_seconds", config.progress_seconds)?,
             drain: seconds("drain_seconds", config.drain_seconds)?,
             ingest: Arc::new(config.ingest),
+            lpips: config.lpips,
         })
     }
 

@@ -11,6 +11,7 @@ use bytes::Bytes;
 use std::{future::Future, sync::Arc, time::Duration};
 use tokio::{runtime::Handle, sync::watch, time::timeout};
 use tonic::transport::Channel;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::{
@@ -36,6 +37,8 @@ pub struct JobContext {
     pub control: Arc<JobControl>,
     /// How uploads are read.
     pub ingest: Arc<IngestSettings>,
+    /// Weights of the networks of LPIPS, where there are any.
+    pub lpips: Option<LpipsWeights>,
     pub(crate) objects: Objects,
     pub(crate) client: WorkerServiceClient<Channel>,
     pub(crate) progress: watch::Sender<Progress>,

@@ -35,7 +35,10 @@ pub fn run(
     let slots = slots(spec, inputs)?;
     let (renderer, found) =
         checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "measure")?;
-    let lpips = LpipsMetric::from_environment(&context.device.device)
+    let weights = context.lpips.as_ref();
+    let lpips = weights
+        .map(|weights| LpipsMetric::load(weights, &context.device.device))
+        .transpose()
         .map_err(|error| JobFailure::failed("LPIPS", "loading the weights of LPIPS", &error))?;
     let examiner = Examiner::new(renderer, protocol, lpips);
     let mut pictures = Vec::new();

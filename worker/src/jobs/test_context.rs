@@ -21,6 +21,7 @@ pub(crate) fn context() -> JobContext {
         device: yoto_device::pick(),
         control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
         ingest: Arc::default(),
+        lpips: None,
         objects: Objects::from_store(Arc::new(InMemory::new())),
         client: WorkerServiceClient::new(channel),
         progress: watch::Sender::default(),

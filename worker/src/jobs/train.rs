@@ -67,7 +67,12 @@ fn start<'a>(
     let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
         .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
     let manifest = before.as_ref().map(|found| &found.manifest);
-    let options = plan.options(&context.job, manifest, config.schedule.steps);
+    let options = plan.options(
+        &context.job,
+        manifest,
+        config.schedule.steps,
+        context.lpips.clone(),
+    );
     let used = (options.used_seconds, options.used_steps);
     let device = &context.device.device;
     let published = before

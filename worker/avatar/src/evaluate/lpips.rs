@@ -1,6 +1,6 @@
 //! LPIPS of whole images. Published tables give it times 1000; here it is as it comes.
 
-use crate::loss::lpips::{Lpips, LpipsError, SMALLEST_SIDE};
+use crate::loss::lpips::{Lpips, LpipsError, LpipsWeights, SMALLEST_SIDE};
 use burn::tensor::{Device, Tensor, TensorData};
 
 /// The metric, with its networks on a device.
@@ -10,17 +10,14 @@ pub struct LpipsMetric {
 }
 
 impl LpipsMetric {
-    /// With the weights that the environment names
-    /// ([`VGG16_VARIABLE`](crate::loss::lpips::VGG16_VARIABLE),
-    /// [`HEADS_VARIABLE`](crate::loss::lpips::HEADS_VARIABLE)); none when it names none, and then
-    /// a report should say that LPIPS was not measured.
+    /// With the networks of these files, on `device`.
     ///
     /// # Errors
-    /// When one is named without the other, or a file is not what it should be.
-    pub fn from_environment(device: &Device) -> Result<Option<Self>, LpipsError> {
+    /// When a file is not what it should be.
+    pub fn load(weights: &LpipsWeights, device: &Device) -> Result<Self, LpipsError> {
         let device = device.clone().inner();
-        let lpips = Lpips::from_environment(&device)?;
-        Ok(lpips.map(|lpips| Self { lpips, device }))
+        let lpips = Lpips::load(weights, &device)?;
+        Ok(Self { lpips, device })
     }
 
     /// With weights at hand; they must be on `device` without automatic differentiation.

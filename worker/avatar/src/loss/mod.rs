@@ -9,7 +9,7 @@ mod ssim;
 pub use ssim::PatchSsim;
 
 use burn::tensor::{Device, Tensor};
-use lpips::{Lpips, LpipsError, SMALLEST_SIDE};
+use lpips::{Lpips, LpipsError, LpipsWeights, SMALLEST_SIDE};
 
 /// The mean squared error's weight beside LPIPS (HumanNeRF, `configs/default.yaml`; the paper
 /// keeps it).
@@ -75,23 +75,26 @@ enum Perceptual {
 }
 
 impl PatchObjective {
-    /// The paper's when the environment names LPIPS weights and patches are at least
+    /// The paper's when there are LPIPS weights and patches are at least
     /// [`SMALLEST_SIDE`] pixels; else [`Self::without_lpips`]. Tiers with smaller patches are
     /// made for speed, which VGG would take: for them the weights are left aside, and the log
     /// says so.
     ///
     /// # Errors
-    /// When weights are named and can't be used, for small patches too.
-    pub fn from_environment(
+    /// When the weights can't be used, for small patches too.
+    pub fn with_weights(
+        weights: Option<&LpipsWeights>,
         ssim_weight: f64,
         patch_size: usize,
         device: &Device,
     ) -> Result<Self, LpipsError> {
-        let lpips = Lpips::from_environment(device)?;
+        let lpips = weights
+            .map(|weights| Lpips::load(weights, device))
+            .transpose()?;
         Ok(Self::new(lpips, ssim_weight, patch_size, device))
     }
 
-    /// [`Self::from_environment`] with the weights at hand.
+    /// [`Self::with_weights`] with the networks at hand.
     pub fn new(lpips: Option<Lpips>, ssim_weight: f64, patch_size: usize, device: &Device) -> Self {
         match lpips {
             Some(lpips) if patch_size >= SMALLEST_SIDE => Self {

@@ -1,5 +1,7 @@
 //! How long and on what to train.
 
+use crate::loss::lpips::LpipsWeights;
+
 /// How long to train.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Budget {
@@ -10,7 +12,7 @@ pub enum Budget {
 }
 
 /// How to train.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TrainOptions {
     /// How long; the learning rate falls over it.
     pub budget: Budget,
@@ -24,6 +26,8 @@ pub struct TrainOptions {
     pub image_size: u32,
     /// Every n-th frame is kept out of training for validation; 0: none.
     pub holdout_every: usize,
+    /// Weights of the networks of LPIPS; without them the objective has none.
+    pub lpips: Option<LpipsWeights>,
 }
 
 impl Default for TrainOptions {
@@ -36,6 +40,7 @@ impl Default for TrainOptions {
             seed: 7,
             image_size: 0,
             holdout_every: 0,
+            lpips: None,
         }
     }
 }

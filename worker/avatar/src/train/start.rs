@@ -108,7 +108,8 @@ impl Trainer {
             .map(|f| f.image.width.min(f.image.height))
             .min();
         let patch_size = (saved.config.optimise.patch_size as usize).min(smallest.unwrap_or(1));
-        let objective = PatchObjective::from_environment(
+        let objective = PatchObjective::with_weights(
+            options.lpips.as_ref(),
             saved.config.optimise.ssim_weight,
             patch_size,
             &device,

@@ -191,6 +191,7 @@ fn masks_and_rates() {
             seed: 5,
             image_size: 0,
             holdout_every: 4,
+            lpips: None,
         };
         let person = Person {
             slot: 0,

@@ -176,6 +176,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
                 seed: 11,
                 image_size: 0,
                 holdout_every: 3,
+                lpips: None,
             };
             let mut trainer =
                 Trainer::new(config(), options, vec![person()], device).expect("starts");

@@ -6,13 +6,12 @@ mod generated;
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::SafeTensors;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::LpipsMetric;
-use yoto_avatar::loss::lpips::{HEADS_VARIABLE, Lpips, LpipsError, VGG16_VARIABLE};
+use yoto_avatar::loss::lpips::{Lpips, LpipsError, LpipsWeights};
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainError, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
@@ -59,6 +58,17 @@ fn off(found: f32, expected: f64) -> f64 {
     (f64::from(found) / expected - 1.0).abs()
 }
 
+fn weights(vgg16: &Path, heads: &Path) -> LpipsWeights {
+    LpipsWeights {
+        vgg16: vgg16.to_owned(),
+        heads: heads.to_owned(),
+    }
+}
+
+fn load(vgg16: &Path, heads: &Path, device: &Device) -> Result<Lpips, LpipsError> {
+    Lpips::load(&weights(vgg16, heads), device)
+}
+
 /// The generated networks, by way of safetensors files.
 fn generated_networks(device: &Device) -> Lpips {
     let dir = tempfile::tempdir().expect("a folder");
@@ -68,13 +78,13 @@ fn generated_networks(device: &Device) -> Lpips {
     );
     generated::write(&generated::vgg16(), &vgg16);
     generated::write(&generated::heads(), &heads);
-    Lpips::load(&vgg16, &heads, device).expect("loads")
+    load(&vgg16, &heads, device).expect("loads")
 }
 
 /// The networks in files that PyTorch wrote.
 fn saved_networks(device: &Device) -> Lpips {
     let (vgg16, heads) = (case_file("lpips_vgg16.pth"), case_file("lpips_heads.pth"));
-    Lpips::load(&vgg16, &heads, device).expect("loads")
+    load(&vgg16, &heads, device).expect("loads")
 }
 
 #[test]
@@ -148,7 +158,7 @@ fn gradients_are_finite_where_nothing_differs_and_where_nothing_is_seen() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("blind.safetensors");
     generated::write(&blind, &path);
-    let blind = Lpips::load(&path, &case_file("lpips_heads.pth"), &device).expect("loads");
+    let blind = load(&path, &case_file("lpips_heads.pth"), &device).expect("loads");
     let seeing = saved_networks(&device);
     let a = image("image.a", &device).slice([0..1, 0..3, 0..16, 0..16]);
     let black = Tensor::zeros([1, 3, 16, 16], &device);
@@ -184,7 +194,7 @@ fn files_that_are_not_what_they_should_be_are_named_with_the_tensor() {
         let mut tensors = generated::heads();
         change(&mut tensors);
         generated::write(&tensors, &changed);
-        let error = Lpips::load(&vgg16, &changed, &device).err();
+        let error = load(&vgg16, &changed, &device).err();
         error.expect("refused").to_string()
     };
     let refused = with(&|tensors| tensors[2].shape = vec![1, 128, 2, 1]);
@@ -204,7 +214,7 @@ fn files_that_are_not_what_they_should_be_are_named_with_the_tensor() {
     assert!(refused.contains("'lin0.model.1.weight'"), "{refused}");
 
     let refuses = |vgg16: &Path, heads: &Path| {
-        let error = Lpips::load(vgg16, heads, &device).err();
+        let error = load(vgg16, heads, &device).err();
         error.expect("refused").to_string()
     };
     // Taken for one another.
@@ -220,31 +230,6 @@ fn files_that_are_not_what_they_should_be_are_named_with_the_tensor() {
         std::fs::write(&noise, b"<html>404</html>").expect("written");
         let refused = refuses(&noise, &heads);
         assert!(refused.contains(name), "{refused}");
-    }
-}
-
-#[test]
-fn one_file_without_the_other_is_refused_and_none_is_none() {
-    let device = Device::flex();
-    let path = Some(case_file("lpips_vgg16.pth"));
-    assert!(matches!(Lpips::from_paths(None, None, &device), Ok(None)));
-    for (given, missing, found) in [
-        (
-            VGG16_VARIABLE,
-            HEADS_VARIABLE,
-            Lpips::from_paths(path.clone(), None, &device),
-        ),
-        (
-            HEADS_VARIABLE,
-            VGG16_VARIABLE,
-            Lpips::from_paths(None, path, &device),
-        ),
-    ] {
-        let error = found.err().expect("refused").to_string();
-        assert!(
-            error.starts_with(given) && error.contains(missing),
-            "{error}"
-        );
     }
 }
 
@@ -291,40 +276,18 @@ fn the_objective_is_lpips_and_a_fifth_of_the_squares() {
 }
 
 #[test]
-fn a_training_uses_the_weights_that_the_environment_names() {
-    let run = |variables: &[(&str, PathBuf)]| {
-        Command::new(std::env::current_exe().expect("this program"))
-            .args(["--exact", "trains_in_a_process_of_its_own", "--ignored"])
-            .args(["--nocapture", "--test-threads", "1"])
-            .env_remove(VGG16_VARIABLE)
-            .env_remove(HEADS_VARIABLE)
-            .envs(variables.iter().cloned())
-            .output()
-            .expect("starts")
-    };
-    let vgg16 = (VGG16_VARIABLE, case_file("lpips_vgg16.pth"));
-    let heads = (HEADS_VARIABLE, case_file("lpips_heads.pth"));
-    let told = |output: std::process::Output| {
-        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
-    };
-    let with = told(run(&[vgg16.clone(), heads]));
-    assert!(with.contains("objective lpips+mse, skipped 0"), "{with}");
-    let without = told(run(&[]));
-    assert!(
-        without.contains("objective mse+ssim, skipped 0"),
-        "{without}"
-    );
-    let half = told(run(&[vgg16]));
-    assert!(
-        half.contains("YOTO_LPIPS_WEIGHTS is not") && !half.contains("objective"),
-        "{half}"
-    );
+fn a_training_uses_the_weights_that_it_is_given() {
+    let (vgg16, heads) = (case_file("lpips_vgg16.pth"), case_file("lpips_heads.pth"));
+    let objective = |lpips| trained(lpips).expect("trains");
+    assert_eq!(objective(Some(weights(&vgg16, &heads))), "lpips+mse");
+    assert_eq!(objective(None), "mse+ssim");
+    // Each taken for the other.
+    let refused = trained(Some(weights(&heads, &vgg16))).expect_err("refused");
+    assert!(matches!(refused, TrainError::Lpips(_)), "{refused}");
 }
 
-/// Its variables are those of a whole process, hence not of this one.
-#[test]
-#[ignore = "run by a_training_uses_the_weights_that_the_environment_names"]
-fn trains_in_a_process_of_its_own() {
+/// Three steps; the objective they had.
+fn trained(lpips: Option<LpipsWeights>) -> Result<&'static str, TrainError> {
     let cast = SyntheticPerson::cast(1, 7);
     let (track, images) = cast[0].capture(4, 48);
     let mut builder = ShardBuilder::new(track);
@@ -346,19 +309,14 @@ fn trains_in_a_process_of_its_own() {
         seed: 1,
         image_size: 0,
         holdout_every: 0,
+        lpips,
     };
-    match Trainer::new(config, options, vec![person], &Device::flex()) {
-        Ok(mut trainer) => {
-            for _ in 0..3 {
-                trainer.step().expect("a step");
-            }
-            let progress = trainer.progress();
-            assert!(progress.loss.is_finite() && progress.loss > 0.0);
-            println!(
-                "objective {}, skipped {}",
-                progress.objective, progress.skipped_steps
-            );
-        }
-        Err(error) => println!("refused: {error}"),
+    let mut trainer = Trainer::new(config, options, vec![person], &Device::flex())?;
+    for _ in 0..3 {
+        trainer.step()?;
     }
+    let progress = trainer.progress();
+    assert!(progress.loss.is_finite() && progress.loss > 0.0);
+    assert_eq!(progress.skipped_steps, 0);
+    Ok(progress.objective)
 }

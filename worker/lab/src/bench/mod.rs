@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use yoto_avatar::config::{ModelConfig, Precision, Setting};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
@@ -56,6 +57,8 @@ pub struct BenchOptions {
     pub seed: u64,
     /// In place of the tier's.
     pub settings: Vec<Setting>,
+    /// Weights of the networks of LPIPS; without them LPIPS is not minimised.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// The step that is timed.
@@ -217,6 +220,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
         seed: options.seed,
         image_size: 0,
         holdout_every: 0,
+        lpips: options.lpips.clone(),
     }
 }
 

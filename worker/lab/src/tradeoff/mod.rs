@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use yoto_avatar::evaluate::Protocol;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::tradeoff::{Axes, Curve, Machine, SweepError, SweepOptions, SweepView, sweep};
 use yoto_proto::protocols::HELD_OUT;
@@ -44,6 +45,8 @@ pub struct TradeoffOptions {
     pub views: usize,
     /// Timed renders of each view and setting.
     pub repeats: usize,
+    /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
+    pub lpips: Option<LpipsWeights>,
 }
 
 /// `tradeoff.json`.

@@ -37,13 +37,18 @@ impl Bench<'_> {
         let people = self.recordings.iter().enumerate();
         let people = people.map(|(slot, recording)| recording.person(slot));
         let budget = Budget::Seconds(seconds);
-        let options = training::options(budget, self.options.size, self.options.seed);
+        let weights = self.options.lpips.as_ref();
+        let options = training::options(budget, self.options.size, self.options.seed, weights);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
         let mut display = self.screen.begin(&format!("training, {tier}, {seconds} s"));
         training::to_the_end(&mut trainer, &mut *display)?;
         let peak_memory_bytes = counted.ok().and_then(|()| memory::peak());
         let progress = trainer.progress();
-        let examiner = Examiner::new(trainer.renderer(), self.protocol, lpips(self.picked)?);
+        let examiner = Examiner::new(
+            trainer.renderer(),
+            self.protocol,
+            lpips(weights, self.picked)?,
+        );
         let mut subjects = Vec::new();
         for (slot, recording) in self.recordings.iter().enumerate() {
             let pictures = self.options.pictures;

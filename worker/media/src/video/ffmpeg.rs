@@ -9,7 +9,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 
-/// The variable that names the program.
+/// The variable by which a command line names the program, for errors.
 pub const VARIABLE: &str = "YOTO_FFMPEG";
 /// Containers that may be opened.
 const FORMATS: &str =
@@ -24,11 +24,10 @@ pub struct Ffmpeg {
 }
 
 impl Ffmpeg {
-    /// The program that [`VARIABLE`] names, else `ffmpeg` in the search path.
-    pub fn find() -> Self {
-        let named = std::env::var_os(VARIABLE).map(PathBuf::from);
+    /// The program `named`, else `ffmpeg` in the search path.
+    pub fn find(named: Option<&Path>) -> Self {
         let program = match named {
-            Some(path) => path.is_file().then_some(path),
+            Some(path) => path.is_file().then(|| path.to_owned()),
             None => std::env::var_os("PATH").and_then(|path| {
                 std::env::split_paths(&path)
                     .map(|folder| folder.join("ffmpeg"))

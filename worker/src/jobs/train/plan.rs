@@ -2,6 +2,7 @@
 
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Person, TrainOptions};
 use yoto_proto::{
     manifest::Manifest,
@@ -60,7 +61,13 @@ impl Plan {
 
     /// The options of a training that goes on after `before`, whose budget counts when the
     /// same job spent it. Without a budget it has `run` steps.
-    pub(super) fn options(&self, job: &str, before: Option<&Manifest>, run: u64) -> TrainOptions {
+    pub(super) fn options(
+        &self,
+        job: &str,
+        before: Option<&Manifest>,
+        run: u64,
+        lpips: Option<LpipsWeights>,
+    ) -> TrainOptions {
         let own = before.filter(|manifest| manifest.job == job);
         TrainOptions {
             budget: match (self.spec.steps, self.spec.seconds) {
@@ -71,6 +78,7 @@ impl Plan {
             seed: self.spec.seed,
             image_size: self.spec.image_size,
             holdout_every: HOLDOUT_EVERY,
+            lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),
         }
@@ -206,20 +214,20 @@ mod tests {
             objects: Vec::new(),
         };
         let used = |job, before| {
-            let options = plan.options(job, before, 5000);
+            let options = plan.options(job, before, 5000, None);
             (options.used_seconds, options.used_steps)
         };
         assert_eq!(used("jobs/a", Some(&before)), (20.0, 300));
         assert_eq!(used("jobs/b", Some(&before)), (0.0, 0));
         assert_eq!(used("jobs/a", None), (0.0, 0));
         assert_eq!(
-            plan.options("jobs/a", None, 5000).budget,
+            plan.options("jobs/a", None, 5000, None).budget,
             Budget::Seconds(60.0)
         );
         let spec = TrainSpec::default();
         let plan = Plan::new(&spec, &inputs).expect("no budget is one");
         assert_eq!(
-            plan.options("jobs/a", None, 5000).budget,
+            plan.options("jobs/a", None, 5000, None).budget,
             Budget::Steps(5000)
         );
     }

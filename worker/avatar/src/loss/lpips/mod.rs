@@ -8,15 +8,11 @@ mod vgg;
 mod weights;
 
 use burn::tensor::{Device, Tensor};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use thiserror::Error;
 use vgg::{CHANNELS, Vgg16};
 use weights::WeightsFile;
 
-/// Environment variable with the path of torchvision's VGG16 weights.
-pub const VGG16_VARIABLE: &str = "YOTO_VGG16_WEIGHTS";
-/// Environment variable with the path of the LPIPS 0.1 linear weights for VGG.
-pub const HEADS_VARIABLE: &str = "YOTO_LPIPS_WEIGHTS";
 /// Smallest side of an image, pixels: four poolings by 2 must leave one.
 pub const SMALLEST_SIDE: usize = 16;
 
@@ -30,17 +26,18 @@ const NORM_EPSILON: f64 = 1e-10;
 /// lost beside [`NORM_EPSILON`] in single precision: no value changes.
 const SQUARED_NORM_FLOOR: f64 = 1e-36;
 
+/// Where the networks' weights are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LpipsWeights {
+    /// torchvision's VGG16.
+    pub vgg16: PathBuf,
+    /// The linear heads of LPIPS 0.1 for VGG.
+    pub heads: PathBuf,
+}
+
 /// Why there is no LPIPS.
 #[derive(Debug, Error)]
 pub enum LpipsError {
-    /// One of the two files alone is of no use, and most likely a mistake.
-    #[error("{given} is set but {missing} is not: LPIPS needs both files of weights")]
-    OneOfTwo {
-        /// The variable with a path.
-        given: &'static str,
-        /// The variable without.
-        missing: &'static str,
-    },
     /// The file is missing, or neither safetensors nor what PyTorch saves.
     #[error("{file}: can't be read as weights: {message}", file = file.display())]
     File {
@@ -122,9 +119,9 @@ impl Lpips {
     ///
     /// # Errors
     /// Names the file, and the tensor with its expected and found shape.
-    pub fn load(vgg16: &Path, heads: &Path, device: &Device) -> Result<Self, LpipsError> {
-        let backbone = Vgg16::load(&mut WeightsFile::open(vgg16)?, device)?;
-        let mut file = WeightsFile::open(heads)?;
+    pub fn load(weights: &LpipsWeights, device: &Device) -> Result<Self, LpipsError> {
+        let backbone = Vgg16::load(&mut WeightsFile::open(&weights.vgg16)?, device)?;
+        let mut file = WeightsFile::open(&weights.heads)?;
         let heads = CHANNELS
             .iter()
             .enumerate()
@@ -144,43 +141,6 @@ impl Lpips {
             shift: channels(SHIFT),
             scale: channels(SCALE),
         })
-    }
-
-    /// [`Self::load`] with the paths in [`VGG16_VARIABLE`] and [`HEADS_VARIABLE`]; none when
-    /// neither is set.
-    ///
-    /// # Errors
-    /// When one is set without the other, or a file is not what it should be.
-    pub fn from_environment(device: &Device) -> Result<Option<Self>, LpipsError> {
-        let path = |variable| {
-            std::env::var_os(variable)
-                .filter(|value| !value.is_empty())
-                .map(PathBuf::from)
-        };
-        Self::from_paths(path(VGG16_VARIABLE), path(HEADS_VARIABLE), device)
-    }
-
-    /// [`Self::load`] when both paths are given; none when neither is.
-    ///
-    /// # Errors
-    /// When one is given without the other, or a file is not what it should be.
-    pub fn from_paths(
-        vgg16: Option<PathBuf>,
-        heads: Option<PathBuf>,
-        device: &Device,
-    ) -> Result<Option<Self>, LpipsError> {
-        match (vgg16, heads) {
-            (Some(vgg16), Some(heads)) => Self::load(&vgg16, &heads, device).map(Some),
-            (None, None) => Ok(None),
-            (Some(_), None) => Err(LpipsError::OneOfTwo {
-                given: VGG16_VARIABLE,
-                missing: HEADS_VARIABLE,
-            }),
-            (None, Some(_)) => Err(LpipsError::OneOfTwo {
-                given: HEADS_VARIABLE,
-                missing: VGG16_VARIABLE,
-            }),
-        }
     }
 
     /// Distances `[N]` of images `[N, 3, height, width]` with values in [−1, 1]; sides of at
