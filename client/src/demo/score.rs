@@ -58,6 +58,7 @@ pub(super) fn report(
         person_bytes: None,
         device: trained.device,
         objective: trained.objective,
+        active_parts: trained.active_parts,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
         curve: None,

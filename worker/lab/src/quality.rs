@@ -196,6 +196,7 @@ fn finish(
         person_bytes: Some(4 * trainer.parameters_of_a_person()),
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
+        active_parts: progress.active_parts,
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {
             tier: options.tier.clone(),

@@ -32,6 +32,9 @@ pub struct Report {
     pub device: String,
     /// What was minimised, e.g. "lpips+mse", or the fallback without LPIPS weights.
     pub objective: String,
+    /// Parts of the model that take part only from some moment of a run on, and did at its end.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub active_parts: Vec<String>,
     /// Seconds to render a frame at the evaluated size.
     pub render_seconds_per_frame: f64,
     /// With what it ran.
@@ -178,6 +181,9 @@ impl Report {
             self.checkpoint_bytes as f64 / 1e6,
             self.render_seconds_per_frame
         ));
+        if !self.active_parts.is_empty() {
+            lines.push(format!("active at the end: {}", self.active_parts.join(", ")));
+        }
         lines.join("\n")
     }
 }
@@ -220,6 +226,7 @@ mod tests {
             person_bytes: None,
             device: "cpu".into(),
             objective: "mse+ssim".into(),
+            active_parts: vec!["pose correction".into()],
             render_seconds_per_frame: 0.8,
             settings: Settings {
                 tier: "fast".into(),

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 pub struct Schedule {
     /// Steps of a run for which nobody names a budget.
     pub steps: u64,
-    /// Learning rates rise from 0 until here, so that Adam's moments settle first; 0: at once.
+    /// Learning rates rise from a fiftieth until here, so that Adam's moments settle first; 0:
+    /// they start whole.
     pub warm_up: f64,
     /// Poses are corrected from here.
     pub correction: f64,
@@ -24,6 +25,9 @@ pub struct Schedule {
 
 /// Iterations of the paper's training (implementation details), of which its other numbers are shares.
 const PAPER_STEPS: f64 = 400_000.0;
+
+/// Share of the learning rates that a warm-up starts with.
+const WARM_START: f64 = 0.02;
 
 impl Schedule {
     /// The paper's and HumanNeRF's (`configs/human_nerf/zju_mocap/387/adventure.yaml`): the
@@ -110,7 +114,7 @@ impl Schedule {
     /// What the learning rates are multiplied by at `progress`.
     pub fn rate(&self, progress: f64) -> f64 {
         let warm = match self.warm_up > 0.0 {
-            true => (progress / self.warm_up).min(1.0),
+            true => (WARM_START + (1.0 - WARM_START) * progress / self.warm_up).min(1.0),
             false => 1.0,
         };
         warm * self.final_rate.powf(progress.min(1.0))
@@ -159,8 +163,8 @@ mod tests {
             final_rate: 0.01,
             ..Schedule::paper()
         };
-        assert_eq!(schedule.rate(0.0), 0.0);
-        assert!((schedule.rate(0.05) - 0.5 * 0.01f64.powf(0.05)).abs() < 1e-12);
+        assert_eq!(schedule.rate(0.0), 0.02);
+        assert!((schedule.rate(0.05) - 0.51 * 0.01f64.powf(0.05)).abs() < 1e-12);
         assert!((schedule.rate(0.5) - 0.1).abs() < 1e-12);
         assert!((schedule.rate(1.0) - 0.01).abs() < 1e-12);
     }

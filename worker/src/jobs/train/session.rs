@@ -102,6 +102,7 @@ impl<'a> Session<'a> {
             checkpoint_bytes: bytes,
             device: self.context.device.info.adapter.clone(),
             objective: progress.objective.into(),
+            active_parts: progress.active_parts,
         })
     }
 
