@@ -1,48 +1,70 @@
 //! A body in a pose, as a signed distance field with colours.
 
-use super::build::Capsule;
+use super::build::{Capsule, share_along};
+use super::drape::{Drape, Fall, Garment};
 use super::outfit::{Colour, Outfit};
 use crate::camera::Pose;
-use crate::skeleton::transform::{
-    add, apply, compose, dot, inverse, length, normalised, scale, sub,
-};
+use crate::skeleton::transform::{add, apply, compose, inverse, length, normalised, scale, sub};
 use crate::skeleton::{Mat34, Skeleton, Vec3};
 
 /// Capsules closer than this flow into each other, metres.
 pub(super) const BLEND: f64 = 0.03;
 /// Colours of capsules mix where they are equally near, up to this difference, metres.
 const COLOUR_BLEND: f64 = 0.012;
+/// Farther than this from cloth, a bound of the distance does instead of the rule, metres.
+const FAR: f64 = 0.06;
 
 /// A capsule where its joint has put it.
 #[derive(Clone, Debug)]
 pub(super) struct PosedCapsule<'a> {
     pub from: Vec3,
     pub to: Vec3,
-    pub radii: [f64; 2],
+    /// No point of its surface is farther from the axis, metres.
+    pub thickness: f64,
     /// From `from` to `to`.
     axis: Vec3,
-    /// One by its squared length; 0 for a sphere.
-    per_squared: f64,
     /// From the world back to the unposed body.
     to_rest: Mat34,
-    rest: &'a Capsule,
+    pub rest: &'a Capsule,
+    /// The rule that moves it, and the farthest that it does, metres.
+    cloth: Option<(Garment, f64)>,
 }
 
 impl PosedCapsule<'_> {
-    /// Signed distance, a little too large on slopes: step by less than all of it.
-    pub fn distance(&self, p: Vec3) -> f64 {
-        let from = sub(p, self.from);
-        let share = (dot(from, self.axis) * self.per_squared).clamp(0.0, 1.0);
-        let off = length(sub(from, scale(self.axis, share)));
-        off - (self.radii[0] + (self.radii[1] - self.radii[0]) * share)
+    /// Signed distance, too large on slopes and where cloth is stretched: step by less.
+    pub fn distance(&self, fall: &Fall<'_>, p: Vec3) -> f64 {
+        if self.cloth.is_none() && self.rest.cut.is_none() {
+            return self.round_distance(p);
+        }
+        let reach = self.cloth.map_or(0.0, |(_, reach)| reach);
+        let bound = self.round_distance(p) - reach;
+        if bound > FAR {
+            bound
+        } else {
+            self.rest.distance(self.looked_up(fall, p))
+        }
     }
 
-    fn colour(&self, outfit: &Outfit, p: Vec3) -> Colour {
-        let p = apply(&self.to_rest, p);
-        let axis = sub(self.rest.to, self.rest.from);
-        let share = (dot(sub(p, self.rest.from), axis) * self.per_squared).clamp(0.0, 1.0);
-        let centre = add(self.rest.from, scale(axis, share));
-        outfit.colour(self.rest.part, p, normalised(sub(p, centre)))
+    fn round_distance(&self, p: Vec3) -> f64 {
+        let [first, last] = self.rest.radii;
+        let share = share_along(self.from, self.axis, p);
+        let off = length(sub(p, add(self.from, scale(self.axis, share))));
+        off - (first + (last - first) * share)
+    }
+
+    /// The point of the unposed, still body that is seen at `p`.
+    fn looked_up(&self, fall: &Fall<'_>, p: Vec3) -> Vec3 {
+        let canonical = apply(&self.to_rest, p);
+        match self.cloth {
+            Some((garment, _)) => add(canonical, fall.offset(garment, canonical)),
+            None => canonical,
+        }
+    }
+
+    fn colour(&self, fall: &Fall<'_>, outfit: &Outfit, p: Vec3) -> Colour {
+        let p = self.looked_up(fall, p);
+        let normal = normalised(sub(p, self.rest.centre(p)));
+        outfit.colour(self.rest.part, p, normal)
     }
 }
 
@@ -50,15 +72,21 @@ impl PosedCapsule<'_> {
 pub(super) struct PosedBody<'a> {
     pub capsules: Vec<PosedCapsule<'a>>,
     outfit: &'a Outfit,
+    fall: Fall<'a>,
+    /// How much faster than the distance itself its estimate can grow.
+    pub stretch: f64,
 }
 
 impl<'a> PosedBody<'a> {
+    /// `capsules` of `skeleton` in `pose`, in an outfit that `drape` moves.
     pub fn new(
         skeleton: &Skeleton,
         capsules: &'a [Capsule],
         outfit: &'a Outfit,
+        drape: &'a Drape,
         pose: &Pose,
     ) -> Self {
+        let fall = drape.posed(pose);
         let at_rest = skeleton.world_transforms(&Pose::rest(skeleton.joints()));
         let transforms: Vec<Mat34> = skeleton
             .world_transforms(pose)
@@ -71,34 +99,57 @@ impl<'a> PosedBody<'a> {
             .map(|rest| {
                 let transform = &transforms[rest.joint];
                 let (from, to) = (apply(transform, rest.from), apply(transform, rest.to));
-                let axis = sub(to, from);
-                let squared = dot(axis, axis);
+                let cloth = rest
+                    .part
+                    .garment()
+                    .map(|garment| (garment, fall.reach(garment)))
+                    .filter(|(_, reach)| *reach > 0.0);
+                let reach = cloth.map_or(0.0, |(_, reach)| reach);
                 PosedCapsule {
                     from,
                     to,
-                    axis,
-                    per_squared: if squared > 0.0 { 1.0 / squared } else { 0.0 },
-                    radii: rest.radii,
+                    thickness: rest.radii[0].max(rest.radii[1]) + reach,
+                    axis: sub(to, from),
                     to_rest: inverse(transform),
                     rest,
+                    cloth,
                 }
             })
             .collect();
-        Self { capsules, outfit }
+        Self {
+            capsules,
+            outfit,
+            stretch: fall.stretch(),
+            fall,
+        }
     }
 
     /// Signed distance to the surface, counting the capsules in `near` alone.
     pub fn distance(&self, p: Vec3, near: &[usize]) -> f64 {
         near.iter().fold(f64::INFINITY, |sum, &capsule| {
-            let other = self.capsules[capsule].distance(p);
+            let other = self.capsules[capsule].distance(&self.fall, p);
             let overlap = (BLEND - (sum - other).abs()).max(0.0);
             sum.min(other) - overlap * overlap / (4.0 * BLEND)
         })
     }
 
+    /// Whether cloth that can move is among what makes the surface at `p`.
+    #[cfg(test)]
+    pub fn on_cloth(&self, p: Vec3, near: &[usize]) -> bool {
+        let distance = |index: usize| self.capsules[index].distance(&self.fall, p);
+        let nearest = near
+            .iter()
+            .map(|&i| distance(i))
+            .fold(f64::INFINITY, f64::min);
+        near.iter().any(|&index| {
+            let cloth = self.capsules[index].rest.part.garment().is_some();
+            cloth && distance(index) < nearest + BLEND
+        })
+    }
+
     /// The colour of the surface at `p`, from the capsules in `near`.
     pub fn colour(&self, p: Vec3, near: &[usize]) -> Colour {
-        let distance = |&capsule: &usize| self.capsules[capsule].distance(p);
+        let distance = |&capsule: &usize| self.capsules[capsule].distance(&self.fall, p);
         let nearest = near.iter().map(distance).fold(f64::INFINITY, f64::min);
         let mut sum = [0.0; 3];
         let mut total = 0.0;
@@ -106,7 +157,7 @@ impl<'a> PosedBody<'a> {
             let weight = 1.0 - (distance(index) - nearest) / COLOUR_BLEND;
             if weight > 0.0 {
                 let weight = weight * weight;
-                let colour = self.capsules[*index].colour(self.outfit, p);
+                let colour = self.capsules[*index].colour(&self.fall, self.outfit, p);
                 sum = add(sum, scale(colour, weight));
                 total += weight;
             }

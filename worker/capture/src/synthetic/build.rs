@@ -1,7 +1,8 @@
 //! A person's proportions, and the joints and flesh that follow from them.
 
+use super::drape::{Drape, Garment};
 use crate::skeleton::smpl::JOINTS;
-use crate::skeleton::transform::{add, scale, sub};
+use crate::skeleton::transform::{add, dot, length, scale, sub};
 use crate::skeleton::{Skeleton, Vec3};
 
 /// Indices of [`JOINTS`] by name; the right side's follow the left's.
@@ -53,7 +54,19 @@ pub(super) enum Part {
     Thigh,
     Shin,
     Foot,
-    Skirt,
+    /// The part of a skirt or coat that hangs from the hips.
+    Hem,
+}
+
+impl Part {
+    /// The rule that moves its cloth with the pose, for parts that can have any.
+    pub fn garment(self) -> Option<Garment> {
+        match self {
+            Self::Hem => Some(Garment::Hem),
+            Self::UpperArm | Self::Forearm => Some(Garment::Sleeve),
+            _ => None,
+        }
+    }
 }
 
 /// A tapered capsule that rides on a joint. Ends are in rest-pose coordinates, metres.
@@ -64,12 +77,42 @@ pub(super) struct Capsule {
     pub from: Vec3,
     pub to: Vec3,
     pub radii: [f64; 2],
+    /// Height that it is cut off at; rounded where there is none.
+    pub cut: Option<f64>,
+}
+
+impl Capsule {
+    /// Signed distance from a point of the unposed body, metres; a little too large on slopes.
+    pub fn distance(&self, p: Vec3) -> f64 {
+        let axis = sub(self.to, self.from);
+        let share = share_along(self.from, axis, p);
+        let off = length(sub(p, add(self.from, scale(axis, share))));
+        let round = off - (self.radii[0] + (self.radii[1] - self.radii[0]) * share);
+        self.cut.map_or(round, |height| round.max(height - p[1]))
+    }
+
+    /// The point of its axis nearest to `p`.
+    pub fn centre(&self, p: Vec3) -> Vec3 {
+        let axis = sub(self.to, self.from);
+        add(self.from, scale(axis, share_along(self.from, axis, p)))
+    }
+}
+
+/// Where between `from` (0) and `from + axis` (1) is nearest to `p`.
+pub(super) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
+    let squared = dot(axis, axis);
+    if squared > 0.0 {
+        (dot(sub(p, from), axis) / squared).clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
 }
 
 /// Shapes that clothes and hair add to the body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extras {
-    pub skirt: bool,
+    /// Where a skirt or a coat ends: 1 at the knee, none without either.
+    pub hem: Option<f64>,
     pub long_hair: bool,
 }
 
@@ -168,6 +211,7 @@ impl Build {
                 from: end(-1.0),
                 to: end(1.0),
                 radii: [radius; 2],
+                cut: None,
             });
         }
         for side in 0..2 {
@@ -180,6 +224,7 @@ impl Build {
                 from: [from[0], skeleton.rest[collar][1], shoulder[2]],
                 to: add(shoulder, [0.0, -0.005 * s, 0.0]),
                 radii: [0.062 * s, 0.056 * self.limbs * s],
+                cut: None,
             });
         }
     }
@@ -195,6 +240,7 @@ impl Build {
                 from,
                 to,
                 radii: radii.map(|r| r * s),
+                cut: None,
             });
         };
         let beside = |[x, y, z]: Vec3| add(head, scale([x, y, z], s));
@@ -247,6 +293,7 @@ impl Build {
                 from: at(joint),
                 to,
                 radii: radii.map(|r| r * thickness),
+                cut: None,
             });
         }
     }
@@ -265,6 +312,7 @@ impl Build {
                 from,
                 to,
                 radii,
+                cut: None,
             });
         };
         push(
@@ -298,14 +346,39 @@ impl Build {
             toes,
             [0.043 * s, 0.034 * s],
         );
-        if extras.skirt {
-            let hem = add(hip, scale(sub(knee, hip), 0.85));
-            let radii = [0.115 * s * self.girth, 0.125 * s * self.girth];
-            push(joint::L_HIP + side, Part::Skirt, hip, hem, radii);
+        if let Some(length) = extras.hem {
+            let hem = self.hem(hip, knee, length);
+            let radii = [0.115 * s * self.girth, self.hem_radius()];
             // Cloth between the legs, which hangs from the pelvis.
             let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
             let middle = scale(add(hip, hem), 0.5);
-            push(joint::PELVIS, Part::Skirt, inner(hip), inner(middle), radii);
+            push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
+            parts.push(Capsule {
+                joint: joint::L_HIP + side,
+                part: Part::Hem,
+                from: hip,
+                to: hem,
+                radii,
+                cut: Some(hem[1]),
+            });
         }
+    }
+
+    fn hem(&self, hip: Vec3, knee: Vec3, length: f64) -> Vec3 {
+        add(hip, scale(sub(knee, hip), length))
+    }
+
+    /// Thickness of a hem's edge around each leg, metres.
+    fn hem_radius(&self) -> f64 {
+        0.125 * self.scale() * self.girth
+    }
+
+    /// The clothes that move: a hem if there is one, and sleeves that end at `sleeves`.
+    pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
+        let hem = extras.hem.map(|length| {
+            let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
+            (self.hem(hip, knee, length)[1], self.hem_radius())
+        });
+        Drape::new(skeleton, self.scale(), hem, sleeves)
     }
 }

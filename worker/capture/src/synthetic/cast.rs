@@ -36,13 +36,15 @@ const SHIRTS: [Pattern; 4] = [
 struct Type {
     build: Build,
     extras: Extras,
+    /// Whether the hem is a coat's rather than a skirt's.
+    coat: bool,
     sleeves: f64,
     legs: f64,
     lower: Pattern,
 }
 
 fn types() -> [Type; 5] {
-    let make = |numbers: [f64; 6], skirt, long_hair, sleeves, legs, lower| {
+    let make = |numbers: [f64; 6], hem, coat, long_hair, sleeves, legs, lower| {
         let [height, shoulders, hips, girth, limbs, belly] = numbers;
         Type {
             build: Build {
@@ -53,53 +55,62 @@ fn types() -> [Type; 5] {
                 limbs,
                 belly,
             },
-            extras: Extras { skirt, long_hair },
+            extras: Extras {
+                hem: Some(hem),
+                long_hair,
+            },
+            coat,
             sleeves,
             legs,
             lower,
         }
     };
     [
-        // Slim, with a skirt.
+        // Slim, in a skirt and three-quarter sleeves.
         make(
             [1.68, 0.92, 1.08, 0.9, 0.92, 0.0],
+            0.95,
+            false,
             true,
-            true,
-            0.6,
+            1.5,
             0.0,
             Pattern::Plain,
         ),
-        // Tall and broad, in long trousers.
+        // Tall and broad, in a coat over long trousers.
         make(
             [1.85, 1.18, 1.05, 1.1, 1.15, 0.0],
-            false,
+            0.7,
+            true,
             false,
             1.92,
             1.95,
             Pattern::Plain,
         ),
-        // Short and stout, in shorts.
+        // Short and stout, in a long T-shirt over shorts.
         make(
             [1.62, 1.05, 1.3, 1.35, 1.25, 0.1],
-            false,
+            0.45,
+            true,
             false,
             0.75,
             0.9,
             Pattern::Plain,
         ),
-        // Lanky, in long trousers and a T-shirt.
+        // Lanky, in a tunic with sleeves over the elbows, and long trousers.
         make(
             [1.8, 0.95, 0.95, 0.86, 0.88, 0.0],
-            false,
-            true,
             0.55,
+            true,
+            true,
+            1.4,
             1.9,
             Pattern::Plain,
         ),
-        // Sturdy, with a patterned skirt and long sleeves.
+        // Sturdy, in a patterned skirt and long sleeves.
         make(
             [1.72, 1.0, 1.2, 1.12, 1.06, 0.05],
-            true,
+            0.9,
+            false,
             false,
             1.9,
             0.0,
@@ -134,6 +145,7 @@ fn person(i: usize, first_hue: f64, offsets: [usize; 3], rng: &mut impl Rng) -> 
 
     let skeleton = chosen.build.skeleton();
     let capsules = chosen.build.capsules(&skeleton, chosen.extras);
+    let drape = chosen.build.drape(&skeleton, chosen.extras, chosen.sleeves);
     // Steps of the golden ratio keep hues apart however many people there are.
     let even = i.is_multiple_of(2);
     let hue = first_hue + i as f64 * 0.618_034;
@@ -148,6 +160,7 @@ fn person(i: usize, first_hue: f64, offsets: [usize; 3], rng: &mut impl Rng) -> 
             pattern: SHIRTS[(i + offsets[0]) % SHIRTS.len()],
         },
         sleeves: chosen.sleeves,
+        coat: chosen.coat,
         lower: Cloth {
             base: colour(hue + 0.45, 0.55, if even { 0.4 } else { 0.62 }),
             accent: colour(hue + 0.5, 0.35, 0.85),
@@ -171,6 +184,7 @@ fn person(i: usize, first_hue: f64, offsets: [usize; 3], rng: &mut impl Rng) -> 
         skeleton,
         capsules,
         outfit,
+        drape,
         gait: Gait {
             turn: if even { 1.0 } else { -1.0 },
             phase: rng.random_range(0.0..TAU),

@@ -3,11 +3,14 @@
 //! A capture whose truth is known from every side, in poses that no camera filmed, and that
 //! anyone may copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
 //! belongs to a place on a bone, and shading to the unposed body, so that what one sees
-//! depends on neither light nor viewer, as the model assumes.
+//! depends on neither light nor viewer, as the model assumes. Hems and sleeves move with the
+//! pose beyond what bones do, by a rule that [`SyntheticPerson::offset`] tells.
 
 mod body;
 mod build;
 mod cast;
+mod cloth;
+mod drape;
 mod motion;
 mod outfit;
 mod raycast;
@@ -15,7 +18,9 @@ mod raycast;
 use crate::FrameImage;
 use crate::camera::{Camera, Pose};
 use crate::skeleton::{Skeleton, Vec3};
+use body::PosedBody;
 use build::Capsule;
+use drape::Drape;
 use outfit::Outfit;
 use yoto_proto::pose_track::{self, PoseTrack};
 
@@ -34,6 +39,7 @@ pub struct SyntheticPerson {
     skeleton: Skeleton,
     capsules: Vec<Capsule>,
     outfit: Outfit,
+    drape: Drape,
     gait: motion::Gait,
 }
 
@@ -58,8 +64,11 @@ impl SyntheticPerson {
     /// What `camera` sees of the person in `pose`: colours premultiplied by coverage, over
     /// black.
     pub fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
-        let body = body::PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, pose);
-        raycast::render(&body, camera)
+        raycast::render(&self.posed(pose, &self.drape), camera)
+    }
+
+    fn posed<'a>(&'a self, pose: &Pose, drape: &'a Drape) -> PosedBody<'a> {
+        PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, drape, pose)
     }
 
     /// `frames` poses to be filmed: walking on the spot through two whole turns, waving and

@@ -101,7 +101,7 @@ impl Gait {
                 joint::L_SHOULDER + side,
                 product(forward, [0.0, 0.0, lowered]),
             );
-            let bend = 0.25 + 0.45 * hanging * (0.5 + 0.5 * swing);
+            let bend = 0.25 + 0.85 * hanging * (0.5 + 0.5 * swing);
             let waving = bump(raised, 1.0, 2.0) * (0.8 + 0.5 * (TAU * 9.0 * time).sin());
             stance.set(
                 joint::L_ELBOW + side,
@@ -136,7 +136,7 @@ fn jack(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
     stance.set_both(joint::L_KNEE, [0.2, 0.0, 0.0]);
     stance.set_both(joint::L_ANKLE, [-0.1, 0.0, -0.2 * effort]);
     stance.set_both(joint::L_SHOULDER, [0.0, 0.0, -1.2 + 1.75 * effort]);
-    stance.set_both(joint::L_ELBOW, [0.0, -0.2, 0.15]);
+    stance.set_both(joint::L_ELBOW, [0.0, -0.2 - 0.7 * effort, 0.15]);
     stance.stand(skeleton, 0.05 * effort)
 }
 
@@ -151,7 +151,7 @@ fn squat(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
     stance.set(joint::NECK, [-0.3 * effort, 0.0, 0.0]);
     let arms = product([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
     stance.set_both(joint::L_SHOULDER, arms);
-    stance.set_both(joint::L_ELBOW, [0.0, -0.3, 0.0]);
+    stance.set_both(joint::L_ELBOW, [0.0, -0.3 - 0.8 * effort, 0.0]);
     stance.stand(skeleton, 0.0)
 }
 

@@ -40,6 +40,8 @@ pub(super) struct Outfit {
     pub shirt: Cloth,
     /// Where sleeves end.
     pub sleeves: f64,
+    /// Whether the shirt reaches over the hips, as a coat's skirt.
+    pub coat: bool,
     /// Trousers, or a skirt and what is under it.
     pub lower: Cloth,
     /// Where trousers end; 0 with a skirt.
@@ -116,7 +118,10 @@ impl Outfit {
                 let sole = smooth_step(0.014 * m.scale, 0.02 * m.scale, p[1]);
                 mix(WHITE, self.shoes, sole)
             }
-            Part::Skirt => self.lower.at(p[0].atan2(p[2]) / TAU, p[1], m.scale),
+            Part::Hem => {
+                let cloth = if self.coat { self.shirt } else { self.lower };
+                cloth.at(p[0].atan2(p[2]) / TAU, p[1], m.scale)
+            }
         }
     }
 
@@ -130,7 +135,8 @@ impl Outfit {
             let off = (above / m.scale - 0.3).abs();
             shirt = mix(self.shirt.accent, shirt, smooth_step(0.05, 0.06, off));
         }
-        let lower = self.lower.at(around, p[1], m.scale);
+        let cloth = if self.coat { self.shirt } else { self.lower };
+        let lower = cloth.at(around, p[1], m.scale);
         let edge = 0.004 * m.scale;
         let dressed = mix(lower, shirt, smooth_step(-edge, edge, above));
         mix(
@@ -149,6 +155,13 @@ impl Outfit {
             self.skin,
             smooth_step(self.sleeves - 0.02, self.sleeves + 0.02, along),
         )
+    }
+
+    /// Whether a sleeve covers `p`, a point of the unposed arm.
+    pub fn sleeve_covers(&self, p: Vec3) -> bool {
+        let m = &self.measures;
+        let forearm = (p[0].abs() - m.elbow_x) / (m.wrist_x - m.elbow_x);
+        1.0 + forearm < self.sleeves
     }
 
     fn leg(&self, p: Vec3, along: f64) -> Colour {
@@ -207,7 +220,7 @@ fn wave(x: f64) -> f64 {
 }
 
 /// 0 under `from`, 1 over `to`, smooth between.
-fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
+pub(super) fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }

@@ -7,7 +7,7 @@ use crate::skeleton::Vec3;
 use crate::skeleton::transform::{add, dot, length, normalised, scale, sub};
 use rayon::prelude::*;
 
-/// Rays a pixel are this, squared.
+/// Rays per pixel and axis.
 const SAMPLES: usize = 3;
 /// A point this near to the surface is on it, metres.
 const ON_SURFACE: f64 = 5e-4;
@@ -15,9 +15,10 @@ const ON_SURFACE: f64 = 5e-4;
 const REACH: f64 = 1.3 * BLEND;
 /// How far blended capsules can swell beyond each of them, metres.
 const BULGE: f64 = 0.5 * BLEND;
-/// Share of the distance that a step dares: distances are a little too large on slopes.
+/// Share of the distance that a step dares: distances are a little too large on slopes. Where
+/// clothes move, their stretch divides it.
 const STEP: f64 = 0.95;
-const MAX_STEPS: usize = 96;
+const MAX_STEPS: usize = 160;
 
 /// Where a capsule can matter in the image: a thick line, pixels.
 struct Outline {
@@ -32,7 +33,7 @@ struct Outline {
 impl Outline {
     /// None for a capsule that comes near the camera: it may show anywhere.
     fn of(capsule: &PosedCapsule<'_>, camera: &Camera) -> Option<Self> {
-        let thick = capsule.radii[0].max(capsule.radii[1]);
+        let thick = capsule.thickness;
         let centre = camera.centre();
         let focal = camera.k[0][0].max(camera.k[1][1]);
         let forward: Vec3 = std::array::from_fn(|i| camera.e[2][i]);
@@ -134,16 +135,22 @@ fn pixel(body: &PosedBody<'_>, camera: &Camera, near: &[usize], u: f64, v: f64) 
     (colour.map(|v| v.min(coverage)), coverage)
 }
 
-fn first_hit(body: &PosedBody<'_>, near: &[usize], origin: Vec3, direction: Vec3) -> Option<Vec3> {
+pub(super) fn first_hit(
+    body: &PosedBody<'_>,
+    near: &[usize],
+    origin: Vec3,
+    direction: Vec3,
+) -> Option<Vec3> {
     let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
     for &index in near {
         let capsule = &body.capsules[index];
         let half = scale(sub(capsule.to, capsule.from), 0.5);
         let middle = dot(sub(add(capsule.from, half), origin), direction);
-        let radius = length(half) + capsule.radii[0].max(capsule.radii[1]) + BLEND;
+        let radius = length(half) + capsule.thickness + BLEND;
         from = from.min(middle - radius);
         to = to.max(middle + radius);
     }
+    let share = STEP / body.stretch;
     let mut at = from.max(0.0);
     for _ in 0..MAX_STEPS {
         if at > to {
@@ -154,7 +161,7 @@ fn first_hit(body: &PosedBody<'_>, near: &[usize], origin: Vec3, direction: Vec3
         if distance < ON_SURFACE {
             return Some(point);
         }
-        at += STEP * distance;
+        at += share * distance;
     }
     None
 }

@@ -1,6 +1,5 @@
 //! What training and evaluation rely on in made-up people.
 
-use super::body::PosedBody;
 use super::build::{Part, joint};
 use super::*;
 use crate::skeleton::transform::{add, apply, compose, inverse, length, scale, sub};
@@ -99,6 +98,7 @@ fn texture_sticks_to_the_body() {
         let all: Vec<usize> = (0..person.capsules.len()).collect();
         let rest = person.skeleton.world_transforms(&Pose::rest(24));
         let mut compared = 0;
+        let still = Drape::new(&person.skeleton, 1.0, None, 0.0);
         // Halfway along limbs, where one capsule alone makes the surface unless limbs touch.
         let kinds = [Part::UpperArm, Part::Forearm, Part::Shin];
         for capsule in person.capsules.iter().filter(|c| kinds.contains(&c.part)) {
@@ -110,8 +110,7 @@ fn texture_sticks_to_the_body() {
                     let world = person.skeleton.world_transforms(pose)[capsule.joint];
                     let to_world = compose(&world, &inverse(&rest[capsule.joint]));
                     let moved = apply(&to_world, point);
-                    let body =
-                        PosedBody::new(&person.skeleton, &person.capsules, &person.outfit, pose);
+                    let body = person.posed(pose, &still);
                     let distance = body.distance(moved, &all);
                     assert!(distance < 1e-3, "{distance} m off the body");
                     (distance > -1e-3).then(|| body.colour(moved, &all))
@@ -157,4 +156,37 @@ fn one_camera_sees_every_side() {
         .into_iter()
         .all(moved)
     );
+}
+
+#[test]
+fn throw_away() {
+    for (i, person) in SyntheticPerson::cast(5, 7).iter().enumerate() {
+        let side = 256u32;
+        let mut poses = vec![(Pose::rest(24), 0)];
+        let m = person.motion(40);
+        poses.extend([3, 9, 14, 22, 30].map(|f| (m[f].clone(), 0)));
+        let u = person.unseen_motion(32);
+        poses.extend([2, 10, 20, 22].map(|f| (u[f].clone(), 1)));
+        let n = poses.len();
+        let mut out = image::RgbImage::new(side * n as u32, side);
+        let t = std::time::Instant::now();
+        for (k, (pose, cam)) in poses.iter().enumerate() {
+            let camera = if *cam == 0 {
+                SyntheticPerson::train_camera(side)
+            } else {
+                SyntheticPerson::held_out_cameras(side).remove(0)
+            };
+            let img = person.render(pose, &camera);
+            for y in 0..side {
+                for x in 0..side {
+                    let p = (y * side + x) as usize;
+                    let bg = 255 - img.mask[p];
+                    let c: [u8; 3] = std::array::from_fn(|c| img.rgb[3 * p + c].saturating_add(bg));
+                    out.put_pixel(x + k as u32 * side, y, image::Rgb(c));
+                }
+            }
+        }
+        eprintln!("{i}: {:?}", t.elapsed());
+        out.save(format!("/tmp/cap{i}.png")).unwrap();
+    }
 }

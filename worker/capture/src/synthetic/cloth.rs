@@ -1,0 +1,199 @@
+//! The truth about a synthetic person's clothes, for what learns how they move.
+
+use super::SyntheticPerson;
+use super::drape::Garment;
+use crate::camera::Pose;
+use crate::skeleton::Vec3;
+use crate::skeleton::transform::{add, cross, length, normalised, scale, sub};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
+
+/// How far from a garment's surface its offset is still told, metres.
+const MARGIN: f64 = 0.02;
+/// A sampled point is this near to the surface, metres.
+const ON_SURFACE: f64 = 1e-4;
+/// Draws before a person without clothes ends the sampling, per point.
+const DRAWS: usize = 200;
+
+impl SyntheticPerson {
+    /// The true non-rigid offset `Δx` at `canonical`, a point of the rest pose to which inverse
+    /// skinning leads: in `pose`, shape and colour there are those that the rest body has at
+    /// `canonical + Δx`. Metres; none farther than 2 cm outside the clothes that move.
+    pub fn offset(&self, pose: &Pose, canonical: [f64; 3]) -> Option<[f64; 3]> {
+        let fall = self.drape.posed(pose);
+        [Garment::Hem, Garment::Sleeve]
+            .into_iter()
+            .filter(|garment| self.drape.has(*garment))
+            .find_map(|garment| {
+                let offset = fall.offset(garment, canonical);
+                let there = add(canonical, offset);
+                let distance = self
+                    .capsules
+                    .iter()
+                    .filter(|capsule| capsule.part.garment() == Some(garment))
+                    .map(|capsule| capsule.distance(there))
+                    .fold(f64::INFINITY, f64::min);
+                let covered = garment == Garment::Hem
+                    || self.outfit.sleeve_covers(canonical)
+                    || self.outfit.sleeve_covers(there);
+                (distance < MARGIN && covered).then_some(offset)
+            })
+    }
+
+    /// `count` points of the clothes that move, on their surface in the rest pose, metres; the
+    /// same seed gives the same points. [`SyntheticPerson::offset`] is known at each of them.
+    pub fn cloth_points(&self, count: usize, seed: u64) -> Vec<[f64; 3]> {
+        let cloth: Vec<_> = self
+            .capsules
+            .iter()
+            .filter(|c| c.part.garment().is_some_and(|g| self.drape.has(g)))
+            .collect();
+        let rest = Pose::rest(self.skeleton.joints());
+        let body = self.posed(&rest, &self.drape);
+        let all: Vec<usize> = (0..self.capsules.len()).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut points = Vec::with_capacity(count);
+        for _ in 0..count.saturating_mul(DRAWS) {
+            if points.len() == count || cloth.is_empty() {
+                break;
+            }
+            let capsule = cloth[rng.random_range(0..cloth.len())];
+            let axis = sub(capsule.to, capsule.from);
+            let share: f64 = rng.random();
+            let radius = capsule.radii[0] + (capsule.radii[1] - capsule.radii[0]) * share;
+            let normal = around(axis, rng.random_range(0.0..TAU));
+            let on_axis = add(capsule.from, scale(axis, share));
+            let mut point = add(on_axis, scale(normal, radius));
+            // Blending swells the surface a little beyond each capsule.
+            for _ in 0..8 {
+                point = sub(point, scale(normal, body.distance(point, &all)));
+            }
+            let shows = body.distance(point, &all).abs() < ON_SURFACE
+                && length(sub(point, on_axis)) < radius + MARGIN
+                && self.offset(&rest, point).is_some();
+            if shows {
+                points.push(point);
+            }
+        }
+        points
+    }
+}
+
+/// The unit vector across `axis` at an angle about it, radians.
+fn around(axis: Vec3, angle: f64) -> Vec3 {
+    let across = if axis[0].abs() > axis[1].abs() {
+        [0.0, 1.0, 0.0]
+    } else {
+        [1.0, 0.0, 0.0]
+    };
+    let first = normalised(cross(axis, across));
+    let second = normalised(cross(axis, first));
+    add(scale(first, angle.cos()), scale(second, angle.sin()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::skeleton::transform::{apply, compose, inverse};
+    use crate::synthetic::drape::Drape;
+    use crate::synthetic::raycast::first_hit;
+
+    fn still(person: &SyntheticPerson) -> Drape {
+        Drape::new(&person.skeleton, 1.0, None, 0.0)
+    }
+
+    #[test]
+    fn frames_change_where_cloth_is_and_only_there() {
+        const SIZE: u32 = 48;
+        let camera = SyntheticPerson::train_camera(SIZE);
+        for person in SyntheticPerson::cast(2, 7) {
+            let still = still(&person);
+            let rest = Pose::rest(24);
+            let all: Vec<usize> = (0..person.capsules.len()).collect();
+            let render = |pose: &Pose, drape| {
+                crate::synthetic::raycast::render(&person.posed(pose, drape), &camera)
+            };
+            assert_eq!(render(&rest, &person.drape), render(&rest, &still));
+            for pose in [
+                person.motion(12).swap_remove(3),
+                person.unseen_motion(16).swap_remove(10),
+            ] {
+                let (moving, hanging) = (render(&pose, &person.drape), render(&pose, &still));
+                let bodies = [&person.drape, &still].map(|drape| person.posed(&pose, drape));
+                let mut changed = 0;
+                for pixel in 0..(SIZE * SIZE) as usize {
+                    let colours = [&moving, &hanging].map(|image| &image.rgb[3 * pixel..][..3]);
+                    if colours[0] == colours[1] {
+                        continue;
+                    }
+                    changed += 1;
+                    let (row, column) = (pixel / SIZE as usize, pixel % SIZE as usize);
+                    let near_cloth = bodies.iter().any(|body| {
+                        (0..9).any(|sample| {
+                            let shift = |i: usize| (i as f64 + 0.5) / 3.0;
+                            let (u, v) = (column as f64, row as f64);
+                            let (origin, direction) =
+                                camera.ray(u + shift(sample % 3), v + shift(sample / 3));
+                            first_hit(body, &all, origin, normalised(direction))
+                                .is_some_and(|point| body.on_cloth(point, &all))
+                        })
+                    });
+                    assert!(near_cloth, "{}: pixel {column}, {row}", person.name());
+                }
+                assert!(changed > 40, "{}: only {changed} pixels", person.name());
+            }
+        }
+    }
+
+    #[test]
+    fn observed_cloth_is_the_rest_cloth_at_its_offset() {
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        let pose = person.unseen_motion(16).swap_remove(9);
+        let body = person.posed(&pose, &person.drape);
+        let at_rest = person.posed(&Pose::rest(24), &person.drape);
+        let worlds = person.skeleton.world_transforms(&pose);
+        let rests = person.skeleton.world_transforms(&Pose::rest(24));
+        let (mut compared, mut farthest) = (0, 0.0f64);
+        let points = person.cloth_points(300, 1);
+        assert_eq!(points.len(), 300);
+        for point in points {
+            assert!(person.offset(&pose, point).is_some(), "{point:?}");
+            // Where the bones take it from, were it a point of each cloth capsule in turn.
+            for (index, capsule) in person.capsules.iter().enumerate() {
+                let cloth = capsule.part.garment().is_some();
+                if !cloth || (at_rest.distance(point, &[index])).abs() > 1e-3 {
+                    continue;
+                }
+                let mut canonical = point;
+                for _ in 0..200 {
+                    let offset = person.offset(&pose, canonical).expect("on cloth");
+                    canonical = sub(point, offset);
+                }
+                farthest = farthest.max(length(sub(canonical, point)));
+                let motion = compose(&worlds[capsule.joint], &inverse(&rests[capsule.joint]));
+                let seen = apply(&motion, canonical);
+                let distance = body.distance(seen, &[index]);
+                assert!(distance.abs() < 2e-3, "{distance} m off {:?}", capsule.part);
+                let colours = [body.colour(seen, &[index]), at_rest.colour(point, &[index])];
+                assert!(length(sub(colours[0], colours[1])) < 1e-6);
+                compared += 1;
+            }
+        }
+        assert!(compared > 100, "{compared} points");
+        assert!((0.04..0.1).contains(&farthest), "{farthest} m");
+    }
+
+    #[test]
+    fn skin_and_air_have_no_offset() {
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        let pose = person.motion(12).swap_remove(3);
+        for joint in ["head", "l_foot", "l_hand", "spine3"] {
+            let names = &person.skeleton.names;
+            let found = names.iter().position(|name| name == joint);
+            let point = person.skeleton.rest[found.expect(joint)];
+            assert_eq!(person.offset(&pose, point), None, "{joint}");
+        }
+        assert_eq!(person.offset(&pose, [0.0, 0.7, 0.6]), None);
+    }
+}
