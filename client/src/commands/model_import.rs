@@ -83,3 +83,29 @@ impl ImportHumanNerf {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        import: ImportHumanNerf,
+    }
+
+    fn options(more: &str) -> Option<[u64; 3]> {
+        let line = format!("yoto c.tar --canonical-joints j.pkl --out d{more}");
+        let import = Cli::try_parse_from(line.split(' ')).ok()?.import;
+        Some([u64::from(import.samples), import.kick_in, import.full_band])
+    }
+
+    #[test]
+    fn what_a_checkpoint_lacks_is_zju_mocap_s_unless_given() {
+        assert_eq!(options(""), Some([128, 10_000, 50_000]));
+        let wild = " --samples 64 --kick-in 100000 --full-band 200000";
+        assert_eq!(options(wild), Some([64, 100_000, 200_000]));
+        assert_eq!(options(" --samples 1"), None);
+    }
+}

@@ -137,3 +137,28 @@ fn write_png(path: &Path, frame: &Rendered) -> anyhow::Result<()> {
     let picture = pictures::rgb("the frame", frame.width, frame.height, &frame.to_rgb8())?;
     Ok(pictures::write(path, &picture)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        frame: RenderFrame,
+    }
+
+    #[test]
+    fn samples_are_the_model_s_unless_given() {
+        let samples = |more: &str| {
+            let line =
+                format!("yoto --model m --capture c --camera train --frame 1 --out f.png{more}");
+            let parsed = Cli::try_parse_from(line.split(' '));
+            parsed.map(|cli| cli.frame.samples).ok()
+        };
+        assert_eq!(samples(""), Some(None));
+        assert_eq!(samples(" --samples 256"), Some(Some(256)));
+        assert_eq!(samples(" --samples 5000"), None);
+    }
+}
