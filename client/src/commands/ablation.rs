@@ -67,6 +67,7 @@ pub(super) struct AblationCommand {
 
 impl AblationCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
+        let lpips = self.lpips.weights()?;
         let mut found = Vec::new();
         for &seed in &self.seeds {
             let out = match self.seeds.len() {
@@ -88,7 +89,7 @@ impl AblationCommand {
                 seed,
                 pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
                 out: out.clone(),
-                lpips: self.lpips.weights()?,
+                lpips: lpips.clone(),
             };
             let ablation = run(&options, &Terminal)?;
             println!("{}", text(&ablation));
