@@ -1,6 +1,5 @@
 //! Importers against captures that the originals' own libraries wrote (`tests/formats`): each
 //! joint of each frame must land where the script that wrote them says.
-#![cfg(feature = "embedded")]
 
 mod bad;
 mod captures;

@@ -1,0 +1,69 @@
+//! `yoto capture check` on a made-up person: the truth passes, and a mistake is named.
+
+use std::path::Path;
+use yoto_capture::FrameImage;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_client::capture_check::{Checked, check};
+use yoto_client::capture_dir::CaptureOptions;
+use yoto_proto::pose_track::FILE;
+
+/// Writes a film of 24 frames as a capture.
+fn write(folder: &Path) {
+    let person = SyntheticPerson::cast(1, 7).remove(0);
+    let (track, film) = person.capture(24, 96);
+    for name in ["frames", "masks"] {
+        std::fs::create_dir(folder.join(name)).expect("a folder");
+    }
+    for (frame, seen) in track.frames.iter().zip(film) {
+        let FrameImage {
+            width,
+            height,
+            rgb,
+            mask,
+        } = seen;
+        let (width, height) = (width as u32, height as u32);
+        let name = format!("{:06}.png", frame.index);
+        let colours = image::RgbImage::from_raw(width, height, rgb).expect("three per pixel");
+        let coverage = image::GrayImage::from_raw(width, height, mask).expect("one per pixel");
+        colours
+            .save(folder.join("frames").join(&name))
+            .expect("written");
+        coverage
+            .save(folder.join("masks").join(&name))
+            .expect("written");
+    }
+    let json = serde_json::to_vec(&track).expect("serialises");
+    std::fs::write(folder.join(FILE), json).expect("written");
+}
+
+fn checked(folder: &Path, options: &CaptureOptions) -> Checked {
+    check(folder, options, None).expect("reads")
+}
+
+#[test]
+fn the_truth_passes_and_a_wrong_scale_of_k_is_named_and_undone_on_the_sheet() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write(dir.path());
+    let truth = checked(dir.path(), &CaptureOptions::default());
+    assert_eq!(truth.failed(), 0, "{}", truth.text());
+    assert!(truth.report.causes.is_empty(), "{}", truth.text());
+
+    let mut options = CaptureOptions::default();
+    options.correction.k_scale = 0.5;
+    let wrong = checked(dir.path(), &options);
+    assert!(wrong.failed() > 0, "{}", wrong.text());
+    let said = wrong.text();
+    assert!(said.contains("--k-scale 2"), "{said}");
+
+    // As given, and mended below.
+    let sheet = |checked: &Checked| checked.sheet().expect("draws");
+    let (right, mended) = (sheet(&truth), sheet(&wrong));
+    assert_eq!(right.width(), mended.width());
+    let heading = |sheet: &image::RgbImage| {
+        let colours = sheet.enumerate_rows().take(28).flat_map(|(_, row)| row);
+        let red = colours.filter(|(_, _, pixel)| pixel[0] > 200 && pixel[1] < 120);
+        red.count()
+    };
+    assert_eq!(heading(&right), 0, "a pass is green");
+    assert!(heading(&mended) > 0, "a failure is red");
+}
