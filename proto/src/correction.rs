@@ -1,8 +1,8 @@
-//! Mending a pose track whose numbers mean something else than the schema says.
+//! Corrections of pose tracks that follow other conventions than the schema.
 //!
-//! Programs that write poses and cameras disagree about units, about which way extrinsics
-//! go, about axes and about left and right. Each disagreement is one field here, so that a
-//! check can try them and a command line can ask for them: both mean the same by a name.
+//! Programs that write poses and cameras differ in units, in the direction of extrinsics, in
+//! axes, and in left and right. Each difference is one field here, shared by the check, which
+//! tries the values, and by the command line, which sets them.
 
 mod rotation;
 mod units;
@@ -14,30 +14,30 @@ use rotation::{turned, turned_about_x};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Which way a file's extrinsics go.
+/// Direction of a file's extrinsics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Extrinsics {
-    /// World to camera: what a pose track means.
+    /// World to camera, as in the pose track's schema.
     #[default]
     #[serde(rename = "w2c")]
     WorldToCamera,
-    /// Camera to world: the camera's own pose, as renderers and NeRF files keep it.
+    /// Camera to world: the pose of the camera, as in renderers and NeRF files.
     #[serde(rename = "c2w")]
     CameraToWorld,
 }
 
-/// Which axes a file's cameras have.
+/// Axes of a file's cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraAxes {
-    /// x right, y down, z forward: what a pose track means.
+    /// x right, y down, z forward, as in the pose track's schema.
     #[default]
     OpenCv,
     /// x right, y up, z backward.
     OpenGl,
 }
 
-/// What is the wrong way round, left for right.
+/// What is mirrored, left to right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mirror {
@@ -45,37 +45,37 @@ pub enum Mirror {
     #[default]
     None,
     /// The poses: rotations and root positions mirrored about the world's x = 0, and joints
-    /// exchanged with their other side. What estimators give on flipped images.
+    /// exchanged with their other side. The output of pose estimators on flipped images.
     Poses,
-    /// The limbs only: as [`Mirror::Poses`], but the root keeps its rotation and place.
+    /// The limbs only: as [`Mirror::Poses`], but the root keeps its rotation and position.
     Limbs,
-    /// The names only: each joint's rotation stands at its other side, unmirrored.
+    /// The names only: each joint has the rotation of its other side, unmirrored.
     Labels,
-    /// Images and masks. The pictures stay as they are and the scene is mirrored with its
-    /// cameras, which fits them exactly; the avatar is that of the mirrored person.
+    /// Images and masks. The pictures are not changed: the scene and its cameras are mirrored,
+    /// which fits the pictures exactly; the avatar is that of the mirrored person.
     Images,
 }
 
-/// How the numbers of a pose track are to be read. The default changes nothing.
+/// Conventions of a pose track's numbers. The default changes nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Correction {
-    /// Which way its extrinsics go.
+    /// Direction of its extrinsics.
     pub extrinsics: Extrinsics,
-    /// Which axes its cameras have.
+    /// Axes of its cameras.
     pub camera_axes: CameraAxes,
-    /// In which units its lengths are.
+    /// Units of its lengths.
     pub units: Units,
-    /// Turns all bodies about the world's x axis, degrees: -90 stands z-up poses upright
-    /// before cameras in a y-up world.
+    /// Turns all bodies about the world's x axis, degrees: -90 turns z-up poses
+    /// upright for cameras in a y-up world.
     pub turn_bodies: f64,
     /// What is mirrored.
     pub mirror: Mirror,
-    /// Factor on intrinsics that are for images of another size.
+    /// Factor on intrinsics for images of another size.
     pub k_scale: f64,
-    /// The mask of the frame at position p stands at position p + this.
+    /// Offset in frames: the frame at position p has the mask at position p + this.
     pub mask_shift: i32,
-    /// The pose of the frame at position p stands at position p + this.
+    /// Offset in frames: the frame at position p has the pose at position p + this.
     pub pose_shift: i32,
 }
 
@@ -97,9 +97,9 @@ impl Default for Correction {
 /// Why a correction can't be applied.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CorrectionError {
-    /// Mirroring exchanges joints with their other side; this one has none.
+    /// Mirroring exchanges joints with their other side, and this joint has no other side.
     #[error(
-        "skeleton.rest_joints[{0}]: no other joint stands across the body's middle from it, so \
+        "skeleton.rest_joints[{0}]: no other joint is across the body's middle from it, so \
          left and right can't be exchanged"
     )]
     NotSymmetric(usize),
@@ -108,12 +108,12 @@ pub enum CorrectionError {
     NothingLeft {
         /// Frames of the track.
         frames: usize,
-        /// What was asked for.
+        /// The requested shift.
         shift: i32,
     },
 }
 
-/// Where a corrected frame's pictures come from.
+/// Sources of a corrected frame's pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Source {
     /// Index in the name of its image file.
@@ -122,26 +122,26 @@ pub struct Source {
     pub mask: u32,
 }
 
-/// A corrected track, with where each of its frames' pictures come from.
+/// A corrected track, with the sources of each frame's pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected {
-    /// What it should have said.
+    /// The corrected track.
     pub track: PoseTrack,
-    /// One entry a frame.
+    /// One entry per frame.
     pub sources: Vec<Source>,
 }
 
 impl Correction {
-    /// Whether it changes nothing.
+    /// Whether the correction changes nothing.
     pub fn is_identity(&self) -> bool {
         *self == Self::default()
     }
 
-    /// `track` as it should have been. Frames whose mask or pose a shift pushes off the end
+    /// Corrects `track`. Frames whose mask or pose a shift moves past the end
     /// are left out. The result is not checked: [`PoseTrack::check`] does that.
     ///
     /// # Errors
-    /// Mirroring a skeleton without two sides; a shift that leaves no frame.
+    /// When a skeleton without two sides is to be mirrored, or a shift leaves no frame.
     pub fn apply(&self, track: &PoseTrack) -> Result<Corrected, CorrectionError> {
         let mut skeleton = track.skeleton.clone();
         for value in skeleton.rest_joints.iter_mut().flatten() {
@@ -270,7 +270,7 @@ impl Correction {
     }
 }
 
-/// The options of the command line that ask for it, e.g. `--extrinsics c2w --units camera=mm`.
+/// The command-line options for this correction, e.g. `--extrinsics c2w --units camera=mm`.
 impl fmt::Display for Correction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut options = Vec::new();

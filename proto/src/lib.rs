@@ -1,7 +1,7 @@
 //! The contract between client, coordinator and workers.
 //!
-//! [`v1`] is generated from `yoto/v1/*.proto`. Beside it stands only what both sides must
-//! agree on and no message can say: resource names, object keys, the pose track with its
+//! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
+//! agree on and messages can't express: resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, and the names of
 //! tiers, variants and evaluation protocols.
 

@@ -1,7 +1,7 @@
-//! The checkpoint manifest: what a checkpoint consists of, each object with its checksum.
+//! The checkpoint manifest: the objects of a checkpoint, each with its checksum.
 //!
 //! It is written after the data objects and before the database row, so that a checkpoint
-//! is either whole or detectably torn.
+//! is either complete or detectably incomplete.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +10,11 @@ pub const VERSION: u32 = 1;
 
 /// Names of the data objects inside a checkpoint's folder.
 pub mod files {
-    /// Network weights; alone they serve rendering.
+    /// Network weights; enough for rendering.
     pub const WEIGHTS: &str = "weights.safetensors";
-    /// Adam moments; needed only to go on training.
+    /// Adam moments; needed only to resume training.
     pub const OPTIMISER: &str = "optimiser.bpk";
-    /// Where each identity's canonical space is empty; speeds rendering and training up.
+    /// Occupancy of each identity's canonical space; speeds up rendering and training.
     /// Checkpoints may lack it.
     pub const OCCUPANCY: &str = "occupancy.safetensors";
     /// Configuration, step and schedule state as JSON.
@@ -32,8 +32,8 @@ pub struct Manifest {
     pub model: String,
     /// Training steps taken.
     pub step: u64,
-    /// `jobs/{id}` that made it: the same job, leased again, goes on with its budget; another
-    /// job starts its own.
+    /// `jobs/{id}` that saved it: the same job, leased again, continues its budget; another
+    /// job has its own.
     #[serde(default)]
     pub job: String,
     /// Seconds of that job's training, over all its leases.

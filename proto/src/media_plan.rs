@@ -1,9 +1,8 @@
-//! How a capture's files are to be read: which hold the pictures, which the masks, and which
-//! frames of them count.
+//! The plan for reading a capture's files: sources of pictures and masks, and the selected
+//! frames.
 //!
-//! A capture need not say any of it: [`Sources::find`] goes by the names of its files, the
-//! same for the client that uploads them and the worker that reads them. What names can't say
-//! stands in [`FILE`].
+//! The plan is optional: [`Sources::find`] uses the names of the files, in the client that
+//! uploads them and in the worker that reads them. What names can't express is in [`FILE`].
 
 mod planned;
 
@@ -24,39 +23,39 @@ pub const CAPTURE_ARCHIVES: [&str; 4] = [
     "capture.tar.gz",
     "capture.tgz",
 ];
-/// Endings of pictures that are read.
+/// Extensions of pictures.
 pub const PICTURE_ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
-/// Endings of files that are taken for videos.
+/// Extensions of videos.
 pub const VIDEO_ENDINGS: [&str; 10] = [
     "mp4", "mov", "m4v", "mkv", "webm", "avi", "ts", "mpg", "mpeg", "m2ts",
 ];
-/// Endings of archives that are unpacked.
+/// Extensions of archives.
 pub const ARCHIVE_ENDINGS: [&str; 4] = [".zip", ".tar", ".tar.gz", ".tgz"];
 
 /// `media.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MediaPlan {
-    /// A folder of pictures or a video, whose ending may be left out; by default `frames/`, else
+    /// A folder of pictures, or a video, with or without its extension; by default `frames/`, else
     /// `video.*`.
     pub images: Option<String>,
-    /// What says where the person is; by default `masks/`, else `masks.*` (a video), else
+    /// Source of the masks; by default `masks/`, else `masks.*` (a video), else
     /// `background.*` (a plate), else the pictures' alpha channel.
     pub masks: Option<MaskSource>,
-    /// What mask pictures mean.
+    /// Meaning of mask pictures.
     pub mask_kind: MaskKind,
-    /// What stands around the person in the pictures.
+    /// Background of the pictures.
     pub background: BackgroundSetting,
-    /// How pose frames find their frame of a video.
+    /// Match of pose frames to frames of a video.
     pub timing: Timing,
-    /// Which pose frames count.
+    /// Selected pose frames.
     pub selection: Selection,
-    /// How the pose track's numbers are to be read, and which masks belong to which frames.
+    /// Corrections of the pose track's numbers, and of the frames that masks belong to.
     pub correction: Correction,
 }
 
 impl MediaPlan {
-    /// The plan with what it leaves unsaid taken from `own`, what the capture says itself.
+    /// This plan with its missing fields from `own`, the capture's own plan.
     #[must_use]
     pub fn over(self, own: Self) -> Self {
         fn or<T: Default + PartialEq>(said: T, own: T) -> T {
@@ -74,7 +73,7 @@ impl MediaPlan {
     }
 }
 
-/// What says where the person is.
+/// Source of the masks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskSource {
@@ -86,7 +85,7 @@ pub enum MaskSource {
     Plate(String),
 }
 
-/// What mask pictures mean.
+/// Meaning of mask pictures.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskKind {
@@ -99,41 +98,41 @@ pub enum MaskKind {
     Labels,
 }
 
-/// What is known of the pictures' background beforehand.
+/// What is known about the pictures' background.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackgroundSetting {
-    /// Nothing: the first frame with a person is looked at.
+    /// Nothing: the first frame with a person decides.
     #[default]
     Auto,
     /// The pictures show the person over black.
     Black,
-    /// The pictures show a place.
+    /// The pictures show the scene.
     Scene,
 }
 
-/// What stands around the person.
+/// Background of the person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Background {
     /// Black: colours are premultiplied by coverage already.
     Black,
-    /// A place: colours are to be multiplied by coverage.
+    /// The scene: colours are to be multiplied by coverage.
     Scene,
 }
 
-/// How pose frames find their frame of a video.
+/// Match of pose frames to frames of a video.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Timing {
     /// Pose frame n is the video's frame n, both from 0.
     #[default]
     Index,
-    /// Pose frame n stands at n / fps seconds; the video's frame nearest in time serves, if
-    /// it is no farther than half a pose frame.
+    /// Pose frame n is at n / fps seconds, and uses the video's nearest frame in time, at most
+    /// half a pose frame away.
     Time,
 }
 
-/// Which pose frames count: those whose index is `first`, `first + every`, … below `end`.
+/// Selected pose frames: those with index `first`, `first + every`, … below `end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Selection {
@@ -141,7 +140,7 @@ pub struct Selection {
     pub first: u32,
     /// One past the last index; none means to the end.
     pub end: Option<u32>,
-    /// Take each n-th, 1 or more.
+    /// Take every n-th, 1 or more.
     pub every: u32,
 }
 
@@ -156,7 +155,7 @@ impl Default for Selection {
 }
 
 impl Selection {
-    /// Whether the frame counts.
+    /// Whether the frame is selected.
     pub fn takes(&self, index: u32) -> bool {
         index >= self.first
             && self.end.is_none_or(|end| index < end)
@@ -164,7 +163,7 @@ impl Selection {
     }
 }
 
-/// Where a capture's pictures and masks are.
+/// Sources of a capture's pictures and masks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sources {
     /// Frames.
@@ -176,7 +175,7 @@ pub struct Sources {
 /// Pictures in a capture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pictures {
-    /// Those below this folder, named by frame index.
+    /// The pictures below this folder, named by frame index.
     Folder(String),
     /// The frames of this file.
     Video(String),
@@ -204,7 +203,7 @@ impl Sources {
     /// Finds the sources among the files at `paths`, archives unpacked, by `plan` and names.
     ///
     /// # Errors
-    /// What is missing or can't be, with the plan's field.
+    /// When a source is missing or invalid, with the plan's field.
     pub fn find<'a>(
         plan: &MediaPlan,
         paths: impl Iterator<Item = &'a str> + Clone,
@@ -232,7 +231,7 @@ impl Sources {
         let images = match &plan.images {
             Some(path) => pictures(path, paths.clone())
                 .or_else(|| stem(paths.clone(), path, &VIDEO_ENDINGS).map(Pictures::Video))
-                .ok_or_else(|| ("images", format!("there is nothing at '{path}'")))?,
+                .ok_or_else(|| ("images", format!("nothing exists at '{path}'")))?,
             None => pictures("frames", paths.clone())
                 .or_else(|| stem(paths.clone(), "video", &VIDEO_ENDINGS).map(Pictures::Video))
                 .ok_or_else(|| {
@@ -243,7 +242,7 @@ impl Sources {
         let masks = match &plan.masks {
             Some(MaskSource::Pictures(path)) => pictures(path, paths)
                 .map(|found| MaskSource::Pictures(found.path().to_owned()))
-                .ok_or_else(|| ("masks", format!("there is nothing at '{path}'")))?,
+                .ok_or_else(|| ("masks", format!("nothing exists at '{path}'")))?,
             Some(MaskSource::Plate(path)) => {
                 let found = paths.clone().any(|it| it == path);
                 if !found {

@@ -14,9 +14,9 @@ pub enum Collection {
     Captures,
     /// Shared networks.
     Models,
-    /// Work.
+    /// Jobs.
     Jobs,
-    /// Processes that do the work.
+    /// Processes that run jobs.
     Workers,
 }
 
@@ -58,7 +58,7 @@ impl Collection {
     }
 }
 
-/// A resource name that is not one.
+/// Invalid resource name.
 #[derive(Debug, Error, PartialEq, Eq)]
 #[error("'{name}' is not a resource name of the form {collection}/{{id}}")]
 pub struct NameError {
@@ -82,7 +82,7 @@ pub fn parse_checkpoint(name: &str) -> Result<(&str, u64), NameError> {
     };
     let (model, step) = name.split_once("/checkpoints/").ok_or_else(error)?;
     let id = Collection::Models.parse(model).map_err(|_| error())?;
-    // `+5` and `05` are numbers, too, but no names.
+    // `+5` and `05` are numbers, but not canonical names.
     let step: u64 = step.parse().map_err(|_| error())?;
     (name == checkpoint(model, step))
         .then_some((id, step))

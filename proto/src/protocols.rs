@@ -1,11 +1,11 @@
-//! Names of evaluation protocols. What they do to a picture is the model's business; that
-//! they exist, and which of them the service can run, is the contract's.
+//! Names of evaluation protocols. The model crate implements them; the contract has their
+//! names, and the one that the service can run.
 
-/// Evaluation protocols, each with what it measures.
+/// Evaluation protocols, each with a description.
 pub const PROTOCOLS: &[(&str, &str)] = &[
     (
         HELD_OUT,
-        "what training never saw: a capture folder's eval/ and eval_pose/; in the service, the frames that training leaves out",
+        "held-out pictures: a capture folder's eval/ and eval_pose/; in the service, the frames that training leaves out",
     ),
     (
         "zju-all",
@@ -21,8 +21,8 @@ pub const PROTOCOLS: &[(&str, &str)] = &[
     ),
 ];
 
-/// The protocol that needs no particular data set, and the only one of the service: it
-/// stores what one camera saw, and the others compare with what further cameras saw.
+/// The protocol that needs no particular data set, and the only one of the service, which
+/// stores the pictures of one camera: the other protocols need those of further cameras.
 pub const HELD_OUT: &str = "held-out";
 
 /// Whether `name` is a protocol.

@@ -1,5 +1,5 @@
-//! The joint tree of SMPL, the most used of body models: what importers make captures of, what
-//! made-up people have, and the only one that the released HumanNeRF program knows.
+//! The joint tree of SMPL, the most common body model: the tree of imported captures and of
+//! synthetic people, and the only one that the released HumanNeRF program supports.
 
 /// The 24 joints in the published order, each with its parent.
 pub const JOINTS: [(&str, Option<usize>); 24] = [

@@ -1,7 +1,7 @@
-//! Names of quality tiers and model variants. What they mean in layers and samples is the
-//! model's business; that they exist is the contract's.
+//! Names of quality tiers and model variants. The model crate defines their layers and samples;
+//! the contract has their names.
 
-/// Quality tiers, cheapest first, each with what it gives up.
+/// Quality tiers, cheapest first, each with its trade-off.
 pub const TIERS: &[(&str, &str)] = &[
     (
         "draft",
@@ -17,7 +17,7 @@ pub const TIERS: &[(&str, &str)] = &[
     ),
     (
         "paper-lean",
-        "the paper's sizes, with samples and gradients that hardly matter left out",
+        "the paper's sizes, without samples and gradients that hardly matter",
     ),
     (
         "paper",
@@ -42,23 +42,23 @@ pub const VARIANTS: &[(&str, &str)] = &[
     ("humannerf", "one subject per model, no codes"),
 ];
 
-/// A named place on a model's measured trade of seconds for fidelity.
+/// A named point on a model's measured trade-off of time and fidelity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderTier {
-    /// As requests say it.
+    /// Name in requests.
     pub name: &'static str,
-    /// What it gives.
+    /// Description.
     pub about: &'static str,
-    /// The most PSNR against the truth that it gives up, dB; none: the model's own settings.
+    /// Largest loss of PSNR against ground truth, dB; none: the model's own settings.
     pub loss_db: Option<f64>,
 }
 
-/// Qualities that a render can ask for by name, best first. Unlike [`TIERS`] they need no
-/// training: all of them are rendered by the same model.
+/// Render qualities by name, best first. Unlike [`TIERS`] they need no training: one model
+/// renders all of them.
 pub const RENDER_TIERS: &[RenderTier] = &[
     RenderTier {
         name: "full",
-        about: "the model's own settings: everything it can",
+        about: "the model's own settings, for the best quality",
         loss_db: None,
     },
     RenderTier {

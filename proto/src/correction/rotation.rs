@@ -1,4 +1,4 @@
-//! Turning axis-angle rotations about the world's x axis.
+//! Rotation of axis-angle rotations about the world's x axis.
 
 /// `p` turned by `degrees` about x.
 pub(super) fn turned_about_x([x, y, z]: [f64; 3], degrees: f64) -> [f64; 3] {
@@ -6,7 +6,7 @@ pub(super) fn turned_about_x([x, y, z]: [f64; 3], degrees: f64) -> [f64; 3] {
     [x, cos * y - sin * z, sin * y + cos * z]
 }
 
-/// First the axis-angle rotation `r`, then `degrees` about x; the shorter way round.
+/// The axis-angle rotation `r` followed by `degrees` about x, as the shorter rotation.
 pub(super) fn turned(r: [f64; 3], degrees: f64) -> [f64; 3] {
     let angle = r.iter().map(|v| v * v).sum::<f64>().sqrt();
     // sin(θ/2)/θ, by its limit where θ is tiny.

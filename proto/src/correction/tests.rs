@@ -1,4 +1,4 @@
-//! Each correction undoes the mistake that it is named after.
+//! Each correction undoes its mistake.
 
 use super::*;
 

@@ -1,24 +1,24 @@
-//! Units that files keep lengths in.
+//! Units of lengths in files.
 
 use serde::{Deserialize, Serialize};
 
 /// A unit of length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Unit {
-    /// What a pose track means.
+    /// The unit of the pose track's schema.
     #[default]
     #[serde(rename = "m")]
     Metre,
-    /// A hundredth.
+    /// A hundredth of a metre.
     #[serde(rename = "cm")]
     Centimetre,
-    /// A thousandth.
+    /// A thousandth of a metre.
     #[serde(rename = "mm")]
     Millimetre,
 }
 
 impl Unit {
-    /// Metres in one of it.
+    /// Metres per unit.
     pub fn metres(self) -> f64 {
         match self {
             Self::Metre => 1.0,
@@ -37,7 +37,7 @@ impl Unit {
     }
 }
 
-/// In which unit each kind of length stands; files mix them.
+/// Unit of each kind of length, since files mix units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Units {

@@ -1,25 +1,25 @@
-//! A pose track as its capture's plan wants it read.
+//! A pose track, read according to its capture's plan.
 
 use super::{FILE, MediaPlan};
 use crate::pose_track::{PoseTrack, violation};
 use crate::v1::Violation;
 
-/// A pose track, corrected and selected, with where its frames' masks stand.
+/// A pose track after corrections and selection, with the mask of each frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planned {
-    /// The frames that count, by rising index.
+    /// The selected frames, by rising index.
     pub track: PoseTrack,
-    /// For each frame the index of its mask: its own, unless masks are shifted.
+    /// Index of each frame's mask: the frame's own, unless masks are shifted.
     pub masks: Vec<u32>,
 }
 
 impl MediaPlan {
     /// Reads the pose track in the file called `name`, corrects it, checks it, and keeps the
-    /// frames that count. Corrections come before the check, since lengths in millimetres are
-    /// out of range; and before the selection, since the next frame is that of the film.
+    /// selected frames. Corrections come before the check, since lengths in millimetres are
+    /// out of range, and before the selection, since shifts count frames of the video.
     ///
     /// # Errors
-    /// Everything that is wrong with the track or can't be done with it; never empty.
+    /// All faults of the track and of its corrections; never empty.
     pub fn track(&self, name: &str, bytes: &[u8]) -> Result<Planned, Vec<Violation>> {
         let correction = &self.correction;
         let mut track = if correction.is_identity() {

@@ -69,7 +69,10 @@ fn a_plan_overrules_names_and_survives_json() {
         ("INVALID", "correction.mask_shift")
     );
     let unknown = serde_json::from_str::<MediaPlan>(r#"{"frame_rate": 3}"#);
-    assert!(unknown.is_err(), "a misspelt field is said, not ignored");
+    assert!(
+        unknown.is_err(),
+        "a misspelt field is an error, not ignored"
+    );
 }
 
 #[test]

@@ -1,5 +1,4 @@
-//! The pose track in protocol buffers: for long captures, whose numbers take three times the
-//! bytes as text.
+//! The pose track in protocol buffers, for long captures: text takes three times as many bytes.
 
 use super::file::{FileCamera, FileFrame, FileTrack};
 use super::{BINARY_FILE, NO_DISTORTION, Skeleton, violation};
@@ -7,7 +6,7 @@ use crate::v1::{self, Violation};
 use prost::Message;
 
 impl FileTrack {
-    /// The track in `bytes`, its lists in the lengths that they must have.
+    /// The track in `bytes`, with all lists of the required lengths.
     pub(super) fn from_binary(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
         let unreadable = |error: prost::DecodeError| {
             let text = error.to_string();
@@ -17,9 +16,9 @@ impl FileTrack {
         read(message).map_err(|violation| vec![*violation])
     }
 
-    /// What [`Self::from_binary`] reads back.
+    /// The encoding that [`Self::from_binary`] reads.
     pub(super) fn to_binary(&self) -> Vec<u8> {
-        // A camera that stands still is written once.
+        // A constant camera is written once.
         let first = self.frames.first();
         let k = first.and_then(|first| first.k);
         let k = k.filter(|k| self.frames.iter().all(|frame| frame.k.as_ref() == Some(k)));
@@ -59,7 +58,7 @@ impl Skeleton {
     /// The skeleton of a message, not yet checked.
     ///
     /// # Errors
-    /// Rest joints that are no whole number of positions; boxed because it is seldom.
+    /// When the rest joints are not a whole number of positions. Boxed because it is rare.
     pub fn from_proto(message: v1::Skeleton) -> Result<Self, Box<Violation>> {
         let (rest_joints, odd) = message.rest_joints.as_chunks::<3>();
         if !odd.is_empty() {

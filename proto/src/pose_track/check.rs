@@ -1,4 +1,4 @@
-//! What can be wrong with a pose track: pure functions that name the frame and the field.
+//! Checks of pose tracks: pure functions that name the frame and the field of each fault.
 
 use super::{
     FILE, Frame, MAX_FRAMES, MAX_JOINTS, MAX_METRES, MAX_PIXELS, MAX_SIDE, PoseTrack, Skeleton,
@@ -7,12 +7,12 @@ use super::{
 use crate::v1::Violation;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Most violations reported of one capture; a wrong unit repeats in every frame.
+/// Most violations reported per capture, since a wrong unit repeats in every frame.
 const MAX_VIOLATIONS: usize = 20;
 /// Largest distortion coefficient; those of fish-eye lenses stay below 10.
 const MAX_DISTORTION: f64 = 100.0;
 
-/// Collects what is wrong, up to a limit.
+/// Collects violations, up to a limit.
 pub(super) struct Report(Vec<Violation>);
 
 impl Report {
@@ -49,7 +49,7 @@ impl Report {
                     "NOT_FINITE",
                     frame,
                     format!("{field}[{i}]"),
-                    format!("{value} is not a number one can compute with"),
+                    format!("{value} is not a finite number"),
                 );
                 return;
             }
@@ -76,7 +76,7 @@ pub(super) fn located(violations: Vec<Violation>, file: &str) -> Vec<Violation> 
 }
 
 impl PoseTrack {
-    /// What is wrong, with frame and field; empty when nothing is.
+    /// All violations, with frame and field; empty for a valid track.
     pub fn check(&self) -> Vec<Violation> {
         let mut report = Report::new();
         self.skeleton.check_into(&mut report);
@@ -126,7 +126,7 @@ impl PoseTrack {
                     "DUPLICATE",
                     Some(frame.index),
                     "index",
-                    "this index stands twice",
+                    "this index is repeated",
                 );
             }
             frame.check(self.joints(), &mut report);
@@ -134,9 +134,9 @@ impl PoseTrack {
         report.0
     }
 
-    /// Which frames have no image among `images` (the numbers that there are images for), led by
-    /// the two counts where there are more poses than images. Images without a pose are nobody's
-    /// fault: they are not used.
+    /// Frames without an image among `images` (the frame numbers of all images), after the two
+    /// counts if there are more poses than images. Images without a pose are not a violation:
+    /// they are not used.
     pub fn check_images(&self, images: &BTreeSet<u32>) -> Vec<Violation> {
         let mut report = Report::new();
         if self.frames.len() > images.len() {
@@ -158,7 +158,7 @@ impl PoseTrack {
 }
 
 impl Skeleton {
-    /// What is wrong, by field; empty when nothing is.
+    /// All violations, by field; empty for a valid skeleton.
     pub fn check(&self) -> Vec<Violation> {
         let mut report = Report::new();
         self.check_into(&mut report);
@@ -231,7 +231,7 @@ impl Skeleton {
         );
     }
 
-    /// Joints whose parents lead back to themselves, the first one again at the end.
+    /// Joints of a cycle of parents, with the first joint again at the end.
     fn cycle(&self) -> Option<Vec<usize>> {
         let parent = |joint: usize| {
             let parent = self.parents.get(joint).copied()?;

@@ -1,4 +1,4 @@
-//! The pose track as files have it: constant cameras, and pixels counted either way.
+//! The pose track in files: constant cameras, and either convention of pixel centres.
 
 use super::check::{Report, located};
 use super::{
@@ -7,24 +7,24 @@ use super::{
 use crate::v1::Violation;
 use serde::{Deserialize, Serialize};
 
-/// A pose track with everything that a file may leave out.
+/// A pose track with all fields that a file may leave out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct FileTrack {
     pub skeleton: Skeleton,
     pub image_size: [u32; 2],
     pub fps: f64,
-    /// Where the first pixel's centre is: 0 or 0.5.
+    /// Centre of the first pixel: 0 or 0.5.
     #[serde(default = "half")]
     pub pixel_centre: f64,
     #[serde(default, skip_serializing_if = "undistorted")]
     pub distortion: [f64; 5],
-    /// Of every frame without a camera of its own.
+    /// Camera of every frame without its own.
     #[serde(default, skip_serializing_if = "FileCamera::is_empty")]
     pub camera: FileCamera,
     pub frames: Vec<FileFrame>,
 }
 
-/// Intrinsics and extrinsics, where they are given.
+/// Intrinsics and extrinsics, if given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct FileCamera {
     #[serde(rename = "K", default, skip_serializing_if = "Option::is_none")]
@@ -63,7 +63,7 @@ impl PoseTrack {
     /// Reads and checks a pose track.
     ///
     /// # Errors
-    /// Everything that is wrong with it, up to a limit; never empty.
+    /// All violations, up to a limit; never empty.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
         FileTrack::from_json(bytes)?.checked()
     }
@@ -79,10 +79,10 @@ impl PoseTrack {
     }
 
     /// The track of a file whose numbers are to be corrected before they are checked: lengths in
-    /// millimetres are out of range. What a file must have is asked for all the same.
+    /// millimetres are out of range. Required fields are still checked.
     ///
     /// # Errors
-    /// When the file can't be read, or lacks something.
+    /// When the file can't be read, or lacks a required field.
     pub fn from_file_unchecked(name: &str, bytes: &[u8]) -> Result<Self, Vec<Violation>> {
         let file = if is_binary(name) {
             FileTrack::from_binary(bytes)?
@@ -99,7 +99,7 @@ impl PoseTrack {
         }
     }
 
-    /// The track in protocol buffers; a camera that stands still is written once.
+    /// The track in protocol buffers; a constant camera is written once.
     pub fn to_binary(&self) -> Vec<u8> {
         FileTrack::from(self.clone()).to_binary()
     }
@@ -153,7 +153,7 @@ impl FileTrack {
             let (k, e) = (frame.k.or(all.k), frame.e.or(all.e));
             needed("K", k.is_none());
             needed("E", e.is_none());
-            // What is missing was reported; the placeholder adds no second complaint.
+            // The missing field was reported; the placeholder adds no second violation.
             let mut k = k.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
             k[0][2] += shift;
             k[1][2] += shift;
@@ -178,7 +178,7 @@ impl FileTrack {
     }
 }
 
-/// Reading a part of another file; what is wrong with the values is for [`PoseTrack::check`].
+/// For tracks inside other files; [`PoseTrack::check`] checks the values.
 impl TryFrom<FileTrack> for PoseTrack {
     type Error = String;
 

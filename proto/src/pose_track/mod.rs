@@ -1,13 +1,13 @@
-//! The pose track: who stands how in each frame, and seen by which camera.
+//! The pose track: body pose and camera of each frame.
 //!
 //! One schema for every reader, as JSON (`poses.json`) or in protocol buffers (`poses.pb`),
 //! checked by [`PoseTrack::check`] on both sides: by the client before it uploads a byte, by the
 //! ingest job before it decodes one. A check names the frame and the field, since "invalid
-//! poses" helps nobody with 10,000 frames.
+//! poses" is no help for 10,000 frames.
 //!
-//! Files may leave a constant camera to the track and may count pixels from their centres or
-//! their corners; in memory every frame has its camera and pixel centres stand at +0.5, so that
-//! nothing behind this has to ask. Lens distortion stays, until ingest undoes it in the images.
+//! Files may have one camera for all frames, and pixel centres at integers or at +0.5; in memory
+//! every frame has its camera and pixel centres are at +0.5, so that later code has one case.
+//! Lens distortion is kept until ingest corrects it in the images.
 
 mod binary;
 mod check;
@@ -28,11 +28,11 @@ pub const MAX_FRAMES: usize = 100_000;
 pub const MAX_JOINTS: usize = 256;
 /// Longest image side, pixels.
 pub const MAX_SIDE: u32 = 8192;
-/// Pixels of all frames together, at most: what they decode to must fit somewhere.
+/// Pixels of all frames together, at most: a bound on the decoded size.
 pub const MAX_PIXELS: u64 = 1 << 34;
-/// Farthest a person or camera may stand from the origin, metres. Farther is a unit error.
+/// Largest distance of a person or camera from the origin, metres. More is a unit error.
 pub const MAX_METRES: f64 = 1e4;
-/// The distortion of a camera that has none.
+/// No distortion.
 pub const NO_DISTORTION: [f64; 5] = [0.0; 5];
 
 /// A pose track in memory.
@@ -43,18 +43,18 @@ pub struct PoseTrack {
     pub skeleton: Skeleton,
     /// Width and height of the stored images, pixels.
     pub image_size: [u32; 2],
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// OpenCV's k1, k2, p1, p2, k3 of the stored images; zeros where they have none.
+    /// OpenCV's k1, k2, p1, p2, k3 of the stored images; zeros for none.
     pub distortion: [f64; 5],
-    /// One entry a frame.
+    /// One entry per frame.
     pub frames: Vec<Frame>,
 }
 
 /// Joint names, parents and rest (T-pose) positions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Skeleton {
-    /// K names, no two alike.
+    /// K distinct names.
     pub names: Vec<String>,
     /// K parents, each smaller than its child; the root has -1.
     pub parents: Vec<i32>,
@@ -65,11 +65,11 @@ pub struct Skeleton {
 /// One frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Number in the image's file name.
+    /// The number in the image's file name.
     pub index: u32,
     /// `[3 K]` axis-angle, radians, local to the parent; the root's first.
     pub pose: Vec<f64>,
-    /// Joint 0 stands at `rest_joints[0] + translation`, metres.
+    /// Joint 0 is at `rest_joints[0] + translation`, metres.
     pub translation: [f64; 3],
     /// Intrinsics, pixels; pixel centres at +0.5.
     pub k: [[f64; 3]; 3],
@@ -77,7 +77,7 @@ pub struct Frame {
     pub e: [[f64; 4]; 4],
 }
 
-/// A [`Violation`] with its place.
+/// A [`Violation`] with its location.
 pub fn violation(
     code: &str,
     file: &str,
@@ -112,11 +112,11 @@ fn is_binary(name: &str) -> bool {
 }
 
 impl PoseTrack {
-    /// Reads and checks a pose track in the form that its file name says: protocol buffers for
-    /// a name that ends in `.pb`, JSON for every other.
+    /// Reads and checks a pose track: protocol buffers for a file name that ends in `.pb`, JSON
+    /// for every other.
     ///
     /// # Errors
-    /// Everything that is wrong with it, up to a limit; never empty.
+    /// All violations, up to a limit; never empty.
     pub fn from_file(name: &str, bytes: &[u8]) -> Result<Self, Vec<Violation>> {
         if is_binary(name) {
             Self::from_binary(bytes)
@@ -130,7 +130,7 @@ impl PoseTrack {
         self.skeleton.parents.len()
     }
 
-    /// Whether the stored images are as a pinhole camera would have taken them.
+    /// Whether the stored images are without distortion, as from a pinhole camera.
     pub fn is_pinhole(&self) -> bool {
         self.distortion == NO_DISTORTION
     }
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn broken_json_says_where() {
-        let error = PoseTrack::from_json(b"{\n \"fps\": NaN}").expect_err("NaN is no JSON");
+        let error = PoseTrack::from_json(b"{\n \"fps\": NaN}").expect_err("NaN is not JSON");
         assert!(describe(&error[0]).contains("line 2"), "{error:?}");
     }
 }
