@@ -1,18 +1,18 @@
 //! Arrays of numbers.
 
-/// Numbers in a shape, the last axis fastest. Whatever type a file has them in, they are f64
-/// here: every number of up to 53 bits comes unharmed.
+/// Numbers in a shape, the last axis fastest. All types of a file become f64, which is exact
+/// for numbers of up to 53 bits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Array {
     /// Extents; empty for a single number.
     pub shape: Vec<usize>,
-    /// As many numbers as the shape says.
+    /// The numbers, as many as the shape holds.
     pub values: Vec<f64>,
 }
 
 impl Array {
     /// The numbers, if the shape is `shape` once axes of extent 1 are left out of both: files
-    /// of the same program have `[10]` here and `[1, 10]` there.
+    /// of the same program may have `[10]` or `[1, 10]`.
     pub fn squeezed(&self, shape: &[usize]) -> Option<&[f64]> {
         let kept = |shape: &[usize]| -> Vec<usize> {
             shape.iter().copied().filter(|side| *side != 1).collect()
@@ -20,7 +20,7 @@ impl Array {
         (kept(&self.shape) == kept(shape)).then_some(&self.values)
     }
 
-    /// As [`Self::squeezed`], for a length that is known when the program is written.
+    /// As [`Self::squeezed`], for a length known at compile time.
     pub fn fixed<const N: usize>(&self) -> Option<[f64; N]> {
         self.squeezed(&[N])?.try_into().ok()
     }
@@ -38,20 +38,20 @@ impl Array {
         self.rows::<C>()?.try_into().ok()
     }
 
-    /// Whether every number is one to compute with; else where the first is that is not.
+    /// Checks that every number is finite; the error is the place of the first that is not.
     pub fn not_finite(&self) -> Option<usize> {
         self.values.iter().position(|value| !value.is_finite())
     }
 }
 
-/// The product of `shape`, unless it is beyond any memory.
+/// The product of `shape`, unless it overflows.
 pub(crate) fn count(shape: &[usize]) -> Option<usize> {
     shape
         .iter()
         .try_fold(1usize, |product, side| product.checked_mul(*side))
 }
 
-/// Numbers that were written with the first axis fastest, with the last axis fastest.
+/// Reorders numbers with the first axis fastest to the last axis fastest.
 pub(crate) fn rows_first<T: Clone>(shape: &[usize], values: Vec<T>) -> Vec<T> {
     if shape.len() < 2 || values.is_empty() {
         return values;

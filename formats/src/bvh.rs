@@ -1,10 +1,10 @@
 //! BVH: a skeleton as offsets and channels, and a motion as a table of channel values.
 //!
-//! The format has no standard beyond its examples; what is read here is what the common writers
+//! The format has no standard beyond its examples; this reader accepts what common writers
 //! agree on: one `ROOT`, `JOINT`s and `End Site`s in braces, `OFFSET` and `CHANNELS`, then
-//! `MOTION` with `Frames:`, `Frame Time:` and a line a frame. Angles are degrees, rotations are
-//! applied in the order of the channels (first channel outermost), lengths are in whatever unit
-//! the writer used: centimetres, inches or its own.
+//! `MOTION` with `Frames:`, `Frame Time:` and one line per frame. Angles are degrees, rotations are
+//! applied in the order of the channels (first channel outermost), lengths are in the unit
+//! of the writer: centimetres, inches or another.
 
 use thiserror::Error;
 
@@ -19,11 +19,11 @@ const MAX_NUMBERS: usize = 1 << 26;
 pub struct BvhError {
     /// Counted from 1.
     pub line: usize,
-    /// What is wrong there.
+    /// The fault.
     pub message: String,
 }
 
-/// What a channel moves.
+/// Target of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// Position along an axis (0 x, 1 y, 2 z), in the file's unit.
@@ -37,13 +37,13 @@ pub enum Channel {
 pub struct Joint {
     /// As in the file.
     pub name: String,
-    /// Place of the parent, before this one; none for the root.
+    /// Index of the parent, which comes before; none for the root.
     pub parent: Option<usize>,
     /// From the parent at rest, in the file's unit.
     pub offset: [f64; 3],
     /// In the order of the file.
     pub channels: Vec<Channel>,
-    /// Where an end site stands, from this joint.
+    /// Position of an end site, from this joint.
     pub end: Option<[f64; 3]>,
 }
 
@@ -52,16 +52,16 @@ pub struct Joint {
 pub struct Bvh {
     /// Parents come before their children.
     pub joints: Vec<Joint>,
-    /// Seconds a frame.
+    /// Seconds per frame.
     pub frame_time: f64,
-    /// A row a frame: the values of every joint's channels, in order. Angles in radians.
+    /// One row per frame: the values of every joint's channels, in order. Angles in radians.
     pub frames: Vec<Vec<f64>>,
 }
 
 /// The skeleton and the motion in `text`.
 ///
 /// # Errors
-/// Anything that is not as described above, by its line; numbers that are none.
+/// At the first line that does not follow the format, or has an invalid number.
 pub fn read(text: &str) -> Result<Bvh, BvhError> {
     let mut reader = Reader::new(text);
     reader.word("HIERARCHY")?;
@@ -107,7 +107,7 @@ impl<'a> Reader<'a> {
                 self.line = line;
                 Ok(word)
             }
-            None => Err(self.fault(format!("the file ends where {what} should stand"))),
+            None => Err(self.fault(format!("the file ends instead of {what}"))),
         }
     }
 
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
             return Ok(());
         }
         let found: String = found.chars().take(40).collect();
-        Err(self.fault(format!("'{found}' where {expected} should stand")))
+        Err(self.fault(format!("'{found}' instead of {expected}")))
     }
 
     fn number(&mut self, what: &str) -> Result<f64, BvhError> {
@@ -126,7 +126,7 @@ impl<'a> Reader<'a> {
             Ok(number) if number.is_finite() => Ok(number),
             _ => {
                 let word: String = word.chars().take(40).collect();
-                Err(self.fault(format!("{what}: '{word}' is no number")))
+                Err(self.fault(format!("{what}: '{word}' is not a number")))
             }
         }
     }
@@ -136,7 +136,7 @@ impl<'a> Reader<'a> {
         if number >= 0.0 && number <= limit as f64 && number.fract() == 0.0 {
             Ok(number as usize)
         } else {
-            Err(self.fault(format!("{what}: {number} is not from 0 to {limit}")))
+            Err(self.fault(format!("{what}: {number} is not between 0 and {limit}")))
         }
     }
 
@@ -148,7 +148,7 @@ impl<'a> Reader<'a> {
         Ok(offset)
     }
 
-    /// A name up to the brace: some writers put blanks into names.
+    /// A name up to the brace: some writers use blanks in names.
     fn name(&mut self) -> Result<String, BvhError> {
         let mut name = String::new();
         loop {
@@ -172,7 +172,7 @@ impl<'a> Reader<'a> {
         self.word("ROOT")?;
         let root = self.name()?;
         let mut joints = vec![joint(root, None)];
-        // Joints whose brace is open, the innermost last; an end site has one of its own.
+        // Joints with an open brace, the innermost last; an end site has its own brace.
         let mut open = vec![0];
         while let Some(&at) = open.last() {
             let word = self.next("'}'")?;
@@ -205,7 +205,7 @@ impl<'a> Reader<'a> {
                 other => {
                     let other: String = other.chars().take(40).collect();
                     return Err(self.fault(format!(
-                        "'{other}' where OFFSET, CHANNELS, JOINT, End Site or '}}' should stand"
+                        "'{other}' instead of OFFSET, CHANNELS, JOINT, End Site or '}}'"
                     )));
                 }
             }
@@ -214,7 +214,7 @@ impl<'a> Reader<'a> {
     }
 
     fn place<'j>(&self, joints: &'j mut [Joint], at: usize) -> Result<&'j mut Joint, BvhError> {
-        let fault = self.fault("a brace too many");
+        let fault = self.fault("unmatched closing brace");
         joints.get_mut(at).ok_or(fault)
     }
 
@@ -234,11 +234,11 @@ impl<'a> Reader<'a> {
                 Some("rotation") if axis < 3 => Channel::Rotation(axis),
                 _ => {
                     let word: String = word.chars().take(40).collect();
-                    return Err(self.fault(format!("'{word}' is no channel, e.g. Xposition")));
+                    return Err(self.fault(format!("'{word}' is not a channel such as Xposition")));
                 }
             };
             if channels.contains(&channel) {
-                return Err(self.fault(format!("the channel {word} stands twice")));
+                return Err(self.fault(format!("the channel {word} is repeated")));
             }
             channels.push(channel);
         }
@@ -259,7 +259,7 @@ impl<'a> Reader<'a> {
         self.word("Time:")?;
         let time = self.number("Frame Time:")?;
         if !(1e-5..=100.0).contains(&time) {
-            return Err(self.fault(format!("Frame Time: {time} seconds a frame")));
+            return Err(self.fault(format!("Frame Time: {time} seconds per frame")));
         }
         let mut frames = Vec::new();
         for frame in 0..count {
@@ -340,23 +340,23 @@ Frame Time: 0.008333
             (
                 "CHANNELS 3 Z",
                 "CHANNELS 3 W",
-                "line 9: 'wrotation' is no channel",
+                "line 9: 'wrotation' is not a channel",
             ),
             ("ROOT Hips", "ROOT", "line 3: a joint without a name"),
             (
                 "Frames: 2",
                 "Frames: 3",
-                "line 20: the file ends where frame 2",
+                "line 20: the file ends instead of frame 2",
             ),
             ("Frames: 2", "Frames: 1", "line 20: more numbers"),
             ("Frames: 2", "Frames: 1e30", "line 17: Frames:"),
             (
                 "1 2 3 90",
                 "1 2 nan 90",
-                "line 19: frame 0: 'nan' is no number",
+                "line 19: frame 0: 'nan' is not a number",
             ),
             ("0.008333", "0", "line 18: Frame Time"),
-            ("HIERARCHY", "", "line 2: 'ROOT' where HIERARCHY"),
+            ("HIERARCHY", "", "line 2: 'ROOT' instead of HIERARCHY"),
             (
                 "JOINT Left Leg",
                 "JOINT Left Leg { JOINT",

@@ -2,7 +2,7 @@
 
 use crate::Value;
 
-/// What an array's elements are.
+/// Element type of an array.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Dtype {
     /// Letter and size, without the byte order: `f4`, `U12`.
@@ -11,7 +11,7 @@ pub(crate) struct Dtype {
 }
 
 impl Dtype {
-    /// Of a code with or without a byte order in front.
+    /// Parses a code with or without a byte order in front.
     pub fn new(code: &str) -> Self {
         Self {
             big_endian: code.starts_with('>'),
@@ -32,12 +32,12 @@ impl Dtype {
         self.code.starts_with('O')
     }
 
-    /// Whether elements are texts.
+    /// Whether elements are strings.
     pub fn is_text(&self) -> bool {
         self.code.starts_with(['U', 'S', 'a'])
     }
 
-    /// Bytes of an element; `None` where the type is not known here.
+    /// Bytes of an element; `None` for an unknown type.
     pub fn size(&self) -> Option<usize> {
         Some(match self.code.as_str() {
             "b1" | "i1" | "u1" | "?" | "b" | "B" => 1,
@@ -52,7 +52,7 @@ impl Dtype {
         })
     }
 
-    /// The numbers in `bytes`; `None` where elements are no numbers.
+    /// The numbers in `bytes`; `None` if elements are not numbers.
     pub fn numbers(&self, bytes: &[u8]) -> Option<Vec<f64>> {
         let each = |size: usize, convert: &dyn Fn(u64) -> f64| -> Vec<f64> {
             bytes
@@ -81,7 +81,7 @@ impl Dtype {
         })
     }
 
-    /// The texts in `bytes`, without the zeros that fill each up; `None` for other types.
+    /// The strings in `bytes`, without padding zeros; `None` for other types.
     pub fn texts(&self, bytes: &[u8]) -> Option<Vec<Value>> {
         let size = self.size().filter(|size| *size > 0)?;
         let wide = match self.code.as_bytes().first()? {

@@ -1,10 +1,10 @@
 //! Files of other programs as plain data.
 //!
-//! Bytes in, numbers and texts out: nothing here knows what a person or a camera is, nothing
-//! runs what a file says, and whatever the bytes are, the answer is data or an error. What the
-//! numbers mean is known one floor up, by the importers of the client and of the model.
+//! Bytes in, numbers and strings out. This crate has no notion of people or cameras, runs no code
+//! of a file, and returns data or an error for any bytes. The importers of the client and of the
+//! model interpret the numbers.
 //!
-//! - [`pickle`]: Python's pickles, read by a machine that calls nothing.
+//! - [`pickle`]: Python's pickles, read without calling anything.
 //! - [`npy`], [`npz`]: numpy's files of one array and of several.
 //! - [`bvh`]: skeletons with motion.
 

@@ -1,4 +1,4 @@
-//! `.npy`: one array, as `numpy.save` writes it.
+//! `.npy`: one array, in the format of `numpy.save`.
 //!
 //! The header is read here rather than by a library because the same element types come inside
 //! pickles, and because arrays of objects (`allow_pickle=True`) go through [`pickle`](crate::pickle).
@@ -9,7 +9,7 @@ use crate::pickle::{self, PickleError};
 use crate::{Array, Value};
 use thiserror::Error;
 
-/// What every file begins with.
+/// Magic bytes of every file.
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header, bytes; numpy itself refuses longer ones unless told otherwise.
 const MAX_HEADER: usize = 10_000;
@@ -23,20 +23,20 @@ pub enum NpyError {
     /// The file stops inside the header.
     #[error("the .npy file ends inside its header")]
     Truncated,
-    /// The header does not say what the array is.
+    /// The header does not describe an array.
     #[error("the .npy header is malformed: {0}")]
     Header(&'static str),
     /// Complex numbers, structures, dates.
-    #[error("elements of type {0} are neither whole numbers, floats, texts nor objects")]
+    #[error("elements of type {0} are neither integers, floats, strings nor objects")]
     Type(String),
     /// There are fewer or more bytes than elements.
-    #[error("{found} bytes of elements, the shape {shape:?} needs {needed}")]
+    #[error("{found} bytes of elements, but the shape {shape:?} needs {needed}")]
     Size {
-        /// Bytes behind the header.
+        /// Bytes after the header.
         found: usize,
-        /// Extents by the header.
+        /// Extents in the header.
         shape: Vec<usize>,
-        /// Bytes that those take.
+        /// Bytes of an array of that shape.
         needed: String,
     },
     /// The objects of an array of objects.
@@ -44,11 +44,11 @@ pub enum NpyError {
     Pickle(#[from] PickleError),
 }
 
-/// The array in `bytes`: numbers as [`Value::Array`], texts as a list, objects as what they are
+/// The array in `bytes`: numbers as [`Value::Array`], strings as a list, objects as their values
 /// (an array without axes is its only element).
 ///
 /// # Errors
-/// When the bytes are no such file.
+/// When the bytes are not a valid file.
 pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
     let (header, rest) = split(bytes)?;
     let code = quoted(field(header, "descr")?).ok_or_else(|| {
@@ -86,7 +86,7 @@ pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
     }))
 }
 
-/// The header's text, and what stands behind it.
+/// The header's text, and the bytes after it.
 fn split(bytes: &[u8]) -> Result<(&str, &[u8]), NpyError> {
     let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
     let (&[major, _], rest) = rest.split_first_chunk().ok_or(NpyError::Truncated)?;
@@ -98,14 +98,14 @@ fn split(bytes: &[u8]) -> Result<(&str, &[u8]), NpyError> {
         (u32::from_le_bytes(*length) as usize, rest)
     };
     if length > MAX_HEADER {
-        return Err(NpyError::Header("longer than any array's"));
+        return Err(NpyError::Header("too long for an array"));
     }
     let (header, rest) = rest.split_at_checked(length).ok_or(NpyError::Truncated)?;
     let header = str::from_utf8(header).map_err(|_| NpyError::Header("not text"))?;
     Ok((header, rest))
 }
 
-/// What stands behind `'name':`. The header is a Python dictionary that numpy itself wrote.
+/// The text after `'name':`. The header is a Python dictionary, written by numpy.
 fn field<'a>(header: &'a str, name: &'static str) -> Result<&'a str, NpyError> {
     let missing = NpyError::Header(match name {
         "descr" => "no descr",
@@ -118,14 +118,14 @@ fn field<'a>(header: &'a str, name: &'static str) -> Result<&'a str, NpyError> {
     Ok(value.trim_start())
 }
 
-/// A text in quotes; structures, which are lists, have none.
+/// A string in quotes; `None` for structures, which are lists.
 fn quoted(value: &str) -> Option<&str> {
     let quote = value.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
     value.get(1..)?.split(quote).next()
 }
 
 fn shape(value: &str) -> Result<Vec<usize>, NpyError> {
-    const BAD: NpyError = NpyError::Header("a shape that is no tuple of lengths");
+    const BAD: NpyError = NpyError::Header("a shape that is not a tuple of lengths");
     let inside = value
         .strip_prefix('(')
         .and_then(|rest| rest.split_once(')'));

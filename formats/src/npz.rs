@@ -1,4 +1,4 @@
-//! `.npz`: several arrays by name, as `numpy.savez` and `numpy.savez_compressed` write them.
+//! `.npz`: several arrays by name, in the format of `numpy.savez` and `numpy.savez_compressed`.
 
 use crate::Value;
 use crate::npy::{self, NpyError};
@@ -18,29 +18,29 @@ pub enum NpzError {
     /// An entry can't be unpacked.
     #[error("{name}: {source}")]
     Unpack {
-        /// Of the array.
+        /// Name of the array.
         name: String,
         /// Why.
         source: std::io::Error,
     },
-    /// An entry is no array.
+    /// An entry is not an array.
     #[error("{name}: {source}")]
     Array {
-        /// Of the array.
+        /// Name of the array.
         name: String,
         /// Why.
         source: NpyError,
     },
-    /// More than `limit` bytes or arrays: a few kilobytes can unpack to anything.
+    /// More than `limit` bytes, or too many arrays: a few kilobytes can unpack to any size.
     #[error("the archive unpacks to more than {0} bytes, or to thousands of arrays")]
     TooLarge(u64),
 }
 
-/// The arrays of an archive, by name, as [`npy::read`] has them. At most `limit` bytes are
+/// The arrays of an archive, by name, as [`npy::read`] returns them. At most `limit` bytes are
 /// unpacked.
 ///
 /// # Errors
-/// When the bytes are no such archive, or unpack to more.
+/// When the bytes are not a valid archive, or unpack to more.
 pub fn read(bytes: &[u8], limit: u64) -> Result<Value, NpzError> {
     let mut archive = ZipArchive::new(Cursor::new(bytes))?;
     if archive.len() > MAX_ARRAYS {
@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8], limit: u64) -> Result<Value, NpzError> {
         let entry = archive.by_index(at)?;
         let name = entry.name()?.trim_end_matches(".npy").to_owned();
         let mut data = Vec::new();
-        // What the archive says of its sizes may be a lie: only what comes out counts.
+        // The archive's own sizes may be false, so only the unpacked bytes count.
         entry
             .take(left + 1)
             .read_to_end(&mut data)

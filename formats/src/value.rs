@@ -1,11 +1,11 @@
-//! Plain data as scripting languages have it.
+//! Plain data, as in scripting languages.
 
 use crate::Array;
 
 /// Plain data of a pickle or of an array of objects.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// `None`, and all that is neither a number, text nor a collection.
+    /// `None`, and anything that is neither a number, text nor a collection.
     Nothing,
     /// A number or truth value.
     Number(f64),
@@ -17,12 +17,12 @@ pub enum Value {
     Dict(Vec<(Value, Value)>),
     /// A numpy array of numbers.
     Array(Array),
-    /// An object of one of the libraries whose objects are understood as data, by the class's
-    /// full name, with its fields (mostly a dictionary).
+    /// An object of one of the libraries whose objects are read as data: the class's full name
+    /// and its fields (usually a dictionary).
     Object {
         /// E.g. `scipy.sparse.csc.csc_matrix`.
         class: String,
-        /// What the object holds.
+        /// The object's fields.
         fields: Box<Value>,
     },
 }
@@ -35,7 +35,7 @@ impl Value {
         }
         self.entries()?
             .iter()
-            // What was set last counts, as in Python.
+            // The last value counts, as in Python.
             .rev()
             .find(|(k, _)| k.text() == Some(key))
             .map(|(_, value)| value)
@@ -65,7 +65,7 @@ impl Value {
         }
     }
 
-    /// What kind of thing it is, for errors.
+    /// Description of the value's type, for errors.
     pub fn kind(&self) -> String {
         match self {
             Self::Nothing => "nothing".into(),
@@ -78,7 +78,7 @@ impl Value {
         }
     }
 
-    /// An array, a number, lists in lists of equal lengths, or a chumpy variable, as an array.
+    /// An array, a number, nested lists of equal lengths, or a chumpy variable, as an array.
     pub fn numbers(&self) -> Option<Array> {
         match self {
             Self::Number(number) => Some(Array {

@@ -1,4 +1,4 @@
-//! What each instruction does: those that build data.
+//! The effect of each instruction that builds data.
 
 use super::machine::{EMPTY, Machine, Node};
 use super::{MAX_NAME, PickleError, numpy};
@@ -118,7 +118,7 @@ impl Machine<'_> {
                 let (name, module) = (self.pop()?, self.pop()?);
                 let (module, name) = match (self.node(module)?, self.node(name)?) {
                     (Node::Text(module), Node::Text(name)) => (module.clone(), name.clone()),
-                    _ => return Err(PickleError::Malformed("a name that is no text")),
+                    _ => return Err(PickleError::Malformed("a name that is not text")),
                 };
                 self.global(&module, &name)?;
             }
@@ -140,7 +140,7 @@ impl Machine<'_> {
 
     fn global(&mut self, module: &str, name: &str) -> Result<(), PickleError> {
         if module.len() + name.len() > MAX_NAME {
-            return Err(PickleError::Malformed("a name that is no name"));
+            return Err(PickleError::Malformed("an invalid name"));
         }
         self.push(Node::Global(format!("{module}.{name}").into()))
     }
@@ -156,7 +156,7 @@ impl Machine<'_> {
         }
     }
 
-    /// A string of Python 2.
+    /// A string in Python 2.
     pub(super) fn old_string(&mut self, bytes: &[u8]) -> Result<(), PickleError> {
         let readable = bytes.iter().all(|b| (32..127).contains(b));
         match str::from_utf8(bytes) {

@@ -1,4 +1,4 @@
-//! The state of the stack machine that a pickle is a program of.
+//! The state of the stack machine that runs a pickle.
 
 use super::numpy::RawArray;
 use super::{MAX_NODES, PickleError};
@@ -7,12 +7,12 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Place of a node: lists and dictionaries go on growing after they were put aside, so that the
-/// stack holds places and not values.
+/// Place of a node. Lists and dictionaries still grow after they are stored in the memo, so the
+/// stack holds places instead of values.
 pub(super) type Id = usize;
 
-/// What a pickle builds. Bytes are shared, since a few instructions can name the same megabytes
-/// a million times.
+/// A part of the result. Bytes are shared, since a few instructions can refer to the same
+/// megabytes a million times.
 #[derive(Clone, Debug)]
 pub(super) enum Node {
     Nothing,
@@ -41,7 +41,7 @@ pub(super) struct Machine<'a> {
     pub(super) stack: Vec<Id>,
     pub(super) marks: Vec<usize>,
     memo: HashMap<u32, Id>,
-    /// Bytes that were made out of texts so far.
+    /// Bytes created from texts so far.
     pub(super) encoded: Cell<usize>,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Runs to STOP; what is on top of the stack then is what the pickle holds.
+    /// Runs to STOP. The top of the stack is then the value of the pickle.
     pub fn run(&mut self) -> Result<Id, PickleError> {
         loop {
             let [instruction] = self.fixed::<1>()?;
@@ -76,10 +76,10 @@ impl<'a> Machine<'a> {
     pub fn node(&self, id: Id) -> Result<&Node, PickleError> {
         self.nodes
             .get(id)
-            .ok_or(PickleError::Malformed("a place that is not there"))
+            .ok_or(PickleError::Malformed("an unknown place"))
     }
 
-    /// Puts another node at a place.
+    /// Replaces the node at a place.
     pub fn replace(&mut self, id: Id, node: Node) {
         if let Some(place) = self.nodes.get_mut(id) {
             *place = node;
@@ -94,12 +94,12 @@ impl<'a> Machine<'a> {
         Ok(bytes)
     }
 
-    /// As [`Self::take`], for a length that an instruction has.
+    /// As [`Self::take`], for a length inside an instruction.
     pub fn fixed<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
         self.take(N)?.try_into().map_err(|_| PickleError::Truncated)
     }
 
-    /// The bytes up to the next line feed, which is left out.
+    /// The bytes up to the next line feed, without it.
     pub fn line(&mut self) -> Result<&'a [u8], PickleError> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let length = rest.iter().position(|b| *b == b'\n');
@@ -125,7 +125,7 @@ impl<'a> Machine<'a> {
         self.stack.last().copied().ok_or(EMPTY)
     }
 
-    /// Takes off what was pushed since the last MARK.
+    /// Pops everything since the last MARK.
     pub fn since_mark(&mut self) -> Result<Vec<Id>, PickleError> {
         let mark = self.marks.pop().ok_or(EMPTY)?;
         if mark > self.stack.len() {
@@ -142,11 +142,13 @@ impl<'a> Machine<'a> {
                 list.extend(items);
                 Ok(())
             }
-            _ => Err(PickleError::Malformed("appending to what is no list")),
+            _ => Err(PickleError::Malformed(
+                "append to a value that is not a list",
+            )),
         }
     }
 
-    /// Adds keys and values, in turns, to the dictionary on top of the stack.
+    /// Adds alternating keys and values to the dictionary on top of the stack.
     pub fn set(&mut self, items: &[Id]) -> Result<(), PickleError> {
         let top = self.top()?;
         match self.nodes.get_mut(top) {
@@ -155,11 +157,13 @@ impl<'a> Machine<'a> {
                 entries.extend(pairs.iter().map(|[key, value]| (*key, *value)));
                 Ok(())
             }
-            _ => Err(PickleError::Malformed("an entry of what is no dictionary")),
+            _ => Err(PickleError::Malformed(
+                "an entry for a value that is not a dictionary",
+            )),
         }
     }
 
-    /// Keeps the top of the stack under a number; `None` is the next one.
+    /// Stores the top of the stack in the memo; `None` is the next number.
     pub fn remember(&mut self, place: Option<u32>) -> Result<(), PickleError> {
         let top = self.top()?;
         let place = place.unwrap_or(self.memo.len() as u32);
@@ -167,11 +171,11 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// Pushes what was kept under a number.
+    /// Pushes an entry of the memo.
     pub fn recall(&mut self, place: u32) -> Result<(), PickleError> {
         let id = self.memo.get(&place).copied();
         self.stack
-            .push(id.ok_or(PickleError::Malformed("a memory that is not there"))?);
+            .push(id.ok_or(PickleError::Malformed("an unknown memo"))?);
         Ok(())
     }
 }

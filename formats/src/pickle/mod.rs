@@ -1,8 +1,7 @@
 //! Reads the data of a pickle and nothing else: numbers, texts, lists, dictionaries, numpy
 //! arrays, and the fields of scipy's sparse matrices and chumpy's variables. A pickle is a program
-//! that may call anything; this reader calls nothing. Where a file names a function, only the few
-//! that such data is written with are understood, as descriptions. Protocols 0 to 5, of Python 2
-//! and 3.
+//! that may call anything; this reader calls nothing. Where a file names a function, it accepts only
+//! the few that describe such data. Protocols 0 to 5, of Python 2 and 3.
 
 mod execute;
 mod machine;
@@ -13,13 +12,13 @@ mod unfold;
 use crate::Value;
 use thiserror::Error;
 
-/// Deepest nesting that is followed.
+/// Deepest nesting.
 const MAX_DEPTH: usize = 32;
-/// Most parts that a file may build, before they are put together.
+/// Most parts of a file.
 const MAX_NODES: usize = 1 << 22;
-/// Most values that a file may unfold to: shared parts count each time, long texts several times.
+/// Most values of the unfolded result: shared parts count each time, long texts several times.
 const MAX_VALUES: usize = 1 << 22;
-/// Most numbers in arrays that a file may unfold to: shared arrays count each time.
+/// Most numbers in arrays of the unfolded result: shared arrays count each time.
 const MAX_NUMBERS: usize = 1 << 26;
 /// Longest name of a function, class or type, bytes.
 const MAX_NAME: usize = 256;
@@ -30,13 +29,13 @@ pub enum PickleError {
     /// The file stops before its STOP.
     #[error("the pickle ends too early")]
     Truncated,
-    /// An instruction that this reader has not.
+    /// An instruction that this reader lacks.
     #[error("the pickle has instruction 0x{0:02x}, which is not plain data")]
     Instruction(u8),
-    /// A call of something that is no part of plain data.
+    /// A call that is not part of plain data.
     #[error("the pickle calls {0}, which is not plain data")]
     Call(String),
-    /// Instructions that don't fit each other, or numbers of a kind that is not known.
+    /// Instructions that contradict each other, or numbers of an unknown type.
     #[error("the pickle is malformed: {0}")]
     Malformed(&'static str),
     /// More than any data of a capture or a body model can be.
@@ -47,7 +46,7 @@ pub enum PickleError {
 /// The data in `bytes`.
 ///
 /// # Errors
-/// When they are no pickle of plain data.
+/// When they are not a pickle of plain data.
 pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
     let mut machine = machine::Machine::new(bytes);
     let root = machine.run()?;
@@ -112,10 +111,10 @@ mod tests {
         for at in 0..whole.len() {
             let mut broken = whole.clone();
             broken[at] ^= 0xff;
-            // Whatever it says, it must come back.
+            // Any file must return.
             let _ = read(&broken);
         }
-        // A list that holds itself.
+        // A list that contains itself.
         assert_eq!(
             read(&bytes("80025d71006800612e")),
             Err(PickleError::TooLarge)

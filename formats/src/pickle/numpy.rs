@@ -1,4 +1,4 @@
-//! How numpy, scipy and chumpy write their objects: a few calls, read here as descriptions.
+//! Objects of numpy, scipy and chumpy: pickles build them with a few calls, read here as data.
 
 use super::machine::{Id, Machine, Node};
 use super::{MAX_NAME, PickleError};
@@ -9,12 +9,12 @@ use std::rc::Rc;
 
 /// Libraries whose objects are kept as a class name with fields.
 const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
-/// Most bytes that texts are turned into, as Python 3 writes bytes for Python 2.
+/// Most bytes created from texts, which is how Python 3 writes bytes for Python 2.
 const MAX_ENCODED: usize = 1 << 28;
-/// Largest set: what a capture holds is in lists, dictionaries and arrays.
+/// Largest set: captures use lists, dictionaries and arrays.
 const MAX_SET: usize = 1 << 10;
 
-/// An array as it was written.
+/// An array as stored.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RawArray {
     shape: Vec<usize>,
@@ -24,12 +24,12 @@ pub(super) struct RawArray {
 }
 
 impl RawArray {
-    /// How many elements its bytes can hold, counted with care: for limits.
+    /// Number of elements that its bytes can hold, without overflow: for limits.
     pub fn len(&self) -> usize {
         self.bytes.len() / self.dtype.size().unwrap_or(1).max(1)
     }
 
-    /// Whether its elements are texts.
+    /// Whether its elements are strings.
     pub fn is_text(&self) -> bool {
         self.dtype.is_text()
     }
@@ -41,7 +41,7 @@ impl RawArray {
                 Ok(())
             } else {
                 Err(PickleError::Malformed(
-                    "an array whose size is not its shape's",
+                    "an array whose size differs from its shape",
                 ))
             }
         };
@@ -51,7 +51,7 @@ impl RawArray {
         }
         let values = self.dtype.numbers(&self.bytes);
         let values = values.ok_or(PickleError::Malformed(
-            "an array of neither whole numbers, floats nor texts",
+            "an array of neither integers, floats nor strings",
         ))?;
         fits(values.len())?;
         let values = if self.columns_first {
@@ -66,10 +66,12 @@ impl RawArray {
     }
 }
 
-/// What `function(arguments)` stands for.
+/// The value of `function(arguments)`.
 pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Node, PickleError> {
     let Node::Global(name) = machine.node(function)? else {
-        return Err(PickleError::Malformed("a call of what is no function"));
+        return Err(PickleError::Malformed(
+            "a call of a value that is not a function",
+        ));
     };
     let Node::List(arguments) = machine.node(arguments)? else {
         return Err(PickleError::Malformed("a call without arguments"));
@@ -87,7 +89,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         "numpy.dtype" => {
             let code = text(argument(0)?)?;
             if code.len() > MAX_NAME {
-                return Err(PickleError::Malformed("a dtype with an endless name"));
+                return Err(PickleError::Malformed("a dtype with too long a name"));
             }
             Ok(Node::Dtype(Dtype::new(&code)))
         }
@@ -105,7 +107,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
                 _ => Err(PickleError::Malformed("a scalar that is not one number")),
             }
         }
-        // How Python 3 writes bytes for Python 2: each as the character of its number.
+        // Bytes that Python 3 wrote for Python 2: each as the character with its number.
         "_codecs.encode" => {
             let text = text(argument(0)?)?;
             machine.encoded.set(machine.encoded.get() + text.len());
@@ -126,12 +128,16 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
             match argument(0)? {
                 Node::List(items) if items.len() <= MAX_SET => Ok(Node::List(items.clone())),
                 Node::List(_) => Err(PickleError::TooLarge),
-                _ => Err(PickleError::Malformed("a set of what is no list")),
+                _ => Err(PickleError::Malformed(
+                    "a set of a value that is not a list",
+                )),
             }
         }
         "copyreg._reconstructor" | "copyreg.__newobj__" => match argument(0)? {
             Node::Global(class) => object(class),
-            _ => Err(PickleError::Malformed("an object of what is no class")),
+            _ => Err(PickleError::Malformed(
+                "an object of a value that is not a class",
+            )),
         },
         _ => object(name),
     }
@@ -146,13 +152,13 @@ fn object(class: &Rc<str>) -> Result<Node, PickleError> {
     }
 }
 
-/// What `target` is once it was given its `state`.
+/// `target` after it receives its `state`.
 pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, PickleError> {
     if let Node::Object(class, _) = machine.node(target)? {
         return Ok(Node::Object(class.clone(), Some(state)));
     }
     let Node::List(state) = machine.node(state)? else {
-        return Err(PickleError::Malformed("a state that is no tuple"));
+        return Err(PickleError::Malformed("a state that is not a tuple"));
     };
     let part = |at: usize| {
         let id = state.get(at).copied();
@@ -170,7 +176,7 @@ pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, Pi
                 Node::List(items) if dtype.is_object() => {
                     if count(&shape) != Some(items.len()) {
                         return Err(PickleError::Malformed(
-                            "an array whose size is not its shape's",
+                            "an array whose size differs from its shape",
                         ));
                     }
                     match shape.len() {
@@ -189,7 +195,7 @@ pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, Pi
                 })),
             }
         }
-        _ => Err(PickleError::Malformed("a state for what has none")),
+        _ => Err(PickleError::Malformed("a state for a value without one")),
     }
 }
 
@@ -204,31 +210,29 @@ fn list(state: &[Id]) -> Result<Id, PickleError> {
 fn text(node: &Node) -> Result<Rc<str>, PickleError> {
     match node {
         Node::Text(text) => Ok(text.clone()),
-        _ => Err(PickleError::Malformed("something else where text belongs")),
+        _ => Err(PickleError::Malformed("a value that is not text")),
     }
 }
 
 fn bytes(node: &Node) -> Result<Rc<[u8]>, PickleError> {
     match node {
         Node::Bytes(bytes) => Ok(bytes.clone()),
-        // Bytes of Python 2 that happen to be readable.
+        // Bytes of Python 2 that are valid text.
         Node::Text(text) => Ok(text.clone().into()),
-        _ => Err(PickleError::Malformed("something else where bytes belong")),
+        _ => Err(PickleError::Malformed("a value that is not bytes")),
     }
 }
 
 fn dtype(node: &Node) -> Result<Dtype, PickleError> {
     match node {
         Node::Dtype(dtype) => Ok(dtype.clone()),
-        _ => Err(PickleError::Malformed(
-            "something else where a dtype belongs",
-        )),
+        _ => Err(PickleError::Malformed("a value that is not a dtype")),
     }
 }
 
 fn shape(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
     let Node::List(sides) = node else {
-        return Err(PickleError::Malformed("a shape that is no tuple"));
+        return Err(PickleError::Malformed("a shape that is not a tuple"));
     };
     if sides.len() > 8 {
         return Err(PickleError::Malformed("a shape of over 8 axes"));
@@ -237,7 +241,7 @@ fn shape(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
         .iter()
         .map(|side| match machine.node(*side)? {
             Node::Number(side) if *side >= 0.0 && *side < 1e9 => Ok(*side as usize),
-            _ => Err(PickleError::Malformed("a side that is no length")),
+            _ => Err(PickleError::Malformed("a shape with an invalid length")),
         })
         .collect()
 }

@@ -16,18 +16,18 @@ impl Machine<'_> {
             _ => {
                 let text = String::from_utf8_lossy(line);
                 let number = text.trim().trim_end_matches('L').parse::<f64>();
-                let number = number.map_err(|_| PickleError::Malformed("a number that is none"))?;
+                let number = number.map_err(|_| PickleError::Malformed("an invalid number"))?;
                 self.push(Node::Number(number))
             }
         }
     }
 
-    /// A place of the memory, in digits.
+    /// A memo number, in digits.
     pub(super) fn place(&mut self) -> Result<u32, PickleError> {
         let line = String::from_utf8_lossy(self.line()?);
         line.trim()
             .parse()
-            .map_err(|_| PickleError::Malformed("a memory without a number"))
+            .map_err(|_| PickleError::Malformed("a memo without a number"))
     }
 }
 

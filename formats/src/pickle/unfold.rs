@@ -1,4 +1,4 @@
-//! From the parts that a pickle built to a value.
+//! Builds a value from the parts of a pickle.
 
 use super::machine::{Id, Machine, Node};
 use super::{MAX_DEPTH, MAX_NUMBERS, MAX_VALUES, PickleError};
@@ -7,7 +7,7 @@ use crate::Value;
 /// Bytes of text that count as one value.
 const TEXT: usize = 64;
 
-/// What is left of the limits.
+/// Remaining limits.
 struct Left {
     values: usize,
     numbers: usize,
@@ -61,7 +61,7 @@ impl Machine<'_> {
                 array.value()?
             }
             Node::Objects { list, axes } => match (self.value(*list, depth, left)?, axes) {
-                // An array without axes is its only element; numpy saves dictionaries so.
+                // An array without axes is its only element: numpy saves dictionaries this way.
                 (Value::List(mut items), 0) => items.pop().unwrap_or(Value::Nothing),
                 (items, _) => items,
             },
