@@ -1,4 +1,4 @@
-//! What an operator can set, with the defaults of the embedded shape.
+//! Settings for operators, with the defaults of an embedded coordinator.
 
 use crate::error::ServerError;
 use std::{path::PathBuf, time::Duration};
@@ -15,21 +15,21 @@ pub struct ServerConfig {
     pub data_dir: PathBuf,
     /// Where objects are stored, `file:///…`; none means `objects/` in the data folder.
     pub objects: Option<Url>,
-    /// How long a worker may stay silent before its job goes to another.
+    /// Longest silence of a worker before its job goes to another.
     pub lease_seconds: f64,
-    /// How often to look for leases that ran out.
+    /// Interval of the search for expired leases.
     pub reap_interval: Duration,
-    /// How many workers a job may lose before it FAILS.
+    /// Number of lost workers after which a job FAILS.
     pub max_lost_workers: u32,
-    /// How often a watched job is read when nothing announces a change.
+    /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
-    /// How long open connections may take to end after a shutdown began.
+    /// Longest time for open connections to end after the start of a shutdown.
     pub shutdown_grace: Duration,
     /// Limits of one uploaded capture.
     pub upload: UploadLimits,
 }
 
-/// Limits of one uploaded capture; they hold before anything is decoded.
+/// Limits of one uploaded capture, enforced before anything is decoded.
 #[derive(Debug, Clone)]
 pub struct UploadLimits {
     /// Bytes of one file.
@@ -38,7 +38,7 @@ pub struct UploadLimits {
     pub capture_bytes: u64,
     /// Number of files.
     pub files: usize,
-    /// How long the client may send nothing.
+    /// Longest silence of the client.
     pub idle: Duration,
 }
 
@@ -62,7 +62,7 @@ impl ServerConfig {
         }
     }
 
-    /// Refuses settings under which nothing could ever run.
+    /// Rejects settings under which nothing can run.
     pub(crate) fn check(&self) -> Result<(), ServerError> {
         if !(self.lease_seconds.is_finite() && self.lease_seconds > 0.0) {
             let message = format!(

@@ -1,4 +1,4 @@
-//! What every service and background task of one coordinator shares.
+//! State that all services and background tasks of a coordinator share.
 
 use crate::{
     config::ServerConfig, jobs::changes::JobChanges, lock::DataDirLock, objects::Objects,
@@ -7,8 +7,8 @@ use crate::{
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// The shared parts. The lock is in here, so the data folder stays taken for as long as
-/// anything can still write to it.
+/// The shared parts. The lock is one of them, so the data folder stays locked as long as
+/// anything can write to it.
 pub struct Context {
     /// Settings.
     pub config: ServerConfig,
@@ -16,7 +16,7 @@ pub struct Context {
     pub store: Arc<dyn Store>,
     /// Uploads, shards, checkpoints, renders.
     pub objects: Objects,
-    /// Wakes those who watch jobs.
+    /// Wakes the watchers of jobs.
     pub changes: JobChanges,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,

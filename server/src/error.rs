@@ -1,4 +1,4 @@
-//! What can go wrong: while the coordinator opens or serves, and while it answers a request.
+//! Errors of the coordinator: while it opens or serves, and while it answers a request.
 
 use crate::{objects::ObjectsError, store::StoreError};
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ pub enum ServerError {
         /// Why.
         cause: std::io::Error,
     },
-    /// The configuration makes no sense.
+    /// The configuration is invalid.
     #[error("configuration: {0}")]
     Config(String),
     /// The database can't be opened.
@@ -41,7 +41,7 @@ pub enum ServerError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// A request can't be answered as asked. [`crate::api`] turns it into a gRPC status.
+/// A request that can't be answered. [`crate::api`] turns it into a gRPC status.
 #[derive(Debug, Error)]
 pub enum RequestError {
     /// No such resource.
@@ -55,18 +55,18 @@ pub enum RequestError {
     Invalid {
         /// Path of the field in the request.
         field: String,
-        /// What is wrong with it.
+        /// The fault.
         message: String,
     },
-    /// The request is well-formed, but not possible as things stand.
+    /// The request is well-formed, but not possible in the current state.
     #[error("{message}")]
     Precondition {
         /// Machine-readable.
         reason: &'static str,
-        /// For people.
+        /// Human-readable.
         message: String,
     },
-    /// The coordinator is going down; another call may succeed.
+    /// The coordinator is shutting down; a later call may succeed.
     #[error("the coordinator is shutting down")]
     ShuttingDown,
     /// The caller's own stream broke off.

@@ -1,5 +1,5 @@
-//! gRPC without a socket: the embedded worker and client speak to the coordinator through
-//! pipes in memory, by the same protocol and the same code as over a network.
+//! gRPC without a socket: the embedded worker and client use pipes in memory to the coordinator,
+//! with the same protocol and code as over a network.
 
 use crate::config::MAX_MESSAGE_BYTES;
 use futures::Stream;
@@ -23,7 +23,7 @@ pub fn in_memory() -> (InMemoryConnector, InMemoryIncoming) {
     (InMemoryConnector { sender }, InMemoryIncoming { receiver })
 }
 
-/// Connects to whoever serves the [`InMemoryIncoming`] of the pair.
+/// Connects to the server of the pair's [`InMemoryIncoming`].
 #[derive(Debug, Clone)]
 pub struct InMemoryConnector {
     sender: mpsc::Sender<DuplexStream>,

@@ -1,6 +1,6 @@
-//! The coordinator: API, jobs, catalogue, objects. It knows no tensors and decodes no media.
+//! The coordinator: API, jobs, catalogue, objects. It has no tensors and decodes no media.
 //!
-//! A request goes down through the rooms: `api` (gRPC) → `jobs` and `objects` (rules) →
+//! A request passes through the layers: `api` (gRPC) → `jobs` and `objects` (rules) →
 //! `store` (database). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
@@ -42,19 +42,19 @@ const DATABASE_FILE: &str = "yoto.db";
 const OBJECTS_FOLDER: &str = "objects";
 
 /// An open coordinator: it owns its data folder and takes jobs back from lost workers.
-/// [`Coordinator::close`] ends it in order; dropping it stops it, too.
+/// [`Coordinator::close`] ends it in order; dropping it stops it as well.
 pub struct Coordinator {
     context: Arc<Context>,
     reaper: JoinHandle<()>,
 }
 
 impl Coordinator {
-    /// Opens the data folder, creating what is missing, and removes what uploads that were
-    /// cut by the end of an earlier process left behind.
+    /// Opens the data folder, creates missing parts, and removes the remains of uploads that the
+    /// end of an earlier process interrupted.
     ///
     /// # Errors
     /// [`ServerError::DataDirInUse`] when another coordinator has the folder; others when
-    /// the configuration makes no sense, or the folder, database or object store can't be
+    /// the configuration is invalid, or the folder, database or object store can't be
     /// opened.
     pub async fn open(config: ServerConfig) -> Result<Self, ServerError> {
         config.check()?;
@@ -80,7 +80,7 @@ impl Coordinator {
 
     /// Serves all services, with health and reflection, on `incoming` until `shutdown` is
     /// ready or the coordinator is closed; then open calls have
-    /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, say on a TCP
+    /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, such as on a TCP
     /// listener and in memory. The future borrows nothing, so it can be spawned.
     ///
     /// # Errors
@@ -104,7 +104,7 @@ impl Coordinator {
         self.context.objects.url()
     }
 
-    /// Stops serving and reaping, closes the database, and gives the data folder free.
+    /// Stops serving and reaping, closes the database, and unlocks the data folder.
     pub async fn close(mut self) {
         self.context.stop.cancel();
         let grace = self.context.config.shutdown_grace;
@@ -144,11 +144,11 @@ fn folder_url(path: &Path) -> Result<Url, ServerError> {
 
 async fn remove_cut_uploads(context: &Context) -> Result<(), ServerError> {
     for id in context.store.unfinished_captures().await? {
-        tracing::info!(capture = id, "removing an upload that was cut");
-        // An object that can't be removed now must not keep the service down: the row
-        // stays, so the next start tries again.
+        tracing::info!(capture = id, "removing an interrupted upload");
+        // An object that can't be removed now must not prevent the start: the row stays, so
+        // the next start tries again.
         if let Err(error) = upload::discard(context, &id).await {
-            tracing::error!(capture = id, %error, "could not remove a cut upload");
+            tracing::error!(capture = id, %error, "could not remove an interrupted upload");
         }
     }
     Ok(())

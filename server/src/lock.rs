@@ -1,7 +1,7 @@
-//! One coordinator a data folder.
+//! One coordinator per data folder.
 //!
-//! Two of them on one SQLite file would each believe themselves the only writer and the
-//! only reaper. The operating system drops the lock when the process ends, however it ends.
+//! Two of them on one SQLite file would each act as the only writer and the only reaper. The
+//! operating system drops the lock whenever the process ends.
 
 use crate::error::ServerError;
 use std::{
@@ -38,7 +38,7 @@ impl DataDirLock {
         }
     }
 
-    /// Gives the folder free while someone may still hold this value.
+    /// Unlocks the folder while other owners of this value may remain.
     pub fn release(&self) {
         if let Err(error) = self.0.unlock() {
             tracing::warn!(%error, "could not release the data folder's lock");

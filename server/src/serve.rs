@@ -21,7 +21,7 @@ use yoto_proto::v1::{
     worker_service_server::WorkerServiceServer,
 };
 
-/// How often to ask a silent connection whether its other end still lives.
+/// Interval of keep-alive pings on idle connections.
 const KEEPALIVE: Duration = Duration::from_secs(20);
 
 /// All services, and the handle of the health service among them.
@@ -102,7 +102,7 @@ where
         .http2_keepalive_interval(Some(KEEPALIVE))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
-    // A client that holds its connection open and says nothing would keep it alive for ever.
+    // A client that keeps an idle connection open would keep the server alive for ever.
     let bound = async {
         drain.cancelled().await;
         tokio::time::sleep(context.config.shutdown_grace).await;

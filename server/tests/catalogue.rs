@@ -1,4 +1,4 @@
-//! The catalogue over gRPC: request ids, pages, slots, and what a job needs to be queued.
+//! The catalogue over gRPC: request ids, pages, slots, and the requirements of queued jobs.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! Evaluate jobs: what they need, what they are given, and what a worker may answer.
+//! Evaluate jobs: requirements, inputs, and valid results.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! Leases: who may write, what a lost worker costs, how jobs end.
+//! Leases: guarded writes, lost workers, ends of jobs.
 
 mod support;
 
@@ -9,7 +9,7 @@ use yoto_proto::v1::{
     Progress, TrainResult, capture, job, job_result,
 };
 
-/// Runs out while a test waits, seconds; long enough for a few calls on a busy machine.
+/// A lease that expires during a test, seconds; long enough for a few calls on a busy machine.
 const SHORT_LEASE: f64 = 1.0;
 
 async fn heartbeat(service: &Service, lease: &Lease, step: u64) -> Result<bool, Status> {

@@ -1,4 +1,4 @@
-//! What workers hand in, and what users get out of it.
+//! Results of workers, and their delivery to users.
 
 mod support;
 

@@ -1,4 +1,4 @@
-//! The service as a whole: one process a folder, memory that outlives it, health, reflection.
+//! The service as a whole: one process per folder, state that outlives it, health, reflection.
 
 mod support;
 

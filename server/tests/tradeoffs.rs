@@ -1,5 +1,5 @@
-//! Trade-offs: measured by evaluate jobs, kept with checkpoints, needed by renders that say
-//! what they want instead of how.
+//! Trade-offs: measured by evaluate jobs, kept with checkpoints, required by renders with a
+//! quality instead of settings.
 
 mod support;
 
@@ -130,7 +130,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
         .iter()
         .flat_map(|inputs| inputs.checkpoints.iter().map(|it| it.step))
         .collect();
-    assert_eq!(handed, [40], "nobody measured step 50");
+    assert_eq!(handed, [40], "step 50 was never measured");
     let without = job_result::Kind::Render(RenderResult::default());
     let answer = service.complete(&lease, without).await;
     assert_invalid(answer, "result.render.choice");
@@ -189,7 +189,7 @@ async fn wishes_and_trade_offs_that_can_not_be_are_refused() {
     let answer = service.complete(&lease, job_result::Kind::Evaluate(good));
     answer.await.expect("is good");
 
-    // Nobody asked for one.
+    // No trade-off was requested.
     let kind = evaluate(&model, false);
     service.create_job(kind).await.expect("is queued");
     let lease = service.lease(&worker).await.expect("the evaluation waits");

@@ -1,4 +1,4 @@
-//! Watching a job: in order, resumable, and ended by its terminal state.
+//! Watches of jobs: in order, resumable, and ended by the terminal state.
 
 mod support;
 
@@ -49,7 +49,7 @@ async fn a_watcher_sees_each_change_in_order_and_the_end() {
     let subject = service.ready_subject("Ada").await;
     let job = service.train(&service.model_of(&subject).await).await;
     let mut stream = watch(&service, &job.name, 0).await;
-    assert_eq!(next(&mut stream).await, job, "as it stands, first");
+    assert_eq!(next(&mut stream).await, job, "the current state first");
     let worker = service.worker(&["train"]).await;
     let lease = service.lease(&worker).await.expect("the training waits");
     let running = next(&mut stream).await;

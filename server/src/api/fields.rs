@@ -4,7 +4,7 @@ use crate::{error::RequestError, store::RequestKey};
 use prost::Message;
 use yoto_proto::names::Collection;
 
-/// Longest name for people, bytes.
+/// Longest display name, bytes.
 const MAX_DISPLAY_NAME: usize = 200;
 /// Longest consent note, bytes.
 pub const MAX_CONSENT_NOTE: usize = 10_000;
@@ -18,7 +18,7 @@ pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, Req
         .map_err(|error| RequestError::invalid(field, error.to_string()))
 }
 
-/// A name for people: one line, not empty.
+/// A display name: one line, not empty.
 pub fn display_name(name: &str) -> Result<String, RequestError> {
     let name = name.trim();
     if name.is_empty() || name.len() > MAX_DISPLAY_NAME || name.chars().any(char::is_control) {
@@ -28,7 +28,7 @@ pub fn display_name(name: &str) -> Result<String, RequestError> {
     Ok(name.to_owned())
 }
 
-/// The key of a request that may be repeated.
+/// The key of a repeatable request.
 pub fn request_key(
     method: &'static str,
     request_id: &str,

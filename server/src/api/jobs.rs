@@ -18,11 +18,11 @@ use yoto_proto::{
     },
 };
 
-/// Work for the workers, and watching it.
+/// Jobs for the workers, and their progress.
 pub struct JobApi {
     /// The shared parts.
     pub context: Arc<Context>,
-    /// Ends the watch streams, which would otherwise hold up a shutdown.
+    /// Ends the watch streams, which would otherwise delay a shutdown.
     pub drain: CancellationToken,
 }
 

@@ -1,5 +1,5 @@
-//! The gRPC services, a file each. They parse names and fields, call the room below, and
-//! turn its answer into messages; rules stand in `jobs`, `objects` and `store`.
+//! The gRPC services, one file each. They parse names and fields, call the layer below, and
+//! turn its answer into messages; the rules are in `jobs`, `objects` and `store`.
 
 mod fields;
 mod jobs;

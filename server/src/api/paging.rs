@@ -8,14 +8,14 @@ use crate::{
 use prost::Message;
 use yoto_proto::hex;
 
-/// Entries of a page when the caller does not say.
+/// Default number of entries of a page.
 const DEFAULT_SIZE: u32 = 100;
-/// Entries of a page at most.
+/// Most entries of a page.
 const MAX_SIZE: u32 = 1000;
 /// A page of several entries stays below this, so that it fits into a message.
 const MAX_PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 2;
 
-/// A list call's page.
+/// The page of a list call.
 pub struct Request {
     list: &'static str,
     size: u32,
@@ -35,13 +35,13 @@ impl Request {
         let after = match token {
             "" => None,
             token => Some(position(list, token).ok_or_else(|| {
-                RequestError::invalid("page_token", "is not a token that this list gave out")
+                RequestError::invalid("page_token", "is not a token of this list")
             })?),
         };
         Ok(Self { list, size, after })
     }
 
-    /// What to ask of the store: an entry more than wanted tells whether a page follows.
+    /// Query of the store: one entry more than requested shows whether another page follows.
     pub fn page(&self) -> Page {
         Page {
             limit: self.size + 1,
@@ -49,7 +49,7 @@ impl Request {
         }
     }
 
-    /// The page's entries, and the next page's token (empty behind the last).
+    /// The page's entries, and the next page's token (empty after the last).
     pub fn cut<T: Message>(&self, entries: Vec<Entry<T>>) -> (Vec<T>, String) {
         let mut items = Vec::with_capacity(entries.len());
         let (mut bytes, mut last) = (0, 0);

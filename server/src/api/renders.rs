@@ -13,7 +13,7 @@ use yoto_proto::{
     },
 };
 
-/// Asking for pictures, and fetching them.
+/// Requests for pictures, and downloads of them.
 pub struct RenderApi {
     /// The shared parts.
     pub context: Arc<Context>,

@@ -1,7 +1,7 @@
 //! Errors as clients see them: a gRPC code with `google.rpc` details.
 //!
-//! What is wrong with a request is told in full. What is wrong inside is logged here, once,
-//! and told to nobody: inner details help attackers, not callers.
+//! Faults of a request are reported in full. Internal errors are logged here, once, and not
+//! reported: internal details help attackers, not callers.
 
 use crate::{error::RequestError, store::StoreError};
 use std::collections::HashMap;
@@ -77,7 +77,7 @@ fn invalid(text: String, field: String, message: String) -> Status {
 }
 
 fn internal(error: &dyn std::error::Error) -> Status {
-    tracing::error!(%error, "a request failed inside");
-    let text = "an error inside the coordinator; its log says more".to_owned();
+    tracing::error!(%error, "internal error in a request");
+    let text = "internal error of the coordinator; see its log".to_owned();
     status(Code::Internal, text, "INTERNAL", &[])
 }

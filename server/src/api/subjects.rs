@@ -13,7 +13,7 @@ use yoto_proto::{
     },
 };
 
-/// People and the captures of them.
+/// People, and the captures of them.
 pub struct SubjectApi {
     /// The shared parts.
     pub context: Arc<Context>,
@@ -66,8 +66,8 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<Streaming<UploadCaptureRequest>>,
     ) -> Result<Response<UploadCaptureResponse>, Status> {
-        // A task of its own: when the caller goes away, this future is dropped, but the
-        // upload must live on until it has removed what it wrote.
+        // A separate task: when the caller disconnects, this future is dropped, but the
+        // upload must run until it has removed its files.
         let receiving = upload::receive(Arc::clone(&self.context), request.into_inner());
         let capture = tokio::spawn(receiving).await.map_err(|error| {
             tracing::error!(%error, "an upload task ended early");

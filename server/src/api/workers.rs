@@ -20,11 +20,11 @@ use yoto_proto::{
     },
 };
 
-/// What workers say to the coordinator.
+/// The workers' side of the coordinator.
 pub struct WorkerApi {
     /// The shared parts.
     pub context: Arc<Context>,
-    /// Once cancelled, no new leases are given; running jobs may still report.
+    /// Once cancelled, there are no new leases; running jobs may still report.
     pub drain: CancellationToken,
 }
 
@@ -46,11 +46,11 @@ impl WorkerService for WorkerApi {
         for kind in &request.kinds {
             let shown: String = kind.chars().take(80).collect();
             kinds.push(JobKind::parse(kind).ok_or_else(|| {
-                RequestError::invalid("kinds", format!("'{shown}' is no kind of job"))
+                RequestError::invalid("kinds", format!("'{shown}' is not a kind of job"))
             })?);
         }
         if kinds.is_empty() {
-            return Err(RequestError::invalid("kinds", "a worker runs something").into());
+            return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
         }
         let device = request.device;
         let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"))?;
@@ -125,7 +125,7 @@ impl WorkerService for WorkerApi {
         let key = lease_key(&request.job, request.token)?;
         let ending = match (request.cancelled, request.requeue, request.error) {
             (true, true, _) => {
-                let message = "a job is either cancelled or given back";
+                let message = "a job is either cancelled or requeued";
                 return Err(RequestError::invalid("requeue", message).into());
             }
             (true, false, _) => Ending::Cancelled,
@@ -133,7 +133,7 @@ impl WorkerService for WorkerApi {
             (false, true, _) => Ending::Requeued,
             (false, false, Some(error)) if !error.code.is_empty() => Ending::Failed(error),
             (false, false, _) => {
-                return Err(RequestError::invalid("error", "a failure has a code").into());
+                return Err(RequestError::invalid("error", "a failure needs a code").into());
             }
         };
         report::end(&self.context, &key, ending).await?;

@@ -1,16 +1,16 @@
 //! A hint that some job changed, so that watchers need not wait for their next poll.
 //!
-//! It is a hint only: watchers read the store, and poll it besides, so a lost hint (or a
-//! change by another process) costs a moment and nothing else.
+//! It is only a hint: watchers read the store, and poll it as well, so a lost hint (or a
+//! change by another process) only delays them.
 
 use tokio::sync::watch;
 
-/// Wakes everyone who watches a job.
+/// Wakes all watchers of jobs.
 #[derive(Debug)]
 pub struct JobChanges(watch::Sender<()>);
 
 impl JobChanges {
-    /// Nobody watches yet.
+    /// Without watchers.
     pub fn new() -> Self {
         Self(watch::Sender::new(()))
     }

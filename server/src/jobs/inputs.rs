@@ -1,4 +1,4 @@
-//! What a leased job needs, resolved from the catalogue: a worker asks for nothing else.
+//! Inputs of a leased job, resolved from the catalogue: a worker needs no other calls.
 
 use crate::{context::Context, error::RequestError, objects::upload, store::StoreError};
 use yoto_proto::{
@@ -9,7 +9,7 @@ use yoto_proto::{
     },
 };
 
-/// How many checkpoints to hand out: the newest, and older ones in case it is torn.
+/// Number of checkpoints in a lease: the newest, and older ones in case it is damaged.
 const CHECKPOINTS: usize = 8;
 
 /// The inputs of a job.
@@ -43,7 +43,7 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
             };
             of_model(context, &evaluate.model, people, newest).await
         }
-        None => Err(unreadable("the job says no kind").into()),
+        None => Err(unreadable("the job has no kind").into()),
     }
 }
 
@@ -60,8 +60,8 @@ async fn ingest_inputs(context: &Context, ingest: &IngestSpec) -> Result<Inputs,
     })
 }
 
-/// The model called `name`, the shards of those whom `people` names, and what `kept` leaves of
-/// its checkpoints.
+/// The model called `name`, the shards of the subjects that `people` names, and the checkpoints
+/// that `kept` selects.
 async fn of_model(
     context: &Context,
     name: &str,
@@ -92,8 +92,8 @@ fn newest(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     checkpoints
 }
 
-/// A render by quality was promised figures: a checkpoint published since, which nobody has
-/// measured, can't keep that promise.
+/// A render by quality has predicted figures, which do not apply to a later checkpoint without
+/// a measured trade-off.
 fn newest_measured(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     checkpoints.retain(|it| it.tradeoff.is_some());
     newest(checkpoints)
@@ -104,7 +104,7 @@ async fn shard(context: &Context, subject: &str) -> Result<SubjectShard, Request
         .store
         .shard(parse(Collection::Subjects, subject)?)
         .await?;
-    shard.ok_or_else(|| unreadable(&format!("{subject} has no shard any more")).into())
+    shard.ok_or_else(|| unreadable(&format!("{subject} no longer has a shard")).into())
 }
 
 fn parse(collection: Collection, name: &str) -> Result<&str, StoreError> {

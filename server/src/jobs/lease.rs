@@ -28,7 +28,7 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
     Ok(id)
 }
 
-/// Leases the oldest job that the worker can run, with its inputs; none when none waits.
+/// Leases the oldest queued job that the worker can run, with its inputs, if there is one.
 ///
 /// # Errors
 /// When the worker is unknown or the store fails. A job whose inputs can't be read goes
@@ -62,7 +62,7 @@ pub async fn lease(context: &Context, worker_id: &str) -> Result<Option<Lease>, 
     }
 }
 
-/// Should this fail, too, the reaper takes the job back when the lease runs out.
+/// If this fails as well, the reaper takes the job back when the lease expires.
 async fn give_back(context: &Context, job: &Job) {
     let Ok(id) = Collection::Jobs.parse(&job.name) else {
         return;

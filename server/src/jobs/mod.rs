@@ -1,4 +1,4 @@
-//! The queue's rules: what may be queued, who gets it, how it ends, who watches.
+//! The rules of the queue: accepted jobs, leases, outcomes and watches.
 
 pub mod changes;
 mod inputs;

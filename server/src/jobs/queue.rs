@@ -1,8 +1,8 @@
 //! Queues and cancels jobs.
 //!
-//! A job is refused now rather than failing later when the catalogue can't serve it. What
-//! is checked here only grows (slots, shards, checkpoints), so it still holds when the job
-//! is leased.
+//! A job that the catalogue can't serve is refused now instead of failing later. The checked
+//! entries (slots, shards, checkpoints) are never removed, so the checks still hold when the
+//! job is leased.
 
 use super::spec;
 use crate::{
@@ -21,7 +21,7 @@ use yoto_proto::{
 /// Checks a job and queues it.
 ///
 /// # Errors
-/// When the order is malformed, names what does not exist, or can't be served yet.
+/// When the spec is malformed, names a missing resource, or can't be served yet.
 pub async fn create(
     context: &Context,
     spec: JobSpec,
@@ -36,7 +36,7 @@ pub async fn create(
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
         }
-        None => return Err(RequestError::invalid("spec", "says no kind of job")),
+        None => return Err(RequestError::invalid("spec", "has no kind of job")),
     }
     let kind = JobKind::of(&spec).map_or("", JobKind::as_str);
     let job = context.store.create_job(spec, request).await?;
@@ -48,7 +48,7 @@ pub async fn create(
 /// Cancels a job: a queued one at once, a running one through its worker.
 ///
 /// # Errors
-/// When there is no such job.
+/// When the job does not exist.
 pub async fn cancel(context: &Context, id: &str) -> Result<Job, RequestError> {
     let job = context.store.cancel_job(id).await?;
     context.changes.announce();
@@ -138,7 +138,7 @@ async fn model(context: &Context, field: &str, name: &str) -> Result<Model, Requ
         .await?)
 }
 
-/// The subject exists and has a shard to learn from.
+/// Checks that the subject exists and has a shard.
 async fn require_shard(context: &Context, field: &str, name: &str) -> Result<(), RequestError> {
     let id = parse(Collection::Subjects, field, name)?;
     if context.store.shard(id).await?.is_some() {

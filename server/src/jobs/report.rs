@@ -1,7 +1,7 @@
-//! What workers report of their leased jobs.
+//! Reports of workers on their leased jobs.
 //!
-//! A worker's word is checked before it becomes the catalogue's: keys must be those that
-//! this job may write under this token, and the objects must be there.
+//! A report is checked before it enters the catalogue: keys must be those that this job may
+//! write under this token, and the objects must exist.
 
 use crate::{
     context::Context,
@@ -18,7 +18,7 @@ use yoto_proto::{
     },
 };
 
-/// Largest trade-off that is kept, bytes: it is answered in one message.
+/// Largest stored trade-off, bytes: it must fit into one message.
 const MAX_TRADEOFF_BYTES: u64 = 1 << 20;
 
 /// Extends the lease and records progress. Returns whether the job is to be cancelled.
@@ -110,10 +110,10 @@ pub async fn complete(
     Ok(())
 }
 
-/// Ends the job without a result, or gives it back.
+/// Ends the job without a result, or requeues it.
 ///
 /// # Errors
-/// When the lease is stale, or the worker stopped for a cancel that nobody asked for.
+/// When the lease is stale, or the worker reports a cancel that was never requested.
 pub async fn end(context: &Context, lease: &LeaseKey, ending: Ending) -> Result<(), RequestError> {
     context.store.end_job(lease, ending.clone()).await?;
     context.changes.announce();
@@ -121,12 +121,12 @@ pub async fn end(context: &Context, lease: &LeaseKey, ending: Ending) -> Result<
         job = lease.job_id,
         token = lease.token,
         ?ending,
-        "job given up by its worker"
+        "job ended or requeued by its worker"
     );
     Ok(())
 }
 
-/// The job's order, if the lease holds. The write that follows checks the lease again.
+/// The job's spec, if the lease is valid. The write that follows checks the lease again.
 async fn leased_spec(context: &Context, lease: &LeaseKey) -> Result<JobSpec, RequestError> {
     let job = context.store.job(&lease.job_id).await?;
     if job.lease != lease.token || job.state() != job::State::Running {
@@ -175,7 +175,7 @@ async fn check_ingest(
     Ok(())
 }
 
-/// The result speaks of a checkpoint that the model has.
+/// Checks that the result names a checkpoint of the model.
 async fn check_checkpoint(
     context: &Context,
     model: &str,
@@ -191,7 +191,7 @@ async fn check_checkpoint(
     Err(RequestError::invalid(field, message))
 }
 
-/// Figures of those who were asked for, all of them numbers.
+/// Checks the figures: finite, and of all requested subjects.
 async fn check_evaluate(
     context: &Context,
     spec: &EvaluateSpec,
@@ -201,7 +201,7 @@ async fn check_evaluate(
     check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
     let measured = |subject: &String| result.subjects.iter().any(|it| it.subject == *subject);
     if result.subjects.is_empty() || !spec.subjects.iter().all(measured) {
-        let message = "lacks figures of a subject that was asked for";
+        let message = "lacks figures of a requested subject";
         return Err(RequestError::invalid("result.evaluate.subjects", message));
     }
     for (i, subject) in result.subjects.iter().enumerate() {
@@ -211,7 +211,7 @@ async fn check_evaluate(
     check_scores("result.evaluate.mean", result.mean.as_ref())
 }
 
-/// The trade-off of the measured checkpoint, if it was asked for and only then.
+/// The trade-off of the measured checkpoint, if and only if it was requested.
 async fn check_tradeoff(
     context: &Context,
     lease: &LeaseKey,
@@ -221,7 +221,7 @@ async fn check_tradeoff(
     let field = "result.evaluate.tradeoff";
     if spec.tradeoff.is_none() {
         return match result.tradeoff {
-            Some(_) => Err(RequestError::invalid(field, "was not asked for")),
+            Some(_) => Err(RequestError::invalid(field, "was not requested")),
             None => Ok(()),
         };
     }
@@ -233,7 +233,7 @@ async fn check_tradeoff(
     match object {
         Some(object) if object.bytes > MAX_TRADEOFF_BYTES => {
             let message = format!(
-                "{} bytes; at most {MAX_TRADEOFF_BYTES} are kept",
+                "{} bytes; at most {MAX_TRADEOFF_BYTES} are allowed",
                 object.bytes
             );
             Err(RequestError::invalid(format!("{field}.bytes"), message))
@@ -256,7 +256,7 @@ fn check_scores(field: &str, scores: Option<&Scores>) -> Result<(), RequestError
         scores.black_psnr,
     ];
     if scores.pictures == 0 || figures.iter().any(|figure| !figure.is_finite()) {
-        let message = "holds no pictures, or figures that are no numbers";
+        let message = "holds no pictures, or figures that are not finite";
         return Err(RequestError::invalid(field, message));
     }
     Ok(())
@@ -269,7 +269,7 @@ async fn check_render(
     result: &RenderResult,
 ) -> Result<(), RequestError> {
     if spec.quality.is_some() != result.choice.is_some() {
-        let message = "there is a choice if, and only if, the order had a quality";
+        let message = "is present if and only if the spec had a quality";
         return Err(RequestError::invalid("result.render.choice", message));
     }
     for (i, file) in result.files.iter().enumerate() {
@@ -280,7 +280,7 @@ async fn check_render(
     Ok(())
 }
 
-/// The object is named, may be written under this lease, and is there.
+/// Checks that the object is named, may be written under this lease, and exists.
 async fn require(
     context: &Context,
     field: &str,

@@ -17,16 +17,16 @@ use yoto_proto::{
 const MAX_SPEC_BYTES: usize = 8 << 20;
 /// Longest side of a rendered picture, pixels.
 const MAX_RENDER_SIDE: u32 = 4096;
-/// Shortest side that SSIM can be measured at, pixels.
+/// Shortest side for SSIM, pixels.
 const MIN_EVALUATE_SIDE: u32 = 16;
 /// Most pictures of one render job.
 const MAX_PICTURES: u32 = 10_000;
-/// Most pictures that a trade-off is measured on, and most renders of each.
+/// Most pictures of a trade-off measurement, and most renders of each.
 const MAX_TRADEOFF_VIEWS: u32 = 64;
 const MAX_TRADEOFF_REPEATS: u32 = 32;
-/// Fastest animation, frames a second.
+/// Fastest animation, frames per second.
 const MAX_FPS: f32 = 120.0;
-/// Shortest pause between two checkpoints of a training, seconds: each is written whole.
+/// Shortest interval between two checkpoints of a training, seconds: each is written in full.
 const MIN_CHECKPOINT_SECONDS: f64 = 0.1;
 /// Longest training budget: 90 days.
 const MAX_TRAIN_SECONDS: f64 = 90.0 * 86_400.0;
@@ -41,7 +41,7 @@ fn ensure(holds: bool, field: &str, message: impl FnOnce() -> String) -> Checked
     }
 }
 
-/// Orders have a size, too.
+/// Size of a spec.
 pub fn check_size(spec: &JobSpec) -> Checked {
     let bytes = spec.encoded_len();
     ensure(bytes <= MAX_SPEC_BYTES, "spec", || {
@@ -59,7 +59,7 @@ pub fn check_train(train: &TrainSpec) -> Checked {
     ensure(
         i64::try_from(train.steps).is_ok(),
         "spec.train.steps",
-        || format!("{} steps never end", train.steps),
+        || format!("{} steps are too many", train.steps),
     )?;
     ensure(
         train.image_size <= MAX_SIDE,
@@ -86,7 +86,7 @@ pub fn check_render(render: &RenderSpec) -> Checked {
     ensure(
         matches!(render.background.len(), 0 | 3) && render.background.iter().all(in_unit),
         "spec.render.background",
-        || "a background is empty, or three numbers from 0 to 1".into(),
+        || "a background is empty or three numbers from 0 to 1".into(),
     )?;
     ensure(
         (0.0..=MAX_FPS).contains(&render.fps),
@@ -113,23 +113,23 @@ pub fn check_render(render: &RenderSpec) -> Checked {
             size,
             ..
         })) => {
-            // 0 stands for all that are left; the worker, which knows how many, bounds them.
+            // 0 means all remaining frames; the worker, which knows their number, limits them.
             if *frame_count > 0 {
                 check_count("spec.render.motion.frame_count", u64::from(*frame_count))?;
             }
             ensure(*frame_step > 0, "spec.render.motion.frame_step", || {
-                "a step of 0 never gets to the next frame".into()
+                "a step of 0 never reaches the next frame".into()
             })?;
             check_side("spec.render.motion.size", *size)
         }
         None => Err(RequestError::invalid(
             "spec.render",
-            "says nothing to render",
+            "has nothing to render",
         )),
     }
 }
 
-/// What is wanted of a frame, in numbers that somebody can want.
+/// The goal for a frame, within valid ranges.
 fn check_quality(quality: &RenderQuality) -> Checked {
     let above_zero = |name: &str, value: f64| {
         let field = format!("spec.render.quality.{name}");
@@ -149,10 +149,7 @@ fn check_quality(quality: &RenderQuality) -> Checked {
                 format!("there is no render quality '{shown}'; qualities: {known}")
             },
         ),
-        None => Err(RequestError::invalid(
-            "spec.render.quality",
-            "says nothing that is wanted",
-        )),
+        None => Err(RequestError::invalid("spec.render.quality", "has no goal")),
     }
 }
 
@@ -194,7 +191,7 @@ fn check_clip(clip: &MotionClip) -> Checked {
     })
 }
 
-/// Protocol and size of an evaluation, and nobody named twice.
+/// Protocol and size of an evaluation, without repeated subjects.
 pub fn check_evaluate(evaluate: &EvaluateSpec) -> Checked {
     let protocol = evaluate.protocol.as_str();
     ensure(
@@ -255,7 +252,7 @@ fn check_view(field: &str, view: &View) -> Checked {
     let (Some(pose), Some(camera)) = (&view.pose, &view.camera) else {
         return Err(RequestError::invalid(
             field,
-            "a view has a pose and a camera",
+            "a view needs a pose and a camera",
         ));
     };
     check_pose(&format!("{field}.pose"), pose)?;

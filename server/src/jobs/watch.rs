@@ -1,4 +1,4 @@
-//! Watching a job: its state now and at every change, resumable by sequence number.
+//! Watches of jobs: the current state and every change, resumable by sequence number.
 
 use crate::{context::Context, error::RequestError};
 use futures::{Stream, stream};
@@ -7,7 +7,7 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use yoto_proto::v1::{Job, job};
 
-/// Whether a job in `state` never changes again.
+/// Whether `state` is terminal.
 pub fn is_terminal(state: job::State) -> bool {
     matches!(
         state,
@@ -18,19 +18,18 @@ pub fn is_terminal(state: job::State) -> bool {
 struct Watcher {
     context: Arc<Context>,
     id: String,
-    /// The sequence number that the caller knows.
+    /// Last sequence number known to the caller.
     known: u64,
     changes: watch::Receiver<()>,
     stop: CancellationToken,
     ended: bool,
 }
 
-/// The job's states that are newer than `after_sequence`, ending behind a terminal one.
-/// Changes that follow each other faster than they are read may be left out.
+/// The job's states newer than `after_sequence`, up to a terminal one. Changes faster than the
+/// reads may be left out.
 ///
-/// A caller that knows the terminal state already (the same sequence number) is sent
-/// nothing, and the stream ends. A number that the job never had is not trusted: the job is
-/// sent as it stands.
+/// For a caller that has the terminal state already (the same sequence number), the stream ends
+/// at once. After a number that the job never had, the stream starts with the current state.
 ///
 /// # Errors
 /// The stream fails when the job does not exist, the store fails, or `stop` is cancelled.
@@ -62,7 +61,7 @@ pub fn watch(
 impl Watcher {
     async fn next(&mut self) -> Result<Option<Job>, RequestError> {
         loop {
-            // Before the read, so that a change during it wakes the wait behind it.
+            // Before the read, so that a change during it wakes the wait after it.
             self.changes.mark_unchanged();
             let job = self.context.store.job(&self.id).await?;
             if job.sequence != self.known {

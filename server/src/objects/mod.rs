@@ -1,4 +1,4 @@
-//! The object store: everything too large for the database.
+//! The object store, for everything too large for the database.
 
 mod paths;
 pub mod upload;
@@ -13,18 +13,18 @@ use thiserror::Error;
 use url::Url;
 use yoto_proto::v1::ObjectRef;
 
-/// The object store did not do what it was asked to.
+/// A failure of the object store.
 #[derive(Debug, Error)]
 pub enum ObjectsError {
-    /// The URL names no store that this program knows.
+    /// The URL names no supported store.
     #[error("object store {url}: {reason}")]
     Url {
         /// The URL.
         url: Url,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
     },
-    /// The key can't be one.
+    /// The key is invalid.
     #[error("object key '{key}': {cause}")]
     Key {
         /// The key.
@@ -42,20 +42,20 @@ pub enum ObjectsError {
         /// The store's error.
         cause: object_store::Error,
     },
-    /// The object is not what the catalogue says.
+    /// The object differs from the catalogue.
     #[error("object '{key}' has {found} bytes, not {expected}")]
     Size {
         /// The key.
         key: String,
-        /// By the catalogue or the request.
+        /// Size in the catalogue or the request.
         expected: u64,
-        /// In the store.
+        /// Size in the store.
         found: u64,
     },
 }
 
 impl ObjectsError {
-    /// Whether the object is missing or not as announced, rather than the store broken.
+    /// Whether the object is missing or differs, as opposed to a broken store.
     pub fn is_mismatch(&self) -> bool {
         match self {
             Self::Size { .. } | Self::Key { .. } => true,
@@ -74,11 +74,11 @@ pub struct Objects {
 }
 
 impl Objects {
-    /// Opens the store at `url`: `file:///folder`, created if it is not there. A write
+    /// Opens the store at `url`: `file:///folder`, created if missing. A write
     /// returns when the object is on disk.
     ///
     /// # Errors
-    /// When the scheme is another, or the folder can't be used.
+    /// When the scheme is not `file`, or the folder can't be used.
     pub fn open(url: &Url) -> Result<Self, ObjectsError> {
         let refuse = |reason: String| ObjectsError::Url {
             url: url.clone(),
@@ -101,12 +101,12 @@ impl Objects {
         })
     }
 
-    /// Where the store is, for those who open it themselves.
+    /// URL of the store, for processes that open it directly.
     pub fn url(&self) -> &Url {
         &self.url
     }
 
-    /// Writes an object whole.
+    /// Writes a complete object.
     ///
     /// # Errors
     /// When the key is malformed or the store fails.
@@ -115,8 +115,8 @@ impl Objects {
         put.map(drop).map_err(|cause| failed("writing", key, cause))
     }
 
-    /// Starts writing an object that need not fit into memory. It is there once the writer
-    /// is finished, and not before.
+    /// Starts writing an object that may not fit into memory. It exists once the writer has
+    /// finished, not before.
     ///
     /// # Errors
     /// When the key is malformed or the store fails.
@@ -132,7 +132,7 @@ impl Objects {
     /// Streams an object.
     ///
     /// # Errors
-    /// When there is none, it has another size than `object` says, or the store fails.
+    /// When it is missing or its size differs from `object`, or the store fails.
     pub async fn get(
         &self,
         object: &ObjectRef,
@@ -147,10 +147,10 @@ impl Objects {
             .boxed())
     }
 
-    /// Makes sure that the object is there and has the size that `object` says.
+    /// Checks that the object exists and has the size in `object`.
     ///
     /// # Errors
-    /// When not, or the store fails.
+    /// When it does not, or the store fails.
     pub async fn require(&self, object: &ObjectRef) -> Result<(), ObjectsError> {
         let found = self.store.head(&parse(&object.key)?).await;
         let found = found.map_err(|cause| failed("looking for", &object.key, cause))?;
@@ -173,7 +173,7 @@ impl Objects {
             .try_for_each(|_| std::future::ready(Ok(())))
             .await
             .map_err(|cause| failed("deleting", folder, cause))?;
-        // A local store keeps empty folders, which would pile up.
+        // A local store keeps empty folders, which would accumulate.
         match tokio::fs::remove_dir_all(self.root.join(folder)).await {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 let cause = object_store::Error::Generic {
@@ -200,7 +200,7 @@ pub struct ObjectWriter {
 }
 
 impl ObjectWriter {
-    /// Appends `bytes`, waiting while too much of what came before is still on its way.
+    /// Appends `bytes`; waits while too many earlier parts are still being written.
     ///
     /// # Errors
     /// When the store fails.
@@ -211,7 +211,7 @@ impl ObjectWriter {
         Ok(())
     }
 
-    /// Makes the object visible, whole.
+    /// Completes the object and makes it visible.
     ///
     /// # Errors
     /// When the store fails.
@@ -223,7 +223,7 @@ impl ObjectWriter {
             .map_err(|cause| failed("writing", &key, cause))
     }
 
-    /// Gives up what was written.
+    /// Discards the written parts.
     ///
     /// # Errors
     /// When the store fails.

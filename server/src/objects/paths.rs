@@ -1,4 +1,4 @@
-//! Which file paths a capture may contain.
+//! Valid file paths in a capture.
 //!
 //! A path becomes part of an object key and, on a local store, of a file name. The rules
 //! keep it inside its capture on every store and every file system.
@@ -16,10 +16,10 @@ pub struct CapturePaths {
 }
 
 impl CapturePaths {
-    /// Adds `path`, or says why it can't be part of the capture.
+    /// Adds `path`; the error says why it can't be part of the capture.
     pub fn add(&mut self, path: &str) -> Result<(), String> {
         check(path)?;
-        // Some file systems don't tell letter cases apart.
+        // Some file systems ignore case.
         let folded = path.to_ascii_lowercase();
         let folders = || {
             folded

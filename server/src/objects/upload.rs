@@ -1,7 +1,7 @@
-//! Receives one capture: checks while the bytes arrive, and leaves nothing half behind.
+//! Receives one capture: checks while the bytes arrive, and leaves nothing incomplete behind.
 //!
-//! Content is not looked at here. A capture that arrives whole but makes no sense becomes
-//! REJECTED by its ingest job, so that its owner sees what is wrong with it.
+//! Content is not read here. A capture that arrives complete but is faulty becomes REJECTED by
+//! its ingest job, so that its owner sees the faults.
 
 use super::{ObjectWriter, paths::CapturePaths};
 use crate::{
@@ -29,15 +29,15 @@ use yoto_proto::{
 /// The ingest job's lease lists all files in one message; this leaves room for the rest.
 const MAX_LISTING_BYTES: usize = MAX_MESSAGE_BYTES - (1 << 20);
 /// A file up to this size is held in memory until its checksum is known; a larger one goes to
-/// the store as it comes, and becomes an object only if the checksum holds.
+/// the store as it arrives, and becomes an object only if the checksum matches.
 const HELD_BYTES: u64 = 8 << 20;
-/// Memory to reserve on a file's announcement, before a byte of it has come.
+/// Memory to reserve at a file's header, before its first byte.
 const MAX_RESERVED: u64 = 1 << 20;
 
 /// Receives a capture to its end and starts its ingest job.
 ///
 /// # Errors
-/// When the stream breaks off or breaks a rule; every trace of the capture is gone then.
+/// When the stream ends early or violates a rule; the capture is then removed completely.
 pub async fn receive<S>(context: Arc<Context>, mut parts: S) -> Result<Capture, RequestError>
 where
     S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
@@ -64,17 +64,17 @@ where
             Ok(capture)
         }
         Err(error) => {
-            // The first error is the one to answer; what is left is removed at the next start.
+            // The first error is the answer; remains are removed at the next start.
             if let Err(leftover) = discard(&context, &id).await {
-                tracing::error!(capture = id, error = %leftover, "could not remove a cut upload");
+                tracing::error!(capture = id, error = %leftover, "could not remove an interrupted upload");
             }
             Err(error)
         }
     }
 }
 
-/// Removes the objects and the row of an upload that never ended. A capture whose upload
-/// did end is left alone.
+/// Removes the objects and the row of an unfinished upload. A capture with a finished upload
+/// is not changed.
 ///
 /// # Errors
 /// When a store fails; the row stays until the objects are gone, so it can be tried again.
@@ -113,7 +113,7 @@ where
     Ok(context.store.finish_capture(capture_id, &files).await?)
 }
 
-/// The stream's next part, waited for no longer than a client may be silent.
+/// The stream's next part; the wait is limited to the longest silence of a client.
 async fn next<S>(context: &Context, parts: &mut S) -> Result<Option<Part>, RequestError>
 where
     S: Stream<Item = Result<UploadCaptureRequest, Status>> + Unpin,
@@ -131,12 +131,12 @@ where
         Some(Ok(UploadCaptureRequest { part: Some(part) })) => Ok(Some(part)),
         Some(Ok(UploadCaptureRequest { part: None })) => Err(RequestError::invalid(
             "part",
-            "a message has a header, a file or a chunk",
+            "a message needs a header, a file or a chunk",
         )),
     }
 }
 
-/// A file that is arriving.
+/// A file during its upload.
 struct OpenFile {
     header: FileHeader,
     came: u64,
@@ -144,13 +144,13 @@ struct OpenFile {
     into: Destination,
 }
 
-/// Where a file's bytes go meanwhile.
+/// Destination of a file's bytes during its upload.
 enum Destination {
     Memory(Vec<u8>),
     Store(Box<ObjectWriter>),
 }
 
-/// What has arrived of a capture.
+/// The received part of a capture.
 struct Upload<'a> {
     context: &'a Context,
     limits: &'a UploadLimits,
@@ -193,7 +193,7 @@ impl<'a> Upload<'a> {
         self.nothing_open()
     }
 
-    /// Leaves nothing of the open file in the store.
+    /// Removes the open file from the store.
     async fn give_up(self) {
         if let Some(OpenFile {
             into: Destination::Store(writer),
@@ -201,7 +201,7 @@ impl<'a> Upload<'a> {
         }) = self.open
             && let Err(error) = writer.abort().await
         {
-            tracing::warn!(%error, "could not give up a cut file");
+            tracing::warn!(%error, "could not discard an incomplete file");
         }
     }
 
@@ -235,7 +235,7 @@ impl<'a> Upload<'a> {
         self.listing_bytes += 5 + input_file(self.capture_id, &uploaded(&header)).encoded_len();
         if self.done.len() >= self.limits.files || self.listing_bytes > MAX_LISTING_BYTES {
             let message = format!(
-                "{shown}: too many files, {} came before it",
+                "{shown}: too many files, {} were sent before it",
                 self.done.len()
             );
             return Err(RequestError::invalid("file", message));
@@ -279,7 +279,7 @@ impl<'a> Upload<'a> {
         self.store_if_whole().await
     }
 
-    /// Checks and writes the open file once its last byte has come.
+    /// Checks and writes the open file after its last byte.
     async fn store_if_whole(&mut self) -> Result<(), RequestError> {
         let whole = |open: &OpenFile| open.came == open.header.bytes;
         let Some(open) = self.open.as_ref().filter(|open| whole(open)) else {
@@ -287,7 +287,7 @@ impl<'a> Upload<'a> {
         };
         let found = hex(&open.hash.clone().finalize());
         if found != open.header.sha256 {
-            let message = format!("{}: the bytes that came have {found}", open.header.path);
+            let message = format!("{}: the received bytes have {found}", open.header.path);
             return Err(RequestError::invalid("file.sha256", message));
         }
         let Some(file) = self.open.take() else {
@@ -309,7 +309,7 @@ impl<'a> Upload<'a> {
             None => Ok(()),
             Some(open) => {
                 let (came, all) = (open.came, open.header.bytes);
-                let message = format!("{}: {came} of {all} bytes came", open.header.path);
+                let message = format!("{}: received {came} of {all} bytes", open.header.path);
                 Err(RequestError::invalid("chunk", message))
             }
         }
@@ -350,7 +350,7 @@ pub fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
     }
 }
 
-/// Whether `text` is a SHA-256 as the contract writes it.
+/// Whether `text` is a SHA-256 in the contract's form.
 pub fn is_sha256(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'))
 }

@@ -1,7 +1,7 @@
 //! The coordinator's memory: the catalogue and the job queue.
 //!
-//! One trait, so that the rules above it know no database. Each method is one transaction.
-//! Ids are bare (`{id}`), as names have been parsed above.
+//! One trait, so that the rules are independent of the database. Each method is one transaction.
+//! Ids are bare (`{id}`), since callers have parsed the names.
 
 mod sqlite;
 mod types;
@@ -18,11 +18,11 @@ use yoto_proto::v1::{
     SubjectShard,
 };
 
-/// What the coordinator remembers. Every method fails with [`StoreError::Database`] when
+/// The catalogue and the job queue. Every method fails with [`StoreError::Database`] when
 /// the database does.
 #[async_trait]
 pub trait Store: Send + Sync + 'static {
-    /// Creates a subject, or answers as `request` was answered before.
+    /// Creates a subject, or repeats the earlier answer to `request`.
     async fn create_subject(
         &self,
         new: NewSubject,
@@ -40,7 +40,7 @@ pub trait Store: Send + Sync + 'static {
     /// Ends an upload: the capture is INGESTING and its ingest job QUEUED, or neither.
     async fn finish_capture(&self, id: &str, files: &[UploadedFile])
     -> Result<Capture, StoreError>;
-    /// Forgets a capture that is still UPLOADING; any other is left alone.
+    /// Forgets a capture that is still UPLOADING; any other is not changed.
     async fn discard_capture(&self, id: &str) -> Result<(), StoreError>;
     /// Ids of the captures that are UPLOADING.
     async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError>;
@@ -49,7 +49,7 @@ pub trait Store: Send + Sync + 'static {
     /// The files of a capture, by path.
     async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
 
-    /// Creates a model, or answers as `request` was answered before.
+    /// Creates a model, or repeats the earlier answer to `request`.
     async fn create_model(
         &self,
         new: NewModel,
@@ -59,7 +59,7 @@ pub trait Store: Send + Sync + 'static {
     async fn model(&self, id: &str) -> Result<Model, StoreError>;
     /// Models, oldest first.
     async fn models(&self, page: Page) -> Result<Vec<Entry<Model>>, StoreError>;
-    /// Gives a READY subject the next slot, or returns the slot that it has already.
+    /// Gives a READY subject the next slot, or returns its existing slot.
     async fn add_identity(
         &self,
         model_id: &str,
@@ -68,7 +68,7 @@ pub trait Store: Send + Sync + 'static {
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
 
-    /// Queues a job, or answers as `request` was answered before.
+    /// Queues a job, or repeats the earlier answer to `request`.
     async fn create_job(
         &self,
         spec: JobSpec,
@@ -78,12 +78,12 @@ pub trait Store: Send + Sync + 'static {
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
     /// Jobs, newest first.
     async fn jobs(&self, page: Page) -> Result<Vec<Entry<Job>>, StoreError>;
-    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended one stays as it is.
+    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed.
     async fn cancel_job(&self, id: &str) -> Result<Job, StoreError>;
 
     /// Adds a worker. Returns its id.
     async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError>;
-    /// Leases the oldest QUEUED job that the worker can run, for so many seconds.
+    /// Leases the oldest QUEUED job that the worker can run, for this many seconds.
     async fn lease_job(
         &self,
         worker_id: &str,
@@ -102,12 +102,12 @@ pub trait Store: Send + Sync + 'static {
         lease: &LeaseKey,
         checkpoint: Checkpoint,
     ) -> Result<(), StoreError>;
-    /// Ends a leased job with its result; an ingest job's capture becomes READY with it, and a
-    /// trade-off that an evaluate job measured is its checkpoint's.
+    /// Ends a leased job with its result. In the same transaction, an ingest job's capture becomes
+    /// READY, and a measured trade-off is stored with its checkpoint.
     async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError>;
-    /// Ends or requeues a leased job; an ingest job that ends takes its capture to REJECTED.
+    /// Ends or requeues a leased job; the capture of an ingest job that ends becomes REJECTED.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
-    /// Takes back jobs whose lease ran out; one that lost `cap` workers FAILS.
+    /// Takes back jobs with expired leases; a job that lost `cap` workers FAILS.
     async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;
 
     /// Waits for running statements and closes the database.

@@ -1,4 +1,4 @@
-//! What goes into the store and comes out of it, beside the contract's own messages.
+//! Input and output types of the store, besides the contract's messages.
 
 use prost::Message;
 use thiserror::Error;
@@ -9,23 +9,23 @@ pub fn new_id() -> String {
     uuid::Uuid::now_v7().to_string()
 }
 
-/// What went wrong in the store.
+/// An error of the store.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// The database did not do what it was asked to.
+    /// A failure of the database.
     #[error("{action}: {cause}")]
     Database {
-        /// What was being done.
+        /// The failed action.
         action: &'static str,
         /// The driver's error.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The database holds something that this program can't read.
+    /// The database holds a value that this program can't read.
     #[error("{what} is unreadable in the database: {detail}")]
     Corrupt {
         /// The column.
         what: &'static str,
-        /// What is wrong with it.
+        /// The fault.
         detail: String,
     },
     /// No such resource.
@@ -42,31 +42,33 @@ pub enum StoreError {
         /// Its value.
         value: u64,
     },
-    /// The request id was used before, for another body.
+    /// The request id was used before with another body.
     #[error("request id '{request_id}' was used before with another body")]
     RequestIdReused {
         /// The id.
         request_id: String,
     },
-    /// The fencing token is not the job's newest, or the job no longer runs.
-    #[error("token {token} holds no lease on {job}: it was leased again, or it no longer runs")]
+    /// The fencing token is not the job's newest, or the job is no longer running.
+    #[error(
+        "token {token} has no lease on {job}: the job was leased again or is no longer running"
+    )]
     StaleLease {
         /// The job's name.
         job: String,
         /// The token that was refused.
         token: u64,
     },
-    /// The catalogue's present state forbids it.
+    /// Not possible in the catalogue's current state.
     #[error("{message}")]
     Rule {
         /// Machine-readable.
         reason: &'static str,
-        /// For people.
+        /// Human-readable.
         message: String,
     },
 }
 
-/// Makes a repeated call recognisable: the caller's id, and what was asked.
+/// Identifies a repeated call: the caller's id, and the request.
 #[derive(Debug, Clone)]
 pub struct RequestKey {
     /// The RPC; ids of different RPCs never collide.
@@ -78,7 +80,7 @@ pub struct RequestKey {
 }
 
 impl RequestKey {
-    /// The key of `body`, which carries `request_id`; none when the caller gave no id.
+    /// The key of `body`, which has `request_id`; none without an id.
     pub fn new(method: &'static str, request_id: &str, body: &impl Message) -> Option<Self> {
         if request_id.is_empty() {
             return None;
@@ -92,19 +94,19 @@ impl RequestKey {
     }
 }
 
-/// Which part of a list is wanted.
+/// A page of a list.
 #[derive(Debug, Clone, Copy)]
 pub struct Page {
-    /// At most so many entries.
+    /// Largest number of entries.
     pub limit: u32,
-    /// Go on behind this position; none starts at the beginning.
+    /// Continue after this position; none starts at the beginning.
     pub after: Option<i64>,
 }
 
-/// An entry of a list with its position, which the next page starts behind.
+/// An entry of a list with its position, after which the next page starts.
 #[derive(Debug, Clone)]
 pub struct Entry<T> {
-    /// Grows or falls along the list.
+    /// Increases or decreases along the list.
     pub position: i64,
     /// The entry.
     pub item: T,
@@ -113,16 +115,16 @@ pub struct Entry<T> {
 /// A subject to create.
 #[derive(Debug, Clone)]
 pub struct NewSubject {
-    /// For people.
+    /// Human-readable.
     pub display_name: String,
-    /// Under which consent the recordings are used.
+    /// The consent under which the recordings are used.
     pub consent_note: String,
 }
 
 /// A model to create.
 #[derive(Debug, Clone)]
 pub struct NewModel {
-    /// For people.
+    /// Human-readable.
     pub display_name: String,
     /// One of [`yoto_proto::tiers::TIERS`].
     pub tier: String,
@@ -130,14 +132,14 @@ pub struct NewModel {
     pub variant: String,
 }
 
-/// A worker that reports for work.
+/// A worker that registers.
 #[derive(Debug, Clone)]
 pub struct NewWorker {
-    /// For people.
+    /// Human-readable.
     pub display_name: String,
-    /// What it computes on.
+    /// Its device.
     pub device: WorkerDevice,
-    /// What it runs.
+    /// Kinds of jobs that it runs.
     pub kinds: Vec<JobKind>,
 }
 
@@ -152,7 +154,7 @@ pub struct UploadedFile {
     pub sha256: String,
 }
 
-/// What a job does.
+/// Kind of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JobKind {
     /// Makes a training shard of a capture.
@@ -166,7 +168,7 @@ pub enum JobKind {
 }
 
 impl JobKind {
-    /// As it stands in the database and in `RegisterWorkerRequest.kinds`.
+    /// The name in the database and in `RegisterWorkerRequest.kinds`.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Ingest => "ingest",
@@ -183,7 +185,7 @@ impl JobKind {
             .find(|kind| kind.as_str() == name)
     }
 
-    /// The kind of `spec`, if it says one.
+    /// The kind of `spec`, if it has one.
     pub fn of(spec: &JobSpec) -> Option<Self> {
         spec.kind.as_ref().map(|kind| match kind {
             job_spec::Kind::Ingest(_) => Self::Ingest,
@@ -194,7 +196,7 @@ impl JobKind {
     }
 }
 
-/// A claim on a job: every write of a worker is guarded by it.
+/// A claim on a job, which guards every write of a worker.
 #[derive(Debug, Clone)]
 pub struct LeaseKey {
     /// The job's id.
@@ -203,25 +205,25 @@ pub struct LeaseKey {
     pub token: u64,
 }
 
-/// How a worker ends a job without a result.
+/// End of a job without a result.
 #[derive(Debug, Clone)]
 pub enum Ending {
-    /// The job can't be done.
+    /// The job failed.
     Failed(JobError),
-    /// The worker stopped because it was told to.
+    /// The worker stopped on request.
     Cancelled,
-    /// The worker gives it back unharmed.
+    /// The worker returns the job without a fault.
     Requeued,
-    /// What the job needs failed, not the job: try again later, but not forever.
+    /// A resource of the job failed, not the job: retry later, a limited number of times.
     TryLater(JobError),
 }
 
-/// What the reaper did with a job whose lease ran out.
+/// The reaper's action on a job with an expired lease.
 #[derive(Debug, Clone)]
 pub struct Reaped {
     /// `jobs/{id}`.
     pub job: String,
-    /// `workers/{id}` that went silent.
+    /// The silent `workers/{id}`.
     pub worker: String,
     /// Workers lost over this job, this one included.
     pub lost_workers: u32,

@@ -1,4 +1,4 @@
-//! Captures as a client sends them.
+//! Captures in the form that clients send.
 
 use yoto_proto::{
     sha256_hex,

@@ -1,11 +1,11 @@
-//! Waiting for conditions, and expecting refusals.
+//! Waits for conditions, and expected refusals.
 
 use std::{future::Future, time::Duration};
 use tokio::time::Instant;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 
-/// Longest that any condition is waited for.
+/// Longest wait for a condition.
 const DEADLINE: Duration = Duration::from_secs(20);
 
 /// Polls until `probe` finds something, and fails at the deadline.

@@ -1,4 +1,4 @@
-//! Orders that are refused, and by which field.
+//! Refused specs, and the field of each refusal.
 
 use super::*;
 

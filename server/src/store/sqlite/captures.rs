@@ -84,17 +84,17 @@ pub async fn finish(
     get(conn, id).await
 }
 
-/// Forgets an upload that never ended.
+/// Deletes an unfinished upload.
 pub async fn discard(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
     sqlx::query("DELETE FROM captures WHERE id = ?1 AND state = 'UPLOADING'")
         .bind(id)
         .execute(conn)
         .await
-        .during("forgetting an upload")?;
+        .during("deleting an upload")?;
     Ok(())
 }
 
-/// Ids of the captures whose upload has not ended.
+/// Ids of captures with an unfinished upload.
 pub async fn unfinished(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
     let rows = sqlx::query("SELECT id FROM captures WHERE state = 'UPLOADING' ORDER BY ord")
         .fetch_all(conn)
@@ -198,7 +198,7 @@ pub async fn accept(
     Ok(())
 }
 
-/// The capture could not be ingested: it is REJECTED and says why.
+/// The capture could not be ingested: it is REJECTED, with the reasons.
 pub async fn reject(
     conn: &mut SqliteConnection,
     id: &str,

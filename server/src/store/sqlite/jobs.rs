@@ -1,4 +1,4 @@
-//! Jobs as users see them: created, read, listed, cancelled.
+//! The users' side of jobs: create, read, list, cancel.
 
 use super::{
     outcome, requests,
@@ -78,7 +78,7 @@ pub async fn insert(conn: &mut SqliteConnection, spec: JobSpec) -> Result<String
         Some(job_spec::Kind::Evaluate(evaluate)) => {
             (JobKind::Evaluate, Collection::Models, &evaluate.model)
         }
-        None => return Err(unreadable("it says no kind".into())),
+        None => return Err(unreadable("it has no kind".into())),
     };
     let target = collection
         .parse(name)

@@ -1,4 +1,4 @@
-//! Leases: who may write to a job, and until when.
+//! Leases: the right to write to a job, with a deadline.
 //!
 //! The fencing token is the job's `lease` column. A write is guarded by the job's id, the
 //! token and the state RUNNING; a worker that lost its lease matches no row.
@@ -15,8 +15,8 @@ use yoto_proto::{
     v1::{Checkpoint, Job, Progress},
 };
 
-/// Whether anything is queued that the worker runs. Workers ask often and mostly in vain;
-/// this spares the writer's connection, and the disk, a transaction each time.
+/// Whether a job for the worker is queued. Workers ask often and mostly without success; this
+/// read saves a transaction on the writer's connection, and a disk access, each time.
 pub async fn any_queued(conn: &mut SqliteConnection, worker_id: &str) -> Result<bool, StoreError> {
     let row = sqlx::query(
         "SELECT EXISTS (
@@ -69,7 +69,7 @@ pub async fn lease(
     }
 }
 
-/// Why a guarded write matched no row: the job does not exist, or the lease is stale.
+/// The reason why a guarded write matched no row: the job does not exist, or the lease is stale.
 pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreError {
     match jobs::get(conn, &lease.job_id).await {
         Ok(job) => StoreError::StaleLease {
@@ -80,7 +80,7 @@ pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreErro
     }
 }
 
-/// The token as the column holds it. One beyond the column's range was never given out.
+/// The token in the column's type. A token beyond the column's range was never issued.
 pub fn token(lease: &LeaseKey) -> Result<i64, StoreError> {
     i64::try_from(lease.token).map_err(|_| StoreError::StaleLease {
         job: Collection::Jobs.name(&lease.job_id),

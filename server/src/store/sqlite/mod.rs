@@ -1,7 +1,7 @@
 //! The store on SQLite: one process, one file, durable at every commit.
 //!
 //! All writes go through one connection and start with `BEGIN IMMEDIATE`, so a write never
-//! fails for having read first; readers have their own connections and never wait for it.
+//! fails because of an earlier read; readers have their own connections and never wait.
 
 mod captures;
 mod jobs;
@@ -34,9 +34,9 @@ use yoto_proto::v1::{
     SubjectShard,
 };
 
-/// How long a statement waits for a lock before it fails.
+/// Longest wait of a statement for a lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-/// Connections that only read.
+/// Number of read-only connections.
 const READERS: u32 = 4;
 
 /// The schema, step by step.
@@ -58,7 +58,7 @@ fn migrations() -> Migrator {
     ])
 }
 
-/// See the module's documentation.
+/// The SQLite store; see the module's documentation.
 #[derive(Debug)]
 pub struct SqliteStore {
     writer: SqlitePool,

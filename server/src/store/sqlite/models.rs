@@ -12,7 +12,7 @@ use yoto_proto::{
     v1::{Checkpoint, IdentitySlot, Model, ObjectRef, subject},
 };
 
-/// The variant whose models know one person only.
+/// The variant with a single subject per model.
 const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
 
 /// Creates a model, or returns the one that `request` created before.
@@ -96,7 +96,7 @@ pub async fn list(
     Ok(entries)
 }
 
-/// Gives a READY subject the next slot, or returns the one it has.
+/// Gives a READY subject the next slot, or returns its existing slot.
 pub async fn add_identity(
     conn: &mut SqliteConnection,
     model_id: &str,
@@ -121,7 +121,7 @@ pub async fn add_identity(
         return Err(StoreError::Rule {
             reason: "MODEL_FULL",
             message: format!(
-                "{} is of the variant {SINGLE_SUBJECT_VARIANT}, which knows one subject, and has it",
+                "{} has the variant {SINGLE_SUBJECT_VARIANT}, which is limited to one subject, and has one",
                 model.name
             ),
         });
@@ -177,7 +177,7 @@ pub async fn checkpoints(
         .collect()
 }
 
-/// Keeps the measured trade-off of a checkpoint, in place of an earlier one.
+/// Stores the measured trade-off of a checkpoint, replacing an earlier one.
 pub async fn record_tradeoff(
     conn: &mut SqliteConnection,
     checkpoint: &str,
@@ -199,7 +199,7 @@ pub async fn record_tradeoff(
     .bind(&object.sha256)
     .execute(conn)
     .await
-    .during("keeping a trade-off")?;
+    .during("storing a trade-off")?;
     if done.rows_affected() == 0 {
         let name = checkpoint.to_owned();
         return Err(StoreError::NotFound { name });

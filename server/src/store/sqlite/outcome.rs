@@ -1,7 +1,7 @@
-//! How jobs end, and what their end means for the catalogue.
+//! Outcomes of jobs, and their effect on the catalogue.
 //!
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
-//! checkpoint's trade-off, so that neither can say something that the other denies.
+//! checkpoint's trade-off, so that the two never contradict each other.
 
 use super::{captures, leases, models, rows::Columns, rows::During};
 use crate::store::{Ending, LeaseKey, StoreError};
@@ -12,10 +12,10 @@ use yoto_proto::{
     v1::{JobError, JobResult, Violation, job, job_result},
 };
 
-/// How often a job is tried again after faults that are not its own: about a day long, so that
-/// a store or a machine can be mended meanwhile.
+/// Number of retries after faults outside the job: over about a day, so that a store or a
+/// machine can be repaired meanwhile.
 const MAX_RETRIES: i64 = 100;
-/// Longest wait before the next try; the first is a second, and each twice the one before.
+/// Longest wait before a retry; the first wait is a second, and each later one doubles.
 const LONGEST_WAIT_SECONDS: i64 = 900;
 /// Doublings of the wait; more would overflow before the longest wait is taken.
 const MAX_DOUBLINGS: i64 = 20;
@@ -52,7 +52,7 @@ pub async fn end(
         Ending::Cancelled if cancel_requested => cancel(conn, lease).await,
         Ending::Cancelled => Err(StoreError::Rule {
             reason: "CANCEL_NOT_REQUESTED",
-            message: "nobody asked for this job to be cancelled".into(),
+            message: "no cancel of this job was requested".into(),
         }),
         Ending::Requeued if cancel_requested => cancel(conn, lease).await,
         Ending::Requeued => requeue(conn, lease).await,
@@ -104,7 +104,7 @@ pub async fn cancel(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(),
     reject(conn, &row, &[cancelled()]).await
 }
 
-/// Puts the leased job back into its old place in the queue.
+/// Returns the leased job to its old place in the queue.
 pub async fn requeue(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
     let done = sqlx::query(
         "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1
@@ -121,8 +121,8 @@ pub async fn requeue(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<()
     Ok(())
 }
 
-/// Puts the leased job back into the queue for later, or ends it as FAILED when it was tried
-/// [`MAX_RETRIES`] times.
+/// Returns the leased job to the queue for later, or ends it as FAILED after
+/// [`MAX_RETRIES`] retries.
 async fn try_later(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -146,13 +146,13 @@ async fn try_later(
         return Ok(());
     }
     error.message = format!(
-        "{} (tried again {MAX_RETRIES} times; what was uploaded is not at fault)",
+        "{} (after {MAX_RETRIES} retries; the upload is not at fault)",
         error.message
     );
     fail(conn, lease, error).await
 }
 
-/// Ends a job that no worker has.
+/// Ends a job without a worker.
 pub async fn cancel_queued(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     let row = sqlx::query(
         "UPDATE jobs SET state = 'CANCELLED', cancel_requested = 1, sequence = sequence + 1,
@@ -173,7 +173,7 @@ fn cancelled() -> Violation {
     violation("CANCELLED", "", None, "", "the ingest job was cancelled")
 }
 
-/// Rejects the capture of an ingest job that ended; other jobs have none.
+/// Rejects the capture of an ended ingest job; other jobs have no capture.
 async fn reject(
     conn: &mut SqliteConnection,
     job: &SqliteRow,

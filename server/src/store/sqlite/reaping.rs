@@ -1,7 +1,7 @@
-//! Jobs whose worker went silent.
+//! Jobs of silent workers.
 //!
 //! A lost worker is not the job's fault, so the job goes back to the queue; but a job that
-//! takes worker after worker down with it must end.
+//! crashes one worker after another must end.
 
 use super::{
     outcome,
@@ -14,7 +14,7 @@ use yoto_proto::{
     v1::{JobError, job},
 };
 
-/// Whether any lease has run out.
+/// Whether any lease has expired.
 pub async fn any_expired(conn: &mut SqliteConnection) -> Result<bool, StoreError> {
     sqlx::query(
         "SELECT EXISTS (SELECT 1 FROM jobs
@@ -23,10 +23,10 @@ pub async fn any_expired(conn: &mut SqliteConnection) -> Result<bool, StoreError
     .fetch_one(conn)
     .await
     .and_then(|row| row.try_get(0))
-    .during("looking for leases that ran out")
+    .during("looking for expired leases")
 }
 
-/// Takes back every job whose lease ran out.
+/// Takes back every job with an expired lease.
 pub async fn reap(conn: &mut SqliteConnection, cap: u32) -> Result<Vec<Reaped>, StoreError> {
     let rows = sqlx::query(
         "SELECT id, lease, worker, lost_workers, cancel_requested FROM jobs
@@ -34,7 +34,7 @@ pub async fn reap(conn: &mut SqliteConnection, cap: u32) -> Result<Vec<Reaped>, 
     )
     .fetch_all(&mut *conn)
     .await
-    .during("reading jobs whose lease ran out")?;
+    .during("reading jobs with expired leases")?;
     let mut reaped = Vec::with_capacity(rows.len());
     for row in &rows {
         let lease = LeaseKey {
@@ -73,7 +73,7 @@ pub async fn reap(conn: &mut SqliteConnection, cap: u32) -> Result<Vec<Reaped>, 
     Ok(reaped)
 }
 
-/// The sequence number grows with the change of state that follows in the same transaction.
+/// The change of state that follows in the same transaction increases the sequence number.
 async fn count_lost_worker(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     sqlx::query("UPDATE jobs SET lost_workers = lost_workers + 1 WHERE id = ?1")
         .bind(job_id)

@@ -4,7 +4,7 @@ use super::rows::{Columns, During};
 use crate::store::{RequestKey, StoreError};
 use sqlx::SqliteConnection;
 
-/// The id that the same request was answered with before, if it was.
+/// The id in the earlier answer to the same request, if there was one.
 pub async fn answered(
     conn: &mut SqliteConnection,
     request: Option<&RequestKey>,
@@ -31,7 +31,7 @@ pub async fn answered(
     row.text("answer").map(Some)
 }
 
-/// Remembers what a request was answered with.
+/// Stores the answer to a request.
 pub async fn remember(
     conn: &mut SqliteConnection,
     request: Option<&RequestKey>,
@@ -49,6 +49,6 @@ pub async fn remember(
     .bind(answer)
     .execute(conn)
     .await
-    .during("remembering a request id")?;
+    .during("storing a request id")?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! From columns to messages and back, with errors that say what was being done.
+//! Conversion between columns and messages, with errors that name the action.
 
 use crate::store::StoreError;
 use prost::Message;
@@ -6,7 +6,7 @@ use prost_types::Timestamp;
 use sqlx::{Row, sqlite::SqliteRow};
 use yoto_proto::v1::ObjectRef;
 
-/// Names what was being done when the driver failed.
+/// Adds the action to errors of the driver.
 pub trait During<T> {
     /// Adds `action`, e.g. "reading a job".
     fn during(self, action: &'static str) -> Result<T, StoreError>;

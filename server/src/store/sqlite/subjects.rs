@@ -1,4 +1,4 @@
-//! Subjects, and the shard that stands for each.
+//! Subjects, and the shard of each.
 
 use super::{
     requests,

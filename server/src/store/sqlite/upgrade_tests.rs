@@ -45,7 +45,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     assert_eq!(trained.worker, "workers/w");
     let checkpoints = store.checkpoints("m", 9).await.expect("are kept");
     assert_eq!(checkpoints.len(), 1);
-    assert_eq!(checkpoints[0].tradeoff, None, "nobody measured it");
+    assert_eq!(checkpoints[0].tradeoff, None, "it was never measured");
     let spec = JobSpec {
         kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
             model: "models/m".into(),
@@ -62,7 +62,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     let worker = store.register_worker(new).await.expect("registers");
     let leased = store.lease_job(&worker, 60.0).await.expect("answers");
     assert_eq!(leased.map(|job| job.name), Some(evaluation.name));
-    // What refers to the tables that were made anew is still guarded.
+    // References to the recreated tables are still enforced.
     let error = store
         .writer
         .execute("DELETE FROM jobs WHERE id = 'trained'")
