@@ -1,4 +1,4 @@
-//! A capture's files become its plan, its pose track, and what there is to read.
+//! Opens a capture's files: its plan, its pose track, and the sources of its pictures.
 
 use super::failure::ReadFailure;
 use super::order::Place;
@@ -12,27 +12,27 @@ use yoto_media::video::Ffmpeg;
 use yoto_proto::media_plan::{self, MediaPlan, Planned, Sources};
 use yoto_proto::pose_track::{self, FILES, NO_DISTORTION, PoseTrack, violation};
 
-/// A capture whose archives are unpacked and whose pose track is in order.
+/// A capture with unpacked archives and a valid pose track.
 #[derive(Debug)]
 pub(super) struct Capture {
     /// Path in the capture to path on this disk.
     pub(super) files: Files,
-    /// What a capture may hold.
+    /// Limits of a capture.
     pub(super) limits: Limits,
-    /// How it is to be read.
+    /// The plan for reading it.
     pub(super) plan: MediaPlan,
-    /// Where pictures and masks are.
+    /// Sources of pictures and masks.
     pub(super) sources: Sources,
-    /// The frames that count, by rising index; as a pinhole camera would have taken them.
+    /// The selected frames, by rising index, without distortion.
     pub(super) track: PoseTrack,
-    /// For each frame the index of its mask.
+    /// Index of each frame's mask.
     pub(super) masks: Vec<u32>,
-    /// Of the pictures as they are stored.
+    /// Distortion of the stored pictures.
     pub(super) distortion: [f64; 5],
 }
 
 impl Capture {
-    /// Reads all but the pictures; archives are unpacked into `folder`.
+    /// Reads everything except the pictures; archives are unpacked into `folder`.
     ///
     /// # Errors
     /// Faults of the files, and of this machine.
@@ -50,7 +50,7 @@ impl Capture {
         let bytes = read_file(path, limits).map_err(|error| ReadFailure::at(error, name, None))?;
         let planned = plan.track(name, &bytes).map_err(ReadFailure::Rejected)?;
         let Planned { mut track, masks } = planned;
-        // Training shoots straight rays: what it reads has no distortion any more.
+        // Training casts straight rays, so its frames have no distortion.
         let distortion = std::mem::replace(&mut track.distortion, NO_DISTORTION);
         let sources =
             Sources::find(&plan, files.keys().map(String::as_str)).map_err(ReadFailure::of)?;

@@ -1,4 +1,4 @@
-//! The child's side: take the limits on, do the order, say how it went.
+//! The child's side: set the limits, carry out the order, report the outcome.
 
 use super::failure::ReadFailure;
 use super::order::{Line, Order, Outcome};
@@ -11,7 +11,7 @@ use yoto_media::MEMORY_LIMIT;
 use yoto_media::video::Ffmpeg;
 
 /// The argument that makes this program the child; followed by the order's file, the bytes of
-/// memory and the seconds it may take.
+/// memory and the seconds that it may use.
 pub(super) const ARGUMENT: &str = "read-one-upload";
 
 /// Becomes the child that reads one upload, and ends the process with it, if the arguments of
@@ -30,7 +30,7 @@ pub fn become_ingest_child_if_asked() {
     let number = |text: &OsString| text.to_str().and_then(|text| text.parse().ok());
     let outcome = match (number(memory), number(seconds)) {
         (Some(memory), Some(seconds)) => run(Path::new(order), memory, seconds),
-        _ => Outcome::Machine("the child was started with limits that are no numbers".into()),
+        _ => Outcome::Machine("the child was started with invalid limits".into()),
     };
     say(&Line::End(outcome));
     std::process::exit(0);
@@ -49,7 +49,7 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
     match prepare(&order, &ffmpeg, &mut |place| say(&Line::At(place))) {
         Ok(prepared) => Outcome::Done(prepared),
         Err(ReadFailure::Rejected(mut found)) => {
-            // Only here is it known how much there was.
+            // Only here is the limit known.
             for fault in found.iter_mut().filter(|it| it.code == MEMORY_LIMIT) {
                 fault.message += &format!(": the limit is {} MiB", memory >> 20);
             }
@@ -59,14 +59,14 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
     }
 }
 
-/// Limits that the kernel keeps, whatever a decoder does. They hold for an `ffmpeg` that is
-/// started from here as well.
+/// Limits enforced by the kernel, independent of decoders. They also apply to an `ffmpeg` started
+/// by this process.
 fn confine(memory: u64, seconds: u64, file_bytes: u64) -> nix::Result<()> {
-    // Dies with the worker, even if that is killed.
+    // Dies with the worker, even if the worker is killed.
     #[cfg(target_os = "linux")]
     nix::sys::prctl::set_pdeathsig(nix::sys::signal::Signal::SIGKILL)?;
-    // A machine that runs out of memory ends this process and not the worker or what else runs
-    // there. Where that may not be said, the kernel chooses as ever.
+    // If the machine runs out of memory, the kernel kills this process before the worker and other
+    // programs. Without the permission for this, the kernel chooses as usual.
     #[cfg(target_os = "linux")]
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     setrlimit(Resource::RLIMIT_CORE, 0, 0)?;
@@ -80,6 +80,6 @@ fn say(line: &Line) {
         return;
     };
     text.push('\n');
-    // Nobody listens only if the worker is gone, and then this process is about to be.
+    // A write fails only after the worker's end, which ends this process as well.
     let _ = std::io::stdout().lock().write_all(text.as_bytes());
 }

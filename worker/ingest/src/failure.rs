@@ -1,4 +1,4 @@
-//! Why a capture could not be read.
+//! Failures of reading a capture.
 
 use super::MAX_VIOLATIONS;
 use yoto_media::MediaError;
@@ -7,22 +7,22 @@ use yoto_proto::media_plan;
 use yoto_proto::pose_track::{describe, violation};
 use yoto_proto::v1::Violation;
 
-/// Why an upload became no shard. `E` is what ends the wait for the child.
+/// The reason why an upload gave no shard. `E` is the error that ends the wait for the child.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError<E> {
-    /// The capture is at fault; each entry says where. Never empty.
+    /// The capture is at fault; each entry names the place. Never empty.
     #[error("{}", lines(.0))]
     Rejected(Vec<Violation>),
     /// This machine is at fault: another try may succeed.
     #[error("{0}")]
     Machine(String),
-    /// Somebody, or the kernel, ended the child: another try may succeed.
+    /// The child was killed from outside: another try may succeed.
     #[error("{0}")]
     Killed(String),
-    /// What the child left is not what it should be.
+    /// The child's output is invalid.
     #[error("{0}")]
     Broken(String),
-    /// Whoever waits wants no more.
+    /// The caller cancelled the wait.
     #[error("the wait for the upload was ended")]
     Stopped(E),
 }
@@ -32,13 +32,13 @@ pub(super) fn machine<E>(doing: &str, error: &std::io::Error) -> IngestError<E> 
     IngestError::Machine(format!("{doing}: {error}"))
 }
 
-/// Whose fault it is that a capture could not be read.
+/// The reason why a capture could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadFailure {
-    /// The capture's; each entry says where. Never empty.
+    /// A fault of the capture; each entry names the place. Never empty.
     #[error("{}", lines(.0))]
     Rejected(Vec<Violation>),
-    /// This machine's: another try may succeed.
+    /// A fault of this machine: another try may succeed.
     #[error("{0}")]
     Machine(String),
 }
@@ -59,7 +59,7 @@ impl ReadFailure {
         Self::of(violation(code, media_plan::FILE, None, field, message))
     }
 
-    /// Both: a machine's fault goes before the capture's, since that may be a consequence.
+    /// Both: a fault of the machine goes before faults of the capture, which may follow from it.
     pub(super) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Rejected(mut a), Self::Rejected(b)) => {

@@ -1,12 +1,12 @@
-//! Reading captures as users upload them: files in, a training shard and the check's report out.
+//! Reads uploaded captures: files in, a training shard and the check's report out.
 //!
-//! What somebody else uploaded is decoded in a child process: this program, started again, with
-//! limits on memory and time, so that a file which makes a decoder crash, hang or swell ends that
-//! process only ([`ingest`], [`become_ingest_child_if_asked`]). A capture of one's own is read in
-//! this process ([`LocalCapture`]), by the same code.
+//! Uploads are decoded in a child process: this program, started again, with limits on memory and
+//! time, so that a file that makes a decoder crash, hang or use too much memory ends only that
+//! process ([`ingest`], [`become_ingest_child_if_asked`]). The user's own captures are read in this
+//! process ([`LocalCapture`]), by the same code.
 //!
-//! Everything wrong with a capture is told with file, frame and field. A limit that is exceeded
-//! is the capture's fault, and is named; a fault of this machine rejects nothing.
+//! Faults of a capture are reported with file, frame and field. An exceeded limit is a fault of the
+//! capture, and is named; a fault of this machine never rejects a capture.
 
 mod capture;
 mod child;
@@ -28,5 +28,5 @@ pub use settings::IngestSettings;
 pub use upload::{Ingested, ingest};
 pub use yoto_media::archive::Files;
 
-/// Most violations reported of one capture; a wrong export repeats in every frame.
+/// Most violations reported per capture, since an export error repeats in every frame.
 const MAX_VIOLATIONS: usize = 20;

@@ -1,5 +1,5 @@
-//! A capture on this disk, read in this process as an ingest job reads an upload: what a check
-//! before the upload sees is what training will get.
+//! A capture on this disk, read in this process as an ingest job reads an upload, so that a check
+//! before the upload sees the same data as training.
 
 use super::capture::Capture;
 use super::failure::ReadFailure;
@@ -11,17 +11,17 @@ use yoto_media::Limits;
 use yoto_media::video::Ffmpeg;
 use yoto_proto::pose_track::PoseTrack;
 
-/// A capture of one's own. No limits on memory or time hold: it is nobody else's.
+/// The user's own capture. It is trusted, so there are no limits on memory or time.
 #[derive(Debug)]
 pub struct LocalCapture {
     capture: Capture,
     ffmpeg: Ffmpeg,
-    /// Holds what was in archives.
+    /// Folder of unpacked archives.
     _folder: TempDir,
 }
 
 impl LocalCapture {
-    /// Reads all but the pictures of the capture of `files`: path in it to path on this disk.
+    /// Reads everything except the pictures of the capture of `files` (path in it to path on disk).
     /// Videos that are not read in this process go to the program `ffmpeg`; without a name it is
     /// searched for.
     ///
@@ -42,16 +42,16 @@ impl LocalCapture {
         })
     }
 
-    /// The frames that count, corrected, by rising index.
+    /// The selected frames, corrected, by rising index.
     pub fn track(&self) -> &PoseTrack {
         &self.capture.track
     }
 
-    /// Decodes the frames at `positions`, which rise, and hands each to `each`. Those of a
-    /// video are decoded from its beginning every time.
+    /// Decodes the frames at `positions`, which rise, and calls `each` with each. Every call decodes
+    /// a video from its beginning.
     ///
     /// # Errors
-    /// What is wrong with the first that can't be read.
+    /// The fault of the first frame that can't be read.
     pub fn frames(
         &self,
         positions: &[usize],

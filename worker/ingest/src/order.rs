@@ -1,18 +1,18 @@
-//! What parent and child tell each other: an order in a file, lines of JSON back.
+//! Messages between parent and child: an order in a file, and lines of JSON in reply.
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use yoto_media::{Limits, archive::Files};
 use yoto_proto::v1::Violation;
 
-/// What the child is to do.
+/// The child's order.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Order {
-    /// The folder that is the child's own.
+    /// The child's own folder.
     pub(super) folder: PathBuf,
     /// The uploaded files: path in the capture to path on this disk.
     pub(super) files: Files,
-    /// What a capture may hold.
+    /// Limits of a capture.
     pub(super) limits: Limits,
     /// The program for videos that are not read in-process; searched for when it has no name.
     pub(super) ffmpeg: Option<PathBuf>,
@@ -28,27 +28,27 @@ impl Order {
         }
     }
 
-    /// Where the shard is to be written.
+    /// Path of the shard to write.
     pub(super) fn shard(&self) -> PathBuf {
         self.folder.join("shard.bin")
     }
 
-    /// Where the check's report is to be written.
+    /// Path of the check's report to write.
     pub(super) fn check(&self) -> PathBuf {
         self.folder.join("check.json")
     }
 }
 
-/// One line of the child's.
+/// One line of the child's reply.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Line {
-    /// What it works at, so that a crash can be given a place.
+    /// Its current work, to locate a crash.
     At(Place),
-    /// How it ended.
+    /// Its outcome.
     End(Outcome),
 }
 
-/// What the child works at.
+/// The child's current work.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Place {
     /// File of the capture.
@@ -57,27 +57,27 @@ pub struct Place {
     pub frame: Option<u32>,
     /// Frames done.
     pub done: usize,
-    /// Frames in all; 0 while nobody knows.
+    /// Total number of frames; 0 while unknown.
     pub total: usize,
 }
 
-/// How the child ended.
+/// The child's outcome.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Outcome {
     /// Shard and report are written.
     Done(Prepared),
     /// The upload is at fault.
     Rejected(Vec<Found>),
-    /// This machine is.
+    /// This machine is at fault.
     Machine(String),
 }
 
-/// What the child made.
+/// The child's results.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Prepared {
-    /// What was read and how, for people.
+    /// A summary of what was read, for people.
     pub(super) notes: Vec<String>,
-    /// What the check warns of, for people.
+    /// Warnings of the check, for people.
     pub(super) warnings: Vec<String>,
 }
 

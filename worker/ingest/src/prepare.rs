@@ -13,10 +13,10 @@ use yoto_capture::{CaptureError, ShardBuilder};
 use yoto_media::video::Ffmpeg;
 use yoto_proto::pose_track::{self, violation};
 
-/// Checks, decodes and packs the capture; `tell` hears where it is.
+/// Checks, decodes and packs the capture; `tell` receives the progress.
 ///
-/// Everything wrong is collected, up to a limit, so that its owner mends it in one go. What the
-/// check warns of is no fault; a capture that nothing can be learnt from is. Memory holds a few
+/// All faults are collected, up to a limit, so that the owner can correct them at once. Warnings of
+/// the check are not faults; a capture that is useless for training is. Memory holds a few
 /// pictures: crops go to disk.
 pub(super) fn prepare(
     order: &Order,
@@ -64,11 +64,11 @@ pub(super) fn prepare(
     let bytes = head.len() as u64 + crops;
     let [width, height] = capture.track.image_size;
     notes.push(format!(
-        "{} bytes a frame: {bytes} for {total} frames of {width}x{height}, cropped to the person",
+        "{} bytes per frame: {bytes} for {total} frames of {width}x{height}, cropped to the person",
         bytes / total.max(1) as u64,
     ));
     notes.push(format!(
-        "decoded {decoded:.0} frames a second, {checked:.0} with the check and packing{}",
+        "decoded {decoded:.0} frames per second, {checked:.0} with the check and packing{}",
         peak_memory().unwrap_or_default()
     ));
     Ok(Prepared {
@@ -77,8 +77,8 @@ pub(super) fn prepare(
     })
 }
 
-/// Every frame in order, packed and looked at, unless something is wrong with any; the check's
-/// report, and how long pictures and masks took to decode.
+/// Packs and checks all frames in order, unless one has a fault. Returns the check's report, and
+/// the time to decode pictures and masks.
 fn decode<W: Write>(
     capture: &Capture,
     reader: &mut Reader,
@@ -110,7 +110,7 @@ fn decode<W: Write>(
                     .push(&image)
                     .map_err(|error| packing(error, reader.file_of(frame.index)))?;
             }
-            // After a fault there is no shard to pack, but further faults are worth knowing.
+            // After a fault there is no shard to pack, but the owner needs all faults.
             Ok(_) => {}
             Err(ReadFailure::Rejected(found)) => faults.extend(found),
             Err(machine) => return Err(machine),
@@ -120,7 +120,7 @@ fn decode<W: Write>(
         }
     }
     if faults.is_empty() && !anybody {
-        let message = "no mask covers a single pixel: nobody can be seen";
+        let message = "no mask covers a single pixel: there is no person";
         faults.push(violation("EMPTY", "masks", None, "", message));
     }
     if !faults.is_empty() {
@@ -136,8 +136,8 @@ fn decode<W: Write>(
     }
 }
 
-/// The most memory that this process had at once, where the system tells. (`getrusage` would
-/// count what the worker had when it started this process.)
+/// Peak memory of this process, if the system reports it. (`getrusage` would include the memory
+/// of the worker at the start of this process.)
 fn peak_memory() -> Option<String> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|it| it.strip_prefix("VmHWM:"))?;
@@ -145,7 +145,7 @@ fn peak_memory() -> Option<String> {
     Some(format!(", in {} MiB of memory at most", kib >> 10))
 }
 
-/// What the owner should know although the capture serves.
+/// Warnings for the owner of a valid capture.
 fn warnings(report: &Report) -> Vec<String> {
     let measures = report.measures.iter();
     measures
@@ -162,7 +162,7 @@ fn disk(error: std::io::Error) -> ReadFailure {
     ReadFailure::Machine(format!("writing the shard: {error}"))
 }
 
-/// A builder's fault; where it can't know the file, that is `file`.
+/// A builder's fault; `file` is the file if the builder does not know it.
 fn packing(error: CaptureError, file: &str) -> ReadFailure {
     match error {
         CaptureError::Invalid(mut found) => {

@@ -90,7 +90,7 @@ fn mask(side: u32, coverage: u8) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// Prepares a capture of `files`; the shard, or what was wrong.
+/// Prepares a capture of `files`: the shard, or the faults.
 #[allow(clippy::type_complexity)]
 fn prepared(
     files: &[(String, Vec<u8>)],
@@ -111,7 +111,7 @@ fn prepared(
     Ok((shard, done, places, report))
 }
 
-/// The lines that the owner of the broken capture reads.
+/// The violations of the broken capture, as lines.
 fn rejected(break_it: impl FnOnce(&mut Vec<(String, Vec<u8>)>)) -> Vec<String> {
     let mut files = capture();
     break_it(&mut files);
@@ -141,7 +141,9 @@ fn a_good_capture_becomes_a_shard_with_its_frames() {
         ("frames/000009.png", Some(9), 2, 3)
     );
     assert!(
-        done.notes.iter().any(|note| note.contains("bytes a frame")),
+        done.notes
+            .iter()
+            .any(|note| note.contains("bytes per frame")),
         "{:?}",
         done.notes
     );
@@ -177,7 +179,7 @@ fn a_plan_corrects_numbers_shifts_masks_and_turns_them_round() {
         frame["E"][2][3] = 3000.0.into();
     }
     *track = serde_json::to_vec(&json).expect("JSON");
-    // The mask of each frame stands one later, and covers what is not the person.
+    // Each frame's mask is one frame late, and inverted.
     *file(&mut files, &mask_path(7)) = b"belongs to no frame".to_vec();
     for index in [8, 9] {
         let inverted = image::GrayImage::from_fn(SIDE, SIDE, |x, y| {
@@ -222,7 +224,7 @@ fn a_lens_is_undone_in_picture_and_mask() {
         );
     }
     assert_eq!(shard.track, plain.track, "training has straight rays");
-    let told = |note: &String| note.starts_with("lens distortion undone");
+    let told = |note: &String| note.starts_with("lens distortion corrected");
     assert!(done.notes.iter().any(told), "{:?}", done.notes);
 }
 

@@ -1,4 +1,4 @@
-//! Whole frames out of pictures, masks and lenses.
+//! Assembles frames from pictures, masks and lenses.
 
 use super::MAX_VIOLATIONS;
 use super::capture::Capture;
@@ -14,7 +14,7 @@ use yoto_proto::media_plan::{
 };
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, violation};
 
-/// Makes whole frames, in rising order.
+/// Assembles frames, in rising order.
 #[derive(Debug)]
 pub(super) struct Reader {
     images: Source,
@@ -23,9 +23,9 @@ pub(super) struct Reader {
     background: Option<Background>,
     distortion: [f64; 5],
     undistortion: Option<Undistortion>,
-    /// Whether frames build on those before: after a fault there is nothing more to find.
+    /// Whether frames depend on earlier ones: then no further faults can be found after one.
     pub(super) is_video: bool,
-    /// What is read and how, for people.
+    /// A summary of what is read, for people.
     pub(super) notes: Vec<String>,
 }
 
@@ -86,7 +86,7 @@ impl Reader {
         let kind = match plan.mask_kind {
             MaskKind::Coverage => "coverage",
             MaskKind::Inverted => "inverted coverage",
-            MaskKind::Labels => "labels, any but 0 is the person",
+            MaskKind::Labels => "labels, all but 0 are the person",
         };
         let masks = match (&sources.masks, masks) {
             (MaskSource::Pictures(_), Some(masks)) => {
@@ -130,7 +130,7 @@ impl Reader {
         })
     }
 
-    /// The file that the picture of frame `index` is in.
+    /// The file with the picture of frame `index`.
     pub(super) fn file_of(&self, index: u32) -> &str {
         self.images.name(index)
     }
@@ -138,7 +138,7 @@ impl Reader {
     /// One frame over black, undistorted; its mask is that of frame `mask`.
     ///
     /// # Errors
-    /// What is wrong with the picture, and with the mask.
+    /// The faults of the picture and of the mask.
     pub(super) fn frame(
         &mut self,
         frame: &Frame,
@@ -147,7 +147,7 @@ impl Reader {
     ) -> Result<FrameImage, ReadFailure> {
         let index = frame.index;
         let name = self.images.name(index).to_owned();
-        // Both are read, so that both are named when both are at fault.
+        // Both are read, so that faults of both are reported.
         let picture = self
             .images
             .picture(index)
@@ -188,7 +188,7 @@ impl Reader {
         })
     }
 
-    /// The mask that the picture itself gives.
+    /// The mask from the picture itself.
     fn own_mask(&self, picture: &Picture, name: &str, index: u32) -> Result<Vec<u8>, ReadFailure> {
         match &self.masks {
             Masks::Plate { name, plate } => mask::difference_key(picture, plate)
@@ -201,13 +201,13 @@ impl Reader {
         }
     }
 
-    /// What stands around the person: as said, else as the first frame shows it.
+    /// The background: as in the plan, else from the first frame.
     fn background(&mut self, picture: &Picture, mask: &[u8]) -> Background {
         if let Some(known) = self.background {
             return known;
         }
         let found = match self.masks {
-            // A key needs a place to differ from, and a cut-out has none around it.
+            // A difference key needs a scene, and a cut-out has no background.
             Masks::Alpha | Masks::Plate { .. } => Some(Background::Scene),
             Masks::Pictures(_) => compose::background(picture, mask),
         };
@@ -216,16 +216,16 @@ impl Reader {
         };
         self.background = Some(found);
         self.notes.push(match found {
-            Background::Black => "background: black, so colours are taken as premultiplied".into(),
+            Background::Black => "background: black, so colours are read as premultiplied".into(),
             Background::Scene => {
-                "background: a place, so colours are multiplied by the mask".into()
+                "background: a scene, so colours are multiplied by the mask".into()
             }
         });
         found
     }
 }
 
-/// What is done to the track and its lens.
+/// Corrections of the track and of the lens, for people.
 fn noted(plan: &MediaPlan, distortion: [f64; 5]) -> Vec<String> {
     let mut notes = Vec::new();
     if !plan.correction.is_identity() {
@@ -233,7 +233,7 @@ fn noted(plan: &MediaPlan, distortion: [f64; 5]) -> Vec<String> {
     }
     if distortion != NO_DISTORTION {
         notes.push(format!(
-            "lens distortion undone, k1 k2 p1 p2 k3: {distortion:?}"
+            "lens distortion corrected, k1 k2 p1 p2 k3: {distortion:?}"
         ));
     }
     notes

@@ -1,4 +1,4 @@
-//! The parent's side of the child: start it, listen, and say how it ended.
+//! The parent's side of the child: start it, read its reply, report the outcome.
 
 use super::child::ARGUMENT;
 use super::failure::{IngestError, machine};
@@ -13,15 +13,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 use yoto_proto::pose_track::violation;
 
-/// How often to ask whether to go on.
+/// Interval between calls of `watch`.
 const LOOK: Duration = Duration::from_millis(100);
-/// Longest line that a child may say, bytes.
+/// Longest line of a child, bytes.
 const MAX_LINE: u64 = 1 << 20;
-/// What is kept of its complaints, bytes.
+/// Kept bytes of its standard error.
 const COMPLAINTS: usize = 8 << 10;
 
-/// Has a child do `order`, under the eyes of `watch`. A child that exceeds a limit or breaks down is an outcome, too: the
-/// upload is rejected, with what happened and where.
+/// Runs a child for `order`, and calls `watch` meanwhile. If the child exceeds a limit or crashes,
+/// the outcome rejects the upload, with the reason and the place.
 ///
 /// # Errors
 /// When the child can't be started or is killed from outside, or `watch` fails.
@@ -45,7 +45,7 @@ pub(super) fn run<E>(
         .arg(&file)
         .args([settings.memory_bytes, settings.seconds].map(|limit| limit.to_string()))
         .current_dir(&order.folder)
-        // Allocators reserve much address space beforehand, which the limit counts: glibc for
+        // Allocators reserve much address space in advance, which counts towards the limit: glibc for
         // each thread's arena, mimalloc (this figure is in KiB) for each of its own.
         .env("MALLOC_ARENA_MAX", "1")
         .env("MIMALLOC_ARENA_RESERVE", "65536")
@@ -82,7 +82,7 @@ pub(super) fn run<E>(
     }
     let (status, complaints) = running.wait()?;
     if outcome.is_none() {
-        // Whoever stops this process may have stopped its child first.
+        // A stop of this process may have stopped its child first.
         watch(None).map_err(IngestError::Stopped)?;
     }
     match outcome {
@@ -101,7 +101,7 @@ pub(super) fn run<E>(
                 late,
                 ?place,
                 complaints,
-                "the child that reads an upload broke down"
+                "the child that reads an upload crashed"
             );
             match ended.reason() {
                 Reason::Upload(code, message) => {
@@ -117,7 +117,7 @@ pub(super) fn run<E>(
     }
 }
 
-/// How a child ended that did not say so itself.
+/// The end of a child without a reported outcome.
 struct Ended<'a> {
     status: ExitStatus,
     late: bool,
@@ -130,9 +130,9 @@ struct Ended<'a> {
 /// Why.
 #[derive(Debug)]
 enum Reason {
-    /// The upload is at fault; code and words for its owner.
+    /// The upload is at fault; code and message for its owner.
     Upload(&'static str, String),
-    /// Somebody, or the kernel, ended the child.
+    /// The child was killed from outside.
     Outside(Signal),
 }
 
@@ -142,7 +142,7 @@ impl Ended<'_> {
             .status
             .signal()
             .and_then(|it| Signal::try_from(it).ok());
-        // How Rust's runtime ends a program, and how a library's `expect` words it.
+        // Messages of Rust's runtime, and of a library's `expect`.
         let out_of_memory = ["memory allocation of", "TryReserveError"]
             .iter()
             .any(|words| self.complaints.contains(words));
@@ -177,14 +177,14 @@ impl Ended<'_> {
                     || self.status.to_string(),
                     |signal| signal.as_str().to_owned(),
                 );
-                // The line above a panic's message is about our sources.
+                // The line above a panic's message names this project's sources.
                 let ours = |line: &&str| line.starts_with("thread '") || line.starts_with("note:");
                 let mut lines = self.complaints.lines();
                 let said = lines.find(|line| !line.trim().is_empty() && !ours(line));
                 let said = said.map(|line| format!(": {line}")).unwrap_or_default();
                 (
                     "DECODER_CRASHED",
-                    format!("the decoder broke down on it ({how}){said}"),
+                    format!("the decoder crashed on it ({how}){said}"),
                 )
             }
         };
@@ -192,7 +192,7 @@ impl Ended<'_> {
     }
 }
 
-/// A started child with threads that listen to it; killed when dropped.
+/// A started child with threads that read its output; killed when dropped.
 struct Running {
     child: Child,
     lines: Receiver<Line>,
@@ -208,7 +208,7 @@ impl Running {
                 loop {
                     let mut line = Vec::new();
                     let read = (&mut stdout).take(MAX_LINE).read_until(b'\n', &mut line);
-                    // A line that is none ends the talk: a broken child is not to be believed.
+                    // An invalid line ends the exchange: the child can't be trusted any more.
                     let Ok(line) = serde_json::from_slice(&line) else {
                         return;
                     };
@@ -221,7 +221,7 @@ impl Running {
         let complaints = child.stderr.take().map(|mut stderr| {
             std::thread::spawn(move || {
                 let (mut kept, mut buffer) = (Vec::new(), [0; 4096]);
-                // Read to the end, so that a talkative child does not wait for a reader.
+                // Read to the end, so that the child never waits for a reader.
                 while let Ok(count @ 1..) = stderr.read(&mut buffer) {
                     let room = COMPLAINTS.saturating_sub(kept.len()).min(count);
                     kept.extend_from_slice(&buffer[..room]);
@@ -236,7 +236,7 @@ impl Running {
         }
     }
 
-    /// Kills the child and whatever it started.
+    /// Kills the child and its own children.
     fn kill(&mut self) {
         if let Ok(group) = i32::try_from(self.child.id()) {
             // It may have ended already.
@@ -246,7 +246,7 @@ impl Running {
 
     fn wait<E>(&mut self) -> Result<(ExitStatus, String), IngestError<E>> {
         let status = self.child.wait();
-        // What it started may live on and hold its ends of the pipes.
+        // Its own children may still run and hold its ends of the pipes.
         self.kill();
         let complaints = self.complaints.take().and_then(|it| it.join().ok());
         let status = status.map_err(|error| machine("waiting for the child", &error))?;

@@ -1,4 +1,4 @@
-//! Archives of an upload become files of the capture.
+//! Unpacks archives of an upload into files of the capture.
 
 use super::failure::ReadFailure;
 use std::path::Path;
@@ -7,9 +7,9 @@ use yoto_media::archive::{Files, Unpacker};
 use yoto_proto::media_plan::{self, ARCHIVE_ENDINGS, CAPTURE_ARCHIVES};
 use yoto_proto::pose_track::{FILES, violation};
 
-/// The plan inside an archive that was uploaded with another beside it, which goes before it.
+/// The plan inside an archive that was uploaded together with another plan, which takes precedence.
 pub(super) const OWN_PLAN: &str = "media.json of the archive";
-/// Folder that captures may keep their training frames in.
+/// Optional folder of a capture's training frames.
 const TRAIN: &str = "train/";
 
 /// The capture's `files` with all its top-level archives unpacked into `folder`: `capture.zip` holds a whole
@@ -71,14 +71,14 @@ fn add(
     Ok(())
 }
 
-/// The name of a top-level archive without its ending.
+/// The name of a top-level archive without its extension.
 fn stem(name: &str) -> Option<&str> {
     let ending = ARCHIVE_ENDINGS.iter().find(|it| name.ends_with(**it))?;
     let stem = name.strip_suffix(ending)?;
     (!stem.is_empty() && !stem.contains('/')).then_some(stem)
 }
 
-/// The folder, with its slash, of the pose track that lies least deep.
+/// The folder, with its slash, of the least nested pose track.
 fn base(files: &Files) -> &str {
     let track = |name| {
         FILES
@@ -90,7 +90,7 @@ fn base(files: &Files) -> &str {
     folders.min_by_key(|it| it.len()).unwrap_or_default()
 }
 
-/// Takes `train/` off the names, unless the capture has its frames at the top.
+/// Removes `train/` from the names, unless the capture has its frames at the top level.
 fn without_train(files: Files) -> Files {
     let top = |name: &String| name.starts_with("frames/") || name.starts_with("video.");
     if files.keys().any(top) {

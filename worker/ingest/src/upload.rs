@@ -1,4 +1,4 @@
-//! One upload from files to shard, by way of the child.
+//! One upload from files to shard, through the child.
 
 use super::failure::{IngestError, machine};
 use super::order::{Order, Outcome, Place};
@@ -10,30 +10,30 @@ use std::path::Path;
 use yoto_capture::Shard;
 use yoto_media::archive::Files;
 
-/// Largest report of the check, bytes; one of 100,000 frames has a hundredth.
+/// Largest report of the check, bytes; a report of 100,000 frames has a hundredth of this.
 const MAX_REPORT: u64 = 16 << 20;
 
-/// What an upload became.
+/// An ingested upload.
 #[derive(Debug)]
 pub struct Ingested {
     /// Frames for training, and their pose track.
     pub shard: Shard,
     /// The check's report, as JSON.
     pub report: Vec<u8>,
-    /// What was read and how, for people.
+    /// A summary of what was read, for people.
     pub notes: Vec<String>,
-    /// What the check warns of, for people.
+    /// Warnings of the check, for people.
     pub warnings: Vec<String>,
 }
 
-/// Has a child process read the capture of `files`, path in it to path on this disk. `folder` is
-/// the child's own, and holds the files too.
+/// Reads the capture of `files` (path in it to path on disk) in a child process. `folder` is for
+/// the child only, and also holds the files.
 ///
-/// `watch` is called several times a second, with the child's place whenever that is a new one;
-/// when it fails, the child is killed.
+/// `watch` is called several times per second, with the child's place if it has changed; when
+/// it fails, the child is killed.
 ///
 /// # Errors
-/// Whatever is wrong with the capture or with this machine, and what `watch` returned.
+/// Faults of the capture or of this machine, and errors of `watch`.
 pub fn ingest<E>(
     folder: &Path,
     files: Files,
@@ -55,7 +55,7 @@ pub fn ingest<E>(
     };
     let bytes = std::fs::read(order.shard())
         .map_err(|error| machine("reading the shard that was made", &error))?;
-    // The child read hostile bytes: its word is checked.
+    // The child read untrusted bytes, so its output is checked.
     let shard = Shard::from_bytes(bytes)
         .map_err(|error| IngestError::Broken(format!("the shard that was made: {error}")))?;
     Ok(Ingested {
@@ -66,7 +66,7 @@ pub fn ingest<E>(
     })
 }
 
-/// The check's report that the child wrote; JSON, whatever else.
+/// The check's report, written by the child; valid JSON.
 fn report<E>(order: &Order) -> Result<Vec<u8>, IngestError<E>> {
     let bytes = File::open(order.check())
         .and_then(|file| {
