@@ -1,7 +1,7 @@
-//! The worker: leases jobs from the coordinator, runs them, and hands back what came out.
+//! The worker: leases jobs from the coordinator, runs them, and returns their results.
 //!
-//! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] do the work on a thread
-//! of their own and never touch the network except through their
+//! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] run on their own thread
+//! and use the network only through their
 //! [`JobContext`](jobs::JobContext); [`media`] encodes pictures (uploads are read by
 //! `yoto_ingest`); [`objects`] reads and writes the object store.
 

@@ -1,7 +1,7 @@
-//! The object store: bytes in with a checksum, bytes out only when the checksum holds.
+//! The object store: writes with a checksum, reads verified by the checksum.
 //!
 //! A fault of the store is retried here, because every job would otherwise need the same
-//! loop; a missing or altered object is an answer, not a fault, and comes back at once.
+//! loop; a missing or altered object is an answer, not a fault, and is reported at once.
 
 use crate::retry::Backoff;
 use bytes::Bytes;
@@ -16,7 +16,7 @@ use tokio::io::AsyncWriteExt;
 use url::Url;
 use yoto_proto::{sha256_hex, v1::ObjectRef};
 
-/// Attempts at one read or write before its fault is reported.
+/// Attempts per read or write before its fault is reported.
 const ATTEMPTS: u32 = 8;
 /// Pause after the first fault; it doubles up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
@@ -28,15 +28,15 @@ pub struct Objects {
     store: Arc<dyn ObjectStore>,
 }
 
-/// Why an object could not be read or written.
+/// The reason why an object could not be read or written.
 #[derive(Debug, Error)]
 pub enum ObjectsError {
-    /// The store's URL is of no use.
+    /// The store's URL is not usable.
     #[error("the object store {url} can't be opened: {reason}")]
     Url {
         /// As configured.
         url: String,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
     },
     /// The store kept failing.
@@ -53,7 +53,7 @@ pub enum ObjectsError {
         /// The object.
         key: String,
     },
-    /// The object is not what was written.
+    /// The object differs from what was written.
     #[error(
         "object {key} is torn or altered: {found_bytes} bytes with SHA-256 {found}, but {expected_bytes} bytes with {expected} were written"
     )]
@@ -77,19 +77,19 @@ pub enum ObjectsError {
         /// Why it could not be.
         source: std::io::Error,
     },
-    /// The key is not one.
+    /// The key is invalid.
     #[error("'{key}' is not an object key")]
     Key {
         /// As given.
         key: String,
-        /// What is wrong with it.
+        /// The fault.
         source: object_store::path::Error,
     },
 }
 
 impl ObjectsError {
-    /// Whether the object itself is gone or damaged, so that trying again is of no use and
-    /// an older one has to serve.
+    /// Whether the object is missing or damaged, so that a retry is useless and an older one is
+    /// needed.
     pub fn is_torn(&self) -> bool {
         matches!(
             self,
@@ -126,7 +126,7 @@ impl Objects {
         Self { store }
     }
 
-    /// The bytes of `object`, once their size and SHA-256 are what it says.
+    /// The bytes of `object`, after a check of their size and SHA-256.
     ///
     /// # Errors
     /// [`ObjectsError::Missing`], [`ObjectsError::Altered`], or the store's fault.
@@ -178,7 +178,7 @@ impl Objects {
         Ok(())
     }
 
-    /// One try: bytes and SHA-256 of what was copied; the inner error is the disk's.
+    /// One attempt: bytes and SHA-256 of the copy; the inner error is the disk's.
     async fn copy(
         &self,
         from: &Path,
@@ -204,7 +204,7 @@ impl Objects {
             .map(|()| (bytes, yoto_proto::hex(&hash.finalize()))))
     }
 
-    /// Writes `bytes` at `key`, whole or not at all.
+    /// Writes `bytes` at `key`, completely or not at all.
     ///
     /// # Errors
     /// The store's fault.

@@ -1,4 +1,4 @@
-//! Waiting between attempts, and which gRPC answers are worth another one.
+//! Pauses between attempts, and the gRPC answers that justify a retry.
 
 use std::time::Duration;
 use tonic::Code;
@@ -28,13 +28,13 @@ impl Backoff {
         pause
     }
 
-    /// Starts over, after a success.
+    /// Resets the pause, after a success.
     pub(crate) fn reset(&mut self) {
         self.next = self.first.min(self.longest);
     }
 }
 
-/// Whether the same call may succeed later: everything but an answer about the call itself.
+/// Whether the same call may succeed later: for all codes except answers about the call itself.
 ///
 /// A broken connection surfaces under several codes (UNAVAILABLE, UNKNOWN, CANCELLED,
 /// INTERNAL), so the list names the definite refusals instead.
@@ -52,7 +52,7 @@ pub(crate) fn is_transient(code: Code) -> bool {
     )
 }
 
-/// Whether the coordinator says that this lease is no longer ours.
+/// Whether the coordinator reports that this lease is lost.
 pub(crate) fn is_stale_lease(code: Code) -> bool {
     matches!(code, Code::FailedPrecondition | Code::NotFound)
 }

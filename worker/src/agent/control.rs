@@ -1,16 +1,16 @@
-//! The one thing that the lease's keeper and the job share: whether the job may go on.
+//! State shared by the lease's keeper and the job: whether the job may continue.
 
 use std::time::Instant;
 use tokio::sync::watch;
 
-/// Why a job has to stop, from the mildest to the most urgent.
+/// Reasons for a job to stop, from the mildest to the most urgent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StopReason {
-    /// The worker was told to exit: save, then give the job back.
+    /// The worker is shutting down: save, then return the job.
     ShuttingDown,
-    /// The user cancelled the job: save, then say so.
+    /// The user cancelled the job: save, then report it.
     Cancelled,
-    /// Another worker may hold the job by now: write nothing more.
+    /// Another worker may have the job by now: write nothing more.
     LeaseLost,
 }
 
@@ -20,17 +20,17 @@ struct State {
     deadline: Instant,
 }
 
-/// Whether a leased job may go on.
+/// Whether a leased job may continue.
 ///
-/// The deadline stands here, and not only in the heartbeat's task, so that a process that
-/// was paused past its lease finds out before its next write, whichever thread runs first.
+/// The deadline is kept here, and not only in the heartbeat's task, so that a process that was
+/// paused past its lease stops before its next write, on any thread.
 #[derive(Debug)]
 pub struct JobControl {
     state: watch::Sender<State>,
 }
 
 impl JobControl {
-    /// A job whose lease runs out at `deadline`, by this machine's monotonic clock.
+    /// A job with a lease until `deadline`, on this machine's monotonic clock.
     pub fn new(deadline: Instant) -> Self {
         let state = State {
             stop: None,
@@ -60,12 +60,12 @@ impl JobControl {
         }
     }
 
-    /// When the lease runs out.
+    /// Deadline of the lease.
     pub fn deadline(&self) -> Instant {
         self.state.borrow().deadline
     }
 
-    /// Why the job must stop, if it must.
+    /// The reason to stop, if there is one.
     pub fn stopped(&self) -> Option<StopReason> {
         let state = *self.state.borrow();
         if Instant::now() >= state.deadline {

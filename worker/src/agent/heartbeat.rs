@@ -1,4 +1,4 @@
-//! Keeping a lease: renewals with the latest progress, until the lease is lost.
+//! Lease renewals with the latest progress, until the lease is lost.
 
 use super::{
     answer,
@@ -18,7 +18,7 @@ use yoto_proto::v1::{
     HeartbeatRequest, HeartbeatResponse, Progress, worker_service_client::WorkerServiceClient,
 };
 
-/// Renewals that fit into one lease: two may be lost without harm.
+/// Renewals per lease: two may fail without harm.
 const RENEWALS: u32 = 3;
 
 /// The task that keeps one lease.
@@ -28,7 +28,7 @@ pub(super) struct Heartbeat {
     pub(super) token: u64,
     pub(super) control: Arc<JobControl>,
     pub(super) latest: watch::Receiver<Progress>,
-    /// Shortest pause between two heartbeats.
+    /// Shortest interval between two heartbeats.
     pub(super) every: Duration,
 }
 
@@ -41,12 +41,12 @@ impl Heartbeat {
             let sent = Instant::now();
             let left = self.control.deadline().saturating_duration_since(sent);
             if left.is_zero() {
-                return self.lost("it ran out before the coordinator could be reached");
+                return self.lost("it expired before the coordinator could be reached");
             }
             // One unanswered call must leave time for another.
             answered = match timeout(left.min(lease / RENEWALS), self.renew()).await {
                 Ok(Ok(renewed)) => {
-                    // Counted from before the call, hence never longer than the coordinator's.
+                    // Measured from before the call, so it never exceeds the coordinator's lease.
                     lease = Duration::try_from_secs_f64(renewed.lease_seconds).unwrap_or(lease);
                     self.control.renew(sent + lease);
                     if renewed.cancel {
@@ -72,7 +72,7 @@ impl Heartbeat {
         let shortest = self.every.min(longest);
         sleep(shortest).await;
         if answered {
-            // An error means that the job has ended and only its report is outstanding.
+            // An error means that the job has ended and only its report remains.
             let _ = timeout(longest - shortest, self.latest.changed()).await;
         }
     }

@@ -1,4 +1,4 @@
-//! One leased job from its lease to its report.
+//! One leased job, from its lease to its report.
 
 use super::{
     Worker,
@@ -22,12 +22,12 @@ use yoto_proto::v1::{JobResult, Lease, Progress};
 
 /// Backpropagation recurses through the graph; the default stack of a thread is tight.
 const STACK_BYTES: usize = 16 << 20;
-/// How long a finished job's report may still take when the worker shuts down.
+/// Time limit for a finished job's report when the worker shuts down.
 const REPORT_GRACE: Duration = Duration::from_secs(3);
 
 type Outcome = Result<JobResult, JobFailure>;
 
-/// A job while this worker holds its lease.
+/// A job leased by this worker.
 pub(super) struct Leased<'a> {
     worker: &'a Worker,
     lease: Lease,
@@ -54,7 +54,7 @@ impl<'a> Leased<'a> {
         }
     }
 
-    /// Runs the job and reports how it ended, unless the lease is lost meanwhile.
+    /// Runs the job and reports its outcome, unless the lease is lost meanwhile.
     pub(super) async fn run(self, stopping: &CancellationToken) {
         let (job, token) = (self.job.clone(), self.lease.token);
         tracing::info!(job, token, "job leased");
@@ -85,7 +85,7 @@ impl<'a> Leased<'a> {
                 tracing::warn!(job, token, ended, "shutting down before the outcome could be reported");
             }
         }
-        // Whoever still computes for this lease must write nothing more.
+        // A thread that still computes for this lease must write nothing more.
         self.control.stop(StopReason::LeaseLost);
         keeper.abort();
     }
@@ -104,7 +104,7 @@ impl<'a> Leased<'a> {
                 match timeout(self.worker.drain, &mut thread).await {
                     Ok(outcome) => outcome,
                     Err(_) => {
-                        tracing::warn!(job = self.job, "the job did not stop in time and is given back as it is");
+                        tracing::warn!(job = self.job, "the job did not stop in time and is returned as it is");
                         return Err(JobFailure::Requeue);
                     }
                 }
@@ -114,7 +114,7 @@ impl<'a> Leased<'a> {
         outcome.unwrap_or_else(|_| Err(internal("the job's thread ended without an answer".into())))
     }
 
-    /// Starts the job on a thread of its own. Not the runtime's blocking pool: a runtime
+    /// Starts the job on its own thread. Not on the runtime's blocking pool: a runtime
     /// waits for that at exit, and a job that hangs would hang the process.
     fn start(
         &self,
@@ -138,7 +138,7 @@ impl<'a> Leased<'a> {
             .name(format!("{} #{}", self.job, self.lease.token))
             .stack_size(STACK_BYTES)
             .spawn(move || {
-                // Nobody waits any more when the drain time is over.
+                // After the drain time, there is no receiver.
                 let _ = answer.send(guarded(|| jobs::run(&context, &lease)));
             })
             .map_err(|error| JobFailure::failed("INTERNAL", "starting the job's thread", &error))?;

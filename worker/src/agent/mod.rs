@@ -1,7 +1,7 @@
-//! The worker's life: register, lease, run, report, and leave in order.
+//! The worker's main loop: register, lease, run, report, and shut down in order.
 //!
-//! One job at a time. The lease is kept by [`heartbeat`] on a task of its own while the job
-//! computes on a thread of its own; [`control`] is all that they share.
+//! One job at a time. [`heartbeat`] renews the lease in its own task while the job computes on its
+//! own thread; [`control`] is their only shared state.
 
 pub mod control;
 mod heartbeat;
@@ -30,25 +30,25 @@ use yoto_proto::v1::{
     Lease, LeaseJobRequest, RegisterWorkerRequest, worker_service_client::WorkerServiceClient,
 };
 
-/// Longest wait for one answer before asking again.
+/// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
-/// Largest answer: a lease names every file of a capture of 100,000 frames.
+/// Largest answer, bytes: a lease names every file of a capture of 100,000 frames.
 const MAX_ANSWER_BYTES: usize = 128 << 20;
 
-/// How a worker behaves; the default suits both shapes of the service.
+/// Settings of a worker; the default suits embedded and separate workers.
 #[derive(Debug, Clone)]
 pub struct WorkerConfig {
-    /// What people call this worker.
+    /// Display name of this worker.
     pub display_name: String,
-    /// First pause between two questions for work, seconds; it doubles while there is none.
+    /// First pause between two requests for work, seconds; it doubles while there is none.
     pub poll_seconds: f64,
-    /// Longest pause between two questions for work, seconds.
+    /// Longest pause between two requests for work, seconds.
     pub idle_poll_seconds: f64,
     /// Shortest pause between two heartbeats that carry new progress, seconds.
     pub progress_seconds: f64,
-    /// How long a running job may take to save and stop when the worker shuts down, seconds.
+    /// Time limit for a running job to save and stop when the worker shuts down, seconds.
     pub drain_seconds: f64,
-    /// How uploads are read: by which program, within which limits.
+    /// Program and limits for reading uploads.
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
@@ -68,7 +68,7 @@ impl Default for WorkerConfig {
     }
 }
 
-/// Why a worker can't start or go on.
+/// The reason why a worker can't start or continue.
 #[derive(Debug, Error)]
 pub enum WorkerError {
     /// The object store does not open.
@@ -77,7 +77,7 @@ pub enum WorkerError {
     /// The coordinator refuses this worker.
     #[error("the coordinator refuses this worker: {0}")]
     Refused(#[source] Box<Status>),
-    /// A pause in the configuration is no length of time.
+    /// A pause in the configuration is invalid.
     #[error("{field} is {value}: not a number of seconds")]
     Config {
         /// The setting.
@@ -106,7 +106,7 @@ impl Worker {
     /// objects at `objects_url` (`file:///…`), and computes on `device`.
     ///
     /// # Errors
-    /// When the object store does not open or a setting makes no sense.
+    /// When the object store does not open or a setting is invalid.
     pub fn new(
         channel: Channel,
         objects_url: &str,
@@ -127,11 +127,11 @@ impl Worker {
         })
     }
 
-    /// Leases and runs jobs until `shutdown` comes, then lets a running job save, gives it
-    /// back, and returns within the drain time and a few seconds.
+    /// Leases and runs jobs until `shutdown`, then lets a running job save, returns it, and ends
+    /// within the drain time and a few seconds.
     ///
     /// # Errors
-    /// When the coordinator refuses this worker; that it can't be reached is no error.
+    /// When the coordinator refuses this worker. An unreachable coordinator is not an error.
     pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<(), WorkerError> {
         let stopping = CancellationToken::new();
         let work = self.work(&stopping);
@@ -153,7 +153,7 @@ impl Worker {
                     None => break,
                 }
             }
-            // Not raced against shutdown: a lease whose answer nobody reads blocks its job.
+            // Not raced against shutdown: a lease with an unread answer blocks its job.
             let asked = Instant::now();
             match self.lease(&name).await {
                 Ok(Some(lease)) => {
@@ -162,7 +162,7 @@ impl Worker {
                     continue;
                 }
                 Ok(None) => {}
-                // The coordinator lost its memory of this worker.
+                // The coordinator no longer knows this worker.
                 Err(status) if status.code() == Code::NotFound => name.clear(),
                 Err(status) if is_transient(status.code()) => {
                     tracing::debug!(%status, "asking for work failed, trying again");
@@ -174,7 +174,7 @@ impl Worker {
         Ok(())
     }
 
-    /// This worker's name, once the coordinator gave it one; none when shutdown comes first.
+    /// This worker's name from the coordinator; none if shutdown comes first.
     async fn register(&self, stopping: &CancellationToken) -> Result<Option<String>, WorkerError> {
         let request = RegisterWorkerRequest {
             display_name: self.display_name.clone(),

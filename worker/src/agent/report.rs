@@ -1,4 +1,4 @@
-//! Telling the coordinator how a job ended, until it has heard.
+//! Reports a job's outcome, until the coordinator has received it.
 
 use super::answer;
 use crate::{
@@ -9,8 +9,8 @@ use std::{future::Future, time::Duration};
 use tonic::{Status, transport::Channel};
 use yoto_proto::v1::{CompleteJobRequest, JobResult, worker_service_client::WorkerServiceClient};
 
-/// Delivers `outcome`. Returns once the coordinator took it, or says that the lease is no
-/// longer ours; a broken connection is waited out. The caller bounds it by the lease.
+/// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;
+/// retries while the connection is broken. The caller limits it to the lease.
 pub(super) async fn report(
     client: WorkerServiceClient<Channel>,
     job: &str,
@@ -54,7 +54,7 @@ pub(super) async fn report(
     }
 }
 
-/// Calls until an answer comes that is one.
+/// Calls until there is a definite answer.
 async fn deliver<F>(mut call: impl FnMut() -> F) -> Result<(), Status>
 where
     F: Future<Output = Result<(), Status>>,
@@ -72,5 +72,5 @@ where
 }
 
 fn superseded(job: &str, token: u64, status: &Status) {
-    tracing::warn!(job, token, %status, "the coordinator does not take the job's end");
+    tracing::warn!(job, token, %status, "the coordinator does not accept the job's outcome");
 }

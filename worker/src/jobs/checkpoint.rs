@@ -1,7 +1,7 @@
 //! Checkpoints between a local folder and the object store.
 //!
 //! Data objects first, then the manifest with their checksums, then the coordinator's row:
-//! a checkpoint that a row names is whole, and one that was damaged since is noticed.
+//! a checkpoint with a row is complete, and later damage is detected.
 
 use super::{JobContext, JobFailure, context::id};
 use std::{fs, path::Path};
@@ -16,14 +16,14 @@ use yoto_proto::{
 
 /// A checkpoint's files on this machine.
 pub(crate) struct Downloaded {
-    /// Holds the files under their names in [`files`].
+    /// Folder with the files under their names in [`files`].
     pub(crate) folder: TempDir,
     pub(crate) manifest: Manifest,
-    /// As the catalogue has it.
+    /// The catalogue's entry.
     pub(crate) checkpoint: Checkpoint,
 }
 
-/// Where a training stands when it is saved.
+/// State of a training when it is saved.
 pub(crate) struct Saved<'a> {
     /// `models/{id}`.
     pub(crate) model: &'a str,
@@ -34,10 +34,10 @@ pub(crate) struct Saved<'a> {
     pub(crate) psnr: Option<f64>,
 }
 
-/// Downloads `wanted` of the first of `checkpoints` (newest first) that is whole.
+/// Downloads `wanted` of the first complete one of `checkpoints` (newest first).
 ///
-/// A torn one is logged and the next tried; `None` when none is whole. A store that can't
-/// answer is a failure instead, since the newest checkpoint may be perfectly well.
+/// A damaged one is logged and the next one is tried; `None` if none is complete. A store that
+/// can't answer is a failure instead, since the newest checkpoint may be intact.
 pub(crate) fn newest_whole(
     context: &JobContext,
     checkpoints: &[Checkpoint],
@@ -59,8 +59,8 @@ pub(crate) fn newest_whole(
     Ok(None)
 }
 
-/// The first of `checkpoints` (newest first) that is whole, ready to `purpose` ("render",
-/// "measure"), with what it was made of.
+/// The first complete one of `checkpoints` (newest first), ready to `purpose` ("render",
+/// "measure"), with its catalogue entry.
 pub(crate) fn load_renderer(
     context: &JobContext,
     model: &str,
@@ -79,7 +79,7 @@ pub(crate) fn load_renderer(
     Ok((renderer, found))
 }
 
-/// Downloads one checkpoint; the inner error says how it is torn.
+/// Downloads one checkpoint; the inner error describes its damage.
 fn download(
     context: &JobContext,
     checkpoint: &Checkpoint,
@@ -96,7 +96,7 @@ fn download(
         Err(reason) => return Ok(Err(reason)),
     };
     let folder = TempDir::new().map_err(|error| local(&error))?;
-    // Checkpoints of before there were occupancy grids are whole without one.
+    // A checkpoint is complete without occupancy grids: early ones have none.
     let optional = [files::OCCUPANCY].into_iter();
     let optional = optional.filter(|file| manifest.object(file).is_some());
     for file in wanted.iter().copied().chain(optional) {

@@ -1,5 +1,5 @@
-//! Everything a job may touch, as blocking calls: it runs on a thread of its own, so that
-//! tensor work never holds up the heartbeats.
+//! A job's access to the outside, as blocking calls: a job has its own thread, so that tensor
+//! work never delays the heartbeats.
 
 use super::JobFailure;
 use crate::{
@@ -22,20 +22,20 @@ use yoto_proto::{
     },
 };
 
-/// Longest wait for one answer of the coordinator before asking again.
+/// Longest wait for an answer of the coordinator before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A leased job's hold on the world.
+/// A leased job's access to coordinator, objects and device.
 pub struct JobContext {
     /// `jobs/{id}`.
     pub job: String,
     /// The lease's fencing token.
     pub token: u64,
-    /// What to compute on.
+    /// The device.
     pub device: PickedDevice,
-    /// Whether the job may go on.
+    /// Whether the job may continue.
     pub control: Arc<JobControl>,
-    /// How uploads are read.
+    /// Settings for reading uploads.
     pub ingest: Arc<IngestSettings>,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
@@ -46,18 +46,18 @@ pub struct JobContext {
 }
 
 impl JobContext {
-    /// The job's id, as object keys carry it.
+    /// The job's id, as in object keys.
     ///
     /// # Errors
-    /// When the coordinator sent something else than `jobs/{id}`.
+    /// When the coordinator sent a name other than `jobs/{id}`.
     pub fn job_id(&self) -> Result<&str, JobFailure> {
         id(Collection::Jobs, &self.job)
     }
 
-    /// Goes on, or says why not.
+    /// Checks whether the job may continue.
     ///
     /// # Errors
-    /// The failure that the stop amounts to.
+    /// The failure for the reason to stop.
     pub fn check(&self) -> Result<(), JobFailure> {
         self.control
             .stopped()
@@ -105,10 +105,10 @@ impl JobContext {
         Ok(self.unless_lost(self.objects.put(key, bytes.into()))??)
     }
 
-    /// Makes `checkpoint` the model's newest, asking again until the coordinator answers.
+    /// Makes `checkpoint` the model's newest, with retries until the coordinator answers.
     ///
     /// # Errors
-    /// [`JobFailure::LeaseLost`] when the token is stale or the lease runs out, or the
+    /// [`JobFailure::LeaseLost`] when the token is stale or the lease expires, or the
     /// coordinator's refusal.
     pub fn publish(&self, checkpoint: Checkpoint) -> Result<(), JobFailure> {
         let request = PublishCheckpointRequest {
@@ -151,7 +151,7 @@ impl JobContext {
     }
 }
 
-/// The id inside a resource name that the coordinator sent.
+/// The id in a resource name from the coordinator.
 pub(crate) fn id(collection: Collection, name: &str) -> Result<&str, JobFailure> {
     collection.parse(name).map_err(|error: NameError| {
         JobFailure::failed("INTERNAL", "the coordinator's answer", &error)

@@ -1,8 +1,8 @@
-//! Measuring a model: the frames that training keeps out of each capture, rendered and
-//! compared with what the camera saw.
+//! Measures a model: renders the held-out frames of each capture and compares them with the
+//! camera's pictures.
 //!
-//! The service stores what one camera saw, so these frames show poses that were not trained
-//! on, from the camera that was. Figures of other cameras need a capture folder that has them.
+//! The service stores the pictures of one camera, so these frames show held-out poses from the
+//! training camera. Figures of other cameras need a capture folder with their pictures.
 
 mod tradeoff;
 
@@ -21,10 +21,10 @@ use yoto_proto::{
     v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores},
 };
 
-/// Measures everybody that the job asks for.
+/// Measures the requested subjects.
 ///
 /// # Errors
-/// Bad requests, a model without a whole checkpoint, captures too short to have a held-out
+/// Bad requests, a model without a complete checkpoint, captures too short to have a held-out
 /// frame, LPIPS weights that can't be read, and faults of the store.
 pub fn run(
     context: &JobContext,
@@ -75,7 +75,7 @@ pub fn run(
     })
 }
 
-/// The protocol of the request, if captures of one camera can serve it.
+/// The protocol of the request, if captures of one camera are enough for it.
 fn protocol(spec: &EvaluateSpec) -> Result<&'static Protocol, JobFailure> {
     let invalid = |message: String| JobFailure::invalid("evaluate", "protocol", message);
     match spec.protocol.as_str() {
@@ -121,7 +121,7 @@ struct Picture {
 }
 
 impl Pictures {
-    /// The frames that training keeps out of the subject's capture, at `size` pixels.
+    /// The held-out frames of the subject's capture, at `size` pixels.
     fn fetch(
         context: &JobContext,
         inputs: &Inputs,
@@ -156,7 +156,7 @@ fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
     frames
         .filter(|(position, _)| is_held_out(*position, HOLDOUT_EVERY))
         .map(|(position, frame)| {
-            // An ingested capture was checked, so a fault in it is not the user's.
+            // Ingested captures were checked, so this is not a fault of the user.
             let fault = |error: yoto_capture::camera::ViewError| {
                 let place = format!("the capture's frame {}", frame.index);
                 JobFailure::failed("INTERNAL", &place, &error)

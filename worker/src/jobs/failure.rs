@@ -1,4 +1,4 @@
-//! How a job can end without a result, and what the coordinator hears of it.
+//! Ends of jobs without a result, and their reports to the coordinator.
 
 use crate::{agent::control::StopReason, media::MediaError, objects::ObjectsError};
 use std::error::Error;
@@ -7,43 +7,43 @@ use yoto_proto::{
     v1::{FailJobRequest, JobError, Violation},
 };
 
-/// Why a job ended without a result.
+/// The reason why a job ended without a result.
 #[derive(Debug)]
 pub enum JobFailure {
-    /// The uploaded data are at fault: REJECTED, with every place found.
+    /// The uploaded data is at fault: REJECTED, with all violations.
     Rejected(Vec<Violation>),
-    /// The request is at fault: INVALID_SPEC, with every field found.
+    /// The request is at fault: INVALID_SPEC, with all faulty fields.
     Invalid(Vec<Violation>),
     /// The user cancelled it, and the job stopped in order.
     Cancelled,
     /// The lease is gone; nothing may be reported under it.
     LeaseLost,
-    /// The worker is shutting down and gives the job back unharmed.
+    /// The worker is shutting down and returns the job without a fault.
     Requeue,
-    /// What the job needs failed, not the job: it is to be tried again later.
+    /// A resource of the job failed, not the job: it is to be retried later.
     TryLater {
         /// For programs: `OBJECTS`, `MACHINE`.
         code: &'static str,
-        /// For people, with the causes.
+        /// Human-readable, with the causes.
         message: String,
     },
     /// Anything else.
     Failed {
         /// For programs, e.g. `INTERNAL`, `OBJECTS`, `NO_CHECKPOINT`.
         code: &'static str,
-        /// For people, with the causes.
+        /// Human-readable, with the causes.
         message: String,
     },
 }
 
 impl JobFailure {
-    /// A failure from an error with all its causes, under what was being done.
+    /// A failure from an error with all its causes, and the failed action.
     pub fn failed(code: &'static str, doing: &str, error: &dyn Error) -> Self {
         let message = with_causes(doing, error);
         Self::Failed { code, message }
     }
 
-    /// The same where another try may succeed.
+    /// The same for faults where a retry may succeed.
     pub fn try_later(code: &'static str, doing: &str, error: &dyn Error) -> Self {
         let message = with_causes(doing, error);
         Self::TryLater { code, message }
@@ -54,7 +54,7 @@ impl JobFailure {
         Self::Invalid(vec![violation("INVALID", spec, None, field, message)])
     }
 
-    /// What the coordinator is told under fencing token `token`; nothing when the lease is lost.
+    /// The report to the coordinator under fencing token `token`; none when the lease is lost.
     pub fn into_request(self, job: &str, token: u64) -> Option<FailJobRequest> {
         let error = |code: &str, message: String, violations| {
             Some(JobError {

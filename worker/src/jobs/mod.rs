@@ -1,4 +1,4 @@
-//! The work itself: one file a kind of job. A job is a plain function from a lease to a
+//! The jobs: one file per kind. A job is a plain function from a lease to a
 //! result or a [`JobFailure`]; it asks [`JobContext::check`] often enough to stop within
 //! a second, and reports progress instead of printing.
 
@@ -18,13 +18,13 @@ pub use failure::JobFailure;
 
 use yoto_proto::v1::{JobResult, Lease, job_result, job_spec};
 
-/// The kinds that [`run`] knows, as a worker registers them.
+/// Job kinds that [`run`] supports, as registered by a worker.
 pub const KINDS: &[&str] = &["ingest", "train", "render", "evaluate"];
 
 /// Runs the leased job to its end on the calling thread.
 ///
 /// # Errors
-/// However the job ended without a result.
+/// The reason why the job ended without a result.
 pub fn run(context: &JobContext, lease: &Lease) -> Result<JobResult, JobFailure> {
     let spec = lease
         .job

@@ -1,5 +1,5 @@
-//! Rendering pictures of one person: given views, an orbit around a frozen moment,
-//! somebody else's motion, or a motion out of a file.
+//! Renders pictures of one person: given views, an orbit around one pose, the motion of another
+//! person, or a motion from a file.
 
 mod clip;
 mod motion;
@@ -21,13 +21,13 @@ use yoto_proto::{
     v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
-/// The animated file's name.
+/// Name of the animated file.
 const ANIMATION: &str = "animation.png";
 
-/// Renders every view that the request asks for.
+/// Renders all views of the request.
 ///
 /// # Errors
-/// Bad requests, a model without a whole checkpoint, and faults of the store.
+/// Bad requests, a model without a complete checkpoint, and faults of the store.
 pub fn run(
     context: &JobContext,
     spec: &RenderSpec,
@@ -57,7 +57,7 @@ pub fn run(
     })
 }
 
-/// The views that the request stands for, and what is known to be seen in them.
+/// The views of the request, and their ground truth, if known.
 fn expand(
     context: &JobContext,
     request: &Request<'_>,
@@ -98,15 +98,15 @@ fn expand(
     Ok((views, Truths::none()))
 }
 
-/// What drawing all views came to.
+/// Result of rendering all views.
 struct Drawn {
     files: Vec<RenderedFile>,
     seconds_per_frame: f64,
-    /// dB, of each picture whose truth is known.
+    /// dB, of each picture with ground truth.
     psnr: Vec<f64>,
 }
 
-/// Renders and stores each view, and the animation of all of them when asked for.
+/// Renders and stores each view, and the animation of all of them if requested.
 fn draw(
     context: &JobContext,
     request: &Request<'_>,

@@ -1,11 +1,11 @@
-//! Fetching the training shards that earlier ingest jobs made.
+//! Fetches the training shards of earlier ingest jobs.
 
 use super::{JobContext, JobFailure};
 use std::sync::Arc;
 use yoto_capture::Shard;
 use yoto_proto::v1::{Inputs, SubjectShard};
 
-/// The shard of `subject`, with the name people gave it.
+/// The shard of `subject`, with its display name.
 pub(crate) fn fetch(
     context: &JobContext,
     inputs: &Inputs,

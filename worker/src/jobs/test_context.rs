@@ -1,4 +1,4 @@
-//! A job's context without a coordinator: objects in memory, and a lease that lasts.
+//! A job's context without a coordinator: objects in memory, and a lease that does not expire.
 
 use super::JobContext;
 use crate::{agent::control::JobControl, objects::Objects};
@@ -13,7 +13,7 @@ use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 
 /// The context of `jobs/test` under token 3. Call it inside a runtime.
 pub(crate) fn context() -> JobContext {
-    // Nothing listens there: a test that calls the coordinator fails.
+    // There is no server, so a test that calls the coordinator fails.
     let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
     JobContext {
         job: "jobs/test".into(),

@@ -1,7 +1,7 @@
-//! Training one model on everybody with a slot in it, from its newest whole checkpoint.
+//! Trains one model on all people with a slot in it, from its newest complete checkpoint.
 //!
-//! The network's life is longer than a job: a job adds its own budget to whatever the model
-//! learned before, and a job that is leased again goes on with what is left of its budget.
+//! A model can have several train jobs: each adds its own budget to earlier training, and a job
+//! that is leased again continues with the rest of its budget.
 
 mod plan;
 mod session;
@@ -51,7 +51,7 @@ pub fn run(
     }
 }
 
-/// Loads the people, then the newest whole checkpoint or a new network.
+/// Loads the people, then the newest complete checkpoint or a new network.
 fn start<'a>(
     context: &'a JobContext,
     plan: &'a Plan,
@@ -88,12 +88,12 @@ fn start<'a>(
             Trainer::resume(found.folder.path(), options, people, device)
         }
         None => {
-            // Starting over would put a stranger in the place of what users trained.
+            // A new start would replace a trained model by an untrained one.
             if !inputs.checkpoints.is_empty() {
                 return Err(JobFailure::Failed {
                     code: "CHECKPOINTS_TORN",
                     message: format!(
-                        "none of the {} newest checkpoints of {} is whole",
+                        "none of the {} newest checkpoints of {} is complete",
                         inputs.checkpoints.len(),
                         plan.model.name
                     ),
@@ -106,7 +106,7 @@ fn start<'a>(
     Ok(Session::new(context, plan, trainer, used, published))
 }
 
-/// What the coordinator hears of an error of the trainer.
+/// The report to the coordinator for an error of the trainer.
 fn failure(doing: &str, error: &TrainError) -> JobFailure {
     let code = match error {
         TrainError::Diverged { .. } => "DIVERGED",

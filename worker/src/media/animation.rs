@@ -1,12 +1,12 @@
-//! Animated PNG: lossless, one file, and every browser plays it in an `<img>`.
+//! Animated PNG: lossless, one file, supported by browsers in an `<img>`.
 
 use super::{MediaError, check_size};
 use std::io::Write;
 
-/// Fastest animation, frames a second.
+/// Fastest animation, frames per second.
 pub const MAX_FPS: f32 = 1000.0;
 
-/// Writes an endlessly repeated animation frame by frame, so that only encoded bytes pile up.
+/// Writes a repeating animation frame by frame, so that memory holds only encoded bytes.
 pub struct Animation<W: Write> {
     writer: png::Writer<W>,
     width: u32,
@@ -45,7 +45,7 @@ impl<W: Write> Animation<W> {
     /// Writes the end.
     ///
     /// # Errors
-    /// When fewer frames came than were announced, or the writer fails.
+    /// When there were fewer frames than announced, or the writer fails.
     pub fn finish(self) -> Result<(), MediaError> {
         Ok(self.writer.finish()?)
     }

@@ -1,11 +1,11 @@
-//! Pictures out: single PNGs and animations. What comes in is decoded by `yoto_media`.
+//! Encoding of pictures: single PNGs and animations. `yoto_media` decodes input.
 
 pub mod animation;
 pub mod picture;
 
 use thiserror::Error;
 
-/// Why a picture could not be encoded.
+/// The reason why a picture could not be encoded.
 #[derive(Debug, Error)]
 pub enum MediaError {
     /// The pixels don't fit the picture's size.
@@ -20,8 +20,8 @@ pub enum MediaError {
         /// Bytes given.
         found: usize,
     },
-    /// No animation plays at this rate.
-    #[error("{0} frames a second is not between 0 and {max}", max = animation::MAX_FPS)]
+    /// Frame rate out of range.
+    #[error("{0} frames per second is not between 0 and {max}", max = animation::MAX_FPS)]
     Fps(f32),
     /// The encoder refused.
     #[error("a PNG could not be written")]

@@ -1,4 +1,4 @@
-//! The store's promises, over memory, a folder, and a store that fails on purpose.
+//! The store's guarantees, over memory, a folder, and a store that fails on purpose.
 
 use super::*;
 use futures::stream::BoxStream;

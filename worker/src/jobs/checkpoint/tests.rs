@@ -1,9 +1,9 @@
-//! Which checkpoint serves when some are damaged.
+//! Choice of a checkpoint when some are damaged.
 
 use super::*;
 use crate::jobs::test_context::context;
 
-/// Stores a checkpoint of `step` whose weights are its step's number.
+/// Stores a checkpoint of `step` whose weights contain the step's number.
 async fn store(context: &JobContext, step: u64) -> Checkpoint {
     let key = format!("models/m/test-1/{step:09}");
     let weights = step.to_string();
@@ -40,7 +40,7 @@ async fn store(context: &JobContext, step: u64) -> Checkpoint {
     }
 }
 
-/// The step of the checkpoint that serves, once its file was seen to be its own.
+/// The step of the chosen checkpoint, after a check that its file is its own.
 async fn serving(context: JobContext, checkpoints: Vec<Checkpoint>) -> Option<u64> {
     let job = move || newest_whole(&context, &checkpoints, &[files::WEIGHTS]);
     let found = tokio::task::spawn_blocking(job)

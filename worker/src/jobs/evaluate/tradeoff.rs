@@ -1,4 +1,4 @@
-//! What render settings cost and give with one checkpoint, measured on held-out frames.
+//! Time and fidelity of render settings with one checkpoint, measured on held-out frames.
 
 use super::Pictures;
 use crate::jobs::{JobContext, JobFailure, context::id};
@@ -13,9 +13,9 @@ use yoto_proto::{
     v1::{ObjectRef, TradeoffSpec},
 };
 
-/// Held-out frames to render with each setting, unless the order says.
+/// Default number of held-out frames to render with each setting.
 const VIEWS: usize = 4;
-/// Timed renders of each frame, unless the order says.
+/// Default number of timed renders of each frame.
 const REPEATS: usize = 3;
 
 /// Sweeps over the settings around the model's own.
@@ -45,7 +45,7 @@ pub(super) fn measure(
     })
 }
 
-/// `wanted` held-out frames, apart from each other, of everybody in turn.
+/// `wanted` held-out frames, spread out, from all subjects in turn.
 fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
     let all: Vec<SweepView> = people
         .iter()
@@ -67,7 +67,7 @@ fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
         .collect()
 }
 
-/// Writes the curve down beside its checkpoint.
+/// Stores the curve beside its checkpoint.
 pub(super) fn keep(
     context: &JobContext,
     model: &str,
@@ -78,7 +78,7 @@ pub(super) fn keep(
     let key = keys::tradeoff(model_id, context.job_id()?, context.token, step);
     let json = curve
         .to_json()
-        .map_err(|error| JobFailure::failed("INTERNAL", "writing the trade-off down", &error))?;
+        .map_err(|error| JobFailure::failed("INTERNAL", "storing the trade-off", &error))?;
     context.put(&key, json)
 }
 

@@ -1,7 +1,7 @@
-//! Turning an uploaded capture into a training shard.
+//! Turns an uploaded capture into a training shard.
 //!
-//! The worker fetches the files, has `yoto_ingest` read them in a child process, and stores what
-//! came out. A fault of the store or of this machine rejects nothing: the job is tried again.
+//! The worker fetches the files, `yoto_ingest` reads them in a child process, and the worker stores
+//! the result. A fault of the store or of this machine never rejects a capture: the job is retried.
 
 use super::{JobContext, JobFailure, context::id};
 use yoto_ingest::{Files, IngestError, Ingested, Place, ingest};
@@ -11,10 +11,10 @@ use yoto_proto::{
     v1::{IngestResult, IngestSpec, Inputs},
 };
 
-/// Fetches the capture, has it checked and packed, and stores the shard.
+/// Fetches, checks and packs the capture, and stores the shard.
 ///
 /// # Errors
-/// [`JobFailure::Rejected`] with what is wrong with the upload; faults of the store and of
+/// [`JobFailure::Rejected`] with the faults of the upload; faults of the store and of
 /// this machine.
 pub fn run(
     context: &JobContext,
@@ -32,7 +32,7 @@ pub fn run(
         context.check()?;
         context.report_pieces("fetching", number, inputs.files.len());
         let Some(object) = &file.object else { continue };
-        // Under a number: what the file is called leads nowhere on this disk.
+        // Under a number: uploaded names are never used as paths on this disk.
         let path = folder.path().join(format!("upload-{number:06}"));
         context.get_to_file(object, &path)?;
         files.insert(file.path.clone(), path);

@@ -1,4 +1,4 @@
-//! What an ingest job does before its child starts.
+//! The steps of an ingest job before its child starts.
 
 use super::*;
 use crate::jobs::test_context::context;

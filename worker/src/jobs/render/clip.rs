@@ -1,8 +1,8 @@
-//! A motion that was recorded elsewhere, on the body of the subject.
+//! An imported motion on the body of the subject.
 //!
-//! The motion knows neither the capture's world nor its camera: its first frame is put where the
-//! subject stands in a frame of their own capture, upright and facing the same way, and that
-//! frame's camera looks on.
+//! The motion has neither the capture's world nor its camera: it is moved so that its first frame
+//! has the subject's position and facing in a frame of their own capture, upright, and it is rendered
+//! from that frame's camera.
 
 use super::{
     RenderView,
@@ -27,10 +27,10 @@ use yoto_proto::{
 
 /// The up axis of a clip.
 const UP: Vec3 = [0.0, 1.0, 0.0];
-/// Where a body at rest faces.
+/// Facing of a body at rest.
 const FORWARD: Vec3 = [0.0, 0.0, 1.0];
 
-/// Every pose of `clip`, as `body` takes it in the world of its capture's `track`.
+/// All poses of `clip`, on `body`, in the world of its capture's `track`.
 pub(super) fn views(
     stage: &Stage,
     clip: &MotionClip,
@@ -69,7 +69,7 @@ pub(super) fn views(
         .collect()
 }
 
-/// The skeleton of who moved. Without rest joints it is as large as `body`.
+/// The skeleton of the motion. Without rest joints it has the size of `body`.
 fn driver(clip: &MotionClip, body: &Skeleton) -> Result<Skeleton, JobFailure> {
     let invalid = |message: String| JobFailure::invalid("render", "clip.skeleton", message);
     let message = clip
@@ -89,18 +89,18 @@ fn driver(clip: &MotionClip, body: &Skeleton) -> Result<Skeleton, JobFailure> {
     Skeleton::from_track(&skeleton).map_err(|error| invalid(error.to_string()))
 }
 
-/// How a clip's world lies in a capture's.
+/// Transformation from a clip's world to a capture's.
 struct Stand {
     /// Axis-angle, from the clip's world to the capture's.
     turn: Vec3,
-    /// Of the root, relative to rest, in each of them.
+    /// Position of the root, relative to rest, in each world.
     from: Vec3,
     to: Vec3,
 }
 
 impl Stand {
-    /// Puts `first`, a pose of a clip, where `there`, a pose of a capture whose world has `up` up,
-    /// stands and faces.
+    /// Moves `first`, a pose of a clip, to the position and facing of `there`, a pose of a capture
+    /// whose world has `up` up.
     fn new(first: &Pose, there: &Pose, up: Vec3) -> Self {
         let upright = upright(up);
         let faces = |pose: &Pose, before: Vec3| {
@@ -110,7 +110,7 @@ impl Stand {
             sub(forward, scale(up, dot(forward, up)))
         };
         let (here, wanted) = (faces(first, upright), faces(there, [0.0; 3]));
-        // Who lies on their back faces nowhere: then the motion's own direction stays.
+        // A body on its back has no horizontal facing: the motion then keeps its own direction.
         let turn = if length(here) < 1e-3 || length(wanted) < 1e-3 {
             upright
         } else {
@@ -131,7 +131,7 @@ impl Stand {
         if let Some(root) = put.rotations.first_mut() {
             *root = after(self.turn, root.map(f64::from)).map(|v| v as f32);
         }
-        // Rest places cancel: both worlds' roots stand at the same rest place plus these.
+        // Rest positions cancel: in both worlds, the root is at the same rest position plus these.
         let step = sub(pose.translation.map(f64::from), self.from);
         let step = apply(&rigid(rodrigues(self.turn), [0.0; 3]), step);
         put.translation = add(self.to, step).map(|v| v as f32);
@@ -220,7 +220,7 @@ mod tests {
             rotations: vec![[0.0; 3]],
             translation: [0.0, 1.0, 0.0],
         };
-        // Somebody who stands in a world whose y points down is turned by half a turn about x.
+        // A standing person in a world with y down is rotated by half a turn about x.
         let there = Pose {
             rotations: vec![[std::f32::consts::PI, 0.0, 0.0]],
             translation: [0.0, -1.0, 3.0],

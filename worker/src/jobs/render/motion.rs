@@ -12,7 +12,7 @@ use yoto_capture::{
 use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
 
 /// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
-/// on, `frame_count` of them (0 means all that are left).
+/// on, `frame_count` of them (0 means all remaining ones).
 pub(super) fn places(
     transfer: &MotionTransfer,
     track: &PoseTrack,
@@ -62,7 +62,7 @@ pub(super) fn views(
         .collect()
 }
 
-/// `camera` with `size` pixels on its longest side, larger than the capture's if asked for.
+/// `camera` with `size` pixels on its longest side, which may exceed the capture's.
 pub(super) fn sized(camera: &Camera, size: u32) -> Camera {
     let zoom = f64::from(size) / f64::from(camera.width.max(camera.height));
     let side = |pixels: u32| ((f64::from(pixels) * zoom).round() as u32).max(1);

@@ -1,5 +1,5 @@
-//! A frozen moment seen from all around: the camera circles the subject's root at the
-//! capture camera's distance and height, and looks at it.
+//! One pose from all around: the camera circles the subject's root at the capture camera's
+//! distance and height, and looks at it.
 
 use super::{
     RenderView,
@@ -13,8 +13,8 @@ use yoto_capture::{
 };
 use yoto_proto::{pose_track::PoseTrack, v1::Orbit};
 
-/// The views of `orbit` around the moment of its frame; the first is from the capture
-/// camera's side.
+/// The views of `orbit` around the pose of its frame; the first is from the capture camera's
+/// side.
 pub(super) fn views(
     stage: &Stage,
     orbit: &Orbit,
@@ -44,7 +44,7 @@ fn circled(capture: &Camera, root: Vec3, angle: f64, size: u32) -> Camera {
     let up = world_up([-x, -y, -z]);
     let mut arm = sub(capture.centre(), root);
     if length(sub(arm, scale(up, dot(arm, up)))) < 1e-6 {
-        // A camera right above the root or at it has no side to circle on: step aside.
+        // A camera above or at the root has no horizontal direction: move it aside.
         arm = add(
             arm,
             scale(cross(up, [up[1], up[2], up[0]]), length(arm).max(1.0)),

@@ -1,5 +1,5 @@
-//! What was wanted of a frame, answered from the checkpoint's measured trade-off: the settings,
-//! what they promise, and what came true.
+//! Choice of render settings for a requested quality, from the checkpoint's measured trade-off,
+//! with predicted and actual figures.
 
 use crate::jobs::{JobContext, JobFailure};
 use yoto_avatar::{
@@ -8,10 +8,10 @@ use yoto_avatar::{
 };
 use yoto_proto::v1::{Checkpoint, RenderChoice, RenderQuality, render_quality};
 
-/// Views whose rays are counted to predict the time of all.
+/// Number of views whose rays are counted to predict the total time.
 const COUNTED_VIEWS: usize = 16;
 
-/// Chosen settings, and where their figures come from.
+/// Chosen settings, and the source of their figures.
 #[derive(Debug)]
 pub(super) struct Promise {
     choice: Choice,
@@ -33,10 +33,7 @@ impl Promise {
             .as_ref()
             .ok_or_else(|| JobFailure::Failed {
                 code: "NO_TRADEOFF",
-                message: format!(
-                    "nobody has measured what quality costs with {}",
-                    checkpoint.name
-                ),
+                message: format!("no trade-off was measured with {}", checkpoint.name),
             })?;
         let json = context.get(object)??;
         let curve = Curve::from_json(&json)
@@ -49,12 +46,12 @@ impl Promise {
         })
     }
 
-    /// To render with.
+    /// Settings of the renderer.
     pub(super) fn settings(&self) -> &RenderSettings {
         &self.choice.settings
     }
 
-    /// The promise beside `seconds` a frame and the PSNR of the pictures whose truth is known.
+    /// The predictions together with the actual `seconds` per frame and PSNR of pictures with truth.
     pub(super) fn came_true(&self, seconds: f64, psnr: &[f64]) -> RenderChoice {
         let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
         RenderChoice {
@@ -70,7 +67,7 @@ impl Promise {
     }
 }
 
-/// The wish, and the field that says it.
+/// The goal, and its field.
 fn want(quality: &RenderQuality) -> Result<(&'static str, Want), JobFailure> {
     match &quality.want {
         Some(render_quality::Want::MaxSecondsPerFrame(value)) => {
@@ -80,15 +77,11 @@ fn want(quality: &RenderQuality) -> Result<(&'static str, Want), JobFailure> {
             Ok(("quality.min_psnr_db", Want::MinPsnr(*value)))
         }
         Some(render_quality::Want::Tier(name)) => Ok(("quality.tier", Want::Tier(name.clone()))),
-        None => Err(JobFailure::invalid(
-            "render",
-            "quality",
-            "says nothing that is wanted",
-        )),
+        None => Err(JobFailure::invalid("render", "quality", "has no goal")),
     }
 }
 
-/// Rays through the body's box in a view, over some of `views` that stand for all.
+/// Mean number of rays through the body's box per view, over a sample of `views`.
 fn mean_rays(renderer: &Renderer, views: &[RenderView]) -> Result<f64, JobFailure> {
     let stride = views.len().div_ceil(COUNTED_VIEWS).max(1);
     let (mut sum, mut count) = (0, 0);

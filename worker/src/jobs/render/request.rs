@@ -12,10 +12,10 @@ use yoto_proto::{
 pub(super) const SIDES: RangeInclusive<u32> = 8..=4096;
 /// Pictures of one job.
 pub(super) const VIEWS: RangeInclusive<u32> = 1..=10_000;
-/// Frames a second of an animation unless the request says.
+/// Default frames per second of an animation.
 const FPS: f32 = 15.0;
 
-/// A request that passed.
+/// A valid request.
 #[derive(Debug)]
 pub(super) struct Request<'a> {
     pub(super) spec: &'a RenderSpec,
@@ -59,7 +59,7 @@ impl<'a> Request<'a> {
     }
 }
 
-/// What is wrong with the numbers, by field.
+/// Faults of the numbers, by field.
 fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
     let mut found = Vec::new();
     let mut need = |good: bool, field: &str, message: String| {
@@ -100,7 +100,7 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
             need(SIDES.contains(&clip.size), "clip.size", sized(clip.size));
         }
         What::Motion(motion) => {
-            // 0 stands for every frame that is left.
+            // 0 means all remaining frames.
             let count = motion.frame_count;
             need(
                 count == 0 || VIEWS.contains(&count),

@@ -1,4 +1,4 @@
-//! Rendered pictures that a camera has really seen: somebody in their own motion.
+//! Ground truth of rendered pictures: frames of a person's own motion.
 
 use super::{RenderView, motion, request::Request};
 use crate::jobs::JobFailure;
@@ -7,20 +7,20 @@ use yoto_avatar::tradeoff::sweep::fidelity;
 use yoto_capture::{Shard, skeleton::Skeleton};
 use yoto_proto::v1::MotionTransfer;
 
-/// What is known to be seen in the views of a request.
+/// Ground truth of the views of a request.
 pub(super) struct Truths {
-    /// The capture, and the place in it that each view shows.
+    /// The capture, and each view's place in it.
     seen: Option<(Arc<Shard>, Vec<usize>)>,
 }
 
 impl Truths {
-    /// Nobody has seen these views.
+    /// There is no ground truth for these views.
     pub(super) fn none() -> Self {
         Self { seen: None }
     }
 
-    /// The frames of the subject's own capture that a motion shows again. Captures are over
-    /// black, and hold the `body` that the model learned unless they were replaced since.
+    /// The frames of the subject's own capture that a motion repeats. Captures have a black
+    /// background, and the `body` that the model learned unless they were replaced since.
     pub(super) fn of_motion(
         request: &Request<'_>,
         transfer: &MotionTransfer,
@@ -39,7 +39,7 @@ impl Truths {
         })
     }
 
-    /// PSNR of the picture of view number `index`, dB; `None` when nobody has seen it at its
+    /// PSNR of the picture of view number `index`, dB; `None` without ground truth at its
     /// size.
     pub(super) fn psnr(&self, index: usize, view: &RenderView, rgb: &[u8]) -> Option<f64> {
         let (shard, places) = self.seen.as_ref()?;

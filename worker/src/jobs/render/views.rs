@@ -1,4 +1,4 @@
-//! Views as the request lists them, and the steps that every kind of request shares.
+//! Views listed by a request, and the steps that all kinds of requests share.
 
 use super::{RenderView, request::SIDES};
 use crate::jobs::JobFailure;
@@ -11,7 +11,7 @@ use yoto_proto::{
 /// Most violations reported of one list.
 const MAX_VIOLATIONS: usize = 20;
 
-/// Who is rendered, before what.
+/// The rendered person, and the background.
 pub(super) struct Stage {
     pub(super) slot: usize,
     pub(super) background: [f32; 3],
@@ -41,7 +41,7 @@ impl Stage {
         })
     }
 
-    /// The views of `list`, or everything that is wrong with them.
+    /// The views of `list`, or all of their faults.
     pub(super) fn listed(&self, list: &ViewList) -> Result<Vec<RenderView>, JobFailure> {
         let mut found = Vec::new();
         let mut views = Vec::new();
@@ -147,12 +147,12 @@ pub(super) fn pose(frame: &Frame) -> Result<Pose, JobFailure> {
     Pose::from_frame(frame).map_err(|error| captured(frame, &error))
 }
 
-/// The camera that saw a captured frame.
+/// The camera of a captured frame.
 pub(super) fn capture_camera(track: &PoseTrack, frame: &Frame) -> Result<Camera, JobFailure> {
     Camera::from_frame(frame, track.image_size).map_err(|error| captured(frame, &error))
 }
 
-/// An ingested capture was checked, so a fault in it is not the user's.
+/// Ingested captures were checked, so this is not a fault of the user.
 fn captured(frame: &Frame, error: &ViewError) -> JobFailure {
     JobFailure::failed(
         "INTERNAL",

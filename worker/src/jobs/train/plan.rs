@@ -1,4 +1,4 @@
-//! What a train job was asked for, checked, and the people it trains on.
+//! The checked request of a train job, and the people it trains on.
 
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
@@ -10,14 +10,14 @@ use yoto_proto::{
     v1::{Inputs, Model, TrainSpec, Violation},
 };
 
-/// Every n-th frame is never trained on and measures PSNR and SSIM instead: 1 in 20 leaves
-/// enough of a short capture to train on.
+/// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
+/// remains for training.
 pub(in crate::jobs) const HOLDOUT_EVERY: usize = 20;
-/// Smallest side worth training at, pixels.
+/// Smallest useful side of training images, pixels.
 const MIN_SIDE: u32 = 8;
 /// Longest budget, seconds: a year. Anything longer is a unit error.
 const MAX_SECONDS: f64 = 366.0 * 86_400.0;
-/// Seconds between checkpoints unless the job says.
+/// Default seconds between checkpoints.
 const CHECKPOINT_SECONDS: f64 = 30.0;
 
 /// A checked train job.
@@ -44,7 +44,7 @@ impl Plan {
             return Err(JobFailure::invalid(
                 "train",
                 "model",
-                format!("nobody has a slot in {}", model.name),
+                format!("there are no people in {}", model.name),
             ));
         }
         let seconds = if spec.checkpoint_seconds == 0.0 {
@@ -84,7 +84,7 @@ impl Plan {
         }
     }
 
-    /// Everybody with a slot, with their frames.
+    /// All people with a slot, with their frames.
     pub(super) fn people(
         &self,
         context: &JobContext,
@@ -225,7 +225,7 @@ mod tests {
             Budget::Seconds(60.0)
         );
         let spec = TrainSpec::default();
-        let plan = Plan::new(&spec, &inputs).expect("no budget is one");
+        let plan = Plan::new(&spec, &inputs).expect("no budget is valid");
         assert_eq!(
             plan.options("jobs/a", None, 5000, None).budget,
             Budget::Steps(5000)

@@ -17,14 +17,14 @@ const REPORT_EVERY: Duration = Duration::from_millis(250);
 /// Validations over the whole budget.
 const VALIDATIONS: f64 = 8.0;
 
-/// One lease's part of a training.
+/// The part of a training within one lease.
 pub(super) struct Session<'a> {
     context: &'a JobContext,
     plan: &'a Plan,
     trainer: Trainer,
     /// Seconds and steps that earlier leases of this job trained.
     used: (f64, u64),
-    /// The trainer's own counts when this lease began.
+    /// The trainer's counts at the start of this lease.
     began: (f64, u64),
     next_validation: f64,
     /// Step and bytes of the model's newest checkpoint.
@@ -51,7 +51,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Trains until the budget is used up or the job has to stop.
+    /// Trains until the budget is used up or the job must stop.
     pub(super) fn train(&mut self) -> Result<(), JobFailure> {
         let mut reported = Instant::now();
         let mut saved = Instant::now();
@@ -71,7 +71,7 @@ impl<'a> Session<'a> {
             if saved.elapsed() >= self.plan.checkpoint_every {
                 match self.checkpoint() {
                     Err(JobFailure::LeaseLost) => return Err(JobFailure::LeaseLost),
-                    // Training is worth going on with: the next one may reach the store.
+                    // Training continues: the next checkpoint may reach the store.
                     Err(failure) => {
                         tracing::warn!(
                             job = self.context.job,
@@ -87,7 +87,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Measures once more, publishes the last checkpoint, and says what came out.
+    /// Measures once more, publishes the last checkpoint, and returns the result.
     pub(super) fn finish(mut self) -> Result<TrainResult, JobFailure> {
         self.validate()?;
         self.checkpoint()?;
@@ -128,7 +128,7 @@ impl<'a> Session<'a> {
             step: progress.step,
             job_seconds,
             job_steps,
-            // Two equal pictures have an infinite PSNR, which no catalogue takes.
+            // Two equal pictures have an infinite PSNR, which the catalogue rejects.
             psnr: progress.psnr.filter(|psnr| psnr.is_finite()),
         };
         let bytes = publish(self.context, folder.path(), &saved)?;
@@ -198,6 +198,6 @@ mod tests {
         assert_eq!(validation_after(0.0), 0.125);
         assert_eq!(validation_after(0.13), 0.25);
         assert_eq!(validation_after(0.99), 1.0);
-        assert!(validation_after(1.0) > 1.0, "the last one is finish's");
+        assert!(validation_after(1.0) > 1.0, "the last one is in finish");
     }
 }
