@@ -84,7 +84,7 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     let newest = require_checkpoint(context, "spec.render.model", &model).await?;
     if render.quality.is_some() && newest.tradeoff.is_none() {
         let message = format!(
-            "nobody has measured what quality costs with {}, the newest of '{}'; measure it \
+            "no trade-off was measured with {}, the newest checkpoint of '{}'; measure it \
              first: yoto tradeoff --model {} --out DIR",
             newest.name, model.display_name, model.display_name
         );

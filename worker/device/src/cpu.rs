@@ -1,4 +1,4 @@
-//! The CPU, by Burn's Flex backend.
+//! The CPU, with Burn's Flex backend.
 
 use super::PickedDevice;
 use burn::tensor::Device;
@@ -21,7 +21,7 @@ pub(super) fn pick() -> PickedDevice {
     }
 }
 
-/// The CPU's model, or the architecture where the kernel does not say.
+/// The CPU's model, or the architecture if the kernel does not report it.
 pub(super) fn model() -> String {
     field("/proc/cpuinfo", "model name").unwrap_or_else(|| std::env::consts::ARCH.into())
 }
@@ -48,7 +48,7 @@ fn memory_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// The widest vector instructions at hand; they decide the speed of training.
+/// The widest supported vector instructions, which determine the speed of training.
 #[cfg(target_arch = "x86_64")]
 fn vectors() -> Option<&'static str> {
     if std::arch::is_x86_feature_detected!("avx512f") {

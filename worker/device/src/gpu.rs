@@ -1,4 +1,4 @@
-//! GPUs over Vulkan, by Burn's wgpu backend.
+//! GPUs over Vulkan, with Burn's wgpu backend.
 
 use super::PickedDevice;
 use burn::tensor::{Device, DeviceKind, DeviceType, wgpu::WgpuBackend};
@@ -13,7 +13,7 @@ pub(super) fn pick() -> Option<PickedDevice> {
         .find_map(open)
 }
 
-/// Every kind of GPU that `adapters` adapters could be, best first.
+/// All candidates among `adapters` adapters, best first.
 fn candidates(adapters: usize) -> impl Iterator<Item = DeviceKind> {
     let kinds: [fn(usize) -> DeviceKind; 3] = [
         DeviceKind::DiscreteGpu,
@@ -25,7 +25,7 @@ fn candidates(adapters: usize) -> impl Iterator<Item = DeviceKind> {
         .flat_map(move |kind| (0..adapters).map(kind))
 }
 
-/// Opens the adapter; one whose driver refuses is logged and passed over.
+/// Opens the adapter; a failure of its driver is logged, and the adapter skipped.
 fn open(kind: DeviceKind) -> Option<PickedDevice> {
     let options = Device::wgpu_options()
         .graphics_api(WgpuBackend::Vulkan)
@@ -33,7 +33,7 @@ fn open(kind: DeviceKind) -> Option<PickedDevice> {
     let device = match options.init() {
         Ok(device) => device,
         Err(error) => {
-            tracing::warn!(?kind, %error, "a GPU was found but does not open");
+            tracing::warn!(?kind, %error, "a GPU was found but can't be opened");
             return None;
         }
     };
@@ -46,7 +46,7 @@ fn open(kind: DeviceKind) -> Option<PickedDevice> {
             backend: "vulkan".into(),
             adapter,
             gpu: true,
-            // Vulkan through wgpu does not tell.
+            // Vulkan through wgpu does not report it.
             memory_bytes: 0,
         },
     })

@@ -1,9 +1,9 @@
-//! Telling the user why the CPU computes.
+//! A hint for the user on why the CPU is in use.
 
 use std::{fs, path::Path};
 
-/// One line where the CPU computes and somebody may have hoped for a GPU: how to build with GPU
-/// support, when this build has none and a GPU is visible; that none opens, when it has.
+/// One line if the CPU is in use where a GPU may be expected: how to build with GPU support, if this
+/// build has none and a GPU is visible; or that no GPU can be opened, if it has.
 pub fn hint_on_cpu() -> Option<String> {
     if cfg!(feature = "gpu") {
         return (!super::pick().info.gpu).then(|| NO_GPU.to_owned());
@@ -11,7 +11,7 @@ pub fn hint_on_cpu() -> Option<String> {
     hint(Path::new("/"))
 }
 
-/// Of a build with GPU support.
+/// The hint of a build with GPU support.
 const NO_GPU: &str = "no GPU with a Vulkan driver was found, so this build computes on the CPU \
                       (Vulkan in software does not count)";
 
@@ -23,7 +23,7 @@ fn hint(root: &Path) -> Option<String> {
     ))
 }
 
-/// Whose GPU stands under `root`, a file system's root.
+/// Vendor of the GPU under `root`, a file system's root.
 fn gpu_vendor(root: &Path) -> Option<&'static str> {
     if ["proc/driver/nvidia/version", "dev/nvidia0"]
         .iter()
@@ -36,7 +36,7 @@ fn gpu_vendor(root: &Path) -> Option<&'static str> {
         .flatten()
         .filter_map(|entry| entry.file_name().into_string().ok())
         .collect();
-    // A card without a render node drives a screen but computes nothing.
+    // A card without a render node drives a screen but can't compute.
     if !names.iter().any(|name| name.starts_with("renderD")) {
         return None;
     }

@@ -1,7 +1,7 @@
-//! What this machine computes on, found at run time and named for people.
+//! The device of this machine, found at run time, with a readable name.
 //!
-//! A GPU is taken only when it is one: software Vulkan is slower than the CPU code it would
-//! replace, so it never counts. A build without GPU support says how to get it.
+//! Only real GPUs are used: software Vulkan is slower than the CPU code that it would replace.
+//! A build without GPU support prints how to enable it.
 
 mod cpu;
 #[cfg(feature = "gpu")]
@@ -15,19 +15,19 @@ use std::sync::OnceLock;
 use yoto_avatar::tradeoff::Machine;
 use yoto_proto::v1::WorkerDevice;
 
-/// A device to compute on, and what to call it.
+/// A device, and its description.
 #[derive(Debug, Clone)]
 pub struct PickedDevice {
-    /// Without autodiff; training adds it.
+    /// The device, without autodiff; training adds it.
     pub device: Device,
-    /// What the coordinator and reports are told.
+    /// Description for the coordinator and for reports.
     pub info: WorkerDevice,
 }
 
 /// The best device of this machine: a discrete, integrated or virtual GPU when the build
 /// supports one and its driver opens it, else the CPU.
 ///
-/// The answer is kept, since a GPU's runtime can be opened only once a process.
+/// The answer is cached, since a GPU's runtime can be opened only once per process.
 pub fn pick() -> PickedDevice {
     static PICKED: OnceLock<PickedDevice> = OnceLock::new();
     PICKED
@@ -42,7 +42,7 @@ pub fn pick() -> PickedDevice {
 }
 
 impl PickedDevice {
-    /// Where measured seconds come from.
+    /// The source of measured seconds.
     pub fn machine(&self) -> Machine {
         Machine {
             cpu: cpu::model(),

@@ -1,9 +1,9 @@
-//! The paper's ablation on one's own captures: its four variants, trained on the same frames
+//! The paper's ablation on given captures: its four variants, trained on the same frames
 //! with the same seed and budget, and measured on the same held-out pictures.
 //!
-//! `humannerf` knows one person a model, so it trains as many models as there are captures.
+//! `humannerf` knows one person per model, so it trains as many models as there are captures.
 //! The budget is divided among them: each variant gets the same training in total, which is
-//! the comparison that an operator with a given machine and evening has to make.
+//! a fair comparison for a given machine and time.
 
 use crate::captures::{self, Recording};
 use crate::cast;
@@ -28,18 +28,18 @@ const CAST_SEED: u64 = 7;
 /// The file that holds everything an ablation found.
 pub const FILE: &str = "ablation.json";
 
-/// What to train on, and how.
+/// Settings of an ablation.
 #[derive(Debug, Clone)]
 pub struct AblationOptions {
     /// On whom.
     pub people: People,
     /// Longest side of the pictures, pixels.
     pub size: u32,
-    /// Of each variant, over all of its models.
+    /// Budget of each variant, over all of its models.
     pub budget: Budget,
     /// Quality tier.
     pub tier: String,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
     /// At most this many held-out pictures of each kind and person are measured.
     pub pictures: usize,
@@ -67,40 +67,40 @@ pub struct Ablation {
     pub tier: String,
     /// Longest image side trained and evaluated at, pixels.
     pub size: u32,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
-    /// Seconds of training a variant; absent when the budget is in steps.
+    /// Seconds of training per variant; absent when the budget is in steps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub budget_seconds: Option<f64>,
-    /// Steps a variant; absent when the budget is in seconds.
+    /// Steps per variant; absent when the budget is in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub budget_steps: Option<u64>,
-    /// What it ran on.
+    /// Its device.
     pub device: String,
     /// The training objective, e.g. a fallback without LPIPS weights.
     pub objective: String,
-    /// In the order of the paper.
+    /// The variants, in the order of the paper.
     pub variants: Vec<VariantScores>,
 }
 
-/// What one variant reached.
+/// Results of one variant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct VariantScores {
     /// Its name.
     pub variant: String,
-    /// Models trained: one for everybody, or one a person.
+    /// Models trained: one for all people, or one per person.
     pub models: usize,
     /// Steps over all models.
     pub steps: u64,
     /// Seconds of training over all models.
     pub train_seconds: f64,
-    /// Trained numbers over all models.
+    /// Parameters of all models.
     pub parameters: u64,
-    /// Steps not taken because loss or gradients were not finite, over all models.
+    /// Steps skipped because loss or gradients were not finite, over all models.
     pub skipped_steps: u64,
     /// One entry per person.
     pub subjects: Vec<SubjectScore>,
-    /// Over the people, each counting the same.
+    /// Mean over the people, with equal weights.
     pub mean: SplitScores,
     /// Of clothes whose motion is known.
     #[serde(skip_serializing_if = "Option::is_none", default)]
@@ -113,7 +113,7 @@ pub struct VariantScores {
 /// Trains and measures all variants, and writes `ablation.json` and the models.
 ///
 /// # Errors
-/// At the first thing that fails, saying what: a capture that can't be read, an unknown tier,
+/// The first failure: a capture that can't be read, an unknown tier,
 /// fewer steps than models, training that diverges, a file that can't be written.
 pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Ablation> {
     let protocol = Protocol::named(HELD_OUT)?;
@@ -154,12 +154,12 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
         variants,
     };
     let path = options.out.join(FILE);
-    let json = serde_json::to_vec_pretty(&ablation).context("writing down the figures")?;
+    let json = serde_json::to_vec_pretty(&ablation).context("encoding the figures")?;
     std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
     Ok(ablation)
 }
 
-/// What stays the same from one variant to the next.
+/// State shared by all variants.
 struct Bench<'a> {
     options: &'a AblationOptions,
     screen: &'a dyn Screen,
@@ -205,7 +205,7 @@ impl Bench<'_> {
         Ok(found)
     }
 
-    /// Trains one model of the people in `group`, keeps it, and measures them.
+    /// Trains one model of the people in `group`, saves it, and measures them.
     fn model(
         &mut self,
         config: ModelConfig,
@@ -255,7 +255,7 @@ impl Bench<'_> {
     }
 }
 
-/// A budget shared out among `models`; what can't be divided goes to the first ones.
+/// A budget divided among `models`; the first ones get the remainder.
 fn divided(budget: Budget, models: usize) -> anyhow::Result<Vec<Budget>> {
     let count = models.max(1) as u64;
     Ok(match budget {

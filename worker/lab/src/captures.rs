@@ -1,4 +1,4 @@
-//! The captures that quality is measured on: frames to train on, and pictures held out.
+//! Captures for quality measurements: training frames and held-out pictures.
 
 use crate::display::Screen;
 use anyhow::{Context, ensure};
@@ -11,17 +11,17 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
 
-/// The two kinds of pictures that training never sees.
+/// The two kinds of held-out pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Split {
     /// Training poses from other cameras.
     NovelView,
-    /// Poses that were never trained on.
+    /// Held-out poses.
     NovelPose,
 }
 
 impl Split {
-    /// The splits that a protocol measures.
+    /// The splits of a protocol.
     pub(super) fn of(protocol: &Protocol) -> &'static [Self] {
         match protocol.pictures {
             Pictures::Views => &[Self::NovelView],
@@ -29,7 +29,7 @@ impl Split {
         }
     }
 
-    /// What to call it.
+    /// Title.
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::NovelView => "held-out views",
@@ -46,7 +46,7 @@ impl Split {
     }
 }
 
-/// One person's capture, with held-out pictures at the size that is measured at.
+/// One person's capture, with held-out pictures at the size of the measurement.
 #[derive(Debug)]
 pub(super) struct Recording {
     pub name: String,
@@ -67,8 +67,8 @@ pub(super) struct View {
     pub truth: FrameImage,
 }
 
-/// Reads the captures in `folders`, with the held-out pictures that `protocol` takes brought
-/// down to its size, or to `size` pixels where it has none.
+/// Reads the captures in `folders`, with the held-out pictures of `protocol` scaled to its size,
+/// or to `size` pixels if it has none.
 pub(super) fn read_all(
     folders: &[PathBuf],
     size: u32,
@@ -82,7 +82,7 @@ pub(super) fn read_all(
             .with_context(|| format!("the capture {}", folder.display()))?;
         ensure!(
             recordings.iter().all(|other| other.name != recording.name),
-            "two captures are called {}; figures of people of one name can't be told apart",
+            "two captures are called {}; people need distinct names",
             recording.name
         );
         recordings.push(recording);
@@ -128,7 +128,7 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
     Ok(recording)
 }
 
-/// A person is called as their folder is.
+/// A person has the name of their folder.
 fn name_of(path: &Path) -> anyhow::Result<String> {
     let full = path.canonicalize().context("finding its name")?;
     let name = full.file_name().context("it has no name")?;
@@ -144,7 +144,7 @@ impl Recording {
         }
     }
 
-    /// At most `wanted` pictures of a split, always the same.
+    /// A fixed subset of a split, of at most `wanted` pictures.
     pub(super) fn subset(&self, split: Split, wanted: usize) -> impl Iterator<Item = &View> {
         let views = self.split(split);
         subset_of(views.len(), wanted).filter_map(|index| views.get(index))
@@ -160,8 +160,8 @@ impl Recording {
     }
 }
 
-/// `wanted` of `count` indices, apart enough for all cameras to be among them, and
-/// shifted each time so that not every camera shows its first frame.
+/// `wanted` of `count` indices, spread over all cameras, with a shift so that cameras do not
+/// all show their first frame.
 fn subset_of(count: usize, wanted: usize) -> impl Iterator<Item = usize> {
     let chosen = wanted.min(count);
     let stride = count / chosen.max(1);

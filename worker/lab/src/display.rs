@@ -1,10 +1,10 @@
-//! Where an experiment shows its progress; the terminal is the caller's.
+//! The progress display of an experiment; the caller provides the terminal.
 
 use yoto_proto::v1::Progress;
 
-/// What an experiment is watched on.
+/// Display of an experiment.
 pub trait Screen {
-    /// Shows one line, to stay.
+    /// Shows one permanent line.
     fn note(&self, line: &str);
 
     /// Begins an activity called `label`.

@@ -1,15 +1,15 @@
 //! Experiments: models trained and measured in one process, without a service.
 //!
-//! - [`quality`]: what a model reaches on held-out pictures of given captures.
+//! - [`quality`]: quality of a model on held-out pictures of given captures.
 //! - [`ablation`]: the paper's four variants on the same captures.
 //! - [`displacement`]: how near learned motion of clothes comes to the truth.
 //! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
 //! - [`model_dir`]: figures of a trained model in a folder.
 //! - [`bench`]: seconds of a training step, stage by stage.
-//! - [`report`]: the form that results take on disk and in a terminal.
+//! - [`report`]: the form of results on disk and in a terminal.
 //! - [`pictures`]: 8-bit pictures on disk.
 //!
-//! Nothing here prints: whoever starts an experiment passes a [`display::Screen`].
+//! Nothing here prints: the caller passes a [`display::Screen`].
 
 pub mod ablation;
 pub mod bench;

@@ -1,4 +1,4 @@
-//! Rendering held-out pictures and comparing them with what was really seen.
+//! Renders held-out pictures and compares them with ground truth.
 
 use crate::captures::{Recording, Split, View};
 use crate::display::Display;
@@ -27,8 +27,8 @@ pub(super) fn subset(
     Ok(mean.score())
 }
 
-/// The mean over one person's pictures, at most `count` of them; `on_picture` hears the
-/// seconds each took to render.
+/// The mean over one person's pictures, at most `count` of them; `on_picture` receives the
+/// seconds of each render.
 pub(super) fn person(
     examiner: &Examiner,
     slot: usize,

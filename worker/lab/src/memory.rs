@@ -1,17 +1,17 @@
-//! How much memory a stretch of work needed, as Linux counts it.
+//! Peak memory of a piece of work, as counted by Linux.
 
 use std::fs;
 use std::io;
 
-/// Starts the count of the process's peak anew (Linux: `5` into `clear_refs`).
+/// Resets the process's peak (Linux: `5` to `clear_refs`).
 ///
 /// # Errors
-/// Where the system has no such count, or does not let a process reset its own.
+/// When the system has no such count, or does not allow a process to reset it.
 pub(crate) fn reset_peak() -> io::Result<()> {
     fs::write("/proc/self/clear_refs", "5")
 }
 
-/// Most memory resident since [`reset_peak`], bytes; `None` where the system does not tell.
+/// Peak resident memory since [`reset_peak`], bytes; `None` if the system does not report it.
 pub(crate) fn peak() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status

@@ -1,4 +1,4 @@
-//! Measuring a trained model that stands in a folder, without a service.
+//! Measures a trained model in a folder, without a service.
 
 use crate::captures::{self, Recording, Split};
 use crate::display::Screen;
@@ -13,11 +13,11 @@ use yoto_avatar::train::ModelState;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::v1::{Progress, Scores};
 
-/// How far a capture's rest joints may stand from those of its slot, metres: what numbers
-/// lose on their way through a file.
+/// Largest distance between a capture's rest joints and those of its slot, metres: rounding
+/// errors of files.
 const SAME_BODY: f64 = 1e-4;
 
-/// What to measure, and on what.
+/// Settings of a measurement.
 #[derive(Debug, Clone)]
 pub struct ModelDirOptions {
     /// Folder with a checkpoint's weights and state.
@@ -26,8 +26,8 @@ pub struct ModelDirOptions {
     pub captures: Vec<PathBuf>,
     /// A protocol's name.
     pub protocol: String,
-    /// Longest side that pictures are compared at, unless the protocol has its own, pixels;
-    /// 0 keeps the pictures'.
+    /// Longest side of compared pictures, unless the protocol has its own, pixels; 0 keeps the
+    /// pictures' size.
     pub size: u32,
     /// At most this many pictures of each kind and person.
     pub pictures: usize,
@@ -40,11 +40,11 @@ pub struct ModelDirOptions {
 pub struct Measured {
     /// The model's variant.
     pub variant: String,
-    /// Training steps behind it.
+    /// Training steps of the model.
     pub step: u64,
     /// The protocol's name.
     pub protocol: String,
-    /// `person, kind of pictures` with its figures; means last.
+    /// Figures by person and kind of pictures; means last.
     pub rows: Vec<(String, Scores)>,
     /// The kinds of pictures.
     pub headings: Vec<String>,
@@ -55,13 +55,12 @@ pub struct Measured {
 /// Measures.
 ///
 /// # Errors
-/// When model or captures can't be read or don't belong together, or the protocol is for
-/// looking at pictures only.
+/// When model or captures can't be read or don't match, or the protocol has no figures.
 pub fn run(options: &ModelDirOptions, screen: &dyn Screen) -> anyhow::Result<Measured> {
     let protocol = Protocol::named(&options.protocol)?;
     ensure!(
         protocol.figures,
-        "nothing was ever measured by '{}': its pictures are for looking at",
+        "'{}' has no figures: its pictures are for visual comparison",
         protocol.name
     );
     let dir = &options.model_dir;
@@ -72,7 +71,7 @@ pub fn run(options: &ModelDirOptions, screen: &dyn Screen) -> anyhow::Result<Mea
     let missing = protocol.missing(recordings.iter().map(|it| it.name.as_str()));
     if !missing.is_empty() {
         screen.note(&format!(
-            "{} is of {} subjects; without {} the mean can't stand beside published ones",
+            "{} is of {} subjects; without {} the mean is not comparable with published ones",
             protocol.name,
             protocol.subjects.len(),
             missing.join(", ")
@@ -120,15 +119,15 @@ pub fn run(options: &ModelDirOptions, screen: &dyn Screen) -> anyhow::Result<Mea
     })
 }
 
-/// Captures and slots must be of the same bodies; a mix-up would measure one person's looks
-/// on another and call the model bad.
+/// Checks that captures and slots have the same bodies; otherwise one person's appearance would be
+/// compared with another's.
 fn check_slots(slots: &[Option<Skeleton>], recordings: &[Recording]) -> anyhow::Result<()> {
     for (slot, recording) in recordings.iter().enumerate() {
         let name = &recording.name;
         let body = slots
             .get(slot)
             .and_then(Option::as_ref)
-            .with_context(|| format!("the model has nobody in slot {slot}, for {name}"))?;
+            .with_context(|| format!("the model has no person in slot {slot}, for {name}"))?;
         let theirs = Skeleton::from_track(&recording.shard.track.skeleton)
             .with_context(|| format!("the skeleton of {name}"))?;
         let apart =

@@ -4,7 +4,7 @@ use image::{GrayImage, ImageFormat, RgbImage};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Why a picture could not be read, written or compared.
+/// The reason why a picture could not be read, written or compared.
 #[derive(Debug, Error)]
 pub enum PictureError {
     /// The file could not be decoded or encoded.
@@ -14,13 +14,13 @@ pub enum PictureError {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the codec or the system said.
+        /// The error of the codec or the system.
         source: image::ImageError,
     },
-    /// Pixels and size don't fit, which points to a defect in whoever made them.
+    /// Pixels and size don't match, which is a defect of the caller.
     #[error("{what} has {found} bytes, a {width}x{height} picture needs {expected}")]
     Size {
-        /// What was looked at.
+        /// The picture.
         what: String,
         /// Pixels across.
         width: usize,
@@ -85,7 +85,7 @@ pub fn read(path: &Path) -> Result<RgbImage, PictureError> {
     Ok(image::open(path).map_err(file_error)?.into_rgb8())
 }
 
-/// Writes a colour picture as PNG, making its folder.
+/// Writes a colour picture as PNG, and creates its folder.
 ///
 /// # Errors
 /// When the file can't be written.
@@ -95,7 +95,7 @@ pub fn write(path: &Path, picture: &RgbImage) -> Result<(), PictureError> {
     })
 }
 
-/// Writes a mask as PNG, making its folder.
+/// Writes a mask as PNG, and creates its folder.
 ///
 /// # Errors
 /// When the file can't be written.

@@ -1,8 +1,8 @@
-//! How good the model gets on given captures: trains in this process, without a service,
-//! and measures on pictures that training never saw.
+//! Quality of a model on given captures: trains in this process, without a service, and measures
+//! on held-out pictures.
 //!
-//! This is the yardstick of the model's quality, so it is kept plain: the same captures,
-//! size, seconds and seed give comparable figures from one version to the next.
+//! This is the reference measurement of the model's quality: the same captures, size, seconds and
+//! seed give comparable figures between versions.
 
 use crate::captures::{self, Recording, Split, View};
 use crate::display::Screen;
@@ -21,32 +21,32 @@ use yoto_proto::v1::Progress;
 
 /// Measurements over the budget.
 const CURVE_POINTS: f64 = 10.0;
-/// Pictures of each capture and split that a point of the curve is measured on. All of
-/// them would take longer than the training between two points.
+/// Measured pictures of each capture and split for a point of the curve. All of them would take
+/// longer than the training between two points.
 const CURVE_PICTURES: usize = 6;
 
-/// What to train on, and how.
+/// Settings of a measurement.
 #[derive(Debug, Clone)]
 pub struct QualityOptions {
-    /// Capture folders, one a person.
+    /// Capture folders, one per person.
     pub captures: Vec<PathBuf>,
     /// Longest side of the pictures, pixels.
     pub size: u32,
-    /// How long to train.
+    /// Training budget.
     pub budget: Budget,
-    /// Held-out pictures of each capture and split that are measured at the end, at most.
+    /// Most held-out pictures of each capture and split to measure at the end.
     pub measured: usize,
     /// Quality tier.
     pub tier: String,
     /// Model variant.
     pub variant: String,
-    /// What people share of the hash grid, in place of what the tier says.
+    /// Sharing of the hash grid, in place of the tier's.
     pub sharing: Option<Sharing>,
-    /// In place of what the tier says, too.
+    /// Other settings in place of the tier's.
     pub settings: Vec<Setting>,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
-    /// Where to write truth and render of each held-out picture side by side.
+    /// Folder for truth and render of each held-out picture side by side.
     pub pictures: Option<PathBuf>,
     /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
     pub lpips: Option<LpipsWeights>,
@@ -55,8 +55,8 @@ pub struct QualityOptions {
 /// Trains and measures.
 ///
 /// # Errors
-/// At the first thing that fails, saying what: a capture that can't be read, a tier or
-/// variant that nobody knows, training that diverges.
+/// The first failure: a capture that can't be read, an unknown tier or variant, training that
+/// diverges.
 pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Report> {
     let mut config = ModelConfig::named(&options.tier, &options.variant)?;
     if let Some(sharing) = options.sharing {

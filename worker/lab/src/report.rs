@@ -1,6 +1,6 @@
-//! What a training run reached, as `report.json` and as a table.
+//! Results of a training run, as `report.json` and as a table.
 //!
-//! `yoto demo` and `yoto quality` write the same fields, so that one reader serves both.
+//! `yoto demo` and `yoto quality` write the same fields, so that one reader works for both.
 
 pub use yoto_avatar::evaluate::Score;
 
@@ -10,7 +10,7 @@ use std::path::Path;
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// One entry a person.
+    /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
     pub mean: SplitScores,
@@ -20,26 +20,26 @@ pub struct Report {
     pub train_seconds: f64,
     /// `steps / train_seconds`.
     pub steps_per_second: f64,
-    /// Trained numbers in the model.
+    /// Number of parameters.
     pub parameters: u64,
     /// Size of a checkpoint with optimiser state, bytes.
     pub checkpoint_bytes: u64,
-    /// How much larger a further person makes the weights, bytes (with optimiser state it is three
-    /// times as much); absent where it was not asked for.
+    /// Growth of the weights per further person, bytes (three times as much with optimiser state);
+    /// absent if it was not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person_bytes: Option<u64>,
-    /// What it ran on.
+    /// Its device.
     pub device: String,
-    /// What was minimised, e.g. "lpips+mse", or the fallback without LPIPS weights.
+    /// The objective, e.g. "lpips+mse", or the fallback without LPIPS weights.
     pub objective: String,
     /// Parts of the model that take part only from some moment of a run on, and did at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
     /// Seconds to render a frame at the evaluated size.
     pub render_seconds_per_frame: f64,
-    /// With what it ran.
+    /// Its settings.
     pub settings: Settings,
-    /// Quality over training time, where it was measured.
+    /// Quality over training time, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<Curve>,
 }
@@ -53,9 +53,9 @@ pub struct Settings {
     pub variant: String,
     /// Longest image side trained and evaluated at, pixels.
     pub size: u32,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
-    /// What people share of the hash grid, where it is not the tier's.
+    /// Sharing of the hash grid, if it is not the tier's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharing: Option<String>,
     /// Settings that are not the tier's.
@@ -66,32 +66,32 @@ pub struct Settings {
 /// One person's figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SubjectScore {
-    /// Who.
+    /// Name of the person.
     pub name: String,
-    /// Both splits.
+    /// Figures of both splits.
     #[serde(flatten)]
     pub scores: SplitScores,
-    /// PSNR of an all-black picture against the novel views, dB: what knowing nothing gives.
+    /// PSNR of an all-black picture against the novel views, dB: the baseline.
     pub black_image_psnr: f64,
 }
 
-/// Figures of the two kinds of pictures that were never trained on.
+/// Figures of the two kinds of held-out pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SplitScores {
-    /// Training poses from cameras never trained on.
+    /// Training poses from held-out cameras.
     pub novel_view: Score,
-    /// Poses never trained on.
+    /// Held-out poses.
     pub novel_pose: Score,
 }
 
 /// Quality over training time.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Curve {
-    /// Pictures a capture and split that each point is measured on.
+    /// Measured pictures per capture and split for each point.
     pub pictures_per_capture: usize,
-    /// Over time, of the novel views.
+    /// Points of the novel views, over time.
     pub novel_view: Vec<CurvePoint>,
-    /// Over time, of the novel poses.
+    /// Points of the novel poses, over time.
     pub novel_pose: Vec<CurvePoint>,
 }
 
@@ -111,7 +111,7 @@ pub struct CurvePoint {
 }
 
 impl SplitScores {
-    /// The mean over people, each counting the same.
+    /// The mean over people, with equal weights.
     pub fn mean(subjects: &[SubjectScore]) -> Self {
         let mean = |split: fn(&SplitScores) -> &Score| {
             let scores: Vec<Score> = subjects.iter().map(|it| *split(&it.scores)).collect();
@@ -125,7 +125,7 @@ impl SplitScores {
 }
 
 impl Report {
-    /// Writes `report.json`, making its folder.
+    /// Writes `report.json`, and creates its folder.
     ///
     /// # Errors
     /// When the file can't be written.
@@ -138,7 +138,7 @@ impl Report {
         std::fs::write(path, json)
     }
 
-    /// The figures as a table for people, with a line of what it took.
+    /// The figures as a readable table, with a line on steps, time and device.
     pub fn table(&self) -> String {
         let row = |name: &str, scores: &SplitScores| {
             let split = |score: &Score| {
@@ -171,7 +171,7 @@ impl Report {
             lines.push(row("mean", &self.mean));
         }
         lines.push(format!(
-            "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s a rendered frame",
+            "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s per rendered frame",
             self.steps,
             self.train_seconds,
             self.steps_per_second,

@@ -1,4 +1,4 @@
-//! What the experiments share: a device, training under a display, the size of a checkpoint.
+//! Parts shared by the experiments: the device, training with a display, the size of a checkpoint.
 
 use crate::display::{Display, Screen};
 use anyhow::{Context, ensure};
@@ -8,7 +8,7 @@ use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::v1::Progress;
 
-/// The device to compute on, noted on the screen.
+/// The device, shown on the screen.
 pub(crate) fn pick_device(screen: &dyn Screen) -> PickedDevice {
     let picked = yoto_device::pick();
     screen.note(&format!("computing on {}", picked.info.adapter));

@@ -1,24 +1,24 @@
-//! Three forms of the paper's step, from all of its samples to what a CPU can afford, so that
-//! comparisons with other programs are like for like.
+//! Three forms of the paper's step, from all samples to a form for CPUs, for like-for-like
+//! comparisons with other programs.
 
 use std::fmt;
 use std::str::FromStr;
 use yoto_avatar::config::{ConfigError, ModelConfig, Setting};
 
-/// What of the paper's step is computed.
+/// The computed part of the paper's step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepForm {
-    /// All samples that f32 can see, all gradients: the released program, the tier `paper`.
+    /// All samples that matter in f32, all gradients: the released program, the tier `paper`.
     Exact,
-    /// Samples under a foreground likelihood of 1e-3 left out, all gradients of the others: what
-    /// a tuned form of the released program does.
+    /// Samples under a foreground likelihood of 1e-3 left out, all gradients of the others, as
+    /// in a tuned form of the released program.
     Tuned,
     /// The tier `paper-lean`.
     Lean,
 }
 
 impl StepForm {
-    /// All forms, the dearest first.
+    /// All forms, most expensive first.
     pub const ALL: [Self; 3] = [Self::Exact, Self::Tuned, Self::Lean];
 
     /// Its name on the command line.
@@ -30,7 +30,7 @@ impl StepForm {
         }
     }
 
-    /// What it computes, in a table's words.
+    /// Description for tables.
     pub fn about(self) -> &'static str {
         match self {
             Self::Exact => "all samples, all gradients",
@@ -47,10 +47,10 @@ impl StepForm {
         }
     }
 
-    /// The configuration of the tier, with `settings` in place of its own.
+    /// The configuration of the tier, with `settings` applied.
     ///
     /// # Errors
-    /// When a setting does not exist or can't have its value.
+    /// When a setting does not exist or has an invalid value.
     pub fn config(self, settings: &[Setting]) -> Result<ModelConfig, ConfigError> {
         let mut config = ModelConfig::named(self.tier(), "yoto")?;
         if self == Self::Tuned {
@@ -71,7 +71,7 @@ impl FromStr for StepForm {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let named = Self::ALL.into_iter().find(|form| form.name() == text);
-        named.ok_or_else(|| format!("'{text}' is none of: exact, tuned, lean"))
+        named.ok_or_else(|| format!("'{text}' is not one of: exact, tuned, lean"))
     }
 }
 

@@ -1,7 +1,7 @@
-//! How long one step of training takes, stage by stage, on this machine.
+//! Time of one training step, stage by stage, on this machine.
 //!
-//! The captures are made up, so that anyone can run the same measurement. All parts of the model
-//! take part from the first step on, whatever their kick-in.
+//! The captures are synthetic, so that anyone can run the same measurement. All parts of the model
+//! are active from the first step on, regardless of their kick-in.
 
 mod forms;
 mod stages;
@@ -21,9 +21,9 @@ use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
-/// Frames of each person's film: a step sees one, so that more would only take time to make.
+/// Frames of each person's video: a step uses one, so more would only take time to generate.
 const FRAMES: usize = 6;
-/// The spans that follow each other in a step; all others lie inside them.
+/// The consecutive spans of a step; all others are inside them.
 const STAGES: [&str; 8] = [
     "draw",
     "pose",
@@ -35,38 +35,38 @@ const STAGES: [&str; 8] = [
     "update",
 ];
 
-/// What to measure.
+/// Settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct BenchOptions {
-    /// What is timed.
+    /// The timed step.
     pub what: Timed,
     /// People in the model.
     pub people: usize,
     /// Side of their pictures, pixels.
     pub size: u32,
-    /// Steps taken before the clock starts: caches fill, and what is learned of empty space
-    /// takes effect.
+    /// Steps before the measurement, while caches fill and the occupancy grid takes
+    /// effect.
     pub settle: u64,
-    /// Steps that are timed.
+    /// Timed steps.
     pub steps: u64,
-    /// Whether to render a frame with what was trained, too.
+    /// Whether to render a frame with the trained model as well.
     pub frame: bool,
-    /// Whether to measure networks with bf16 factors, too.
+    /// Whether to measure networks with bf16 factors as well.
     pub bf16: bool,
-    /// Seed of people, weights and draws.
+    /// Seed of people, weights and samples.
     pub seed: u64,
-    /// In place of the tier's.
+    /// Settings that replace the tier's.
     pub settings: Vec<Setting>,
     /// Weights of the networks of LPIPS; without them LPIPS is not minimised.
     pub lpips: Option<LpipsWeights>,
 }
 
-/// The step that is timed.
+/// The timed step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Timed {
-    /// A quality tier's.
+    /// A step of a quality tier.
     Tier(String),
-    /// A form of the paper's.
+    /// A form of the paper's step.
     Form(StepForm),
 }
 
@@ -75,17 +75,17 @@ pub enum Timed {
 pub struct StepTimes {
     /// Mean seconds of a step.
     pub step_seconds: f64,
-    /// Mean seconds of each stage; `other` is what no stage covers.
+    /// Mean seconds of each stage; `other` is the time outside all stages.
     pub stages: BTreeMap<String, f64>,
-    /// Of these, mean seconds in single operations, which lie inside the stages.
+    /// Mean seconds of single operations, which are part of the stages.
     pub operations: BTreeMap<String, f64>,
-    /// Most memory held while stepping, bytes; absent where the system does not tell.
+    /// Peak memory during the steps, bytes; absent if the system does not report it.
     pub peak_bytes: Option<u64>,
-    /// Mean samples a step that the networks saw.
+    /// Mean number of samples per step evaluated by the networks.
     pub live_samples: f64,
-    /// Samples a step that rays placed.
+    /// Number of samples per step along all rays.
     pub samples: u64,
-    /// Seconds of one frame from a held-out camera, when asked for.
+    /// Seconds of one frame from a held-out camera, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_seconds: Option<f64>,
 }
@@ -95,23 +95,23 @@ pub struct StepTimes {
 pub struct BenchReport {
     /// Quality tier.
     pub tier: String,
-    /// Form of the paper's step, when one was timed.
+    /// Form of the paper's step, if one was timed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub form: Option<&'static str>,
-    /// Numbers that are learned.
+    /// Number of parameters.
     pub parameters: u64,
-    /// What the loss is made of.
+    /// The training objective.
     pub objective: String,
-    /// Steps taken before the clock started.
+    /// Steps before the measurement.
     pub settle: u64,
-    /// Steps that were timed.
+    /// Timed steps.
     pub steps: u64,
     /// Single precision.
     pub f32: StepTimes,
-    /// Networks with bf16 factors, when asked for.
+    /// Networks with bf16 factors, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bf16: Option<StepTimes>,
-    /// Most memory of all, bytes.
+    /// Peak memory overall, bytes.
     pub peak_bytes: Option<u64>,
     /// As in `f32`.
     pub live_samples: f64,
@@ -171,8 +171,8 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     })
 }
 
-/// A frame of the first of the cast, in the first pose that was filmed. The second of two, so
-/// that memory has been asked for once.
+/// Seconds of a frame of the first person, in the first pose of the video: the second of two
+/// renders, so that memory is already allocated.
 fn frame_seconds(trainer: &Trainer, cast: &[SyntheticPerson], size: u32) -> anyhow::Result<f64> {
     let renderer = trainer.renderer();
     let person = cast.first().context("--people: at least 1")?;
@@ -202,7 +202,7 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
             for image in &film {
                 builder.push(image)?;
             }
-            let shard = Arc::new(builder.finish().context("packing a made-up capture")?);
+            let shard = Arc::new(builder.finish().context("packing a synthetic capture")?);
             Ok(Person {
                 slot,
                 name: person.name().to_owned(),

@@ -1,5 +1,4 @@
-//! Where the time of a step goes: sums the durations of the trace spans that the model's code
-//! enters, by their names.
+//! Distribution of a step's time: sums the durations of the model's trace spans, by name.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +9,7 @@ use tracing_subscriber::Layer;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 use tracing_subscriber::registry::LookupSpan;
 
-/// Seconds by span name. A span inside another counts in both.
+/// Seconds by span name. Nested spans count in both.
 pub(super) type Seconds = BTreeMap<&'static str, f64>;
 
 #[derive(Clone, Default)]
@@ -40,7 +39,7 @@ impl<S: Subscriber + for<'a> LookupSpan<'a>> Layer<S> for Sums {
     }
 }
 
-/// Runs `work` on this thread and tells how long its spans took.
+/// Runs `work` on this thread and returns the durations of its spans.
 pub(super) fn timed<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
     let sums = Sums::default();
     let subscriber = tracing_subscriber::registry().with(sums.clone());

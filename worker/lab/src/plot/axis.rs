@@ -1,11 +1,11 @@
-//! Where numbers stand on the paper, and which of them are written beside it.
+//! Positions of numbers on the page, and the ticks of an axis.
 
 /// Share of an axis left free at both ends.
 const MARGIN: f64 = 0.06;
-/// Ticks that an axis has room for.
+/// Most ticks of an axis.
 const MOST_TICKS: usize = 9;
 
-/// One axis of the paper.
+/// One axis of the page.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
     low: f64,
@@ -14,12 +14,12 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Holds all `values`, which are numbers, above 0 on a logarithmic axis.
+    /// An axis for all `values`, which are finite, and above 0 on a logarithmic axis.
     pub(super) fn over(values: &[f64], logarithmic: bool) -> Self {
         let place = |value: &f64| if logarithmic { value.log10() } else { *value };
         let low = values.iter().map(place).fold(f64::INFINITY, f64::min);
         let high = values.iter().map(place).fold(f64::NEG_INFINITY, f64::max);
-        // One value alone gets room on both sides.
+        // A single value gets room on both sides.
         let span = if high > low { high - low } else { 0.5 };
         Self {
             low: low - MARGIN * span,
@@ -28,7 +28,7 @@ impl Axis {
         }
     }
 
-    /// Where `value` stands, 0 to 1 from the axis's start.
+    /// Position of `value`, 0 to 1 from the axis's start.
     pub(super) fn place(&self, value: f64) -> f64 {
         let value = if self.logarithmic {
             value.log10()
@@ -38,7 +38,7 @@ impl Axis {
         (value - self.low) / (self.high - self.low)
     }
 
-    /// Round numbers along the axis, as many as it has room for.
+    /// Round numbers along the axis, as many as fit.
     pub(super) fn ticks(&self) -> Vec<f64> {
         let steps: &[&[f64]] = match self.logarithmic {
             true => &[
@@ -88,7 +88,7 @@ impl Axis {
     }
 }
 
-/// A tick's number without noise in its last digits: `0.05`, `30`, `2.5`.
+/// A tick's number without rounding noise: `0.05`, `30`, `2.5`.
 pub(super) fn plain(value: f64) -> String {
     let text = format!("{value:.6}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

@@ -1,4 +1,4 @@
-//! The drawing itself, on whatever paper plotters offers.
+//! The drawing itself, on any backend of plotters.
 
 use super::axis::{Axis, plain};
 use super::labels::{Frame, room};
@@ -12,7 +12,7 @@ use plotters::prelude::{
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, TextStyle};
 
-/// Colours that people of every colour vision tell apart (Okabe and Ito).
+/// Colours that are distinct for all kinds of colour vision (Okabe and Ito).
 const COLOURS: &[RGBColor] = &[
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -25,7 +25,7 @@ const INK: RGBColor = RGBColor(30, 30, 30);
 const GRAY: RGBColor = RGBColor(105, 105, 105);
 const GRID: RGBColor = RGBColor(226, 226, 226);
 
-/// Where the axes stand, pixels of the SVG from each edge of the paper.
+/// Distance of the axes from each edge of the page, pixels of the SVG.
 const LEFT: f64 = 78.0;
 const RIGHT: f64 = 28.0;
 const TOP: f64 = 74.0;
@@ -67,7 +67,7 @@ fn check(plot: &Plot) -> anyhow::Result<()> {
         for mark in &series.marks {
             ensure!(
                 mark.cost.is_finite() && mark.cost > 0.0 && mark.gain.is_finite(),
-                "{}: a point at {}, {} has no place on the axes",
+                "{}: the point at {}, {} is not on the axes",
                 series.name,
                 mark.cost,
                 mark.gain
@@ -82,7 +82,7 @@ struct Paper<'a, DB: DrawingBackend> {
     unit: f64,
     cost: Axis,
     gain: Axis,
-    /// Between the axes.
+    /// The area between the axes.
     inner: Frame,
 }
 
@@ -199,7 +199,7 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
             f64::from(size.1) + 4.0 * self.unit,
         );
         let at = self.at(mark.cost, mark.gain);
-        // A label without room is left out: its point is there, and the figures are in the table.
+        // A label without room is left out: its point is drawn, and its figures are in the table.
         let Some(frame) = room(at, size, &self.inner, taken, self.unit) else {
             return Ok(());
         };
@@ -220,7 +220,7 @@ impl<DB: DrawingBackend> Paper<'_, DB> {
         Ok(())
     }
 
-    /// Names the colours in the lower right corner, where a front has nothing; the room taken.
+    /// Draws the legend in the lower right corner, where fronts have no points; returns its frame.
     fn legend(&self, plot: &Plot) -> anyhow::Result<Vec<Frame>> {
         if plot.series.len() < 2 {
             return Ok(Vec::new());

@@ -1,6 +1,6 @@
-//! Finding room for labels: none may cover another, a point, or leave the paper.
+//! Placement of labels: none may cover another label or a point, or leave the page.
 
-/// A rectangle on the paper, pixels: left, top, right, bottom.
+/// A rectangle on the page, pixels: left, top, right, bottom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Frame {
     pub left: f64,
@@ -48,7 +48,7 @@ impl Frame {
     }
 }
 
-/// Directions from a point, best first: nothing lies above and left of a front.
+/// Directions from a point, best first: there are no points above and left of a front.
 const DIRECTIONS: &[(f64, f64)] = &[
     (-1.0, -0.6),
     (-0.3, -1.0),
@@ -60,7 +60,7 @@ const DIRECTIONS: &[(f64, f64)] = &[
     (-1.0, 0.6),
 ];
 
-/// The frame of a label of `size` for the point `at`, inside `paper` and off everything
+/// The frame of a label of `size` for the point `at`, inside `paper` and outside everything
 /// `taken`; near the point if possible. `None` when there is no room.
 pub(super) fn room(
     at: (f64, f64),
@@ -72,7 +72,7 @@ pub(super) fn room(
     let distances = [9.0, 22.0, 40.0, 60.0, 85.0, 115.0, 150.0];
     for distance in distances {
         for (dx, dy) in DIRECTIONS {
-            // The label's nearest edge is `distance` away, whatever its width.
+            // The label's nearest edge is `distance` away, regardless of its width.
             let x = at.0 + dx * (distance * unit + size.0 / 2.0);
             let y = at.1 + dy * (distance * unit + size.1 / 2.0);
             let frame = Frame::around((x, y), size);

@@ -1,7 +1,7 @@
-//! Plots of cost against gain, as SVG and PNG, with labels that need no font of the machine.
+//! Plots of cost against gain, as SVG and PNG, with an embedded font.
 //!
-//! [`axis`] places numbers on the paper, [`labels`] finds room for text, [`draw`] puts both on
-//! it. One drawing serves both formats.
+//! [`axis`] places numbers on the page, [`labels`] places text, [`draw`] draws both. One drawing
+//! is used for both formats.
 
 mod axis;
 mod draw;
@@ -14,7 +14,7 @@ use plotters::style::{FontStyle, register_font};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Size on paper, pixels of the SVG.
+/// Size of the page, pixels of the SVG.
 const SIZE: (u32, u32) = (1000, 640);
 /// Pixels of the PNG for each of the SVG.
 const PNG_SCALE: f64 = 1.6;
@@ -22,22 +22,22 @@ const PNG_SCALE: f64 = 1.6;
 /// A plot: cost to the right on a logarithmic axis, gain upwards on a linear one.
 #[derive(Debug, Clone)]
 pub struct Plot {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// On what, and how to read its labels.
+    /// Conditions, and the meaning of its labels.
     pub subtitle: String,
-    /// What costs, with its unit.
+    /// Title of the cost, with its unit.
     pub cost: String,
-    /// What is gained, with its unit.
+    /// Title of the gain, with its unit.
     pub gain: String,
-    /// A colour each.
+    /// The series, each in its own colour.
     pub series: Vec<Series>,
 }
 
 /// Points of one kind.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
     /// In any order.
     pub marks: Vec<Mark>,
@@ -48,20 +48,20 @@ pub struct Series {
 pub struct Mark {
     /// Above 0.
     pub cost: f64,
-    /// Any number.
+    /// Any finite number.
     pub gain: f64,
-    /// Large, because nothing beats it.
+    /// Whether the point is on the front, which is drawn large.
     pub best: bool,
-    /// Joined by a line to the others of its series that are.
+    /// Whether a line joins the point to the other such points of its series.
     pub joined: bool,
-    /// Written beside it where there is room.
+    /// Text beside the point, if there is room.
     pub label: Option<String>,
 }
 
 /// Writes `plot` as `NAME.svg` and `NAME.png` into `folder`.
 ///
 /// # Errors
-/// When there is nothing to show, a point has no place on the axes, or a file can't be written.
+/// When there are no points, a point is not on the axes, or a file can't be written.
 pub fn write(plot: &Plot, folder: &Path, name: &str) -> anyhow::Result<[PathBuf; 2]> {
     register()?;
     let svg = folder.join(name).with_extension("svg");
@@ -86,7 +86,7 @@ pub fn write(plot: &Plot, folder: &Path, name: &str) -> anyhow::Result<[PathBuf;
     Ok([svg, png])
 }
 
-/// Gives the letters of both formats their shapes and widths.
+/// Registers the font of both formats.
 fn register() -> anyhow::Result<()> {
     static REGISTERED: OnceLock<bool> = OnceLock::new();
     let registered = REGISTERED.get_or_init(|| {

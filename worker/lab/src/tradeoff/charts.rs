@@ -6,7 +6,7 @@ use crate::plot::{Mark, Plot, Series};
 use std::collections::HashSet;
 use yoto_avatar::tradeoff::{Curve, Point};
 
-/// Decibels that a point must gain to be told.
+/// Smallest gain of a labelled point, dB.
 const GAIN: f64 = 0.15;
 
 /// Each plot with its file's name.
@@ -43,7 +43,7 @@ fn training(tradeoff: &Tradeoff) -> Plot {
     Plot {
         title: format!("Training: {} at {} pixels", people(tradeoff), tradeoff.size),
         subtitle: format!(
-            "Large points: nothing is better in less time. Labels: budget, size of a checkpoint. {}",
+            "Large points: no other point is better in less time. Labels: budget, size of a checkpoint. {}",
             tradeoff.machine.device
         ),
         cost: "seconds of training".into(),
@@ -73,11 +73,11 @@ fn rendering(tradeoff: &Tradeoff) -> Plot {
             tradeoff.size
         ),
         subtitle: format!(
-            "Labels: samples a ray · resolution, and what differs from the model's own: likelihood bound ε, \
+            "Labels: samples per ray · resolution, and what differs from the model's own: likelihood bound ε, \
              least light T, precision. {}",
             tradeoff.machine.device
         ),
-        cost: "seconds a frame".into(),
+        cost: "seconds per frame".into(),
         gain: format!("PSNR against {against}, dB"),
         series: tradeoff.rendering.iter().map(curve).collect(),
     }
@@ -110,8 +110,8 @@ fn curve(curve: &Curve) -> Series {
     }
 }
 
-/// Those of the `best` that are worth a label: from the cheapest on, each that gains something to
-/// the eye over the one told before.
+/// The labelled points of `best`: from the cheapest on, each with a visible gain over the previous
+/// one.
 fn told(points: &[Point], best: &HashSet<usize>) -> HashSet<usize> {
     let mut order: Vec<usize> = best.iter().copied().collect();
     order.sort_by(|&a, &b| points[a].seconds.total_cmp(&points[b].seconds));

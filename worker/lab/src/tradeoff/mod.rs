@@ -1,5 +1,5 @@
-//! The trade of time for quality on one's own captures: what training longer or in a larger
-//! tier gives, and what rendering faster costs.
+//! The trade-off of time and quality on given captures: the gain of longer training or a larger
+//! tier, and the cost of faster rendering.
 
 mod charts;
 mod rows;
@@ -25,23 +25,23 @@ pub use rows::summary;
 /// Version of `tradeoff.json` written by this program.
 const VERSION: u32 = 1;
 
-/// What to measure on, and how.
+/// Settings of a measurement.
 #[derive(Debug, Clone)]
 pub struct TradeoffOptions {
-    /// Capture folders, one a person.
+    /// Capture folders, one per person.
     pub captures: Vec<PathBuf>,
     /// Longest side of the pictures, pixels.
     pub size: u32,
     /// Quality tiers to train, cheapest first.
     pub tiers: Vec<String>,
-    /// Seconds of training, shortest first; each is a training of its own, since learning
-    /// rates fall towards a budget's end.
+    /// Seconds of training, shortest first; each is a separate training, since learning rates
+    /// decrease towards a budget's end.
     pub budgets: Vec<f64>,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
     /// At most this many held-out pictures of each kind and person are measured.
     pub pictures: usize,
-    /// Held-out views that each render setting is measured on.
+    /// Held-out views to measure each render setting on.
     pub views: usize,
     /// Timed renders of each view and setting.
     pub repeats: usize,
@@ -54,52 +54,55 @@ pub struct TradeoffOptions {
 pub struct Tradeoff {
     /// Version of this form.
     pub version: u32,
-    /// When it was measured, seconds since 1970.
+    /// Time of the measurement, seconds since 1970.
     pub unix_seconds: u64,
-    /// Where.
+    /// The machine.
     pub machine: Machine,
     /// Names of the people.
     pub people: Vec<String>,
     /// Longest side of the pictures, pixels.
     pub size: u32,
-    /// What was trained; empty when a trained model was measured.
+    /// Trainings; empty if an existing model was measured.
     pub training: Vec<Trained>,
-    /// Rendering, a curve a model: of each tier the one that was trained longest.
+    /// Rendering, one curve per model: of each tier the longest-trained model.
     pub rendering: Vec<Curve>,
 }
 
-/// What one tier reached with one budget.
+/// Results of one tier with one budget.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trained {
     /// Quality tier.
     pub tier: String,
-    /// Seconds that it had.
+    /// Budget in seconds.
     pub budget_seconds: f64,
-    /// Seconds that it took, without evaluation.
+    /// Seconds of training, without evaluation.
     pub train_seconds: f64,
     /// Steps taken.
     pub steps: u64,
-    /// Trained numbers.
+    /// Number of parameters.
     pub parameters: u64,
     /// Size of a checkpoint with optimiser state, bytes.
     pub checkpoint_bytes: u64,
-    /// Most memory that this process had resident during the training, its captures included,
-    /// bytes; absent where the system does not tell.
+    /// Peak resident memory of this process during the training, including captures, bytes;
+    /// absent if the system does not report it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_memory_bytes: Option<u64>,
-    /// What was minimised.
+    /// The objective.
     pub objective: String,
-    /// Figures on pictures that were never trained on.
+    /// Figures on held-out pictures.
     pub scores: SplitScores,
 }
 
 /// Trains each tier with each budget, and sweeps over render settings of the longest trained.
 ///
 /// # Errors
-/// At the first thing that fails, saying what.
+/// The first failure.
 pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tradeoff> {
-    ensure!(!options.tiers.is_empty(), "--tiers: names no tier");
-    ensure!(!options.budgets.is_empty(), "--budgets: names no budget");
+    ensure!(!options.tiers.is_empty(), "--tiers: at least one is needed");
+    ensure!(
+        !options.budgets.is_empty(),
+        "--budgets: at least one is needed"
+    );
     let protocol = Protocol::named(HELD_OUT)?;
     let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
     let picked = pick_device(screen);
@@ -146,7 +149,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
     })
 }
 
-/// Sweeps, showing how far it is.
+/// Sweeps over render settings, and shows the progress.
 fn render(
     renderer: &mut Renderer,
     views: &[SweepView],
@@ -167,7 +170,7 @@ fn render(
     Ok(curve)
 }
 
-/// `wanted` held-out views of everybody together, with what was seen in them.
+/// `wanted` held-out views over all people, with ground truth.
 fn views(recordings: &[Recording], wanted: usize) -> Vec<SweepView> {
     let each = wanted.div_ceil(recordings.len().max(1));
     let of = |(slot, recording): (usize, &Recording)| {
@@ -187,7 +190,7 @@ fn views(recordings: &[Recording], wanted: usize) -> Vec<SweepView> {
 }
 
 impl Tradeoff {
-    /// What is known of a trained model: how it renders.
+    /// The results for an existing model: rendering only.
     pub fn of_model(name: &str, curve: Curve) -> Self {
         Self {
             version: VERSION,
@@ -206,7 +209,7 @@ impl Tradeoff {
     /// When a file can't be written.
     pub fn write(&self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        let json = serde_json::to_vec_pretty(self).context("writing down the figures")?;
+        let json = serde_json::to_vec_pretty(self).context("encoding the figures")?;
         let mut paths = Vec::new();
         for (name, bytes) in [
             ("tradeoff.json", json),

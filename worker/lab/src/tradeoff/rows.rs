@@ -1,4 +1,4 @@
-//! The figures as `tradeoff.csv`, and the front of them in words.
+//! The figures as `tradeoff.csv`, and their front as text.
 
 use super::{Tradeoff, Trained};
 use std::collections::HashSet;
@@ -7,12 +7,12 @@ use yoto_avatar::render::RenderSettings;
 use yoto_avatar::tradeoff::pareto::front;
 use yoto_avatar::tradeoff::{Curve, Point};
 
-/// Columns; a row has those of its side, the others are empty.
+/// Columns; a row fills those of its kind, the others are empty.
 const COLUMNS: &str = "side,tier,front,seconds,psnr,ssim,psnr_novel_pose,ssim_novel_pose,\
 psnr_to_full,budget_seconds,steps,parameters,checkpoint_bytes,peak_memory_bytes,samples,epsilon,\
 min_transmittance,precision,scale,rays";
 
-/// Every training and every render setting, a row each.
+/// Every training and every render setting, one row each.
 pub(super) fn csv(tradeoff: &Tradeoff) -> String {
     let mut text = format!("{COLUMNS}\n");
     let best = training_front(&tradeoff.training);
@@ -60,13 +60,13 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
     text
 }
 
-/// Places of the trainings that no other beats in seconds and PSNR.
+/// Indices of the trainings on the front of seconds and PSNR.
 pub(super) fn training_front(training: &[Trained]) -> HashSet<usize> {
     let place = |it: &Trained| (it.train_seconds, it.scores.novel_view.psnr);
     front(training, place).into_iter().collect()
 }
 
-/// Places of the settings that no other beats in seconds and fidelity.
+/// Indices of the settings on the front of seconds and fidelity.
 pub(super) fn render_front(curve: &Curve) -> HashSet<usize> {
     let place = |it: &Point| (it.seconds, it.fidelity());
     front(&curve.points, place).into_iter().collect()
@@ -79,8 +79,8 @@ fn precision(precision: Precision) -> &'static str {
     }
 }
 
-/// What settings are called: samples a ray, share of the resolution, and what else differs from
-/// the model's `own`: likelihood bound (ε), least light (T), precision.
+/// Label of settings: samples per ray, share of the resolution, and differences from the model's
+/// `own`: likelihood bound (ε), least transmittance (T), precision.
 pub(super) fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
     let mut text = format!("{} · {:.0}%", it.samples, 100.0 * it.scale);
     if it.epsilon != own.epsilon {
@@ -95,7 +95,7 @@ pub(super) fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
     text
 }
 
-/// The fronts of all curves, and how well predictions for other sizes did, for people.
+/// The fronts of all curves and the accuracy of predictions for other sizes, as text.
 pub fn summary(tradeoff: &Tradeoff) -> String {
     let mut lines = Vec::new();
     for it in &tradeoff.training {

@@ -1,4 +1,4 @@
-//! One tier, one budget: training and measuring.
+//! Training and measurement of one tier with one budget.
 
 use super::{TradeoffOptions, Trained};
 use crate::captures::Recording;
@@ -12,10 +12,10 @@ use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_device::PickedDevice;
 
-/// The variant that tiers are compared with.
+/// The variant for comparisons of tiers.
 const VARIANT: &str = "yoto";
 
-/// What stays the same from one training to the next.
+/// State shared by all trainings.
 pub(super) struct Bench<'a> {
     pub options: &'a TradeoffOptions,
     pub screen: &'a dyn Screen,
@@ -25,7 +25,7 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// Trains `tier` for `seconds`; what it reached, and the model.
+    /// Trains `tier` for `seconds`; returns the results and the model.
     pub(super) fn train(&self, tier: &str, seconds: f64) -> anyhow::Result<(Trained, Renderer)> {
         let config = ModelConfig::named(tier, VARIANT)?;
         let counted = memory::reset_peak();
