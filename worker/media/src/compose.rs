@@ -1,15 +1,15 @@
-//! A picture and its mask become what training reads: the person over black.
+//! Composes a picture and its mask to the person over black, the form for training.
 
 use crate::Picture;
 use yoto_proto::media_plan::Background;
 
-/// A picture outside the mask is over black when no more than this share of its pixels is
-/// brighter than [`BLACK`].
+/// The background of a picture is black if no more than this share of its pixels is brighter than
+/// [`BLACK`].
 const BRIGHT_SHARE: f64 = 0.01;
-/// Brightest level that compression leaves of black.
+/// Brightest level of black after compression.
 const BLACK: u8 = 16;
 
-/// What stands around the person, by looking where the mask is 0; `None` when it is 0 nowhere.
+/// The background, from the pixels with mask 0; `None` if there are none.
 pub fn background(picture: &Picture, mask: &[u8]) -> Option<Background> {
     let (mut outside, mut bright) = (0usize, 0usize);
     for (pixel, &coverage) in picture.rgb.chunks_exact(3).zip(mask) {
@@ -29,9 +29,9 @@ pub fn background(picture: &Picture, mask: &[u8]) -> Option<Background> {
 
 /// `[height, width, 3]` premultiplied by `mask`.
 ///
-/// Over black the picture is that already; only where it was compressed with losses it is
-/// held to what premultiplied colours can be, at most the coverage. Before a scene each pixel
-/// is multiplied by its coverage.
+/// A picture over black is premultiplied already; after lossy compression, its colours are clamped
+/// to the coverage, the largest premultiplied value. With a scene as background, each pixel is
+/// multiplied by its coverage.
 pub fn over_black(picture: Picture, mask: &[u8], background: Background) -> Vec<u8> {
     let mut rgb = picture.rgb;
     let times = |value: u8, coverage: u8| {

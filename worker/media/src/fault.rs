@@ -1,24 +1,24 @@
-//! What can go wrong with media.
+//! Errors of media.
 
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use yoto_proto::pose_track::violation;
 use yoto_proto::v1::Violation;
 
-/// The code of what needs more memory than there is.
+/// Code of faults that need more memory than available.
 pub const MEMORY_LIMIT: &str = "MEMORY_LIMIT";
 
-/// Something wrong with a user's file, not yet with its place.
+/// A fault of a user's file, without its location.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct Fault {
     /// For programs: `UNDECODABLE`, `TOO_LARGE`, `SIZE_MISMATCH`, `UNSAFE_PATH`, …
     pub code: &'static str,
-    /// For people.
+    /// Human-readable.
     pub message: String,
-    /// Frame of a video, counted from 0 as it is shown, when one is at fault.
+    /// The faulty frame of a video, counted from 0 in the order shown, if there is one.
     pub frame: Option<u32>,
-    /// Field inside the file, e.g. a path inside an archive; mostly empty.
+    /// Field inside the file, e.g. a path inside an archive; usually empty.
     pub field: String,
 }
 
@@ -33,7 +33,7 @@ impl Fault {
         }
     }
 
-    /// The bytes can't be read as what they should be.
+    /// The bytes are not of the expected format.
     pub fn undecodable(message: impl Into<String>) -> Self {
         Self::new("UNDECODABLE", message)
     }
@@ -52,7 +52,7 @@ impl Fault {
         self
     }
 
-    /// The same with its place; `frame` is the pose track's, and goes before the video's own.
+    /// The fault with its location; `frame` is the pose track's, which takes precedence over the video's.
     pub fn at(self, file: &str, frame: Option<u32>) -> Violation {
         violation(
             self.code,
@@ -64,18 +64,18 @@ impl Fault {
     }
 }
 
-/// Why media could not be read.
+/// The reason why media could not be read.
 #[derive(Debug, Error)]
 pub enum MediaError {
     /// The user's file is at fault.
     #[error(transparent)]
     Bad(#[from] Fault),
-    /// This machine is: its disk, or a program that it lacks.
+    /// This machine is at fault: its disk, or a missing program.
     #[error("{}: {source}", path.display())]
     Io {
-        /// What was read or written.
+        /// The file.
         path: PathBuf,
-        /// Why it could not be.
+        /// The cause.
         source: std::io::Error,
     },
 }

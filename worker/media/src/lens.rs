@@ -1,4 +1,4 @@
-//! Undoing lens distortion, OpenCV's model of five coefficients.
+//! Correction of lens distortion, OpenCV's model of five coefficients.
 //!
 //! A point (x, y) on the plane one unit before the camera, r² = x² + y², is seen at
 //! x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²) and
@@ -6,14 +6,14 @@
 
 use crate::Picture;
 
-/// Where each pixel of an undistorted picture is found in the distorted one.
+/// Position of each pixel of an undistorted picture in the distorted one.
 #[derive(Clone, Debug)]
 pub struct Undistortion {
     width: usize,
     height: usize,
     k: [[f64; 3]; 3],
     coefficients: [f64; 5],
-    /// Per pixel, column and row in the source, pixel centres at whole numbers.
+    /// Per pixel, column and row in the source, pixel centres at integers.
     from: Vec<[f32; 2]>,
 }
 
@@ -43,7 +43,7 @@ impl Undistortion {
         }
     }
 
-    /// Whether it was made for this camera, so that it can serve again.
+    /// Whether the map is for this camera, and can be reused.
     pub fn fits(&self, width: usize, height: usize, k: [[f64; 3]; 3], with: [f64; 5]) -> bool {
         (self.width, self.height, self.k, self.coefficients) == (width, height, k, with)
     }
@@ -91,7 +91,7 @@ impl Undistortion {
     }
 }
 
-/// Where the lens puts what an ideal one would put at `[x, y]`.
+/// Distorted position of the ideal position `[x, y]`.
 pub fn distort([x, y]: [f64; 2], [k1, k2, p1, p2, k3]: [f64; 5]) -> [f64; 2] {
     let r2 = x * x + y * y;
     let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));

@@ -1,14 +1,14 @@
-//! What users upload becomes pictures here: stills, videos, archives, masks.
+//! Reads uploads into pictures: stills, videos, archives, masks.
 //!
 //! ```text
 //! archive ─► files on disk ─► sniff ─► still ┐
 //!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
 //! ```
 //!
-//! No network, no tensors, no async. Every byte is taken for hostile: sizes are compared
-//! with [`Limits`] before anything is allocated, and what is wrong is a [`Fault`] with a code
-//! and a sentence, to which the caller adds file and frame. Memory and time as such are
-//! bounded from outside: the service runs this code in a child process.
+//! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
+//! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
+//! the caller adds file and frame. Total memory and time are limited from outside: the service
+//! runs this code in a child process.
 
 pub mod archive;
 pub mod compose;

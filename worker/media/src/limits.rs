@@ -1,9 +1,9 @@
-//! How much of anything a capture may hold.
+//! Limits of a capture's size.
 
 use serde::{Deserialize, Serialize};
 use yoto_proto::pose_track::{MAX_FRAMES, MAX_SIDE};
 
-/// Bounds that hold before anything is decoded.
+/// Limits enforced before anything is decoded.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Limits {
     /// Longest side of a picture, pixels.
@@ -16,8 +16,8 @@ pub struct Limits {
     pub entries: usize,
     /// Bytes that all archives of a capture may unpack to.
     pub unpacked_bytes: u64,
-    /// How many times larger than itself an archive may unpack, beyond 64 MiB: pictures and
-    /// videos are compressed already, so what grows more is a bomb.
+    /// Largest ratio of unpacked to packed size of an archive, beyond 64 MiB: pictures and
+    /// videos are compressed already, so an archive that grows more is a bomb.
     pub unpacked_ratio: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Where the person is: coverage 0 to 255 a pixel, out of what a capture has for it.
+//! Masks: coverage 0 to 255 per pixel, from the sources of a capture.
 
 use crate::{Fault, Picture};
 use yoto_proto::media_plan::MaskKind;
@@ -7,10 +7,10 @@ use yoto_proto::media_plan::MaskKind;
 const KEY_LEVELS: (f32, f32) = (12.0, 36.0);
 /// A patch of the difference key smaller than this share of the largest is noise.
 const KEY_SHARE: usize = 20;
-/// Levels that JPEG or video may be off.
+/// Largest error of JPEG or video, levels.
 const LOSSY_NOISE: u8 = 16;
-/// Labels are small numbers; a coverage mask whose brightest pixel is below this is taken
-/// for labels by mistake.
+/// Labels are small numbers: a coverage mask whose brightest pixel is below this probably has
+/// labels instead.
 const DARKEST_COVERAGE: u8 = 32;
 
 /// `[height, width]` coverage from a mask picture.
@@ -41,7 +41,7 @@ pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault>
         }
         MaskKind::Labels if picture.lossy => Err(Fault::new(
             "UNSUPPORTED",
-            "labels can't be read from JPEG or video, which change numbers a little; PNG keeps them",
+            "labels can't be read from JPEG or video, which change numbers slightly; PNG preserves them",
         )),
         MaskKind::Labels => Ok(picture
             .rgb
@@ -51,7 +51,7 @@ pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault>
     }
 }
 
-/// Without the noise that compression leaves around none and full coverage.
+/// Removes compression noise near zero and full coverage.
 fn snapped(coverage: u8) -> u8 {
     match coverage {
         0..LOSSY_NOISE => 0,
@@ -67,8 +67,8 @@ fn luma(pixel: &[u8]) -> u8 {
 }
 
 /// Coverage by how far a picture differs from `plate`, the same view without the person: a
-/// difference key. Shadows and clothes of the background's colour fool it, which is why every
-/// report of it calls it by that name.
+/// difference key. Shadows and clothes of the background's colour cause errors, so reports always
+/// name the method.
 ///
 /// The largest of the three channels' differences, averaged over 3x3 pixels, rises to full
 /// coverage over [`KEY_LEVELS`]; patches far smaller than the largest are dropped.

@@ -1,6 +1,6 @@
-//! What a file is, by its first bytes: names lie.
+//! Detects a file's format by its first bytes, since names can be wrong.
 
-/// Kinds of file that are told apart.
+/// Detected kinds of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// PNG.
@@ -9,7 +9,7 @@ pub enum Kind {
     Jpeg,
     /// WebP.
     WebP,
-    /// MP4, MOV and their kin.
+    /// MP4, MOV and related formats.
     Mp4,
     /// Matroska or WebM.
     Matroska,
@@ -21,15 +21,15 @@ pub enum Kind {
     Zip,
     /// Tar.
     Tar,
-    /// A gzipped file, which is taken for a tar.
+    /// A gzipped file, read as a tar.
     Gzip,
-    /// HDF5 and NumPy's formats, which belong to an import, not to an upload.
+    /// HDF5 and NumPy's formats, which are for imports, not for uploads.
     Array,
-    /// Nothing known.
+    /// Unknown format.
     Unknown,
 }
 
-/// Bytes that [`kind`] wants to see.
+/// Bytes that [`kind`] needs.
 pub const PREFIX: usize = 512;
 
 /// The kind of a file that starts with `bytes`.
@@ -70,7 +70,7 @@ pub fn kind(bytes: &[u8]) -> Kind {
 }
 
 impl Kind {
-    /// What people call it.
+    /// Readable name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Png => "a PNG picture",

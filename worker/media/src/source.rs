@@ -1,4 +1,4 @@
-//! A capture's pictures by frame, whether they are files or frames of a video.
+//! A capture's pictures by frame, from files or from a video.
 
 use crate::archive::Files;
 use crate::video::{Ffmpeg, Video};
@@ -9,19 +9,19 @@ use yoto_proto::media_plan::{PICTURE_ENDINGS, Pictures, Timing, has_ending, inde
 use yoto_proto::pose_track::violation;
 use yoto_proto::v1::Violation;
 
-/// A fault with its place, or a fault of this machine.
+/// A fault with its location, or a fault of this machine.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// The user's file is at fault.
     #[error("{}", yoto_proto::pose_track::describe(.0))]
     Bad(Violation),
-    /// This machine is.
+    /// This machine is at fault.
     #[error(transparent)]
     Machine(MediaError),
 }
 
 impl SourceError {
-    /// `error` of the file called `file`, at the pose track's frame if that is known.
+    /// `error` of the file called `file`, at the pose track's frame, if known.
     pub fn at(error: MediaError, file: &str, frame: Option<u32>) -> Self {
         match error {
             MediaError::Bad(fault) => Self::Bad(fault.at(file, frame)),
@@ -30,7 +30,7 @@ impl SourceError {
     }
 }
 
-/// Pictures that are asked for in the order of their frame indices.
+/// Pictures, read in the order of their frame indices.
 #[derive(Debug)]
 pub struct Source {
     limits: Limits,
@@ -41,7 +41,7 @@ pub struct Source {
 enum Of {
     /// Frame index to the picture's name and path.
     Stills(BTreeMap<u32, (String, PathBuf)>),
-    /// A video, and which of its frames each pose frame is.
+    /// A video, and the frame of each pose frame.
     Video(Box<Clip>),
 }
 
@@ -51,25 +51,25 @@ struct Clip {
     video: Video,
     /// Pose frame to the video's frame, counted as shown.
     frame_of: HashMap<u32, usize>,
-    /// The frame read last, which several pose frames may share.
+    /// The last frame read, which several pose frames may share.
     last: Option<(usize, Picture)>,
     /// Frames read so far.
     read: usize,
 }
 
-/// Which pose frames will be asked for, and when they stand.
+/// The pose frames to read, and their times.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'a> {
     /// Their indices, rising.
     pub indices: &'a [u32],
-    /// Pose frames a second.
+    /// Pose frames per second.
     pub fps: f64,
-    /// How they find their frame of a video.
+    /// Match of pose frames to frames of a video.
     pub timing: Timing,
 }
 
 impl Source {
-    /// Opens the pictures that `wanted` speaks of.
+    /// Opens the pictures of `wanted`.
     ///
     /// # Errors
     /// Every wanted frame that has no picture, up to `most` of them; a video that can't be
@@ -95,7 +95,7 @@ impl Source {
         })
     }
 
-    /// What it is, for people: codec, size, frames.
+    /// Description for people: codec, size, frames.
     pub fn describe(&self) -> String {
         match &self.of {
             Of::Stills(stills) => format!("{} pictures", stills.len()),
@@ -111,7 +111,7 @@ impl Source {
         }
     }
 
-    /// The picture of a wanted frame; frames are asked for in rising order.
+    /// The picture of a wanted frame; frames must be read in rising order.
     ///
     /// # Errors
     /// When it can't be decoded.
@@ -192,12 +192,12 @@ impl Clip {
         }
         match &self.last {
             Some((read, picture)) if *read == wanted => Ok(picture.clone()),
-            _ => Err(Fault::new("MISSING", "frames were asked for out of order").into()),
+            _ => Err(Fault::new("MISSING", "frames were read out of order").into()),
         }
     }
 }
 
-/// The video's frame for a pose frame, or why there is none.
+/// The video's frame for a pose frame, or the reason why there is none.
 fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, String> {
     match wanted.timing {
         Timing::Index => {
@@ -221,7 +221,7 @@ fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, St
             match nearest {
                 Some((frame, off)) if off <= 0.5 / wanted.fps + 1e-6 => Ok(frame),
                 Some((_, off)) => Err(format!(
-                    "this pose stands at {time:.3} s, the video's nearest frame {off:.3} s away"
+                    "this pose is at {time:.3} s, but the video's nearest frame is {off:.3} s away"
                 )),
                 None => Err("the video has no frames".to_owned()),
             }
@@ -237,7 +237,7 @@ pub fn read_still(path: &Path, limits: &Limits) -> Result<Picture, MediaError> {
     Ok(decode_still(&read_file(path, limits)?, limits)?)
 }
 
-/// The bytes of a file that fits into memory.
+/// The bytes of a file within the limit.
 ///
 /// # Errors
 /// `TOO_LARGE` over the limit; faults of the disk.
@@ -253,7 +253,7 @@ pub fn read_file(path: &Path, limits: &Limits) -> Result<Vec<u8>, MediaError> {
     std::fs::read(path).map_err(MediaError::io(path))
 }
 
-/// The pictures below `folder` by frame index, as far as they are wanted.
+/// The wanted pictures below `folder`, by frame index.
 fn stills(
     folder: &str,
     files: &Files,

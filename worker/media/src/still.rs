@@ -1,20 +1,20 @@
-//! One picture a file: PNG, JPEG, WebP.
+//! Single pictures: PNG, JPEG, WebP.
 
 use crate::{Fault, Limits, MEMORY_LIMIT, Picture, sniff};
 use image::error::LimitErrorKind;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits as DecoderLimits};
 use std::io::Cursor;
 
-/// What a decoder may allocate beyond the pixels themselves, bytes.
+/// Bytes that a decoder may allocate besides the pixels.
 const DECODER_SLACK: u64 = 16 << 20;
 
-/// Decodes `bytes`, turned as their EXIF orientation says.
+/// Decodes `bytes`, rotated by their EXIF orientation.
 ///
 /// Width and height are read first and compared with the limits, so that a small file can't
 /// ask for gigabytes.
 ///
 /// # Errors
-/// Bytes that are no picture, are cut short, or declare too many pixels.
+/// When the bytes are not a picture, are cut short, or declare too many pixels.
 pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
     let mut decoder = open(bytes, limits)?;
     let (width, height) = decoder.dimensions();
@@ -28,7 +28,7 @@ pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
     Ok(picture(image, lossy))
 }
 
-/// Width and height that the file declares, as it is shown, without decoding it.
+/// Width and height in the file's header, after rotation, without decoding it.
 ///
 /// # Errors
 /// As [`decode_still`].
@@ -46,7 +46,7 @@ pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], Fault> {
 fn undecodable(error: ImageError) -> Fault {
     match &error {
         ImageError::Limits(limit) if limit.kind() == LimitErrorKind::InsufficientMemory => {
-            Fault::new(MEMORY_LIMIT, "there is not memory enough to decode it")
+            Fault::new(MEMORY_LIMIT, "there is not enough memory to decode it")
         }
         _ => Fault::undecodable(format!("can't be decoded: {error}")),
     }
@@ -64,7 +64,7 @@ fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, 
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|error| undecodable(error.into()))?;
-    // The size is judged below, in our words.
+    // The size is checked below, with a better message.
     reader.no_limits();
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();

@@ -1,25 +1,25 @@
-//! Turning pictures as their files ask: EXIF orientation and MP4 display matrices.
+//! Rotation of pictures by EXIF orientation and MP4 display matrices.
 
 use crate::Picture;
 
-/// How a stored picture is turned to be shown.
+/// Rotation of a stored picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Turn {
     /// As stored.
     #[default]
     None,
-    /// A quarter clockwise.
+    /// A quarter turn clockwise.
     Right,
-    /// Half round.
+    /// A half turn.
     Half,
-    /// A quarter counter-clockwise.
+    /// A quarter turn counter-clockwise.
     Left,
 }
 
 impl Turn {
     /// From an MP4 display matrix `[a b; c d]` in 16.16 fixed point: x' = a x + c y,
-    /// y' = b x + d y. Only quarter turns can be meant for a camera's picture; `None` for
-    /// others, mirrorings among them.
+    /// y' = b x + d y. Cameras only use quarter turns; `None` for other
+    /// matrices, including mirrorings.
     pub fn from_matrix(a: i32, b: i32, c: i32, d: i32) -> Option<Self> {
         let sign = |v: i32| v.signum() * i32::from(v.unsigned_abs() > 0x8000);
         match (sign(a), sign(b), sign(c), sign(d)) {
@@ -31,7 +31,7 @@ impl Turn {
         }
     }
 
-    /// Width and height once turned.
+    /// Width and height after the rotation.
     pub fn size(self, width: usize, height: usize) -> (usize, usize) {
         match self {
             Self::None | Self::Half => (width, height),
@@ -39,7 +39,7 @@ impl Turn {
         }
     }
 
-    /// The turned picture.
+    /// The rotated picture.
     pub fn apply(self, picture: Picture) -> Picture {
         if self == Self::None {
             return picture;

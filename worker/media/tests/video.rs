@@ -1,5 +1,4 @@
-//! Clips of a known pattern, through the decoder. `clips/make.py` made them and says what is
-//! in them.
+//! Clips of a known pattern, through the decoder. `clips/make.py` generates and describes them.
 
 use std::path::{Path, PathBuf};
 use yoto_media::video::{Ffmpeg, Video};
@@ -37,7 +36,7 @@ fn fault(path: &Path, limits: &Limits) -> Fault {
     }
 }
 
-/// The frame's colour where no bar is, and the column where the bar starts.
+/// The frame's colour outside the bar, and the column where the bar starts.
 fn check(picture: &Picture, frame: usize, name: &str) {
     assert_eq!((picture.width, picture.height), (50, 38), "{name}");
     let pixel = |x: usize, y: usize| &picture.rgb[(y * 50 + x) * 3..][..3];
@@ -169,7 +168,7 @@ fn cut_and_empty_videos_are_named() {
         fault(scratch(b"no video").path(), &limits).code,
         "UNDECODABLE"
     );
-    // The headers stand behind the frames: a cut takes them away.
+    // The headers are after the frames, so a cut removes them.
     let cut = fault(scratch(&bytes[..bytes.len() / 2]).path(), &limits);
     assert!(
         cut.code == "UNDECODABLE" && cut.message.contains("cut short"),
@@ -228,7 +227,7 @@ fn no_flipped_byte_of_the_headers_panics_or_hangs() {
             for value in [0, 1, 0x7f, 0xff] {
                 let mut flipped = bytes.clone();
                 flipped[at] = value;
-                // Any answer will do. Frames are left alone here: the decoder has its own tests.
+                // Any answer is valid. Frames are not changed here: the decoder has its own tests.
                 let _ = open(scratch(&flipped).path());
             }
         }

@@ -1,8 +1,8 @@
-//! Archives become plain files.
+//! Unpacks archives into plain files.
 //!
 //! Entries are written under numbers, never under their own names, so that no name can lead
-//! outside; the names are only checked and kept in a list. What an archive declares is
-//! compared with the limits before a byte is unpacked, and what it delivers while it is.
+//! outside; the names are only checked and kept in a list. Declared sizes are compared with the
+//! limits before unpacking, and actual sizes during it.
 
 mod name;
 mod tar;
@@ -14,7 +14,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Bytes that an archive may always unpack to, whatever its own size.
+/// Bytes that an archive may always unpack to, regardless of its own size.
 const ALWAYS: u64 = 64 << 20;
 
 /// The files of a capture: path inside it to path on this disk.
@@ -30,7 +30,7 @@ pub struct Unpacker<'a> {
 }
 
 impl<'a> Unpacker<'a> {
-    /// Unpacks into `folder`, which exists.
+    /// Unpacks into `folder`, which must exist.
     pub fn new(folder: &'a Path, limits: &'a Limits) -> Self {
         Self {
             limits,
@@ -44,7 +44,7 @@ impl<'a> Unpacker<'a> {
     ///
     /// # Errors
     /// A fault, with the entry's name as its field: not an archive, cut short, encrypted;
-    /// names that are not UTF-8, leave the archive, or stand twice; links and devices; more
+    /// names that are not UTF-8, lead outside the archive, or are repeated; links and devices; more
     /// entries or bytes than allowed.
     pub fn unpack(&mut self, path: &Path) -> Result<Files, MediaError> {
         let mut file = File::open(path).map_err(MediaError::io(path))?;
@@ -80,18 +80,18 @@ impl<'a> Unpacker<'a> {
     }
 }
 
-/// Where entries go, one after the other.
+/// Destination of the entries.
 struct Sink<'u, 'a> {
     unpacker: &'u mut Unpacker<'a>,
     files: Files,
-    /// Names in lower case, since some file systems don't tell cases apart.
+    /// Names in lower case, since some file systems ignore case.
     folded: BTreeMap<String, ()>,
-    /// Bytes that this archive may still unpack to.
+    /// Remaining bytes that this archive may unpack to.
     budget: u64,
 }
 
 impl Sink<'_, '_> {
-    /// Checks an entry before its content is looked at. `None` for what is to be passed over.
+    /// Checks an entry before its content is read. `None` for entries to skip.
     fn admit(&mut self, raw: &[u8], declared: u64) -> Result<Option<String>, Fault> {
         self.unpacker.entries += 1;
         if self.unpacker.entries > self.unpacker.limits.entries {

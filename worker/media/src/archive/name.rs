@@ -5,8 +5,8 @@ use crate::Fault;
 /// Longest name, bytes.
 const MAX_BYTES: usize = 400;
 
-/// The entry's name, if it names a place inside its archive. `None` for what file managers
-/// add by themselves, and for folders.
+/// The entry's name, if it names a place inside its archive. `None` for folders, and for files
+/// that file managers add.
 ///
 /// # Errors
 /// `BAD_NAME` when it is not UTF-8 or too long, `UNSAFE_PATH` when it leads outside.
@@ -23,7 +23,10 @@ pub(super) fn checked(raw: &[u8]) -> Result<Option<String>, Fault> {
         return refuse("BAD_NAME", "the name of this entry has control characters");
     }
     if name.starts_with('/') || name.contains('\\') || name.as_bytes().get(1) == Some(&b':') {
-        return refuse("UNSAFE_PATH", "the name of this entry is no relative path");
+        return refuse(
+            "UNSAFE_PATH",
+            "the name of this entry is not a relative path",
+        );
     }
     let name = name.strip_prefix("./").unwrap_or(name);
     if name.is_empty() || name.ends_with('/') {

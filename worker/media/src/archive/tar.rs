@@ -19,7 +19,7 @@ pub(super) fn unpack(
     } else {
         Box::new(file)
     };
-    // What is passed over, headers among it, is unpacked too, and counts as much.
+    // Skipped entries and headers are unpacked as well, and count towards the limit.
     let most = sink
         .budget
         .saturating_add(1024 * sink.unpacker.limits.entries as u64);

@@ -1,4 +1,4 @@
-//! Archives, good and hostile, made with the libraries that write them.
+//! Good and hostile archives, made with writer libraries.
 
 use super::*;
 use ::zip::{ZipWriter, write::SimpleFileOptions};
@@ -192,7 +192,7 @@ fn no_cut_or_flipped_archive_panics_or_passes_a_cut_entry() {
         for at in 0..bytes.len().min(1024) {
             let mut flipped = bytes.clone();
             flipped[at] ^= 1 << (at % 8);
-            // Either answer is fine as long as it is one.
+            // Either answer is valid.
             let _ = unpack_with(&flipped, &limits);
         }
     }

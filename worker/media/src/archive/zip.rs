@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Bits of a Unix mode that tell the kind of file, and what they are for a plain one.
+/// Bits of a Unix mode with the kind of file, and their value for a plain file.
 const KIND: u32 = 0o170_000;
 const PLAIN: u32 = 0o100_000;
 const FOLDER: u32 = 0o040_000;
@@ -19,7 +19,7 @@ pub(super) fn unpack(path: &Path, sink: &mut Sink<'_, '_>) -> Result<(), MediaEr
         let message = "the archive has two entries of the same name";
         return Err(Fault::new("DUPLICATE", message).into());
     }
-    // All sizes declared are judged together before anything is written.
+    // All declared sizes are checked together before anything is written.
     let declared = archive.decompressed_size();
     if declared.is_some_and(|bytes| bytes > u128::from(sink.budget)) {
         return Err(sink.bomb(String::new()).into());

@@ -1,7 +1,7 @@
-//! Every other video through an `ffmpeg` program, where one is installed.
+//! Decodes other videos with an `ffmpeg` program, if one is installed.
 //!
-//! It reads the file only, in the formats listed, so that no playlist inside an upload can
-//! make it read others; it inherits the limits of this process.
+//! It reads only this file, in the listed formats, so that a playlist inside an upload can't
+//! make it read other files; it inherits the limits of this process.
 
 use crate::{Fault, Limits, MEMORY_LIMIT, MediaError, Picture};
 use std::io::{BufRead, BufReader, Read};
@@ -14,7 +14,7 @@ pub const VARIABLE: &str = "YOTO_FFMPEG";
 /// Containers that may be opened.
 const FORMATS: &str =
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,h264,hevc,ogg,flv,asf,mxf";
-/// What is kept of its complaints, bytes.
+/// Kept bytes of its standard error.
 const COMPLAINTS: u64 = 16 << 10;
 
 /// The program, if there is one.
@@ -42,7 +42,7 @@ impl Ffmpeg {
         Self { program: None }
     }
 
-    /// Starts decoding `path`. `what` says what it is, for the error when there is no program.
+    /// Starts decoding `path`. `what` describes it, for the error without a program.
     pub(super) fn open(
         &self,
         path: &Path,
@@ -74,7 +74,7 @@ impl Ffmpeg {
         let complaints = child.stderr.take().map(|stderr| {
             std::thread::spawn(move || {
                 let (mut text, mut stderr) = (Vec::new(), BufReader::new(stderr));
-                // What can't be read of a complaint is not worth another one.
+                // A failure to read its standard error is not reported.
                 let _ = (&mut stderr).take(COMPLAINTS).read_to_end(&mut text);
                 let _ = std::io::copy(&mut stderr, &mut std::io::sink());
                 String::from_utf8_lossy(&text).into_owned()
@@ -106,7 +106,7 @@ fn command(program: &Path, path: &Path, level: &str) -> Command {
     command
 }
 
-/// When each frame is shown, seconds from the first, by a run that only lists them.
+/// Time of each frame, seconds from the first, from a run that only lists frames.
 fn times(program: &Path, path: &Path, limits: &Limits) -> Result<Vec<f64>, MediaError> {
     let mut child = command(program, path, "info")
         .args([
@@ -153,7 +153,7 @@ fn too_many(limits: &Limits) -> Fault {
     Fault::new("TOO_LARGE", message)
 }
 
-/// A video that the program decodes, frame by frame.
+/// A video, decoded by the program frame by frame.
 #[derive(Debug)]
 pub(super) struct FfmpegVideo {
     child: Child,
@@ -166,7 +166,7 @@ pub(super) struct FfmpegVideo {
 }
 
 impl FfmpegVideo {
-    /// The next frame shown; `None` after the last, or when it is skipped.
+    /// The next frame shown; `None` after the last, or for a skipped frame.
     pub(super) fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
         let Some(stdout) = &mut self.stdout else {
             return Ok(None);
@@ -199,7 +199,7 @@ impl FfmpegVideo {
         }))
     }
 
-    /// The stream ended between two frames: well, or because the program gave up.
+    /// The stream ended between two frames: at its end, or because the program failed.
     fn end(&mut self) -> Result<Option<Picture>, MediaError> {
         let status = self.wait()?;
         if status.success() && self.out > 0 {
@@ -208,13 +208,13 @@ impl FfmpegVideo {
         Err(self.failure(status))
     }
 
-    /// The stream ended inside a frame, or brings something else.
+    /// The stream ended inside a frame, or is not a stream of frames.
     fn broken(&mut self) -> Result<Option<Picture>, MediaError> {
         let status = self.wait()?;
         Err(self.failure(status))
     }
 
-    /// How it ended. A program that is still writing ends now, since nobody reads any more.
+    /// Waits for its end. A program that is still writing ends now, since its output is closed.
     fn wait(&mut self) -> Result<ExitStatus, MediaError> {
         self.stdout = None;
         self.child
@@ -228,23 +228,23 @@ impl FfmpegVideo {
     }
 }
 
-/// Whose fault it is that the program ended, having put out `frames` frames.
+/// The reason why the program ended, after `frames` frames.
 fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
     /// Interrupt, quit, kill, terminate and hang-up: signals that come from outside.
     const OUTSIDE: [i32; 5] = [2, 3, 9, 15, 1];
-    /// The processor time that this process may take is over.
+    /// The limit of this process's processor time.
     const OVERTIME: i32 = 24;
     let signal = status.signal().unwrap_or_default();
     if OUTSIDE.contains(&signal) {
         return MediaError::Io {
             path: "ffmpeg".into(),
-            source: std::io::Error::other(format!("was ended from outside by signal {signal}")),
+            source: std::io::Error::other(format!("was killed from outside by signal {signal}")),
         };
     }
     let fault = if signal == OVERTIME {
         Fault::new("TIME_LIMIT", "ffmpeg took all the processor time allowed")
     } else if said.contains("Cannot allocate memory") {
-        Fault::new(MEMORY_LIMIT, "ffmpeg had not memory enough to decode it")
+        Fault::new(MEMORY_LIMIT, "ffmpeg had not enough memory to decode it")
     } else {
         let last = said.lines().rev().find(|line| !line.trim().is_empty());
         Fault::undecodable(format!("ffmpeg: {}", last.unwrap_or("no frame came out")))
@@ -254,7 +254,7 @@ fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
 
 impl Drop for FfmpegVideo {
     fn drop(&mut self) {
-        // It may have ended already, and then there is nobody to tell.
+        // It may have ended already; then there is nothing to do.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,4 +1,4 @@
-//! H.264 out of an MP4, decoded by the bundled OpenH264.
+//! H.264 in MP4, decoded by the bundled OpenH264.
 
 use super::mp4::{Codec, Track};
 use super::sps::Sps;
@@ -13,31 +13,31 @@ use std::path::{Path, PathBuf};
 
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
 
-/// Why a stream is left to another decoder.
+/// The reason to use another decoder.
 pub(super) enum Refusal {
-    /// The bundled decoder does not know this; the words end "… is not decoded in-process".
+    /// The bundled decoder does not support this; the message ends "… is not decoded in-process".
     Unsupported(String),
     /// The file is at fault.
     Bad(Fault),
 }
 
-/// A stream that is decoded frame by frame, in the order shown.
+/// A stream, decoded frame by frame in the order shown.
 pub(super) struct H264 {
     path: PathBuf,
     file: File,
     decoder: Decoder,
     track: Track,
     length_size: usize,
-    /// Parameter sets, to go before the first packet.
+    /// Parameter sets, sent before the first packet.
     lead: Vec<u8>,
     coding: Coding,
     limits: Limits,
     pub(super) size: (u64, u64),
     /// Packets given to the decoder.
     fed: usize,
-    /// Frames that came out of it.
+    /// Frames decoded.
     out: usize,
-    /// Frames that came out at the end together; `None` where one was to be passed over.
+    /// Frames flushed at the end; `None` for skipped frames.
     tail: VecDeque<Result<Picture, Fault>>,
     flushed: bool,
 }
@@ -54,7 +54,7 @@ impl std::fmt::Debug for H264 {
 }
 
 impl H264 {
-    /// Opens the stream of `track`, after a look at what its parameter sets ask for.
+    /// Opens the stream of `track`, after a check of its parameter sets.
     pub(super) fn open(
         path: &Path,
         track: Track,
@@ -122,8 +122,8 @@ impl H264 {
         &self.track
     }
 
-    /// The next frame shown; `None` after the last. With `skip` it is decoded, not converted,
-    /// and nothing comes back.
+    /// The next frame shown; `None` after the last. With `skip` it is decoded but not
+    /// converted, and not returned.
     pub(super) fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
         loop {
             let hidden = self.out < self.track.hidden;
@@ -182,7 +182,7 @@ impl H264 {
         }
     }
 
-    /// The next packet as the decoder wants it: start codes for lengths.
+    /// The next packet in the decoder's form: start codes instead of lengths.
     fn packet(&mut self) -> Result<Vec<u8>, MediaError> {
         let (offset, size) = self
             .track

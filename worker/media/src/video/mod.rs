@@ -32,8 +32,8 @@ impl Video {
     /// kind of video; `ffmpeg` has to decode the file once more for them.
     ///
     /// # Errors
-    /// A file that is no video, is cut short, or declares too much; one that needs `ffmpeg`
-    /// where none is.
+    /// When the file is not a video, is cut short, or declares too much; when it needs `ffmpeg`
+    /// and there is none.
     pub fn open(
         path: &Path,
         limits: &Limits,
@@ -77,7 +77,7 @@ impl Video {
         })
     }
 
-    /// How many frames it shows, where the file says so beforehand.
+    /// Number of frames, if the file has it in its headers.
     pub fn frames(&self) -> Option<usize> {
         match &self.by {
             By::H264(stream) => Some(stream.track().times.len()),
@@ -85,7 +85,7 @@ impl Video {
         }
     }
 
-    /// When each frame is shown, rising, seconds from the first.
+    /// Time of each frame, rising, seconds from the first.
     pub fn times(&self) -> &[f64] {
         match &self.by {
             By::H264(stream) => &stream.track().times,
@@ -93,7 +93,7 @@ impl Video {
         }
     }
 
-    /// For people: codec, stored size, frames, turn.
+    /// Description for people: codec, stored size, frames, rotation.
     pub fn describe(&self) -> String {
         match &self.by {
             By::H264(stream) => {
@@ -111,9 +111,8 @@ impl Video {
         }
     }
 
-    /// The next frame shown, turned as the file asks; `None` after the last. With `skip` the
-    /// frame is passed over: decoded, since later ones build on it, but not converted, and
-    /// nothing comes back.
+    /// The next frame shown, rotated by the file's display matrix; `None` after the last. With `skip`
+    /// the frame is decoded, since later frames depend on it, but not converted and not returned.
     ///
     /// # Errors
     /// A frame that can't be decoded, with its number.

@@ -1,19 +1,19 @@
-//! What an H.264 sequence parameter set says of its pictures (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+//! The picture format in an H.264 sequence parameter set (ITU-T H.264, 7.3.2.1.1 and E.1.1).
 
 /// Size, sampling and colour of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sps {
     pub(super) width: u64,
     pub(super) height: u64,
-    /// 1 is 4:2:0, the only one that is decoded here.
+    /// 1 is 4:2:0, the only supported format.
     pub(super) chroma_format: u64,
-    /// Of luma and chroma, the larger.
+    /// Bit depth: the larger of luma and chroma.
     pub(super) bit_depth: u64,
-    /// Whether fields are coded apart.
+    /// Whether fields are coded separately.
     pub(super) interlaced: bool,
     /// Whether black is 0 and white 255, rather than 16 and 235.
     pub(super) full_range: bool,
-    /// H.273's number of the matrix from RGB; 2 when nothing is said.
+    /// H.273's number of the matrix from RGB; 2 if unspecified.
     pub(super) matrix: u64,
 }
 
@@ -21,8 +21,8 @@ pub(super) struct Sps {
 const HIGH: [u64; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135];
 
 impl Sps {
-    /// Reads the unit `nal`, its type in the first byte. `None` when it is cut short or makes
-    /// no sense.
+    /// Reads the unit `nal`, with its type in the first byte. `None` when it is cut short or
+    /// invalid.
     pub(super) fn read(nal: &[u8]) -> Option<Self> {
         let bytes = unescaped(nal.get(1..)?);
         let mut bits = Bits {
@@ -81,7 +81,7 @@ impl Sps {
         } else {
             (false, 2)
         };
-        // A crop counts chroma samples; monochrome and separate planes have none of their own.
+        // A crop counts chroma samples, which monochrome and separate planes lack.
         let sampled = if separate { 0 } else { chroma_format };
         let unit_x = if matches!(sampled, 1 | 2) { 2 } else { 1 };
         let unit_y = if sampled == 1 { 2 } else { 1 } * if interlaced { 2 } else { 1 };
@@ -102,7 +102,7 @@ impl Sps {
     }
 }
 
-/// Without the 3 that stands after two zeros to keep start codes out of the content.
+/// Removes the byte 3 after two zeros, which prevents start codes in the content.
 fn unescaped(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut zeros = 0;
@@ -201,7 +201,7 @@ mod tests {
             .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
             .collect();
         for start in 0..bytes.len() {
-            // Noise must end in an answer.
+            // Any bytes must give an answer.
             let _ = Sps::read(&bytes[start..]);
         }
         assert_eq!(Sps::read(&[]), None);

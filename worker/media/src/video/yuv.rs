@@ -1,8 +1,8 @@
-//! From the planes that video decoders give to RGB.
+//! Conversion of a video decoder's planes to RGB.
 
 use crate::Picture;
 
-/// How colours are coded.
+/// Coding of colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Coding {
     /// Weights of red and blue in luma.
@@ -11,8 +11,8 @@ pub(super) struct Coding {
 }
 
 impl Coding {
-    /// For H.273's number of a matrix. 2, "not specified", is read as Rec. 601, as encoders
-    /// write it that say nothing. `None` for codings that are not luma and two differences.
+    /// For H.273's number of a matrix. 2, "not specified", is read as Rec. 601, the usual
+    /// default of encoders. `None` for codings that are not luma and two differences.
     pub(super) fn new(matrix: u64, full_range: bool) -> Option<Self> {
         let weights = match matrix {
             1 => (0.2126, 0.0722),
@@ -29,7 +29,7 @@ impl Coding {
     }
 }
 
-/// Planes of a 4:2:0 picture: samples, and samples from a row to the next.
+/// Planes of a 4:2:0 picture: samples, and samples per row of each plane.
 #[derive(Clone, Copy)]
 pub(super) struct Planes<'a> {
     pub(super) width: usize,
@@ -42,9 +42,9 @@ pub(super) struct Planes<'a> {
 /// 16.16 fixed point.
 const ONE: f32 = 65536.0;
 
-/// RGB by linear interpolation of the colour planes, whose samples stand on every other
+/// RGB by linear interpolation of the colour planes, whose samples are on every other
 /// column and between every two rows (H.264's usual siting, E-1). `None` when a plane is
-/// smaller than the picture says.
+/// smaller than the picture.
 pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
     let Planes { width, height, .. } = planes;
     let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));

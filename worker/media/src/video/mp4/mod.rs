@@ -1,4 +1,4 @@
-//! MP4 and MOV: finding the video track, its codec, and its frames.
+//! MP4 and MOV: the video track, its codec, and its frames.
 
 mod samples;
 mod tree;
@@ -12,21 +12,21 @@ use tree::{Atom, broken, children, headers};
 /// The video track of a file.
 #[derive(Debug)]
 pub(super) struct Track {
-    /// How it is coded.
+    /// Coding.
     pub(super) codec: Codec,
-    /// How the file asks for it to be turned.
+    /// Rotation by the display matrix.
     pub(super) turn: Turn,
     /// Coded frames in decoding order: first byte and length.
     pub(super) packets: Vec<(u64, u64)>,
-    /// For each packet, which frame it is in the order shown.
+    /// Index of each packet's frame in the order shown.
     pub(super) rank: Vec<usize>,
-    /// When each frame is shown, rising, seconds from the first that is.
+    /// Time of each frame, rising, seconds from the first one shown.
     pub(super) times: Vec<f64>,
-    /// How many frames, in the order shown, stand before the track's start: decoded, never seen.
+    /// Number of frames, in the order shown, before the track's start: decoded but never shown.
     pub(super) hidden: usize,
 }
 
-/// How a track is coded.
+/// Coding of a track.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Codec {
     /// H.264 with parameter sets beside the frames.
@@ -57,7 +57,7 @@ pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
         let tkhd: TkhdBox = trak.child(b"tkhd")?.read()?;
         let samples = samples::samples(trak, tkhd.track_id, &moov, &headers, limits)?;
         let track = track(trak, &tkhd, &samples)?;
-        // A cover picture is a video track too, of one frame.
+        // A cover picture is a video track of one frame.
         if best
             .as_ref()
             .is_none_or(|it| it.packets.len() < track.packets.len())
@@ -86,8 +86,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
     let stsd = mdia.child(b"minf")?.child(b"stbl")?.child(b"stsd")?;
     let matrix = &tkhd.matrix;
     let turn = Turn::from_matrix(matrix.a, matrix.b, matrix.c, matrix.d).ok_or_else(|| {
-        let message =
-            "the file asks for its picture to be mirrored or skewed, which no camera does";
+        let message = "the display matrix mirrors or skews the picture, which cameras never do";
         Fault::new("UNSUPPORTED", message)
     })?;
     let mut order: Vec<usize> = (0..samples.len()).collect();
@@ -123,7 +122,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
 
 /// The codec of the first sample entry.
 fn codec(stsd: &Atom<'_>) -> Result<Codec, Fault> {
-    // Version, flags and count stand before the entries.
+    // Version, flags and count come before the entries.
     let entries = stsd.content().get(8..).unwrap_or_default();
     let entries = children(entries)?;
     let entry = entries

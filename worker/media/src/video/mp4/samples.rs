@@ -1,4 +1,4 @@
-//! Where each frame's bytes are and when it is shown: MP4's tables, multiplied out.
+//! Position and time of each frame, expanded from MP4's tables.
 
 use super::tree::{Atom, Headers, broken, children};
 use crate::{Fault, Limits};
@@ -14,7 +14,7 @@ pub(super) struct Sample {
     pub(super) offset: u64,
     /// Bytes.
     pub(super) size: u64,
-    /// When it is shown, in the track's units.
+    /// Time shown, in the track's units.
     pub(super) shown: i64,
 }
 
@@ -141,7 +141,7 @@ fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, Fault> {
     Ok(samples)
 }
 
-/// `stsc`: first chunk (from 1) and frames a chunk, of each run of chunks.
+/// `stsc`: first chunk (from 1) and frames per chunk, of each run of chunks.
 fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, Fault> {
     let table: StscBox = stsc.read()?;
     let runs: Vec<(u64, u32)> = table
@@ -156,7 +156,7 @@ fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, Fault> {
     }
 }
 
-/// What fragments of the track have unless they say otherwise: duration and size.
+/// Defaults for fragments of the track: duration and size.
 fn defaults(moov: &Atom<'_>, track: u32) -> Result<(u32, u32), Fault> {
     let Some(mvex) = moov.maybe(b"mvex")? else {
         return Ok((0, 0));
@@ -191,7 +191,7 @@ fn fragment(
     let base = tfhd.base_data_offset.unwrap_or(moof);
     let mut next = base;
     for trun in traf.children()?.iter().filter(|it| &it.name == b"trun") {
-        // Version and flags, then the count: judged before anything is read for each.
+        // Version and flags, then the count, which is checked before any entry is read.
         let count = trun.content().get(4..8).and_then(|it| it.try_into().ok());
         let count = u32::from_be_bytes(count.unwrap_or_default()) as usize;
         if samples.len().saturating_add(count) > limits.frames {
@@ -211,7 +211,7 @@ fn fragment(
                 defaults.0,
             );
             let size = u64::from(or(&trun.sample_sizes, tfhd.default_sample_size, defaults.1));
-            // Version 0 has no negative offsets, and none so large that the sign would differ.
+            // Version 0 has no negative offsets, and no offsets large enough to look negative.
             let offset = trun.sample_cts.get(at).map_or(0, |&it| it as i32);
             samples.push(Sample {
                 offset: next,

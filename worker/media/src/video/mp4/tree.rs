@@ -1,7 +1,7 @@
 //! MP4's tree of boxes, walked on checked slices.
 //!
-//! Walking is done here, where every length is compared with what is there; the tables
-//! inside single boxes are read by `re_mp4`, on a slice that holds that box alone.
+//! The walk compares every length with the available bytes; `re_mp4` reads the tables inside
+//! single boxes, on a slice with only that box.
 
 use crate::{Fault, MediaError};
 use re_mp4::ReadBox;
@@ -24,7 +24,7 @@ pub(super) struct Atom<'a> {
 }
 
 impl<'a> Atom<'a> {
-    /// A box whose header was read already.
+    /// A box after its header was read.
     pub(super) fn bare(name: [u8; 4], content: &'a [u8]) -> Self {
         Self {
             name,
@@ -33,7 +33,7 @@ impl<'a> Atom<'a> {
         }
     }
 
-    /// What follows the header.
+    /// The content after the header.
     pub(super) fn content(&self) -> &'a [u8] {
         self.bytes.get(self.header..).unwrap_or_default()
     }
@@ -177,7 +177,7 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
         at = end;
     }
     if found.moov.is_empty() {
-        let message = "has no 'moov' box: it is cut short, or no video";
+        let message = "has no 'moov' box: it is cut short, or not a video";
         return Err(broken(message).into());
     }
     Ok(found)
