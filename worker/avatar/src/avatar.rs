@@ -1,4 +1,4 @@
-//! The whole model: everybody's shared networks and each identity's own numbers.
+//! The whole model: shared networks and the parameters of each identity.
 
 use crate::config::{Encoding, ModelConfig, Numerics, Precision, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
@@ -17,38 +17,39 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use yoto_capture::camera::Pose;
 
-/// Deviation that identity codes start with.
-const CODE_DEVIATION: f64 = 0.01;
+/// Standard deviation of the initial identity codes.
+const CODE_STD: f64 = 0.01;
 
-/// The parameters of one model. All methods need its [`ModelConfig`], which is data beside it.
+/// The parameters of one model. They are stored apart from its [`ModelConfig`], which the methods
+/// take as an argument.
 #[derive(Module, Debug)]
 pub struct Avatar {
     /// One `[code_width]` per identity; none in variants without codes.
     pub codes: Vec<Param<Tensor<1>>>,
-    /// Who moves a point.
+    /// Weights of the bones at each point.
     pub motion: MotionWeights,
-    /// What estimated poses are wrong by.
+    /// Correction of estimated poses.
     pub correction: PoseCorrection,
-    /// The code in the light of the pose; absent in variants without it.
+    /// Pose-conditioned code; absent in variants without it.
     pub condition: Option<PoseCondition>,
-    /// Motion beyond the bones'.
+    /// Motion that bones do not explain.
     pub non_rigid: NonRigid,
     /// Colour and density.
     pub canonical: Canonical,
 }
 
-/// How large a part of a model is.
+/// Size of one part of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PartCount {
     /// First component of the parameters' paths, e.g. `non_rigid`.
     pub part: String,
-    /// Numbers.
+    /// Number of parameters.
     pub parameters: u64,
-    /// What they take in memory or in the weights' file.
+    /// Their size in memory or in the weights file.
     pub bytes: u64,
 }
 
-/// An identity in a pose at a moment of the run: what a step computes once per frame.
+/// An identity in a pose at one point of the run: everything that is computed once per frame.
 pub struct Posed {
     slot: usize,
     progress: f64,
@@ -62,8 +63,8 @@ pub struct Posed {
 }
 
 impl Avatar {
-    /// A model with `slots` identities of skeletons with `joints` joints; the same seed gives
-    /// the same weights.
+    /// A model of `slots` identities whose skeletons have `joints` joints. Equal seeds give equal
+    /// weights.
     pub fn new(
         config: &ModelConfig,
         slots: usize,
@@ -72,8 +73,8 @@ impl Avatar {
         device: &Device,
     ) -> Self {
         let init = Initial::new(device, seed);
-        // Without identities, nothing that is learned may tell people apart: not a table or
-        // residual of their own either.
+        // Without identities, no learned parameter may distinguish people, so tables and
+        // residuals are shared too.
         let identities = match config.variant {
             Variant::NoIdentity => slots.min(1),
             _ => slots,
@@ -86,13 +87,7 @@ impl Avatar {
         let grid = any_grid(&config.canonical.encoding);
         Self {
             codes: (0..codes)
-                .map(|slot| {
-                    init.normal(
-                        &format!("codes.{slot}"),
-                        [config.code_width],
-                        CODE_DEVIATION,
-                    )
-                })
+                .map(|slot| init.normal(&format!("codes.{slot}"), [config.code_width], CODE_STD))
                 .collect(),
             motion: MotionWeights::new(&init, &config.motion, identities, joints + 1),
             correction: PoseCorrection::new(&init, &config.correction, joints),
@@ -116,14 +111,17 @@ impl Avatar {
         }
     }
 
-    /// Numbers that each further identity of a model of several adds.
+    /// Number of parameters that each additional identity adds.
     pub fn parameters_of_a_person(config: &ModelConfig, joints: usize) -> u64 {
         let count = |slots| Self::new(config, slots, joints, 0, &Device::flex()).num_params();
         (count(2) - count(1)) as u64
     }
 
-    /// Poses the identity in `slot`, which the caller has checked to exist. `progress`, a share
-    /// of the run, opens what starts later in it.
+    /// Poses the identity in `slot`. `progress` is the completed fraction of the run; it
+    /// determines which parts of the model are active.
+    ///
+    /// # Panics
+    /// If the model has no identity in `slot`.
     pub fn pose(
         &self,
         config: &ModelConfig,
@@ -150,14 +148,15 @@ impl Avatar {
                 released::transforms(body, pose, correction)
             }
         };
-        let code = self.codes.get(slot).map(|code| code.val());
+        let code = (!self.codes.is_empty()).then(|| self.codes[slot].val());
         let conditioned = match (&self.condition, &code) {
             (Some(condition), Some(code)) => Some(condition.forward(
                 &config.condition,
                 code.clone(),
                 posed::relative_joints(body, pose),
             )),
-            _ => code.clone(),
+            (None, _) => code.clone(),
+            (Some(_), None) => unreachable!("a pose condition without identity codes"),
         };
         Posed {
             slot,
@@ -190,7 +189,8 @@ impl Avatar {
         (self.fields(config, body, posed, canonical), likelihood)
     }
 
-    /// Colour and density at `canonical` points `[N, 3]`, metres: what follows the warp.
+    /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
+    /// follows the warp.
     pub fn fields(
         &self,
         config: &ModelConfig,
@@ -227,22 +227,22 @@ impl Avatar {
         self.canonical.append(blend);
     }
 
-    /// Lets the fields' networks multiply in `precision` from now on.
+    /// Sets the precision that the fields' networks multiply in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.non_rigid.set_precision(precision);
         self.canonical.set_precision(precision);
     }
 
-    /// Where the parameters are.
+    /// Device of the parameters.
     pub(crate) fn device(&self) -> Device {
         self.devices()
             .into_iter()
             .next()
-            .unwrap_or_else(Device::flex)
+            .expect("every model has parameters")
     }
 
-    /// Parameters and bytes of each part, in the order of the data's way through the model; a
-    /// part that the variant has not is absent.
+    /// Parameters and bytes of each part, in the order in which data passes through them. Parts
+    /// that the variant lacks are absent.
     pub fn part_counts(&self) -> Vec<PartCount> {
         let codes: usize = self.codes.iter().map(|code| code.val().dims()[0]).sum();
         let parts = [
@@ -268,7 +268,7 @@ impl Avatar {
     }
 }
 
-/// The hash grid of an encoding over some box: its rows are the same for every box.
+/// The hash grid of an encoding over an arbitrary box: the number of rows does not depend on it.
 fn any_grid(encoding: &Encoding) -> Option<HashGrid> {
     let anywhere = warp::WarpGrid {
         min: [0.0; 3],

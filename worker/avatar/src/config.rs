@@ -1,6 +1,6 @@
 //! Every size, rate and threshold of the model, as data. A tier is a named configuration with
-//! a place on the speed/accuracy curve; a variant switches parts of the model off. Neither is
-//! ever a fork of the code.
+//! a place on the speed/accuracy curve; a variant switches off parts of the model. Both are
+//! settings of the same code.
 
 mod check;
 mod named_tiers;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use yoto_proto::tiers;
 
-/// A configuration that can't be.
+/// Invalid configuration.
 #[derive(Debug, Error, PartialEq)]
 pub enum ConfigError {
     /// No such tier.
@@ -25,30 +25,30 @@ pub enum ConfigError {
     /// No such variant.
     #[error("there is no variant '{0}'; variants: {list}", list = tiers::listed(tiers::VARIANTS))]
     UnknownVariant(String),
-    /// A field out of its range.
+    /// A field is out of its range.
     #[error("{field}: {message}")]
     Field {
         /// Path of the field, e.g. `canonical.width`.
         field: &'static str,
-        /// What it must be.
+        /// The values it may have.
         message: String,
     },
 }
 
-/// Everything that makes one model.
+/// Configuration of one model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelConfig {
     /// Name of the tier these numbers come from.
     pub tier: String,
-    /// Which parts take part.
+    /// Parts of the model that are used.
     pub variant: Variant,
-    /// How the released HumanNeRF program's unsound numerics are treated.
+    /// Numerics that frames are rendered with.
     #[serde(default)]
     pub numerics: Numerics,
-    /// What the fields' networks multiply in.
+    /// Precision of the factors in the fields' networks.
     #[serde(default)]
     pub precision: Precision,
-    /// Numbers of an identity code (paper: 256).
+    /// Width of an identity code (paper: 256).
     pub code_width: usize,
     /// Motion weights.
     pub motion: MotionConfig,
@@ -64,7 +64,7 @@ pub struct ModelConfig {
     pub march: MarchConfig,
     /// Optimisation.
     pub optimise: OptimiseConfig,
-    /// What takes part when.
+    /// Parts of a run: when each part of the model starts, and learning rates.
     pub schedule: Schedule,
 }
 
@@ -76,63 +76,63 @@ pub enum Variant {
     Yoto,
     /// The identity code in place of the pose-conditioned one.
     NoPoseCondition,
-    /// No identity codes and no pose condition: one network for everybody that nothing learned
-    /// tells apart.
+    /// No identity codes and no pose condition: all people share every learned parameter.
     NoIdentity,
     /// One subject per model, no codes.
     #[serde(rename = "humannerf")]
     HumanNerf,
 }
 
-/// Which numerics a frame is rendered with. Training is always [`Numerics::Sound`].
+/// Numerics that a frame is rendered with. Training always uses [`Numerics::Sound`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Numerics {
-    /// Bounded, with finite gradients (model.md marks each place).
+    /// Bounded, with finite gradients (docs/paper.md marks each place where they differ).
     #[default]
     Sound,
-    /// As the released HumanNeRF program computes, to compare with it.
+    /// Those of the released HumanNeRF program, for comparisons with it.
     Reference,
 }
 
-/// What the factors of the canonical and the non-rigid network's products are rounded to. Sums,
-/// biases, results, parameters and everything outside of these networks are f32 either way.
+/// Format to which the factors of products in the canonical and the non-rigid network are rounded.
+/// Sums, biases, results, parameters and everything outside of these networks are always f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
-    /// Not at all.
+    /// No rounding.
     #[default]
     F32,
-    /// To bf16, 8 significant bits: half the time on CPUs with instructions for it. CPU only.
+    /// bf16, with 8 significant bits; only on CPUs. Products take about half the time on CPUs with
+    /// instructions for them (docs/performance.md).
     Bf16,
 }
 
 /// Motion weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionConfig {
-    /// Grid nodes an axis.
+    /// Grid nodes per axis.
     pub resolution: usize,
-    /// Where the logits on the grid come from.
+    /// Source of the logits on the grid.
     #[serde(default)]
     pub form: MotionForm,
 }
 
-/// What makes the logits of the motion weights.
+/// Source of the logits of the motion weights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum MotionForm {
-    /// They are parameters themselves.
+    /// The logits are parameters.
     #[default]
     Direct,
-    /// A convolutional decoder makes them of an embedding a person (HumanNeRF). Each of its
-    /// layers doubles the resolution, the last one included: two to the number of `channels`
-    /// plus one must be the grid's resolution.
+    /// A convolutional decoder computes the logits from an embedding per identity (HumanNeRF).
+    /// Each layer, including the last one, doubles the resolution: the grid's resolution must be 2
+    /// to the number of `channels` plus one.
     Deconv {
-        /// Numbers of an identity's embedding (HumanNeRF: 256).
+        /// Width of an identity's embedding (HumanNeRF: 256).
         embedding: usize,
         /// Width of the layer between embedding and first kernel (HumanNeRF: 1024).
         hidden: usize,
-        /// Channels after each layer but the last (HumanNeRF: 512, 512, 256, 256).
+        /// Channels after each layer except the last (HumanNeRF: 512, 512, 256, 256).
         channels: Vec<usize>,
     },
 }
@@ -148,7 +148,7 @@ impl MotionForm {
     }
 }
 
-/// Pose correction MLP (model.md §3).
+/// Pose correction MLP (HumanNeRF).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CorrectionConfig {
     /// Hidden width.
@@ -164,27 +164,27 @@ pub struct ConditionConfig {
     pub bands: usize,
 }
 
-/// Non-rigid MLP (model.md §5).
+/// Non-rigid MLP (HumanNeRF, with the paper's code F_nr).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NonRigidConfig {
     /// Frequency bands.
     pub bands: usize,
     /// Hidden layers.
     pub layers: LayersConfig,
-    /// What the field does before its kick-in.
+    /// Behaviour before the field's kick-in.
     #[serde(default)]
     pub before_kick_in: BeforeKickIn,
 }
 
-/// What the non-rigid field does before its kick-in.
+/// Behaviour of the non-rigid field before its kick-in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BeforeKickIn {
-    /// Nothing: points stay where the bones put them, and the network costs no time.
+    /// Points are not moved, and the network is not evaluated.
     #[default]
     Rests,
-    /// The network runs with closed bands and a condition of zeros, and its output, the same for
-    /// every point and pose, is added (HumanNeRF, `core/nets/human_nerf/network.py`).
+    /// The network is evaluated with closed bands and a condition of zeros, and its output, equal
+    /// for all points and poses, is added (HumanNeRF, `core/nets/human_nerf/network.py`).
     Runs,
 }
 
@@ -195,36 +195,36 @@ pub struct LayersConfig {
     pub width: usize,
     /// Hidden layers.
     pub depth: usize,
-    /// Layer (from 0) that gets the encoding once more.
+    /// Layer (from 0) that receives the encoding again.
     pub skip: Option<usize>,
-    /// Layer that gets the code.
+    /// Layer (from 0) that receives the code.
     pub inject: usize,
 }
 
-/// Canonical field (model.md §6).
+/// Canonical field (HumanNeRF, with the paper's identity codes).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CanonicalConfig {
-    /// What the network sees of a point.
+    /// Encoding of points.
     pub encoding: Encoding,
     /// Hidden layers.
     pub layers: LayersConfig,
-    /// Density is this times softplus(raw − 1), 1/m. The paper's raw density is the density;
-    /// small networks can't reach hundreds per metre quickly and get a factor.
+    /// Factor on the activated output, 1/m (HumanNeRF: 1). Small networks do not reach densities
+    /// of hundreds per metre quickly without one.
     pub density_scale: f32,
-    /// What makes a density of the network's raw output.
+    /// Activation of the network's density output.
     #[serde(default)]
     pub activation: DensityActivation,
 }
 
-/// From a raw output to a density. Weights are trained for one of them, so that it belongs to
-/// the model and not to [`Numerics`].
+/// Activation of the density. Weights are trained with one of them, so it belongs to the model
+/// and not to [`Numerics`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DensityActivation {
-    /// softplus(raw − 1): alive everywhere.
+    /// softplus(raw − 1), which has a gradient everywhere.
     #[default]
     Softplus,
-    /// max(raw, 0), as HumanNeRF has it: a network that starts under 0 everywhere never learns.
+    /// max(raw, 0) (HumanNeRF). A network that starts below 0 everywhere never learns.
     Relu,
 }
 
@@ -232,7 +232,7 @@ pub enum DensityActivation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Encoding {
-    /// The point and sin, cos of its multiples by powers of two (paper: 10 bands).
+    /// The point, and sine and cosine of its multiples by powers of two (HumanNeRF: 10 bands).
     Fourier {
         /// Frequency bands.
         bands: usize,
@@ -241,22 +241,22 @@ pub enum Encoding {
     Hash {
         /// Levels.
         levels: usize,
-        /// Cells an axis of the coarsest level.
+        /// Cells per axis of the coarsest level.
         base: usize,
         /// Ratio of successive levels.
         growth: f64,
-        /// Largest level has 2 to this many rows.
+        /// Binary logarithm of the rows of the largest level.
         log2_rows: u32,
-        /// Numbers of an identity's row: 1, 2, 4 or 8.
+        /// Features per row: 1, 2, 4 or 8.
         features: usize,
-        /// Which of its entries people share.
+        /// Entries that people share.
         #[serde(default)]
         sharing: Sharing,
     },
 }
 
 impl Encoding {
-    /// Frequency bands; none with tables.
+    /// Number of frequency bands; 0 for a hash grid.
     pub fn bands(&self) -> usize {
         match self {
             Self::Fourier { bands } => *bands,
@@ -268,41 +268,41 @@ impl Encoding {
 /// Ray marching (paper eq. 9; skipping by foreground likelihood).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarchConfig {
-    /// Samples a ray.
+    /// Samples per ray.
     pub samples: usize,
-    /// A sample with a foreground likelihood under this is not evaluated.
+    /// Samples with a foreground likelihood below this are not evaluated.
     pub epsilon: f32,
-    /// A ray ends where less light than this comes through; 0: none does.
+    /// Transmittance below which a ray ends; 0: rays never end early.
     #[serde(default)]
     pub min_transmittance: f32,
-    /// Cells of a person's occupancy grid on the box's longest side; 0: no grid.
+    /// Cells of a person's occupancy grid along the longest side of the box; 0: no grid.
     #[serde(default)]
     pub occupancy_cells: usize,
-    /// A cell is empty when the longest step is less opaque than this in it and its neighbours;
-    /// 0: no grid.
+    /// A cell is empty if the opacity of the longest step is below this in the cell and its
+    /// neighbours; 0: no grid.
     #[serde(default)]
     pub occupancy_alpha: f32,
 }
 
-/// Optimisation (model.md §8).
+/// Optimisation (docs/paper.md compares it with the paper's).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimiseConfig {
-    /// Patches a step.
+    /// Patches per step.
     pub patches: usize,
-    /// Side of a patch, pixels.
+    /// Side length of a patch, pixels.
     pub patch_size: u32,
     /// Learning rate of the canonical network and the codes.
     pub rate: f64,
-    /// Of the hash tables.
+    /// Learning rate of the hash tables.
     pub table_rate: f64,
-    /// Of the motion weights.
+    /// Learning rate of the motion weights.
     pub motion_rate: f64,
-    /// Of pose correction, non-rigid field and attention.
+    /// Learning rate of pose correction, non-rigid field and attention.
     pub slow_rate: f64,
-    /// Share of 1 − SSIM in the loss, beside the mean squared error.
+    /// Weight of 1 − SSIM in objectives without LPIPS; the mean squared error has weight 1.
     pub ssim_weight: f64,
-    /// Share of the samples with a gradient that it is computed of, the larger the likelier;
-    /// 1: all. A smaller one makes steps faster and noisier.
+    /// Share of the samples whose gradients are computed; 1: all. Samples with large gradients
+    /// are drawn with a higher probability. Smaller shares make steps faster and noisier.
     #[serde(default = "whole")]
     pub backward_share: f32,
 }
@@ -313,10 +313,10 @@ fn whole() -> f32 {
 }
 
 impl ModelConfig {
-    /// The same with a hash grid that people share like this.
+    /// This configuration with `kind` as the sharing of its hash grid.
     ///
     /// # Errors
-    /// When the model has no hash grid, or not one that can be shared so.
+    /// If the model has no hash grid, or `kind` is out of range for it.
     pub fn shared(mut self, kind: Sharing) -> Result<Self, ConfigError> {
         match &mut self.canonical.encoding {
             Encoding::Hash { sharing, .. } => *sharing = kind,
@@ -333,7 +333,7 @@ impl ModelConfig {
 }
 
 impl Variant {
-    /// As on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Yoto => "yoto",

@@ -8,8 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
-/// Burn's optimiser files name parameters by id, so that the id must be the same in the process
-/// that goes on with a training: it comes from the tensor's path.
+/// The parameter id of the tensor at `path`. Burn's optimiser files name parameters by id, so a
+/// process that resumes a training must give each tensor the same id.
 pub fn id(path: &str) -> ParamId {
     let hash = Sha256::digest(path.as_bytes());
     ParamId::from(
@@ -55,9 +55,9 @@ impl<'a> Initial<'a> {
         Param::initialized(id(path), tensor)
     }
 
-    /// Uniform in ±`bound`, the same numbers in all `phases` of a kernel whose stride is half its
-    /// size: `draw_shape` counts one phase, `place` says where in the tensor draw `i` of phase
-    /// `p` belongs. Without it a transposed convolution starts as a checkerboard.
+    /// Uniform in ±`bound`, with equal numbers in all `phases` of a kernel whose stride is half
+    /// its size: `place(i, p)` is the position in the tensor of draw `i` in phase `p`. With
+    /// unequal phases, a transposed convolution starts as a checkerboard.
     pub fn phased<const D: usize>(
         &self,
         path: &str,
@@ -68,16 +68,16 @@ impl<'a> Initial<'a> {
     ) -> Param<Tensor<D>> {
         let mut stream = self.stream(path);
         let mut values = vec![0f32; shape.iter().product()];
-        for draw in 0..values.len() / phases.max(1) {
+        for draw in 0..values.len() / phases {
             let value = ((stream.random::<f64>() * 2.0 - 1.0) * bound) as f32;
             for phase in 0..phases {
-                if let Some(slot) = values.get_mut(place(draw, phase)) {
-                    *slot = value;
-                }
+                values[place(draw, phase)] = value;
             }
         }
         let mut values = values.into_iter();
-        self.filled(path, shape, || values.next().unwrap_or_default())
+        self.filled(path, shape, || {
+            values.next().expect("one value per element")
+        })
     }
 
     pub fn zeros<const D: usize>(&self, path: &str, shape: [usize; D]) -> Param<Tensor<D>> {
@@ -97,36 +97,33 @@ impl<'a> Initial<'a> {
         })
     }
 
-    /// `[sets, R]` coefficients of mixtures: the first of a set is 1, the others are normal with
-    /// standard deviation `deviation`.
-    pub fn mixture(&self, path: &str, shape: [usize; 2], deviation: f64) -> Param<Tensor<2>> {
+    /// `[sets, R]` coefficients of mixtures: the first of each set is 1, the others are normal
+    /// with standard deviation `std`.
+    pub fn mixture(&self, path: &str, shape: [usize; 2], std: f64) -> Param<Tensor<2>> {
         let mut stream = self.stream(path);
         let mut drawn = 0;
         self.filled(path, shape, || {
             let first = drawn % shape[1] == 0;
             drawn += 1;
-            if first {
-                1.0
-            } else {
-                normal(&mut stream, deviation)
-            }
+            if first { 1.0 } else { normal(&mut stream, std) }
         })
     }
 
-    /// Normal with standard deviation `deviation`, by Box and Muller.
+    /// Normal with mean 0 and standard deviation `std`.
     pub fn normal<const D: usize>(
         &self,
         path: &str,
         shape: [usize; D],
-        deviation: f64,
+        std: f64,
     ) -> Param<Tensor<D>> {
         let mut stream = self.stream(path);
-        self.filled(path, shape, || normal(&mut stream, deviation))
+        self.filled(path, shape, || normal(&mut stream, std))
     }
 }
 
-fn normal(stream: &mut ChaCha8Rng, deviation: f64) -> f32 {
+/// A normal draw with mean 0 and standard deviation `std`, by Box and Muller.
+fn normal(stream: &mut ChaCha8Rng, std: f64) -> f32 {
     let radius = (-2.0 * (1.0 - stream.random::<f64>()).ln()).sqrt();
     let angle = std::f64::consts::TAU * stream.random::<f64>();
-    (deviation * radius * angle.cos()) as f32
+    (std * radius * angle.cos()) as f32
 }

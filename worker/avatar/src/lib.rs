@@ -1,10 +1,11 @@
 //! The YOTO avatar model as a library: no network, no async, no database.
 //!
-//! Data flows one way: [`capture`] (shards, frames) → [`render::rays`] → [`avatar`], made of
-//! [`motion`] (prior, weights, warp, correction), [`identity`] (codes, pose condition) and
-//! [`field`] (encodings, non-rigid, canonical) → [`render`] (march, composite) → [`loss`] →
-//! [`train`] (step, guard, trainer, checkpoint) → [`evaluate`], [`tradeoff`].
-//! [`ops`] holds the tensor operations that Burn has not.
+//! Data flows one way: shards and frames of `yoto_capture` → [`render::rays`] → [`avatar`], made
+//! of [`motion`] (prior, weights, correction), [`identity`] (codes, pose condition) and [`field`]
+//! (non-rigid, canonical) → [`render`] (march, composite) → [`loss`] → [`train`] (step, guard,
+//! trainer, checkpoint) → [`evaluate`], [`tradeoff`].
+//! [`ops`] holds the tensor operations that Burn lacks, [`import`] reads HumanNeRF's checkpoints,
+//! and [`config`] describes a model as data.
 
 pub mod avatar;
 pub mod config;

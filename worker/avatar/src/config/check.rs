@@ -1,10 +1,12 @@
-//! Which configurations a model can be made with.
+//! Validation of configurations.
 
-use super::{ConfigError, Encoding, ModelConfig, MotionForm, Sharing};
+use super::{ConfigError, Encoding, ModelConfig, MotionForm, Sharing, Variant};
 
 impl ModelConfig {
+    /// Checks all fields.
+    ///
     /// # Errors
-    /// Names the first field that no model can be made with.
+    /// Names the first field that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
         let fail = |field, message: &str| {
             Err(ConfigError::Field {
@@ -29,7 +31,7 @@ impl ModelConfig {
             {
                 return fail(
                     "motion.form",
-                    "widths at least 1, and motion.resolution two to the number of channels plus one",
+                    "widths at least 1, and motion.resolution 2 to the number of channels plus one",
                 );
             }
         }
@@ -50,6 +52,13 @@ impl ModelConfig {
                     "width and depth at least 1, inject and skip name a layer, and skip not the first",
                 );
             }
+        }
+        let has_codes = matches!(self.variant, Variant::Yoto | Variant::NoPoseCondition);
+        if has_codes && self.non_rigid.layers.inject == 0 {
+            return fail(
+                "non_rigid.layers.inject",
+                "must not be 0: the first layer receives the pose",
+            );
         }
         if let Encoding::Hash {
             levels,
@@ -110,7 +119,7 @@ impl ModelConfig {
         }
         let share = self.optimise.backward_share;
         if !(share > 0.0 && share <= 1.0) {
-            return fail("optimise.backward_share", "must be over 0 and at most 1");
+            return fail("optimise.backward_share", "must be above 0 and at most 1");
         }
         self.schedule.check()
     }

@@ -1,4 +1,4 @@
-//! The named tiers: each a place on the speed/accuracy curve.
+//! The named tiers, each with a place on the speed/accuracy curve.
 
 use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
@@ -10,7 +10,7 @@ impl ModelConfig {
     /// The configuration of a named tier and variant.
     ///
     /// # Errors
-    /// When either name is unknown.
+    /// If either name is unknown.
     pub fn named(tier: &str, variant: &str) -> Result<Self, ConfigError> {
         let variant = Variant::named(variant)?;
         let config = match tier {
@@ -25,8 +25,8 @@ impl ModelConfig {
         Ok(config)
     }
 
-    /// HumanNeRF, for one person, at its released sizes. It was trained with every sample, and
-    /// leaves out fewer when it renders.
+    /// HumanNeRF for one person, at the sizes of its released program. Samples with a likelihood
+    /// below 1e-4 are not evaluated.
     pub fn humannerf() -> Self {
         let mut config = paper(Variant::HumanNerf);
         config.march.epsilon = 1e-4;
@@ -34,7 +34,7 @@ impl ModelConfig {
     }
 }
 
-/// A tier whose detail is in hash tables and whose networks are small.
+/// A tier with hash tables for detail and small networks.
 #[allow(clippy::too_many_arguments)]
 fn grid_tier(
     tier: &str,
@@ -78,7 +78,7 @@ fn grid_tier(
                 growth: 1.45,
                 log2_rows,
                 features: 2,
-                // By experiment (docs/tiers.md).
+                // Chosen by experiment (docs/tiers.md).
                 sharing: Sharing::Split {
                     own_log2_rows: log2_rows - 3,
                 },
@@ -120,12 +120,12 @@ fn grid_tier(
     }
 }
 
-/// A foreground likelihood that no f32 sum of a ray's colour could see: half a unit in the last
-/// place of 1. The likelihood bounds a sample's opacity.
+/// A foreground likelihood too small to change the f32 colour of a ray: half a unit in the last
+/// place of 1. The likelihood is an upper bound of a sample's opacity.
 const INVISIBLE: f32 = 5.960_464_5e-8;
 
-/// The sizes and the training of the paper and of HumanNeRF, which it stands on: all samples,
-/// all gradients (docs/paper.md lists every choice).
+/// The sizes and the training of the paper and of HumanNeRF, on which it builds, with all samples
+/// and all gradients (docs/paper.md lists every choice).
 fn paper(variant: Variant) -> ModelConfig {
     ModelConfig {
         tier: "paper".into(),
@@ -184,8 +184,8 @@ fn paper(variant: Variant) -> ModelConfig {
     }
 }
 
-/// [`paper`] on a machine that it is too much for: samples, gradients and the ends of rays that
-/// hardly matter are left out. What that does to a model is in docs/performance.md.
+/// [`paper`] for slower machines: samples, gradients and ends of rays with little influence are
+/// left out. docs/performance.md has the effect.
 fn paper_lean(variant: Variant) -> ModelConfig {
     let mut config = paper(variant);
     config.tier = "paper-lean".into();
@@ -193,7 +193,7 @@ fn paper_lean(variant: Variant) -> ModelConfig {
         epsilon: 1e-2,
         min_transmittance: 1e-3,
         occupancy_cells: 64,
-        // Under what a step holds before anything is learned: 0.3/m over 1.6 cm.
+        // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
         occupancy_alpha: 2e-3,
         ..config.march
     };

@@ -1,29 +1,29 @@
-//! When the parts of a model take part, and how fast they learn, in shares of the run: a run of a
-//! minute goes through the same stages as one of a week.
+//! When each part of a model starts, and learning rates over a run, in fractions of the run: runs
+//! of a minute and of a week have the same stages.
 
 use super::ConfigError;
 use serde::{Deserialize, Serialize};
 
-/// Moments of a run, each a share of it: 0 is its first step, 1 its end, and what lies beyond
-/// never comes.
+/// Times in a run, each a fraction of it: 0 is the first step, 1 the end; greater values are never
+/// reached.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Schedule {
-    /// Steps of a run for which nobody names a budget.
+    /// Steps of a run without a given budget.
     pub steps: u64,
     /// Learning rates rise from a fiftieth until here, so that Adam's moments settle first; 0:
     /// they start whole.
     pub warm_up: f64,
-    /// Poses are corrected from here.
+    /// Start of pose correction.
     pub correction: f64,
-    /// Points move beyond the bones from here.
+    /// Start of non-rigid motion.
     pub non_rigid: f64,
-    /// All bands of the non-rigid field are open from here.
+    /// Time at which all bands of the non-rigid field are open.
     pub all_bands: f64,
-    /// Share of their start that learning rates fall to at the end.
+    /// Learning rates at the end of the run, relative to their start.
     pub final_rate: f64,
 }
 
-/// Iterations of the paper's training (implementation details), of which its other numbers are shares.
+/// Iterations of the paper's training, to which its other times are relative.
 const PAPER_STEPS: f64 = 400_000.0;
 
 /// Share of the learning rates that a warm-up starts with.
@@ -43,7 +43,7 @@ impl Schedule {
         }
     }
 
-    /// The same run with every part of the model at work, whole, from its first step.
+    /// This schedule with every part of the model fully active from the first step.
     pub fn all_at_once(self) -> Self {
         Self {
             correction: 0.0,
@@ -53,8 +53,10 @@ impl Schedule {
         }
     }
 
+    /// Checks all fields.
+    ///
     /// # Errors
-    /// Names the first number that no run can have.
+    /// Names the first field that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
         let fail = |field, message: &str| {
             Err(ConfigError::Field {
@@ -74,7 +76,7 @@ impl Schedule {
             if !(share.is_finite() && share >= 0.0) {
                 return fail(
                     field,
-                    "must be a share of the run: 0 or more, over 1 for never",
+                    "must be a fraction of the run: 0 or more, above 1 for never",
                 );
             }
         }
@@ -85,7 +87,7 @@ impl Schedule {
             );
         }
         if !(self.final_rate > 0.0 && self.final_rate <= 1.0) {
-            return fail("schedule.final_rate", "must be over 0 and at most 1");
+            return fail("schedule.final_rate", "must be above 0 and at most 1");
         }
         Ok(())
     }
@@ -95,12 +97,13 @@ impl Schedule {
         progress >= self.correction
     }
 
-    /// Whether points move beyond the bones at `progress`.
+    /// Whether points have non-rigid motion at `progress`.
     pub fn moves_points(&self, progress: f64) -> bool {
         progress >= self.non_rigid
     }
 
-    /// How many of `bands` are open at `progress`, the last of them in part: HumanNeRF's α.
+    /// Number of open bands at `progress`, of `bands`; the fraction is the opening of the last one
+    /// (HumanNeRF's α).
     pub fn open_bands(&self, progress: f64, bands: usize) -> f32 {
         let since = (progress - self.non_rigid).max(0.0);
         let span = self.all_bands - self.non_rigid;
@@ -111,7 +114,7 @@ impl Schedule {
         (bands as f64 * share) as f32
     }
 
-    /// What the learning rates are multiplied by at `progress`.
+    /// Factor on the learning rates at `progress`.
     pub fn rate(&self, progress: f64) -> f64 {
         let warm = match self.warm_up > 0.0 {
             true => (WARM_START + (1.0 - WARM_START) * progress / self.warm_up).min(1.0),
@@ -120,8 +123,7 @@ impl Schedule {
         warm * self.final_rate.powf(progress.min(1.0))
     }
 
-    /// The parts of the model that not every moment of a run has, with what they are at
-    /// `progress`, for a report.
+    /// Names and states of the scheduled parts that are active at `progress`, for reports.
     pub fn active_parts(&self, progress: f64, bands: usize) -> Vec<String> {
         let mut parts = Vec::new();
         if self.corrects(progress) {

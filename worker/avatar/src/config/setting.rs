@@ -1,15 +1,15 @@
-//! Single settings of a configuration, by the names that its JSON has: how an experiment says
-//! what it changes, `march.epsilon=1e-3`.
+//! Single settings of a configuration by their names in its JSON, such as `march.epsilon=1e-3`:
+//! the changes that an experiment makes.
 
 use super::{ConfigError, ModelConfig};
 use serde_json::Value;
 use std::fmt;
 use std::str::FromStr;
 
-/// One setting and the value it shall have.
+/// One setting and its new value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Names from the outside in.
+    /// Names from the outermost object inwards.
     path: Vec<String>,
     value: Value,
 }
@@ -23,7 +23,7 @@ impl fmt::Display for Setting {
 impl FromStr for Setting {
     type Err = String;
 
-    /// Of `NAME.NAME=VALUE`. What is no JSON is a word.
+    /// Parses `NAME.NAME=VALUE`. A value that is not JSON is taken as a string.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (path, value) = text
             .split_once('=')
@@ -36,10 +36,10 @@ impl FromStr for Setting {
 }
 
 impl ModelConfig {
-    /// The same with other values of some settings.
+    /// This configuration with `settings` replaced.
     ///
     /// # Errors
-    /// When there is no such setting, or no model can be made with its value.
+    /// If there is no such setting or its value is invalid.
     pub fn with(self, settings: &[Setting]) -> Result<Self, ConfigError> {
         if settings.is_empty() {
             return Ok(self);
@@ -62,7 +62,7 @@ impl ModelConfig {
                 })?;
             }
             *place = setting.value.clone();
-            // Said of the setting whose value it is, not of all of them.
+            // Checked after each setting, so that the error names the right one.
             serde_json::from_value::<Self>(all.clone())
                 .map_err(|e| named(format!("{setting}: {e}")))?;
         }

@@ -1,26 +1,26 @@
-//! What people share of a hash grid, and how to write it: `own`, `split:11`, `bases:4`.
+//! Sharing of a hash grid between people, and its text form: `own`, `split:11`, `bases:4`.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// What of a hash grid is everybody's and what is an identity's own. The networks behind it are
-/// everybody's always. With the variant [`super::Variant::NoIdentity`], all of it is everybody's.
+/// Which entries of a hash grid people share. Networks are always shared. With the variant
+/// [`super::Variant::NoIdentity`], people share the whole grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Sharing {
-    /// Nothing is shared: a table an identity.
+    /// No sharing: one table per identity.
     #[default]
     Own,
-    /// Everybody's table and a smaller one an identity, whose features are added.
+    /// A shared table and a smaller one per identity, whose features are added.
     Split {
-        /// Largest level of an identity's table has 2 to this many rows.
+        /// Binary logarithm of the rows of the largest level of an identity's table.
         own_log2_rows: u32,
     },
-    /// Each entry holds several rows, which an identity mixes by coefficients of its own, a set a
-    /// level.
+    /// Each entry holds several rows, which an identity combines linearly with its own
+    /// coefficients, one set per level.
     Bases {
-        /// Rows an entry; times `features` at most 16.
+        /// Rows per entry; times `features` at most 16.
         count: usize,
     },
 }

@@ -1,38 +1,38 @@
-//! Rendering what a picture shows, and scoring the render by a protocol.
+//! Rendering the view of a picture, and scoring the render by a protocol.
 
 use super::score::unit;
 use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, compare};
-use crate::render::{RenderView, Renderer};
+use crate::render::{RenderError, RenderView, Renderer};
 use std::time::Instant;
 use yoto_capture::FrameImage;
 use yoto_capture::body_box::outside;
 use yoto_capture::camera::{Camera, Pose};
 
-/// A picture that training never saw, and how it came about.
+/// A picture that was not trained on, with its pose and camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth<'a> {
-    /// How the person stands.
+    /// Pose of the person.
     pub pose: &'a Pose,
-    /// What saw them, at the picture's size.
+    /// Camera, with the picture's size.
     pub camera: &'a Camera,
-    /// What it saw, over black.
+    /// The picture, over black.
     pub image: &'a FrameImage,
 }
 
-/// What came of one picture.
+/// Result of one picture.
 #[derive(Clone, Debug)]
 pub struct Examined {
-    /// Its figures.
+    /// Its scores.
     pub score: PictureScore,
-    /// The truth as it was compared, 8-bit colours row by row.
+    /// The ground truth as compared, 8-bit colours row by row.
     pub truth: Vec<u8>,
-    /// The render as it was compared.
+    /// The render as compared, 8-bit colours row by row.
     pub render: Vec<u8>,
-    /// Seconds of rendering.
+    /// Seconds that rendering took.
     pub seconds: f64,
 }
 
-/// A model as it stands, and the rules it is measured by.
+/// A model, and the protocol that it is measured by.
 pub struct Examiner {
     renderer: Renderer,
     protocol: &'static Protocol,
@@ -40,7 +40,7 @@ pub struct Examiner {
 }
 
 impl Examiner {
-    /// Measures `renderer` by `protocol`; LPIPS only when its networks are given.
+    /// Measures `renderer` by `protocol`, with LPIPS if its networks are given.
     pub fn new(
         renderer: Renderer,
         protocol: &'static Protocol,
@@ -58,16 +58,16 @@ impl Examiner {
         &self.renderer
     }
 
-    /// The model, when there is nothing more to examine.
+    /// Returns the model.
     pub fn into_renderer(self) -> Renderer {
         self.renderer
     }
 
-    /// Renders the person in `slot` as `truth` shows them, and compares. Both pictures are
-    /// compared with 8 bits a colour, as files hold them.
+    /// Renders the person in `slot` in the view of `truth` and compares the two pictures, both with
+    /// 8 bits per colour, as in files.
     ///
     /// # Errors
-    /// When the model can't render it, or the picture is not of its camera's size or too
+    /// If the view can't be rendered, or the picture does not have its camera's size or is too
     /// small to compare.
     pub fn examine(&self, slot: usize, truth: &Truth<'_>) -> Result<Examined, EvaluateError> {
         let started = Instant::now();
@@ -81,9 +81,9 @@ impl Examiner {
         let seconds = started.elapsed().as_secs_f64();
         let mut real = truth.image.clone();
         let size = (rendered.width, rendered.height);
-        if self.protocol.black_outside_box
-            && let Some(skeleton) = self.renderer.skeleton(slot)
-        {
+        if self.protocol.black_outside_box {
+            let skeleton = self.renderer.skeleton(slot);
+            let skeleton = skeleton.ok_or(RenderError::NoSuchSlot(slot))?;
             let outside = outside(skeleton, truth.pose, truth.camera);
             blacken(&mut render, &outside);
             blacken(&mut real.rgb, &outside);

@@ -1,9 +1,9 @@
-//! LPIPS of whole images. Published tables give it times 1000; here it is as it comes.
+//! LPIPS of whole images, not scaled: published tables often give it times 1000.
 
 use crate::loss::lpips::{Lpips, LpipsError, LpipsWeights, SMALLEST_SIDE};
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// The metric, with its networks on a device.
+/// LPIPS, with its networks on a device.
 pub struct LpipsMetric {
     lpips: Lpips,
     device: Device,
@@ -20,7 +20,7 @@ impl LpipsMetric {
         Ok(Self { lpips, device })
     }
 
-    /// With weights at hand; they must be on `device` without automatic differentiation.
+    /// With loaded weights, which must be on `device` without automatic differentiation.
     pub fn new(lpips: Lpips, device: &Device) -> Self {
         Self {
             lpips,
@@ -28,12 +28,11 @@ impl LpipsMetric {
         }
     }
 
-    /// Distance of two images `[height, width, 3]` with values in [0, 1]: 0 for the same image,
-    /// larger the more they differ to the eye.
+    /// Distance of two images `[height, width, 3]` with values in [0, 1]; 0 for equal images.
     ///
     /// # Errors
-    /// When an image has not the numbers its size says, or is smaller than 16 pixels, or the
-    /// device fails.
+    /// If the length of an image does not match its size, a side is shorter than
+    /// [`SMALLEST_SIDE`], or the device fails.
     pub fn distance(
         &self,
         a: &[f32],
@@ -63,7 +62,7 @@ impl LpipsMetric {
             .map_err(|error| LpipsError::Device(format!("{error:?}")))?;
         match distance.first() {
             Some(distance) => Ok(f64::from(*distance)),
-            None => Err(LpipsError::Device("no distance came back".into())),
+            None => Err(LpipsError::Device("the device returned no distance".into())),
         }
     }
 }

@@ -1,7 +1,7 @@
-//! PSNR on `[height, width, 3]` images with values in 0..1.
+//! PSNR of `[height, width, 3]` images with values in [0, 1].
 //!
-//! A person covers a tenth of a frame, so a whole-image figure flatters: PSNR also comes
-//! over the mask's bounding box.
+//! A person covers only a small part of a frame, so the PSNR of a whole image is high even for a
+//! poor render. PSNR is therefore also measured inside the mask's bounding box.
 
 use yoto_capture::MaskBox;
 
@@ -9,16 +9,16 @@ use yoto_capture::MaskBox;
 /// images have an infinite one.
 ///
 /// # Panics
-/// When the images differ in length.
+/// If the images differ in length.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len(), "images of different sizes");
     from_squares(a.iter().zip(b))
 }
 
-/// [`psnr`] over the pixels of `region` alone; `width` is that of the whole images.
+/// [`psnr`] of the pixels in `region`; `width` is that of the whole images.
 ///
 /// # Panics
-/// When the images differ in length or the region leaves them.
+/// If the images differ in length or the region exceeds them.
 pub fn psnr_in_box(a: &[f32], b: &[f32], width: usize, region: &MaskBox) -> f64 {
     assert_eq!(a.len(), b.len(), "images of different sizes");
     from_squares((region.y0..region.y1).flat_map(|row| {

@@ -1,8 +1,8 @@
-//! How good a rendering is, measured against the truth.
+//! Quality of renderings, measured against the ground truth.
 //!
-//! [`metrics`] and [`ssim`] compare two images; [`score`] gathers their figures over
-//! pictures and people; [`examine`] renders what a picture shows and scores it by the rules
-//! of a [`protocol`]; [`published`] holds what the paper reached, to stand beside ours.
+//! [`metrics`] and [`ssim`](mod@ssim) compare two images; [`score`] averages their figures over
+//! pictures and people; [`examine`] renders the view of a picture and scores it by the rules of a
+//! [`protocol`]; [`published`] holds the figures of the paper, for comparison.
 
 pub mod examine;
 pub mod lpips;
@@ -23,10 +23,10 @@ use crate::loss::lpips::LpipsError;
 use crate::render::RenderError;
 use thiserror::Error;
 
-/// Why a picture can't be measured.
+/// Evaluation error.
 #[derive(Debug, Error)]
 pub enum EvaluateError {
-    /// The pictures differ in size.
+    /// Picture and render differ in size.
     #[error("a render of {found:?} pixels for a picture of {expected:?}")]
     Size {
         /// Width and height of the truth.
@@ -34,10 +34,10 @@ pub enum EvaluateError {
         /// Of the render.
         found: (usize, usize),
     },
-    /// SSIM's window does not fit.
+    /// The picture is smaller than the window of SSIM.
     #[error("{0}x{1} pixels: both sides must be at least 11, the window of SSIM")]
     TooSmall(usize, usize),
-    /// The model can't render it.
+    /// The picture's view can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
     /// LPIPS can't be measured.

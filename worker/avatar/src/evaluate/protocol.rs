@@ -1,43 +1,43 @@
-//! Evaluation protocols as data: which pictures are measured, and what is done to them first.
+//! Evaluation protocols as data: the pictures that are measured, and their preparation.
 //!
-//! Their names are the contract's ([`yoto_proto::protocols`]). Data sets are not part of this
-//! program; a protocol says what a capture made of one must hold.
+//! Their names are those of [`yoto_proto::protocols`]. Data sets are not part of this program; a
+//! protocol states the required content of a capture made from one.
 
 use thiserror::Error;
 use yoto_proto::protocols;
 
-/// A way to measure.
+/// An evaluation protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Protocol {
-    /// As on the command line.
+    /// Name on the command line.
     pub name: &'static str,
-    /// Subjects of the data set; empty where any will do.
+    /// Subjects of the data set; empty if any will do.
     pub subjects: &'static [&'static str],
-    /// Index of the one camera that training sees, where the data set has several. All
-    /// others are measured.
+    /// Index of the training camera, if the data set has several cameras. The others are
+    /// measured.
     pub train_camera: Option<u32>,
-    /// Which held-out pictures count.
+    /// Held-out pictures that are measured.
     pub pictures: Pictures,
-    /// Only frames whose number is a multiple of this count.
+    /// Only frames whose number is a multiple of this are measured.
     pub frame_step: u32,
-    /// Longest side that pictures are compared at, pixels; 0 leaves it to whoever measures.
+    /// Longest side of compared pictures, pixels; 0 leaves it to the caller.
     pub image_size: u32,
-    /// Pixels outside the person's projected box are black in both pictures.
+    /// Whether pixels outside the person's projected box are black in both pictures.
     pub black_outside_box: bool,
-    /// Whether figures were ever published by it; where not, pictures are for looking at.
+    /// Whether published figures by this protocol exist; if not, pictures are only viewed.
     pub figures: bool,
 }
 
-/// The kinds of held-out pictures.
+/// Kinds of held-out pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pictures {
     /// Poses that were trained on, from other cameras.
     Views,
-    /// Those, and poses that were never trained on.
+    /// Trained poses from other cameras, and poses that were not trained on.
     ViewsAndPoses,
 }
 
-/// No protocol has this name.
+/// Unknown protocol.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "there is no protocol '{0}'; protocols: {list}",
@@ -48,7 +48,7 @@ pub struct UnknownProtocol(String);
 /// The six ZJU-MoCap subjects of the paper.
 const ZJU: &[&str] = &["377", "386", "387", "392", "393", "394"];
 
-/// Pictures are compared over black in every protocol, so none says it.
+/// All protocols. Each compares pictures over black.
 pub const PROTOCOLS: &[Protocol] = &[
     Protocol {
         name: protocols::HELD_OUT,
@@ -96,19 +96,19 @@ impl Protocol {
     /// The protocol called `name`.
     ///
     /// # Errors
-    /// When there is none; the message lists what there is.
+    /// If there is none; the message lists all names.
     pub fn named(name: &str) -> Result<&'static Self, UnknownProtocol> {
         let found = PROTOCOLS.iter().find(|protocol| protocol.name == name);
         found.ok_or_else(|| UnknownProtocol(name.to_owned()))
     }
 
-    /// Whether pictures of the frame numbered `frame` count.
+    /// Whether pictures of the frame numbered `frame` are measured.
     pub fn takes(&self, frame: u32) -> bool {
         frame.is_multiple_of(self.frame_step)
     }
 
-    /// The longest side that pictures are compared at when `asked` for one: the protocol's
-    /// own, where it has one. Pixels; 0 keeps the pictures'.
+    /// Longest side of compared pictures, pixels: the protocol's if it has one, else `asked`. 0
+    /// keeps the size of the pictures.
     pub fn size(&self, asked: u32) -> u32 {
         if self.image_size == 0 {
             asked
@@ -117,8 +117,8 @@ impl Protocol {
         }
     }
 
-    /// Subjects of the protocol that none of `names` is of. Without them a mean can't stand
-    /// beside a published one.
+    /// Subjects of the protocol that no entry of `names` contains. Without them, a mean can't be
+    /// compared with a published one.
     pub fn missing<'a>(&self, names: impl Iterator<Item = &'a str> + Clone) -> Vec<&'static str> {
         let absent = |subject: &&&str| !names.clone().any(|name| name.contains(**subject));
         self.subjects.iter().filter(absent).copied().collect()

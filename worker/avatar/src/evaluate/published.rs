@@ -1,26 +1,25 @@
-//! What the YOTO paper (arXiv 2303.05835) published, to be printed beside our figures.
+//! Published figures of the YOTO paper (arXiv 2303.05835), for reports.
 //!
-//! Its Table 3: means over the six ZJU-MoCap subjects by the protocol `zju-all`. Figures of
-//! other captures, sizes or budgets stand beside it for orientation only, and whoever prints
-//! both says so.
+//! They are Table 3, means over the six ZJU-MoCap subjects by the protocol `zju-all`. Figures of
+//! other captures, sizes or budgets are not comparable with them, which reports must state.
 
-/// What a published figure was measured on.
+/// Conditions of the published figures.
 pub const MEASURED_ON: &str = "6 ZJU-MoCap subjects, 512 pixels, 400,000 iterations";
 
 /// One row of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published {
-    /// Our name of the variant.
+    /// Name of the variant in this program.
     pub variant: &'static str,
-    /// dB.
+    /// PSNR, dB.
     pub psnr: f64,
-    /// The paper names neither window nor data range.
+    /// SSIM; the paper gives neither window nor data range.
     pub ssim: f64,
-    /// LPIPS with VGG, as it comes (the paper prints it times 1000); lower is better.
+    /// LPIPS with VGG, not scaled (the paper gives it times 1000); lower is better.
     pub lpips: f64,
 }
 
-/// The rows, in the paper's order of what is taken away.
+/// The rows of the table.
 pub const TABLE: &[Published] = &[
     Published {
         variant: "yoto",

@@ -1,4 +1,4 @@
-//! The figures of one picture, and their means over pictures and people.
+//! Scores of one picture, and their means over pictures and people.
 
 use super::{EvaluateError, psnr, psnr_in_box, ssim, ssim_inflated, ssim_uniform};
 use serde::{Deserialize, Serialize};
@@ -6,57 +6,55 @@ use yoto_capture::FrameImage;
 use yoto_capture::mask_box;
 use yoto_proto::v1::Scores;
 
-/// What two equal pictures count as in a mean, dB. Their own figure is infinite, and one of
-/// them would make every mean so.
+/// PSNR of two equal pictures in a mean, dB. Their actual PSNR is infinite, and so would be every
+/// mean with it.
 pub const EQUAL: f64 = 100.0;
-/// Shortest side that every window of SSIM fits into, pixels.
-const SHORTEST: usize = 11;
-
-/// Figures of one picture.
+/// Scores of one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureScore {
-    /// Over the whole picture, dB.
+    /// PSNR of the whole picture, dB.
     pub psnr: f64,
-    /// Inside the box of the truth's mask, dB; `None` when nobody is in the picture.
+    /// PSNR inside the bounding box of the truth's mask, dB; `None` if the mask is empty.
     pub psnr_mask_box: Option<f64>,
-    /// Gaussian window, data range 1.
+    /// SSIM with Gaussian window, data range 1.
     pub ssim: f64,
-    /// Uniform window, data range 1.
+    /// SSIM with uniform window, data range 1.
     pub ssim_uniform: f64,
-    /// Uniform window, data range 2: too high.
+    /// SSIM with uniform window, data range 2: too high.
     pub ssim_inflated: f64,
     /// LPIPS with VGG, lower is better; `None` without weights.
     pub lpips: Option<f64>,
-    /// PSNR of an all-black picture, dB: what knowing nothing gives.
+    /// PSNR of an all-black picture, dB, as a baseline.
     pub black_psnr: f64,
 }
 
 /// Means over pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Over the whole picture, dB.
+    /// PSNR of the whole picture, dB.
     pub psnr: f64,
-    /// Inside the bounding box of the person's mask, dB.
+    /// PSNR inside the bounding box of the person's mask, dB; a mean over the pictures that have
+    /// one, 0 if none has.
     pub psnr_mask_box: f64,
-    /// SSIM over the whole picture: Gaussian 11x11 window, data range 1.
+    /// SSIM with Gaussian 11x11 window, data range 1.
     pub ssim: f64,
-    /// SSIM in scikit-image's uniform 7x7 window, data range 1.
+    /// SSIM with scikit-image's uniform 7x7 window, data range 1.
     pub ssim_uniform: f64,
-    /// The same with data range 2, as some tables were published: too high.
+    /// SSIM with uniform window, data range 2, as in some published tables: too high.
     pub ssim_inflated: f64,
-    /// LPIPS with VGG, lower is better; absent when it was not measured.
+    /// LPIPS with VGG, lower is better; absent if it was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
     /// PSNR of an all-black picture, dB.
     pub black_psnr: f64,
-    /// How many pictures.
+    /// Number of pictures.
     pub pictures: usize,
 }
 
 /// Compares a picture with its `render` of `size` (width, height), 8-bit colours row by row.
 ///
 /// # Errors
-/// When the sizes differ or are too small for SSIM.
+/// If the sizes differ or are too small for SSIM.
 pub fn compare(
     truth: &FrameImage,
     render: &[u8],
@@ -69,24 +67,24 @@ pub fn compare(
             found: size,
         });
     }
-    if width.min(height) < SHORTEST {
-        return Err(EvaluateError::TooSmall(width, height));
-    }
     let (real, seen) = (unit(&truth.rgb), unit(render));
     let black = vec![0.0; real.len()];
+    let similarity = |measure: fn(&[f32], &[f32], usize, usize) -> Option<f64>| {
+        measure(&real, &seen, width, height).ok_or(EvaluateError::TooSmall(width, height))
+    };
     Ok(PictureScore {
         psnr: psnr(&real, &seen).min(EQUAL),
         psnr_mask_box: mask_box(&truth.mask, width, height)
             .map(|region| psnr_in_box(&real, &seen, width, &region).min(EQUAL)),
-        ssim: ssim(&real, &seen, width, height),
-        ssim_uniform: ssim_uniform(&real, &seen, width, height),
-        ssim_inflated: ssim_inflated(&real, &seen, width, height),
+        ssim: similarity(ssim)?,
+        ssim_uniform: similarity(ssim_uniform)?,
+        ssim_inflated: similarity(ssim_inflated)?,
         lpips: None,
         black_psnr: psnr(&real, &black).min(EQUAL),
     })
 }
 
-/// 8-bit values as floats in 0..1.
+/// 8-bit values as floats in [0, 1].
 pub fn unit(bytes: &[u8]) -> Vec<f32> {
     bytes
         .iter()
@@ -134,7 +132,7 @@ impl Mean {
         }
     }
 
-    /// The mean; all zero when no picture was added. LPIPS only when each picture had it.
+    /// The mean; all zero if no picture was added. It has LPIPS only if every picture has.
     pub fn score(&self) -> Score {
         let count = self.pictures.max(1) as f64;
         let all_have_lpips = self.pictures > 0 && self.lpips == self.pictures;
@@ -152,7 +150,8 @@ impl Mean {
 }
 
 impl Score {
-    /// The mean of people's scores, each counting the same however many their pictures are.
+    /// The mean of people's scores with equal weights, whatever their numbers of pictures; all zero
+    /// if there are none.
     pub fn mean(scores: &[Self]) -> Self {
         let count = scores.len().max(1) as f64;
         let over = |value: fn(&Self) -> f64| scores.iter().map(value).sum::<f64>() / count;
@@ -175,7 +174,7 @@ impl Score {
 impl From<&Score> for Scores {
     fn from(score: &Score) -> Self {
         Self {
-            // More pictures than fit could not be measured in a lifetime.
+            // Too many pictures to ever be measured.
             pictures: u32::try_from(score.pictures).unwrap_or(u32::MAX),
             psnr: score.psnr,
             psnr_mask_box: score.psnr_mask_box,

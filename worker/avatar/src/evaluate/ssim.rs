@@ -1,7 +1,7 @@
-//! Structural similarity, in the windows that papers mean when they print "SSIM".
+//! Structural similarity, with the windows that published figures use.
 //!
-//! Figures of different windows, or of different data ranges, can't be compared, and papers
-//! seldom say which theirs is. So all three come out, each under its own name:
+//! Figures with different windows or data ranges can't be compared, and papers rarely state
+//! theirs, so there is one function for each:
 //!
 //! | function | window | variances | data range |
 //! |---|---|---|---|
@@ -9,12 +9,12 @@
 //! | [`ssim_uniform`] | uniform 7x7 (scikit-image's default) | of the sample, N/(N−1) | 1 |
 //! | [`ssim_inflated`] | uniform 7x7 | of the sample, N/(N−1) | 2 |
 //!
-//! The last one is what scikit-image up to 0.19 answers for floats in 0..1 when `data_range`
-//! is left out: it takes the width of the data type's interval, −1 to 1, so its constants are
-//! four times too large and every figure is too high. From 0.20 on it refuses such a call.
-//! HumanNeRF's released program measures no SSIM and names no version of scikit-image.
+//! The last one is the result of scikit-image up to 0.19 for floats in [0, 1] without a
+//! `data_range`: it assumes the interval of the data type, −1 to 1, so its constants are four
+//! times too large and every figure is too high. Since 0.20 such a call is an error. HumanNeRF's
+//! released program does not measure SSIM.
 //!
-//! A window counts only where it lies wholly inside the image, and channels count alike.
+//! Windows must lie entirely inside the image, and channels have equal weights.
 
 /// K1 and K2 of the definition.
 const K: (f64, f64) = (0.01, 0.03);
@@ -22,13 +22,13 @@ const K: (f64, f64) = (0.01, 0.03);
 const GAUSSIAN: (usize, f64) = (11, 1.5);
 /// Side of the uniform window, pixels.
 const UNIFORM: usize = 7;
-/// The range that scikit-image up to 0.19 takes of floats.
+/// The data range that scikit-image up to 0.19 assumes for floats.
 const INFLATED_RANGE: f64 = 2.0;
 
-/// One axis of a separable window, and what variances are measured with.
+/// One axis of a separable window, with the normalisation of variances and the data range.
 struct Window {
     weights: Vec<f64>,
-    /// What population variances are multiplied by.
+    /// Factor on population variances.
     norm: f64,
     range: f64,
 }
@@ -56,40 +56,39 @@ impl Window {
     }
 }
 
-/// SSIM in the Gaussian 11x11 window, data range 1, of two `[height, width, 3]` images.
-///
-/// Images smaller than the window have no place for it: the result is NaN.
+/// SSIM with the Gaussian 11x11 window, data range 1, of two `[height, width, 3]` images; `None`
+/// if they are smaller than the window.
 ///
 /// # Panics
-/// When an image has not `width * height * 3` values.
-pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize) -> f64 {
+/// If an image does not have `width * height * 3` values.
+pub fn ssim(a: &[f32], b: &[f32], width: usize, height: usize) -> Option<f64> {
     mean_ssim(a, b, width, height, &Window::gaussian())
 }
 
-/// SSIM as scikit-image measures it by default: uniform 7x7 window, sample variances; data
-/// range 1.
+/// SSIM with the defaults of scikit-image, uniform 7x7 window and sample variances, data range 1;
+/// `None` if the images are smaller than the window.
 ///
 /// # Panics
 /// As [`ssim`].
-pub fn ssim_uniform(a: &[f32], b: &[f32], width: usize, height: usize) -> f64 {
+pub fn ssim_uniform(a: &[f32], b: &[f32], width: usize, height: usize) -> Option<f64> {
     mean_ssim(a, b, width, height, &Window::uniform(1.0))
 }
 
-/// [`ssim_uniform`] as it comes out when the data range is left to scikit-image up to 0.19:
-/// too high. It serves only to stand beside figures that were published so.
+/// [`ssim_uniform`] with the data range that scikit-image up to 0.19 assumes: too high, for
+/// comparison with figures that were published so.
 ///
 /// # Panics
 /// As [`ssim`].
-pub fn ssim_inflated(a: &[f32], b: &[f32], width: usize, height: usize) -> f64 {
+pub fn ssim_inflated(a: &[f32], b: &[f32], width: usize, height: usize) -> Option<f64> {
     mean_ssim(a, b, width, height, &Window::uniform(INFLATED_RANGE))
 }
 
-fn mean_ssim(a: &[f32], b: &[f32], width: usize, height: usize, window: &Window) -> f64 {
+fn mean_ssim(a: &[f32], b: &[f32], width: usize, height: usize, window: &Window) -> Option<f64> {
     assert_eq!(a.len(), width * height * 3, "not the size of the image");
     assert_eq!(b.len(), width * height * 3, "not the size of the image");
     let side = window.weights.len();
     if width < side || height < side {
-        return f64::NAN;
+        return None;
     }
     let (c1, c2) = ((K.0 * window.range).powi(2), (K.1 * window.range).powi(2));
     let mut sum = 0.0;
@@ -118,10 +117,10 @@ fn mean_ssim(a: &[f32], b: &[f32], width: usize, height: usize, window: &Window)
         }
         count += mean_a.len();
     }
-    sum / count as f64
+    Some(sum / count as f64)
 }
 
-/// Separable filter over the places where the whole window lies inside the plane.
+/// Separable filter at all positions at which the whole window is inside the plane.
 fn blur(plane: &[f64], width: usize, height: usize, weights: &[f64]) -> Vec<f64> {
     let side = weights.len();
     let columns = width - side + 1;
@@ -165,7 +164,7 @@ mod tests {
     fn every_window_matches_scikit_image() {
         let (truth, other) = (picture(0), picture(3));
         let near = near(&truth, &other);
-        type Ssim = fn(&[f32], &[f32], usize, usize) -> f64;
+        type Ssim = fn(&[f32], &[f32], usize, usize) -> Option<f64>;
         let cases: [(Ssim, &[f32], f64); 6] = [
             (ssim, &other, 0.351_320_281_709_631),
             (ssim_uniform, &other, 0.355_463_561_636_844),
@@ -175,7 +174,7 @@ mod tests {
             (ssim_inflated, &near, 0.989_333_487_113_845),
         ];
         for (measure, render, expected) in cases {
-            let found = measure(&truth, render, WIDTH, HEIGHT);
+            let found = measure(&truth, render, WIDTH, HEIGHT).expect("large enough");
             assert!((found - expected).abs() < 1e-12, "{found}, not {expected}");
         }
     }
@@ -185,21 +184,28 @@ mod tests {
         let a = vec![0.2f32; 12 * 13 * 3];
         let b = vec![0.6f32; 12 * 13 * 3];
         for (measure, c1) in [
-            (ssim as fn(&[f32], &[f32], usize, usize) -> f64, 1e-4),
+            (
+                ssim as fn(&[f32], &[f32], usize, usize) -> Option<f64>,
+                1e-4,
+            ),
             (ssim_uniform, 1e-4),
             (ssim_inflated, 4e-4),
         ] {
-            assert!((measure(&a, &a, 12, 13) - 1.0).abs() < 1e-12);
+            let measure = |b| measure(&a, b, 12, 13).expect("large enough");
+            assert!((measure(&a) - 1.0).abs() < 1e-12);
             let expected = (2.0 * 0.2 * 0.6 + c1) / (0.04 + 0.36 + c1);
-            assert!((measure(&a, &b, 12, 13) - expected).abs() < 1e-6);
+            assert!((measure(&b) - expected).abs() < 1e-6);
         }
     }
 
     #[test]
     fn an_image_smaller_than_the_window_has_no_similarity() {
         let small = vec![0.5f32; 10 * 10 * 3];
-        assert!(ssim(&small, &small, 10, 10).is_nan());
-        assert_eq!(ssim_uniform(&small, &small, 10, 10), 1.0);
-        assert!(ssim_uniform(&small[..6 * 6 * 3], &small[..6 * 6 * 3], 6, 6).is_nan());
+        assert_eq!(ssim(&small, &small, 10, 10), None);
+        assert_eq!(ssim_uniform(&small, &small, 10, 10), Some(1.0));
+        assert_eq!(
+            ssim_uniform(&small[..6 * 6 * 3], &small[..6 * 6 * 3], 6, 6),
+            None
+        );
     }
 }

@@ -1,9 +1,10 @@
-//! The canonical field (HumanNeRF's, with the paper's identity codes): colour and density of everybody, told apart by their
-//! identity codes and, with the hash encoding, by tables ([`super::tables`]).
+//! The canonical field (HumanNeRF's, with the paper's identity codes): colour and density of all
+//! people, distinguished by their identity codes and, with the hash encoding, by their tables
+//! (`field/tables.rs`).
 
 use super::mlp::{Mlp, MlpShape};
 use super::tables::{self, Tables};
-use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
+use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision, Sharing};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
 use crate::ops::encode::Bands;
@@ -16,18 +17,18 @@ use burn::tensor::activation::{relu, sigmoid, softplus};
 /// Colour and density over canonical space.
 #[derive(Module, Debug)]
 pub struct Canonical {
-    /// One `[rows, F]` an identity; none with the Fourier encoding.
+    /// One `[rows, F]` per identity; none with the Fourier encoding.
     tables: Vec<Param<Tensor<2>>>,
-    /// Everybody's, where entries are shared.
+    /// `[rows, F]`, or `[rows, R F]` with bases: the entries that all identities share.
     shared: Option<Param<Tensor<2>>>,
-    /// One `[L, R]` an identity, where they mix shared entries.
+    /// One `[L, R]` per identity, with bases: coefficients of the shared entries.
     mixes: Vec<Param<Tensor<2>>>,
     mlp: Mlp,
 }
 
-/// What the field says about points.
+/// Values of the field at some points.
 pub struct FieldValues {
-    /// `[N, 3]`, metres: where in canonical space the field was asked.
+    /// `[N, 3]`, metres: canonical points at which the field was evaluated.
     pub points: Tensor<2>,
     /// `[N, 3]` in [0, 1].
     pub rgb: Tensor<2>,
@@ -36,13 +37,13 @@ pub struct FieldValues {
 }
 
 impl Canonical {
-    /// Appends an identity that is the mixture of two others.
+    /// Appends an identity that is a mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.tables);
         blend.append(&mut self.mixes);
     }
 
-    /// Multiplies in `precision` from now on.
+    /// Sets the precision that the network multiplies in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.mlp.set_precision(precision);
     }
@@ -86,8 +87,11 @@ impl Canonical {
         }
     }
 
-    /// Values at canonical `points` `[N, 3]`, metres, for the identity in `slot`,
-    /// which the caller has checked to exist.
+    /// Values at canonical `points` `[N, 3]`, metres, of the identity in `slot`. `grid` is the
+    /// hash grid over the identity's canonical box.
+    ///
+    /// # Panics
+    /// If the identity has no table, or the encoding is a hash grid and `grid` is absent.
     pub fn forward(
         &self,
         config: &CanonicalConfig,
@@ -97,27 +101,29 @@ impl Canonical {
         code: Option<Tensor<1>>,
     ) -> FieldValues {
         let asked = points.clone();
-        let by_grid = grid.and_then(|grid| {
-            tables::encode(
-                &config.encoding,
-                self.tables.get(slot),
-                self.shared.as_ref(),
-                self.mixes.get(slot),
-                points.clone(),
-                grid,
-            )
-        });
-        let (input, kind) = match by_grid {
-            Some(features) => {
-                let [_, width] = features.dims();
-                (features, Input::Features { width })
-            }
-            None => {
+        let (input, kind) = match config.encoding {
+            Encoding::Fourier { bands } => {
                 let kind = Input::Frequencies {
-                    bands: Bands::new(config.encoding.bands(), 1.0),
+                    bands: Bands::new(bands, 1.0),
                     raw: true,
                 };
                 (points, kind)
+            }
+            Encoding::Hash { sharing, .. } => {
+                let grid = grid.expect("a hash encoding comes with a grid");
+                let features = match sharing {
+                    Sharing::Own => tables::plain(&self.tables[slot], points, grid),
+                    Sharing::Split { own_log2_rows } => {
+                        let own = &grid.within(own_log2_rows);
+                        tables::plain(self.shared(), points.clone(), grid)
+                            + tables::plain(&self.tables[slot], points, own)
+                    }
+                    Sharing::Bases { .. } => {
+                        tables::mixed(self.shared(), &self.mixes[slot], points, grid)
+                    }
+                };
+                let [_, width] = features.dims();
+                (features, Input::Features { width })
             }
         };
         let codes: Vec<_> = code
@@ -136,5 +142,12 @@ impl Canonical {
             rgb: sigmoid(raw.slice([0..n, 0..3])),
             density: density * config.density_scale,
         }
+    }
+
+    /// The entries that all identities share.
+    fn shared(&self) -> &Param<Tensor<2>> {
+        self.shared
+            .as_ref()
+            .expect("an encoding that shares entries has them")
     }
 }

@@ -1,9 +1,9 @@
-//! A ReLU network in which one hidden layer gets the input once more (skip) and some get a
-//! code that is the same for all points.
+//! A ReLU network in which one hidden layer receives the input again (skip connection) and some
+//! layers receive a code that is the same for all points.
 //!
-//! Concatenating a constant code to `[N, in]` inputs equals adding its product with the
-//! code's own weights to the bias. That form is used: it costs one small product a step
-//! instead of `code` more columns a point.
+//! Concatenating a constant code to `[N, in]` inputs is equivalent to adding its product with the
+//! code's weights to the bias. The second form is used: it costs one small product per step
+//! instead of `code` additional columns per point.
 
 use crate::config::Precision;
 use crate::init::Initial;
@@ -13,7 +13,7 @@ use burn::tensor::Tensor;
 
 /// Shape of a [`Mlp`].
 pub struct MlpShape<'a> {
-    /// Name in the model, for the initial weights.
+    /// Path of the network in the model, which names its tensors.
     pub path: &'a str,
     /// Width of the input.
     pub input: usize,
@@ -21,19 +21,19 @@ pub struct MlpShape<'a> {
     pub width: usize,
     /// Hidden layers.
     pub depth: usize,
-    /// Layer that gets the input again.
+    /// Layer that receives the input again.
     pub skip: Option<usize>,
-    /// Layers that get a code: the layer and the code's width.
+    /// Layers that receive a code, with the code's width.
     pub codes: &'a [(usize, usize)],
     /// Width of the output.
     pub output: usize,
-    /// Output weights are uniform in ± this; Xavier's bound when absent.
+    /// Initial output weights are uniform in ± this; if absent, in Xavier's bound.
     pub output_bound: Option<f64>,
-    /// What it multiplies in.
+    /// Precision of the factors of its products.
     pub precision: Precision,
 }
 
-/// See the module's page.
+/// A ReLU network with a skip connection and constant codes.
 #[derive(Module, Debug)]
 pub struct Mlp {
     hidden: Vec<Layer>,
@@ -65,7 +65,8 @@ impl Layer {
         output: usize,
         bound: Option<f64>,
     ) -> Self {
-        // Xavier-uniform with ReLU's gain √2 (model.md §8), over all that enters the layer.
+        // Xavier-uniform with ReLU's gain √2 (HumanNeRF), with all inputs of the layer
+        // in the fan-in.
         let xavier = 2f64.sqrt() * (6.0 / (input + skip + code + output) as f64).sqrt();
         let weight = |part: &str, rows: usize| {
             init.uniform(
@@ -82,8 +83,11 @@ impl Layer {
         }
     }
 
-    /// Appends the layer's parameters as [`MlpPlan::layers`] has them, the code's share in the
-    /// bias.
+    /// Appends the layer's parameters in the order of [`MlpPlan`]; the contribution of the code
+    /// is added to the bias.
+    ///
+    /// # Panics
+    /// If there is a code without weights for it, or the reverse.
     fn append(&self, code: Option<Tensor<1>>, to: &mut Vec<Tensor<1>>) {
         let flat = |weight: &Param<Tensor<2>>| {
             let weight = weight.val();
@@ -91,10 +95,15 @@ impl Layer {
             weight.reshape([rows * columns])
         };
         let mut bias = self.bias.val();
-        if let (Some(weight), Some(code)) = (&self.code, code) {
-            let share = code.unsqueeze::<2>().matmul(weight.val());
-            let [_, width] = share.dims();
-            bias = bias + share.reshape([width]);
+        match (&self.code, code) {
+            (Some(weight), Some(code)) => {
+                let share = code.unsqueeze::<2>().matmul(weight.val());
+                let [_, width] = share.dims();
+                bias = bias + share.reshape([width]);
+            }
+            (None, None) => {}
+            (Some(_), None) => panic!("a layer with weights for a code received none"),
+            (None, Some(_)) => panic!("a layer without weights for a code received one"),
         }
         to.push(flat(&self.weight));
         to.extend(self.skip.as_ref().map(flat));
@@ -103,12 +112,12 @@ impl Layer {
 }
 
 impl Mlp {
-    /// Multiplies in `precision` from now on; the parameters stay as they are.
+    /// Sets the precision of the factors of its products; the parameters stay unchanged.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.precision = precision;
     }
 
-    /// Weights as [`MlpShape`] says, biases 0.
+    /// A network with the initial weights that [`MlpShape`] describes and biases of 0.
     pub(crate) fn new(init: &Initial, shape: &MlpShape) -> Self {
         let code = |layer: usize| {
             shape
@@ -152,8 +161,8 @@ impl Mlp {
         }
     }
 
-    /// `[N, kind.given()]` → `[N, output]`; `kind` says what `input` is and must encode it in
-    /// the network's input width. `codes` gives the code of each layer that has one.
+    /// `[N, kind.given()]` → `[N, output]`. `kind` describes `input` and must encode it in the
+    /// network's input width. `codes` holds the code of each layer that takes one.
     pub fn forward(
         &self,
         input: Tensor<2>,

@@ -1,5 +1,5 @@
-//! The neural fields over canonical space: networks, non-rigid motion and how its bands open, colour
-//! and density.
+//! Neural fields over canonical space: their networks, non-rigid motion and its frequency window,
+//! colour and density.
 
 pub mod canonical;
 pub mod mlp;

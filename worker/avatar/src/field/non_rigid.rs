@@ -1,4 +1,5 @@
-//! Non-rigid motion, as HumanNeRF has it with the paper's code F_nr: how cloth moves beyond what the bones do, by pose.
+//! Non-rigid motion: pose-dependent offsets, such as those of cloth, that bones do not explain.
+//! HumanNeRF's network with the paper's code F_nr.
 
 use super::mlp::{Mlp, MlpShape};
 use super::window::hann_window;
@@ -15,11 +16,11 @@ pub struct NonRigid {
     mlp: Mlp,
 }
 
-/// Output weights start in ± this, so that nothing moves at first (HumanNeRF).
+/// Initial output weights are uniform in ± this, so that offsets start near 0 (HumanNeRF).
 const OUTPUT_BOUND: f64 = 1e-5;
 
 impl NonRigid {
-    /// Multiplies in `precision` from now on.
+    /// Sets the precision that the network multiplies in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.mlp.set_precision(precision);
     }
@@ -52,9 +53,10 @@ impl NonRigid {
         }
     }
 
-    /// Canonical `points` `[N, 3]`, metres, moved. `pose` is the pose vector `[3 (K − 1)]`,
-    /// `code` F_nr; `progress`, a share of the run, opens the bands one after the other. Before
-    /// the kick-in both are zeros where the network runs at all ([`BeforeKickIn`]).
+    /// Canonical `points` `[N, 3]`, metres, with their offsets added. `pose` is the pose vector
+    /// `[3 (K − 1)]` and `code` F_nr. Bands open one after the other with `progress`, the
+    /// completed fraction of the run. Before the kick-in, the network gets zeros for pose and
+    /// code, or does not run ([`BeforeKickIn`]).
     pub fn forward(
         &self,
         config: &ModelConfig,

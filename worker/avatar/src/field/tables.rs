@@ -1,13 +1,13 @@
-//! The hash tables of a field, and what of them people share ([`Sharing`]).
+//! The hash tables of a field, and which of them people share ([`Sharing`]).
 //!
-//! A table an identity is most of what a person costs: in memory, in a checkpoint, and in what a
-//! new person has to learn from nothing. People are alike in much (a box of the same build
-//! around the same joints), so two forms share it:
+//! A table per identity is most of the cost of a person: in memory, in a checkpoint, and in what
+//! training has to learn from scratch. People resemble each other in their canonical boxes, where
+//! the same joints have nearly the same places, so two forms share entries:
 //!
-//! - `split`: features of everybody's table and of a smaller one of the identity's are *added*,
-//!   not concatenated. The network behind stays as narrow as with one table, which is what a
-//!   step's time hangs on, and an own table that is nothing leaves the shared person.
-//! - `bases`: each entry holds R rows, and an identity is R coefficients a level. A further
+//! - `split`: the features of a shared table and of a smaller one per identity are *added*, not
+//!   concatenated. The network stays as narrow as with one table, and an identity whose own table
+//!   is zero looks like the shared person.
+//! - `bases`: each entry holds R rows, and an identity has R coefficients per level. An additional
 //!   person then costs L R numbers.
 
 use crate::config::{Encoding, Sharing};
@@ -16,26 +16,29 @@ use crate::ops::hash::{self, HashGrid};
 use burn::module::Param;
 use burn::tensor::Tensor;
 
-/// Table entries start uniform in ± this (Instant NGP).
+/// Initial table entries are uniform in ± this (Instant NGP).
 const TABLE_BOUND: f64 = 1e-4;
-/// Deviation of an identity's coefficients but the first, which starts as 1: everybody is the
-/// mean, plus something in directions that must differ from the start. Were all alike, the rows
-/// of an entry would get the same gradient for ever.
-const MIX_DEVIATION: f64 = 0.5;
+/// Standard deviation of an identity's initial coefficients except the first, which is 1. The
+/// other coefficients must differ from each other: with equal ones, the rows of an entry would
+/// always receive the same gradient.
+const MIX_STD: f64 = 0.5;
 
-/// The parameters of a field's tables, as the field holds them: their names are the field's.
+/// The parameters of a field's tables, which move into the field and are named after it.
 pub(super) struct Tables {
-    /// One `[rows, F]` an identity.
+    /// One `[rows, F]` per identity, except with bases.
     pub own: Vec<Param<Tensor<2>>>,
-    /// `[rows, F]`, or `[rows, R F]` with bases.
+    /// `[rows, F]` with `split`, `[rows, R F]` with bases.
     pub shared: Option<Param<Tensor<2>>>,
-    /// One `[L, R]` an identity, with bases.
+    /// One `[L, R]` per identity, with bases.
     pub mixes: Vec<Param<Tensor<2>>>,
 }
 
 impl Tables {
-    /// For the parts of the field at `path` that `encoding` has; `grid` is the encoding's over
-    /// any box.
+    /// Tables for `slots` identities in the field at `path`; `grid` is the encoding's grid over
+    /// any box. The Fourier encoding has none.
+    ///
+    /// # Panics
+    /// If the encoding is a hash grid and `grid` is absent.
     pub fn new(
         init: &Initial,
         path: &str,
@@ -48,9 +51,10 @@ impl Tables {
             shared: None,
             mixes: Vec::new(),
         };
-        let (Encoding::Hash { sharing, .. }, Some(grid)) = (encoding, grid) else {
+        let Encoding::Hash { sharing, .. } = encoding else {
             return tables;
         };
+        let grid = grid.expect("a hash encoding comes with a grid");
         let table = |name: String, grid: &HashGrid| {
             let shape = [grid.rows(), grid.features];
             init.uniform(&format!("{path}.{name}"), shape, TABLE_BOUND)
@@ -70,7 +74,7 @@ impl Tables {
                 tables.shared = Some(table("shared".into(), grid));
                 let shape = [grid.levels.len(), count];
                 tables.mixes = (0..slots)
-                    .map(|slot| init.mixture(&format!("{path}.mixes.{slot}"), shape, MIX_DEVIATION))
+                    .map(|slot| init.mixture(&format!("{path}.mixes.{slot}"), shape, MIX_STD))
                     .collect();
             }
         }
@@ -78,38 +82,28 @@ impl Tables {
     }
 }
 
-/// Features `[N, L F]` of `points` `[N, 3]` for the identity in `slot`, which has what `encoding`
-/// says.
-pub(super) fn encode(
-    encoding: &Encoding,
-    own: Option<&Param<Tensor<2>>>,
-    shared: Option<&Param<Tensor<2>>>,
-    mix: Option<&Param<Tensor<2>>>,
-    points: Tensor<2>,
-    grid: &HashGrid,
-) -> Option<Tensor<2>> {
-    let Encoding::Hash { sharing, .. } = encoding else {
-        return None;
-    };
-    Some(match *sharing {
-        Sharing::Own => hash::encode(own?.val(), points, grid),
-        Sharing::Split { own_log2_rows } => {
-            let of_all = hash::encode(shared?.val(), points.clone(), grid);
-            of_all + hash::encode(own?.val(), points, &grid.within(own_log2_rows))
-        }
-        Sharing::Bases { .. } => mixed(hash::encode(shared?.val(), points, grid), mix?.val()),
-    })
+/// Features `[N, L F]` of `points` `[N, 3]` in a `table` `[rows, F]`.
+pub(super) fn plain(table: &Param<Tensor<2>>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {
+    hash::encode(table.val(), points, grid)
 }
 
-/// `[N, L R F]` mixed by `[L, R]` → `[N, L F]`, as one product with a matrix that holds the
-/// coefficients where level meets level and feature meets feature: multiplying and summing would
-/// write `[N, L R F]` numbers more than once.
-fn mixed(encoded: Tensor<2>, mix: Tensor<2>) -> Tensor<2> {
+/// Features `[N, L F]` of `points` `[N, 3]` in `bases` `[rows, R F]` with the coefficients `mix`
+/// `[L, R]`.
+///
+/// The encoding `[N, L R F]` is multiplied by one block-diagonal matrix `[L R F, L F]` of the
+/// coefficients: scaling and summing it would write `[N, L R F]` numbers more than once.
+pub(super) fn mixed(
+    bases: &Param<Tensor<2>>,
+    mix: &Param<Tensor<2>>,
+    points: Tensor<2>,
+    grid: &HashGrid,
+) -> Tensor<2> {
+    let (encoded, mix) = (plain(bases, points, grid), mix.val());
     let [levels, rows] = mix.dims();
     let [_, width] = encoded.dims();
-    let features = width / (levels * rows).max(1);
+    let features = width / (levels * rows);
     let device = encoded.device();
-    // [L, 1, 1, L, 1] and [1, 1, F, 1, F]: where a level meets itself, a feature itself.
+    // [L, 1, 1, L, 1] and [1, 1, F, 1, F]: ones where levels and features are equal.
     let same_level = Tensor::<2>::eye(levels, &device).reshape([levels, 1, 1, levels, 1]);
     let same_feature = Tensor::<2>::eye(features, &device).reshape([1, 1, features, 1, features]);
     let matrix = mix.reshape([levels, rows, 1, 1, 1]) * same_level * same_feature;

@@ -1,6 +1,7 @@
-//! When the bands of an encoding open.
+//! The frequency window, which opens the bands of an encoding one after the other.
 
-/// The Hann window over bands: w_k = (1 − cos(π clamp(a − k, 0, 1))) / 2 (model.md §5).
+/// The Hann window over bands: w_k = (1 − cos(π clamp(a − k, 0, 1))) / 2
+/// (HumanNeRF).
 pub fn hann_window(bands: usize, a: f32) -> Vec<f32> {
     (0..bands)
         .map(|k| (1.0 - (std::f32::consts::PI * (a - k as f32).clamp(0.0, 1.0)).cos()) / 2.0)

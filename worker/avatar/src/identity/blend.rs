@@ -1,11 +1,12 @@
-//! Somebody between two identities: their codes, and all else that tells them apart, mixed.
+//! Interpolation between two identities: their codes and all other per-identity parameters.
 
+use crate::config::Variant;
 use crate::motion::body::Body;
 use crate::render::{RenderError, Renderer};
 use burn::module::{Param, ParamId};
 use burn::tensor::Tensor;
 
-/// Two identities of a model, and how much of the second is in the mixture.
+/// Two identities of a model, and the share of the second in their mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Blend {
     pub from: usize,
@@ -15,23 +16,28 @@ pub(crate) struct Blend {
 }
 
 impl Blend {
-    /// Appends the mixture to parameters of which each identity has one. Where identities share
-    /// what they have, there is nothing to mix.
+    /// Appends the mixture to `params`, which has one entry per identity, or none in models
+    /// without this parameter.
+    ///
+    /// # Panics
+    /// If `params` has entries, but none for one of the two identities.
     pub(crate) fn append<const D: usize>(&self, params: &mut Vec<Param<Tensor<D>>>) {
-        if let (Some(from), Some(to)) = (params.get(self.from), params.get(self.to)) {
-            let mixed = from.val() * (1.0 - self.share) + to.val() * self.share;
-            params.push(Param::initialized(ParamId::new(), mixed));
+        if params.is_empty() {
+            return;
         }
+        let (from, to) = (params[self.from].val(), params[self.to].val());
+        let mixed = from * (1.0 - self.share) + to * self.share;
+        params.push(Param::initialized(ParamId::new(), mixed));
     }
 }
 
 impl Renderer {
-    /// The model with one more identity between those in the slots `from` and `to`, and its slot:
-    /// identity code, motion weights, tables and rest joints are mixed, `share` (0 to 1) of them
-    /// those of `to`.
+    /// Adds an identity between those in the slots `from` and `to`, and returns the model and the
+    /// new slot. Identity code, motion weights, tables and rest joints are interpolated linearly:
+    /// `share` 0 gives `from`, 1 gives `to`.
     ///
     /// # Errors
-    /// When a slot is empty, or `share` is not from 0 to 1.
+    /// If a slot is empty or `share` is not between 0 and 1.
     pub fn with_blend(
         mut self,
         from: usize,
@@ -51,7 +57,10 @@ impl Renderer {
                 *a += f64::from(share) * (b - *a);
             }
         }
-        self.avatar.append(&Blend { from, to, share });
+        // Without identities, all people share the same parameters.
+        if self.config.variant != Variant::NoIdentity {
+            self.avatar.append(&Blend { from, to, share });
+        }
         let body = Body::new(mixed, &self.config, &self.device());
         Ok(self.with_body(body))
     }

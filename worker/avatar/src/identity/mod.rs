@@ -1,4 +1,4 @@
-//! Identities: codes, the code conditioned on the pose, and mixtures of two identities.
+//! Identities: pose-conditioned codes and mixtures of two identities.
 
 pub(crate) mod blend;
 pub mod pose_condition;

@@ -1,5 +1,5 @@
-//! The pose-conditioned code (paper eq. 3 to 5): the identity asks, the posed joints answer.
-//! P_nr = softmax(S^q (P^k)ᵀ) P^v; F_nr = P_nr + S_i.
+//! The pose-conditioned code (paper eq. 3 to 5): attention of the identity's code to the posed
+//! joints. P_nr = softmax(S^q (P^k)ᵀ) P^v; F_nr = P_nr + S_i.
 
 use crate::config::ConditionConfig;
 use crate::init::Initial;
@@ -35,8 +35,8 @@ impl PoseCondition {
         }
     }
 
-    /// F_nr `[d]` of the identity `code` `[d]` in the pose whose `joints` `[K − 1, 3]` stand
-    /// relative to the root, metres.
+    /// F_nr `[d]` of the identity `code` `[d]` in the pose with `joints` `[K − 1, 3]` relative to
+    /// the root, metres.
     pub fn forward(
         &self,
         config: &ConditionConfig,

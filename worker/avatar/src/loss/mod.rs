@@ -1,7 +1,6 @@
-//! Training objectives. [`PatchObjective`] is the paper's with LPIPS weights at hand: LPIPS and a
-//! fifth of the mean squared error. Without them, it is the mean squared error and a
-//! share of 1 − SSIM. Which one it is has a name, and the name goes where the figures go. Any
-//! other [`Objective`] can be given to a trainer.
+//! Training objectives. With LPIPS weights, [`PatchObjective`] is the paper's: LPIPS plus 0.2 times
+//! the mean squared error. Without them, it is the mean squared error plus a weighted 1 − SSIM.
+//! Reports name the objective beside their figures. A trainer accepts any other [`Objective`].
 
 pub mod lpips;
 mod ssim;
@@ -11,18 +10,18 @@ pub use ssim::PatchSsim;
 use burn::tensor::{Device, Tensor};
 use lpips::{Lpips, LpipsError, LpipsWeights, SMALLEST_SIDE};
 
-/// The mean squared error's weight beside LPIPS (HumanNeRF, `configs/default.yaml`; the paper
+/// Weight of the mean squared error beside LPIPS (HumanNeRF, `configs/default.yaml`; the paper
 /// keeps it).
 const SQUARES_BESIDE_LPIPS: f64 = 0.2;
 
-/// Rendered patches beside what they should be.
+/// Rendered patches and their ground truth.
 #[derive(Clone)]
 pub struct Patches {
     /// `[P, S², 3]`, rendered, over the step's background.
     pub predicted: Tensor<3>,
     /// `[P, S², 3]`, over the same background.
     pub truth: Tensor<3>,
-    /// S: side of a patch, pixels.
+    /// S: side length of a patch, pixels.
     pub side: usize,
 }
 
@@ -30,27 +29,27 @@ pub struct Patches {
 pub struct LossTerm {
     /// Its name in reports.
     pub name: &'static str,
-    /// What it is multiplied by in the sum.
+    /// Its weight in the sum.
     pub weight: f64,
-    /// `[1]`, without the weight.
+    /// `[1]`, unweighted.
     pub value: Tensor<1>,
 }
 
-/// What training minimises: a weighted sum of terms.
+/// Training objective: a weighted sum of terms.
 pub trait Objective: Send {
     /// Its name in reports, e.g. "lpips+mse".
     fn name(&self) -> &'static str;
 
-    /// The terms for the patches of a step; at least one.
+    /// The terms for the patches of a training step; at least one.
     fn terms(&self, patches: Patches) -> Vec<LossTerm>;
 
-    /// The weighted sum of the terms, `[1]`; `None` where there are no terms.
+    /// The weighted sum of the terms, `[1]`; `None` if there are no terms.
     fn loss(&self, patches: Patches) -> Option<Tensor<1>> {
         total(&self.terms(patches))
     }
 }
 
-/// The weighted sum of `terms`, `[1]`; `None` without terms.
+/// The weighted sum of `terms`, `[1]`; `None` if there are none.
 pub(crate) fn total(terms: &[LossTerm]) -> Option<Tensor<1>> {
     terms
         .iter()
@@ -61,13 +60,13 @@ pub(crate) fn total(terms: &[LossTerm]) -> Option<Tensor<1>> {
         .reduce(|sum, term| sum + term)
 }
 
-/// The objective of the paper, or its stand-in without LPIPS weights.
+/// The objective of the paper, or a substitute without LPIPS weights.
 pub struct PatchObjective {
     patch_size: usize,
     part: Perceptual,
 }
 
-/// What comes beside the mean squared error.
+/// The term beside the mean squared error.
 enum Perceptual {
     Lpips(Box<Lpips>),
     Ssim { ssim: Box<PatchSsim>, weight: f64 },
@@ -116,7 +115,8 @@ impl PatchObjective {
         }
     }
 
-    /// Mean squared error, and 1 − SSIM at `ssim_weight` when patches are at least its window.
+    /// Mean squared error, plus 1 − SSIM with `ssim_weight` if patches have at least the size of
+    /// its window.
     pub fn without_lpips(ssim_weight: f64, patch_size: usize, device: &Device) -> Self {
         let ssim = PatchSsim::new(patch_size, device).filter(|_| ssim_weight > 0.0);
         let part = match ssim {
@@ -150,7 +150,7 @@ impl Objective for PatchObjective {
         }
     }
 
-    /// Means over patches.
+    /// Each term is a mean over patches.
     fn terms(&self, patches: Patches) -> Vec<LossTerm> {
         let Patches {
             predicted, truth, ..

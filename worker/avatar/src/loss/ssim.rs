@@ -1,31 +1,32 @@
-//! Structural similarity of patches, with gradients. The Gaussian window is two products with
-//! a banded matrix, which is faster here than a convolution.
+//! Structural similarity of patches, with gradients. The Gaussian window is applied as two
+//! products with a banded matrix, which is faster here than a convolution.
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// Window side; the evaluation's 11 would leave little of a small patch.
+/// Side length of the window, pixels. The 11 pixels of evaluation would leave little of a small
+/// patch.
 const WINDOW: usize = 7;
-/// Deviation of the window, pixels (as in evaluation).
-const DEVIATION: f64 = 1.5;
+/// Standard deviation of the window, pixels (as in evaluation).
+const WINDOW_STD: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
 /// SSIM over patches of one size.
 pub struct PatchSsim {
     size: usize,
-    /// `[S, S − 6]`: a column holds the window over one place.
+    /// `[S, S − 6]`: each column holds the window at one position.
     window: Tensor<2>,
 }
 
 impl PatchSsim {
-    /// `None` when patches are smaller than the window.
+    /// SSIM over patches of `size`² pixels; `None` if they are smaller than the window.
     pub fn new(size: usize, device: &Device) -> Option<Self> {
         let places = (size + 1)
             .checked_sub(WINDOW)
             .filter(|places| *places > 0)?;
         let taps: Vec<f64> = (0..WINDOW)
             .map(|i| {
-                (-(i as f64 - (WINDOW / 2) as f64).powi(2) / (2.0 * DEVIATION * DEVIATION)).exp()
+                (-(i as f64 - (WINDOW / 2) as f64).powi(2) / (2.0 * WINDOW_STD * WINDOW_STD)).exp()
             })
             .collect();
         let total: f64 = taps.iter().sum();
@@ -49,7 +50,7 @@ impl PatchSsim {
                 .reshape([patches * 3, self.size, self.size])
         };
         let (a, b) = (images(a), images(b));
-        // Five fields blurred in one go.
+        // Five fields, blurred by one product.
         let fields = Tensor::cat(
             vec![
                 a.clone(),
@@ -72,14 +73,10 @@ impl PatchSsim {
                 .unsqueeze::<3>()
                 .repeat_dim(0, 15 * patches),
         );
-        let mut parts = down.chunk(5, 0).into_iter();
-        let mut next = || {
-            parts
-                .next()
-                .unwrap_or_else(|| Tensor::zeros([1, 1, 1], &self.window.device()))
-        };
-        let (mean_a, mean_b, square_a, square_b, product) =
-            (next(), next(), next(), next(), next());
+        let [mean_a, mean_b, square_a, square_b, product]: [Tensor<3>; 5] = down
+            .chunk(5, 0)
+            .try_into()
+            .expect("five fields of equal size");
         let means = mean_a.clone() * mean_b.clone();
         let squares = mean_a.clone().square() + mean_b.clone().square();
         let variances = square_a - mean_a.square() + square_b - mean_b.square();

@@ -1,4 +1,4 @@
-//! What is fixed of one identity: its skeleton, canonical box, and prior.
+//! The constants of one identity: its skeleton, canonical box, and prior.
 
 use super::prior::{canonical_grid, prior};
 use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
@@ -7,7 +7,7 @@ use crate::ops::warp::WarpGrid;
 use burn::tensor::{Device, Tensor, TensorData};
 use yoto_capture::skeleton::Skeleton;
 
-/// Least prior weight: the logarithm of a zero would be −∞ and its softmax have no gradient.
+/// Smallest prior weight: the logarithm of 0 is −∞, and a softmax of it has no gradient.
 const MIN_PRIOR: f32 = 1e-12;
 
 /// One identity's body.
@@ -17,10 +17,10 @@ pub struct Body {
     pub skeleton: Skeleton,
     /// Box of the motion weights.
     pub grid: WarpGrid,
-    /// Hash grid over the same box, when the configuration has one: the shared one, where
-    /// entries are shared.
+    /// Hash grid over the same box, if the encoding is one. Where entries are shared, this is the
+    /// grid of the shared ones.
     pub hash: Option<HashGrid>,
-    /// `[K + 1, D³]`.
+    /// Logarithm of the prior `[K + 1, D³]`, the background last.
     pub log_prior: Tensor<2>,
 }
 
@@ -32,7 +32,7 @@ impl Body {
             .iter()
             .map(|p| match config.numerics {
                 Numerics::Sound => p.max(MIN_PRIOR).ln(),
-                // Exactly nothing stays exactly nothing, whatever the logits.
+                // A weight of exactly 0 stays 0, whatever the logits.
                 Numerics::Reference => p.ln(),
             })
             .collect();
@@ -48,7 +48,7 @@ impl Body {
     }
 }
 
-/// The hash grid of an encoding over a canonical box; `None` without tables.
+/// The hash grid of an encoding over a canonical box; `None` for the Fourier encoding.
 pub fn hash_grid(encoding: &Encoding, grid: &WarpGrid) -> Option<HashGrid> {
     let Encoding::Hash {
         levels,

@@ -1,5 +1,4 @@
-//! Pose correction (model.md §3): estimated poses are a little wrong, and a network learns by
-//! how much.
+//! Pose correction (HumanNeRF): a network learns the errors of estimated poses.
 
 use super::rotation::rodrigues;
 use crate::config::{CorrectionConfig, Precision};
@@ -9,10 +8,10 @@ use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
 
-/// Output weights start in ± this (HumanNeRF).
+/// Initial output weights are uniform in ± this, so that corrections start near 0 (HumanNeRF).
 const OUTPUT_BOUND: f64 = 1e-5;
 
-/// Rotations to be applied after those of a pose, root left alone.
+/// Rotations that follow those of a pose; the root has none.
 #[derive(Module, Debug)]
 pub struct PoseCorrection {
     mlp: Mlp,

@@ -1,9 +1,10 @@
-//! The `deconv` form of the motion weights (HumanNeRF): an embedding grows into a volume of
-//! logits through transposed convolutions. 63.6 of the paper's 65.3 million parameters are here.
+//! The `deconv` form of the motion weights (HumanNeRF): transposed convolutions turn an embedding
+//! into a volume of logits. 63.6 of the 64.7 million parameters of the tier `paper` with six people
+//! are in the decoder.
 //!
-//! HumanNeRF has one embedding for its one person. A model of several shares the decoder and
-//! gives each identity an embedding of its own: the smallest extension with which one person
-//! still is HumanNeRF exactly, and the choice of this project, as the paper leaves it open.
+//! HumanNeRF has one embedding for its single person. Here, people share the decoder and each
+//! identity has its own embedding. The paper leaves this open; it is the smallest extension that
+//! equals HumanNeRF for one person.
 
 use crate::identity::blend::Blend;
 use crate::init::Initial;
@@ -12,15 +13,15 @@ use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::leaky_relu;
 
-/// Slope of the activation under 0.
+/// Slope of the activation below 0.
 const SLOPE: f64 = 0.2;
-/// Deviation of the embeddings' start.
-const EMBEDDING_DEVIATION: f64 = 1.0;
+/// Standard deviation of the initial embeddings.
+const EMBEDDING_STD: f64 = 1.0;
 
-/// Embeddings, and what makes volumes of them.
+/// Embeddings and the network that decodes them.
 #[derive(Module, Debug)]
 pub struct Decoder {
-    /// One `[E]` an identity.
+    /// One `[E]` per identity.
     embeddings: Vec<Param<Tensor<1>>>,
     /// `[E, H]`.
     linear: Param<Tensor<2>>,
@@ -33,12 +34,12 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// Appends an identity that is the mixture of two others.
+    /// Appends an identity that is a mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.embeddings);
     }
 
-    /// A decoder to `output` channels by way of `widths`.
+    /// A decoder with `widths` channels after its layers and `output` after the last one.
     pub(crate) fn new(
         init: &Initial,
         embedding: usize,
@@ -52,7 +53,7 @@ impl Decoder {
         // Xavier-uniform with ReLU's gain √2.
         let bound = |fans: usize| 2f64.sqrt() * (6.0 / fans as f64).sqrt();
         let kernel = |(layer, (input, &output)): (usize, (usize, &usize))| {
-            // An output node sees 2³ of the 4³ kernel nodes; all eight such phases start alike.
+            // An output node sees 2³ of the 4³ kernel nodes; all eight such phases start equal.
             init.phased(
                 &format!("motion.decoder.kernels.{layer}"),
                 [input, output, KERNEL, KERNEL, KERNEL],
@@ -67,7 +68,7 @@ impl Decoder {
                     init.normal(
                         &format!("motion.decoder.embeddings.{slot}"),
                         [embedding],
-                        EMBEDDING_DEVIATION,
+                        EMBEDDING_STD,
                     )
                 })
                 .collect(),
@@ -88,10 +89,12 @@ impl Decoder {
         }
     }
 
-    /// Logits `[K + 1, D³]` (z, y, x with x fastest) of the identity in `slot`; `None` when there
-    /// is none.
-    pub fn forward(&self, slot: usize) -> Option<Tensor<2>> {
-        let embedding = self.embeddings.get(slot)?.val();
+    /// Logits `[K + 1, D³]` (z, y, x with x fastest) of the identity in `slot`.
+    ///
+    /// # Panics
+    /// If there is no identity in `slot`.
+    pub fn forward(&self, slot: usize) -> Tensor<2> {
+        let embedding = self.embeddings[slot].val();
         let hidden =
             embedding.unsqueeze::<2>().matmul(self.linear.val()) + self.bias.val().unsqueeze::<2>();
         let [_, width] = hidden.dims();
@@ -105,11 +108,11 @@ impl Decoder {
             }
         }
         let [channels, z, y, x] = volume.dims();
-        Some(volume.reshape([channels, z * y * x]))
+        volume.reshape([channels, z * y * x])
     }
 }
 
-/// Where in `[in, out, 4, 4, 4]` draw number `draw` of `[in, out, 2, 2, 2]` stands for `phase`.
+/// Index in `[in, out, 4, 4, 4]` of element `draw` of `[in, out, 2, 2, 2]` in `phase`.
 fn phase_place(draw: usize, phase: usize) -> usize {
     let (kernel, node) = (draw / 8, draw % 8);
     let along = |shift: usize| STRIDE * (node >> shift & 1) + (phase >> shift & 1);
@@ -134,14 +137,14 @@ mod tests {
     fn a_fresh_decoder_has_no_checkerboard() {
         let device = Device::flex();
         let decoder = Decoder::new(&Initial::new(&device, 5), 8, 16, &[8, 4], 2, 3);
-        let volume = decoder.forward(1).expect("slot 1");
+        let volume = decoder.forward(1);
         assert_eq!(volume.dims(), [3, 512]);
         let values: Vec<f32> = volume.try_into_vec_as().expect("f32");
         // Alike phases make the volume piecewise constant away from its border: the two middle
         // nodes along x agree.
         let at = |z: usize, y: usize, x: usize| values[(z * 8 + y) * 8 + x];
         assert!((at(3, 3, 3) - at(3, 3, 4)).abs() < 1e-5);
-        let other = decoder.forward(0).expect("slot 0");
+        let other = decoder.forward(0);
         let other: Vec<f32> = other.try_into_vec_as().expect("f32");
         assert_ne!(values, other, "each identity has its own");
     }

@@ -1,5 +1,5 @@
-//! How a posed body maps to its canonical pose: the prior volume, the learned motion weights,
-//! bone transforms, and the correction of poses.
+//! The map from a posed body to its canonical pose (paper eq. 1): the prior volume, the learned
+//! motion weights, bone transforms, and the correction of poses.
 
 pub mod body;
 pub mod correction;

@@ -1,13 +1,13 @@
-//! A body in a pose: the transforms that carry points of the posed body to the canonical box.
+//! A body in a pose: the transforms from the posed body to the canonical box.
 //!
-//! Everything happens in the body frame, where the root neither turns nor moves: what the root
-//! does is done to the camera instead (model.md §1).
+//! All of it takes place in the body frame, in which the root has neither rotation nor
+//! translation: they move the camera instead (HumanNeRF).
 
 use super::body::Body;
 use burn::tensor::{Int, Tensor, TensorData};
 use yoto_capture::camera::Pose;
 
-/// The tree's joints by distance from the root, for level-wise forward kinematics.
+/// Joints grouped by their distance from the root, for forward kinematics level by level.
 fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
     let mut depth = vec![0usize; parents.len()];
     let mut levels: Vec<Vec<usize>> = Vec::new();
@@ -21,7 +21,7 @@ fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
     levels
 }
 
-/// The pose vector Ω[1:] `[3 (K − 1)]` of a pose.
+/// The pose vector `[3 (K − 1)]`: rotations of all joints except the root, axis-angle in radians.
 pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
     let values: Vec<f32> = pose.rotations.iter().skip(1).flatten().copied().collect();
     Tensor::from_data(
@@ -30,7 +30,8 @@ pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
     )
 }
 
-/// Joint positions relative to the root, in the body frame, root left out: `[K − 1, 3]`.
+/// Positions of all joints except the root, relative to it, in the body frame: `[K − 1, 3]`,
+/// metres.
 pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
     let joints = body_frame_joints(body, pose);
     let root = joints[0];
@@ -53,6 +54,7 @@ pub fn body_frame_joints(body: &Body, pose: &Pose) -> Vec<[f64; 3]> {
         .collect()
 }
 
+/// Rotations of all joints, axis-angle in radians, with 0 for the root.
 pub(super) fn unrooted(pose: &Pose) -> Vec<[f64; 3]> {
     let mut rotations: Vec<[f64; 3]> = pose.rotations.iter().map(|r| r.map(f64::from)).collect();
     if let Some(root) = rotations.first_mut() {
@@ -83,8 +85,8 @@ pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
     )
 }
 
-/// The same with each rotation but the root's followed by its `correction` `[K − 1, 3, 3]`,
-/// with gradients to it.
+/// As [`transforms`], with each rotation except the root's followed by its `correction`
+/// `[K − 1, 3, 3]`, to which gradients flow.
 pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let joints = body.skeleton.parents.len();
@@ -103,11 +105,12 @@ pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> 
 }
 
 /// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[K − 1, 3, 3]` of each local
-/// rotation but the root's, which does not turn.
+/// rotation; the root has none.
 pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let parents = &body.skeleton.parents;
     let joints = parents.len();
+    let parent_of = |joint: usize| parents[joint].expect("every joint but the root has a parent");
     let offset = |joint: usize, parent: usize| {
         let rest = &body.skeleton.rest;
         std::array::from_fn::<f32, 3, _>(|a| (rest[joint][a] - rest[parent][a]) as f32)
@@ -124,17 +127,17 @@ pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
         let above: Vec<i64> = level
             .iter()
             .map(|&joint| {
-                let parent = parents[joint].unwrap_or(0);
+                let parent = parent_of(joint);
                 order[previous_start..]
                     .iter()
                     .position(|&o| o == parent)
-                    .unwrap_or(0) as i64
+                    .expect("a parent is one level above its child") as i64
             })
             .collect();
         let own: Vec<i64> = level.iter().map(|&joint| joint as i64 - 1).collect();
         let offsets: Vec<f32> = level
             .iter()
-            .flat_map(|&joint| offset(joint, parents[joint].unwrap_or(0)))
+            .flat_map(|&joint| offset(joint, parent_of(joint)))
             .collect();
         let offsets =
             Tensor::<3>::from_data(TensorData::new(offsets, [level.len(), 3, 1]), &device);

@@ -1,23 +1,23 @@
-//! The prior of the motion weights: a blob of weight around each bone, background elsewhere
-//! (HumanNeRF §3.2 and its released program, which the figures come from).
+//! The prior of the motion weights: a Gaussian around each bone, background elsewhere (HumanNeRF;
+//! the numbers are those of its released program).
 
 use crate::ops::warp::WarpGrid;
 use yoto_capture::skeleton::Skeleton;
 
 /// The canonical box reaches this far beyond the rest joints, metres.
 pub const BOX_MARGIN: f64 = 0.3;
-/// Deviations of a bone's blob across, along and across it, metres.
-const BONE_DEVIATION: [f64; 3] = [0.03, 0.06, 0.03];
-/// Torso bones are this much thicker.
+/// Standard deviations of a bone's blob across, along and across it, metres.
+const BONE_STD: [f64; 3] = [0.03, 0.06, 0.03];
+/// Factor on the width of torso bones.
 const TORSO_FACTOR: f64 = 1.5;
-/// Deviation of a blob around a joint without children.
-const LEAF_DEVIATION: f64 = 0.02;
-/// The same around the head.
-const HEAD_DEVIATION: f64 = 0.06;
-/// Total that the channels are divided by, at least.
+/// Standard deviation of the blob around a joint without children, metres.
+const LEAF_STD: f64 = 0.02;
+/// Standard deviation of the blob around the head, metres.
+const HEAD_STD: f64 = 0.06;
+/// Smallest sum that channels are divided by.
 const MIN_TOTAL: f64 = 1e-3;
-/// What the names of torso joints contain: SMPL's 0, 3, 6, 9, 13, 14, and their usual names in
-/// other trees.
+/// Parts of the names of torso joints: SMPL's 0, 3, 6, 9, 13, 14, and their usual names in other
+/// skeletons.
 const TORSO: [&str; 6] = ["pelvis", "hips", "spine", "chest", "collar", "clavicle"];
 
 /// Whether a joint's bones are part of the torso.
@@ -26,8 +26,8 @@ fn is_torso(name: &str) -> bool {
     TORSO.iter().any(|part| name.contains(part))
 }
 
-/// The canonical box of a skeleton. Weights a thousand times under `epsilon`, the likelihood
-/// from which samples are evaluated, are too small to matter.
+/// The canonical box of a skeleton. The warp ignores weights below a thousandth of `epsilon`, the
+/// smallest likelihood at which samples are evaluated.
 pub fn canonical_grid(skeleton: &Skeleton, resolution: usize, epsilon: f32) -> WarpGrid {
     let extreme = |a: usize, pick: fn(f64, f64) -> f64, start: f64| {
         skeleton.rest.iter().map(|j| j[a]).fold(start, pick)
@@ -40,7 +40,7 @@ pub fn canonical_grid(skeleton: &Skeleton, resolution: usize, epsilon: f32) -> W
     }
 }
 
-/// One Gaussian blob, squared distances measured in its own axes.
+/// One Gaussian blob, in its own axes.
 struct Blob {
     joint: usize,
     middle: [f64; 3],
@@ -56,8 +56,8 @@ impl Blob {
         let offset: [f64; 3] = std::array::from_fn(|a| point[a] - self.middle[a]);
         let along: f64 = (0..3).map(|a| offset[a] * self.along[a]).sum();
         let total: f64 = offset.iter().map(|o| o * o).sum();
-        // Both deviations across the bone are equal, so that only the distance from the
-        // bone's line counts, and no rotation (singular for bones along −y) is needed.
+        // Both standard deviations across the bone are equal, so only the distance from the
+        // bone's line matters, and no rotation (singular for bones along −y) is needed.
         let across = (total - along * along).max(0.0);
         (-(across * self.across_scale.powi(2) + along * along * self.along_scale.powi(2))).exp()
     }
@@ -79,7 +79,7 @@ fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
             let end = skeleton.rest[child];
             let bone: [f64; 3] = std::array::from_fn(|a| end[a] - position[a]);
             let length = bone.iter().map(|b| b * b).sum::<f64>().sqrt();
-            // A bone without length has no direction: any serves, it is a point.
+            // A bone without length is a point, for which any direction serves.
             let along = if length > 1e-9 {
                 bone.map(|b| b / length)
             } else {
@@ -89,17 +89,17 @@ fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
                 joint,
                 middle: std::array::from_fn(|a| (position[a] + end[a]) / 2.0),
                 along,
-                across_scale: 1.0 / (2.0 * BONE_DEVIATION[0] * factor),
-                along_scale: 1.0 / (2.0 * BONE_DEVIATION[1]),
+                across_scale: 1.0 / (2.0 * BONE_STD[0] * factor),
+                along_scale: 1.0 / (2.0 * BONE_STD[1]),
             });
         }
         if leaf {
             let scale = 1.0
                 / (2.0
                     * if name.to_ascii_lowercase().contains("head") {
-                        HEAD_DEVIATION
+                        HEAD_STD
                     } else {
-                        LEAF_DEVIATION
+                        LEAF_STD
                     });
             blobs.push(Blob {
                 joint,

@@ -1,7 +1,7 @@
 //! Bone transforms as the released HumanNeRF program computes them (`numerics = "reference"`).
 //!
-//! Its rotations are slightly off orthonormal: two different guards against a division by zero
-//! shorten the axis. Their inverse is therefore a general one.
+//! Its rotations are not exactly orthonormal, since two different guards against a division by
+//! zero shorten the axis. They are therefore inverted as general matrices.
 
 use super::body::Body;
 use super::posed::{chain, unrooted};
@@ -11,7 +11,7 @@ use yoto_capture::skeleton::Vec3;
 
 /// Added to each number of the pose vector before any network sees it.
 pub const POSE_SHIFT: f32 = 1e-2;
-/// Added to the angle that a pose's axis is divided by.
+/// Added to the angle in the division that gives a pose's axis.
 const AXIS_GUARD: f64 = 1e-5;
 /// Added to the squared angle of a correction.
 const ANGLE_GUARD: f32 = 1e-5;
@@ -22,7 +22,7 @@ pub fn rodrigues(r: Tensor<2>) -> Tensor<3> {
     about(r / angle.clone(), angle)
 }
 
-/// The same for a pose's local rotations: the axis is v / (|v| + 1e-5).
+/// Axis v / (|v| + 1e-5) and angle of a pose's local rotation.
 fn local(v: Vec3) -> ([f32; 3], f32) {
     let angle = v.iter().map(|c| c * c).sum::<f64>().sqrt();
     (v.map(|c| (c / (angle + AXIS_GUARD)) as f32), angle as f32)
@@ -75,8 +75,8 @@ fn inverse(m: Tensor<3>) -> Tensor<3> {
     Tensor::cat(columns.to_vec(), 2) / determinant
 }
 
-/// Transforms `[K, 12]` from the posed body to the canonical one, a row-major 3x4 per bone.
-/// `correction` `[K − 1, 3, 3]` follows each local rotation but the root's.
+/// `[K, 12]`: posed body to canonical, of each bone, row-major 3x4. `correction`
+/// `[K − 1, 3, 3]` follows each local rotation except the root's.
 pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
     let device = body.log_prior.device();
     let (axes, angles): (Vec<[f32; 3]>, Vec<f32>) =

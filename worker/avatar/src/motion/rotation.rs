@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-/// Under this squared angle the series replaces the quotients (model.md §3: θ < 1e-3 rad).
+/// Squared angle below which the series replaces the quotients: θ < 1e-3 rad.
 const SERIES_BELOW: f32 = 1e-6;
 
 /// `[K, 3]` radians → `[K, 3, 3]`: I + A [r]× + B [r]×², A = sin θ/θ, B = (1 − cos θ)/θ².
@@ -11,8 +11,8 @@ pub fn rodrigues(r: Tensor<2>) -> Tensor<3> {
     let device = r.device();
     let square = (r.clone() * r.clone()).sum_dim(1);
     let small = square.clone().lower_scalar(SERIES_BELOW);
-    // Where the series serves, the quotients see an angle of 1, so that neither their values
-    // nor their gradients are ever 0/0.
+    // Where the series is used, the quotients get an angle of 1, so that neither their values
+    // nor their gradients are 0/0.
     let safe = square.clone().mask_fill(small.clone(), 1.0);
     let angle = safe.clone().sqrt();
     let half = (angle.clone() * 0.5).sin();

@@ -1,6 +1,6 @@
 //! Learned motion weights: logits on the canonical grid, added to the logarithm of the prior.
-//! In the `direct` form they are parameters, shared by all identities, and a residual for each;
-//! in the `deconv` form a decoder makes them ([`super::deconv`]).
+//! In the `direct` form the logits are parameters: a base shared by all identities and a residual
+//! per identity. In the `deconv` form a decoder computes them ([`super::deconv`]).
 
 use super::deconv::Decoder;
 use crate::config::{MotionConfig, MotionForm};
@@ -10,14 +10,14 @@ use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
 
-/// Logits of the motion weights. Direct ones are all 0 at the start: the prior serves.
+/// Logits of the motion weights. The direct form starts with 0, which gives the prior.
 #[derive(Module, Debug)]
 pub struct MotionWeights {
-    /// `[K + 1, D³]`, with the direct form.
+    /// `[K + 1, D³]`; only in the direct form.
     base: Option<Param<Tensor<2>>>,
-    /// One `[K + 1, D³]` an identity, with the direct form.
+    /// One `[K + 1, D³]` per identity; only in the direct form.
     residuals: Vec<Param<Tensor<2>>>,
-    /// With the deconv form.
+    /// Only in the deconv form.
     decoder: Option<Decoder>,
 }
 
@@ -51,7 +51,7 @@ impl MotionWeights {
         }
     }
 
-    /// Appends an identity that is the mixture of two others.
+    /// Appends an identity that is a mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.residuals);
         if let Some(decoder) = &mut self.decoder {
@@ -59,18 +59,17 @@ impl MotionWeights {
         }
     }
 
-    /// `[K + 1, D³]`: softmax over channels of logits plus `log_prior`.
+    /// `[K + 1, D³]`: softmax over channels of the logits of the identity in `slot` plus
+    /// `log_prior`.
+    ///
+    /// # Panics
+    /// If there is no identity in `slot`.
     pub fn volume(&self, slot: usize, log_prior: Tensor<2>) -> Tensor<2> {
-        let mut logits = log_prior;
-        if let Some(base) = &self.base {
-            logits = logits + base.val();
-        }
-        if let Some(decoded) = self.decoder.as_ref().and_then(|d| d.forward(slot)) {
-            logits = logits + decoded;
-        }
-        if let Some(residual) = self.residuals.get(slot) {
-            logits = logits + residual.val();
-        }
+        let logits = match (&self.decoder, &self.base) {
+            (Some(decoder), _) => log_prior + decoder.forward(slot),
+            (None, Some(base)) => log_prior + base.val() + self.residuals[slot].val(),
+            (None, None) => unreachable!("motion weights with neither decoder nor base"),
+        };
         softmax(logits, 0)
     }
 }

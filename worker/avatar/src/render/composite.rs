@@ -1,11 +1,11 @@
-//! What rays see of their samples: [`crate::ops::composite`](mod@crate::ops::composite) on
-//! marched samples.
+//! Compositing of marched samples (paper eq. 9), by
+//! [`crate::ops::composite`](mod@crate::ops::composite).
 
 use super::march::Samples;
 use crate::ops::composite::{self, GradientSubsampling};
 use burn::tensor::Tensor;
 
-/// What rays see.
+/// Colour, opacity and depth of rays.
 pub struct Composite {
     /// `[R, 3]`, over black.
     pub rgb: Tensor<2>,
@@ -15,9 +15,9 @@ pub struct Composite {
     pub depth: Tensor<1>,
 }
 
-/// Composites live samples: `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]`. What is
-/// behind a transmittance under `min_transmittance` weighs nothing; 0 stops no ray. Gradients
-/// flow to the samples that `subsampling` keeps.
+/// Composites live samples: `rgb` `[n, 3]`, `density` `[n]` 1/m, `likelihood` `[n]`. Samples
+/// behind a transmittance below `min_transmittance` have weight 0; with 0, all samples count.
+/// Gradients flow to the samples that `subsampling` keeps, or to all without it.
 pub fn composite(
     samples: &Samples,
     min_transmittance: f32,
@@ -65,7 +65,7 @@ mod tests {
         let likelihood = Tensor::ones([3], &device);
         let seen = composite(&samples, 0.0, None, rgb, density.clone(), likelihood);
         let colour: Vec<f32> = seen.rgb.clone().try_into_vec_as().expect("f32");
-        // What is behind is dimmed to the 1e-10 that keeps the transmittance over 0.
+        // The hidden sample is weighted by the 1e-10 that keeps the transmittance above 0.
         assert!(
             colour[0] == 0.0 && colour[1] == 1.0 && colour[2] < 1e-9,
             "{colour:?}"
@@ -79,7 +79,7 @@ mod tests {
         assert!(gradient.iter().all(|g| g.is_finite()), "{gradient:?}");
         assert!(
             gradient[0].abs() > 0.1,
-            "the clear sample feels what it would hide"
+            "the clear sample has the gradient of what it would hide"
         );
     }
 }

@@ -1,18 +1,18 @@
-//! A frame rendered small, brought to the size that was asked for.
+//! Enlargement of a frame rendered at a reduced size.
 
 use super::{RenderError, Rendered};
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Pixel, Rgb};
 
-/// `frame` at `width` by `height` pixels, by a cubic filter (Catmull-Rom): the sharpest of the
-/// `image` crate's that does not ring over three pixels.
+/// `frame` at `width` by `height` pixels, enlarged by a cubic filter (Catmull-Rom), which rings
+/// less far than the `image` crate's Lanczos filter.
 pub(super) fn enlarge(
     frame: &Rendered,
     width: usize,
     height: usize,
 ) -> Result<Rendered, RenderError> {
     let from = (frame.width, frame.height);
-    // The filter clamps to [0, 1], where colours and opacities are but metres are not.
+    // The filter clamps to [0, 1], the range of colours and opacities but not of metres.
     let farthest = frame.depth.iter().fold(0.0f32, |far, &z| far.max(z));
     let unit = if farthest > 0.0 { farthest } else { 1.0 };
     let depth = frame.depth.iter().map(|z| z / unit).collect();
@@ -33,10 +33,10 @@ fn resized<P: Pixel<Subpixel = f32> + 'static>(
     to: (usize, usize),
 ) -> Result<Vec<f32>, RenderError> {
     let side = |length: usize| {
-        u32::try_from(length).map_err(|_| RenderError::Settings("a frame beyond u32".into()))
+        u32::try_from(length).map_err(|_| RenderError::Settings("the frame is too large".into()))
     };
     let image = ImageBuffer::<P, Vec<f32>>::from_raw(side(from.0)?, side(from.1)?, values)
-        .ok_or_else(|| RenderError::Settings("a frame of another size than it says".into()))?;
+        .ok_or_else(|| RenderError::Settings("the frame's data does not have its size".into()))?;
     Ok(resize(&image, side(to.0)?, side(to.1)?, FilterType::CatmullRom).into_raw())
 }
 

@@ -1,5 +1,4 @@
-//! Whole frames: the part of the library that answers "how does this person look in this pose
-//! from there?".
+//! Rendering of whole frames: a person in a pose, from a camera.
 
 use super::enlarge::enlarge;
 use super::march::{SampleCounts, Volume, march};
@@ -17,25 +16,25 @@ use thiserror::Error;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
-/// Rays a batch: bounds the memory of a frame whatever its size.
+/// Rays per batch, which bounds the memory of frames of any size.
 const RAYS_PER_BATCH: usize = 8192;
 
-/// Live samples of a ray that are evaluated at first; each further wave takes twice as many.
+/// Live samples per ray in the first wave; each further wave has twice as many.
 const FIRST_WAVE: usize = 8;
 
-/// Why a frame can't be rendered.
+/// Rendering error.
 #[derive(Debug, Error)]
 pub enum RenderError {
-    /// The model has nobody there.
+    /// The model has no identity in the slot.
     #[error("the model has no identity in slot {0}")]
     NoSuchSlot(usize),
-    /// The pose is not of the identity's skeleton.
+    /// The pose does not fit the identity's skeleton.
     #[error("pose: {0}")]
     Pose(#[from] SkeletonError),
-    /// A number of the request can't be computed with.
+    /// A number of the view is not finite.
     #[error("{0}: not a finite number")]
     NotFinite(&'static str),
-    /// Settings that no frame can be rendered with.
+    /// Invalid settings.
     #[error("{0}")]
     Settings(String),
     /// The device failed.
@@ -49,14 +48,14 @@ impl From<ExecutionError> for RenderError {
     }
 }
 
-/// What to render.
+/// A view to render.
 #[derive(Clone, Debug)]
 pub struct RenderView {
-    /// Whose appearance.
+    /// Slot of the identity.
     pub slot: usize,
-    /// In which pose.
+    /// Pose of the body.
     pub pose: Pose,
-    /// Seen from where, and how large.
+    /// Camera, with the size of the frame.
     pub camera: Camera,
     /// Linear rgb in [0, 1].
     pub background: [f32; 3],
@@ -65,9 +64,9 @@ pub struct RenderView {
 /// A rendered frame.
 #[derive(Clone, Debug)]
 pub struct Rendered {
-    /// Pixels.
+    /// Width, pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height, pixels.
     pub height: usize,
     /// `[H, W, 3]` in [0, 1], over the background.
     pub rgb: Vec<f32>,
@@ -75,7 +74,7 @@ pub struct Rendered {
     pub alpha: Vec<f32>,
     /// `[H, W]` Σ T α z along the camera's axis, metres, not divided by opacity.
     pub depth: Vec<f32>,
-    /// How many samples came how far, on rays that meet the body's box.
+    /// Sample counts of the rays that meet the body's box.
     pub counts: SampleCounts,
 }
 
@@ -93,16 +92,18 @@ impl Rendered {
 pub struct Renderer {
     pub(crate) config: ModelConfig,
     pub(crate) avatar: Avatar,
-    bodies: Vec<Option<Body>>,
     /// By slot.
+    bodies: Vec<Option<Body>>,
+    /// Occupancy grids by slot; as many as bodies.
     occupancy: Vec<Option<Occupancy>>,
-    /// Share of the run that the model has been through: what is open of it.
+    /// Completed fraction of the run, which determines the active parts of the model.
     pub(super) progress: f64,
     settings: RenderSettings,
 }
 
 impl Renderer {
-    /// `bodies[slot]` on the avatar's device, without automatic differentiation.
+    /// A renderer with `bodies` and `occupancy` by slot. `avatar` and `bodies` are on the same
+    /// device, without automatic differentiation.
     pub(crate) fn new(
         config: ModelConfig,
         avatar: Avatar,
@@ -120,11 +121,11 @@ impl Renderer {
         }
     }
 
-    /// The same model with other numerics than its own configuration names.
+    /// Replaces the numerics of the model's configuration.
     pub fn with_numerics(mut self, numerics: Numerics) -> Self {
         if self.config.numerics != numerics {
             self.config.numerics = numerics;
-            // The prior's zeros and the grid's floor depend on them.
+            // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {
                 let device = body.log_prior.device();
                 *body = Body::new(body.skeleton.clone(), &self.config, &device);
@@ -133,10 +134,10 @@ impl Renderer {
         self
     }
 
-    /// Frames as at `iteration` of a run of the model's own length ([`Schedule::steps`]), which
-    /// opens the non-rigid bands and the corrections. Without this call frames show what the
-    /// model has been trained to; models of the released HumanNeRF program show everything open,
-    /// as that program renders whatever the checkpoint's iteration.
+    /// Renders as at `iteration` of a run of [`Schedule::steps`], with the non-rigid bands and the
+    /// corrections that are active then. By default, frames use the progress of the model's
+    /// training. Models imported from HumanNeRF have all parts active by default, as in the
+    /// released program.
     ///
     /// [`Schedule::steps`]: crate::config::Schedule::steps
     pub fn at_iteration(mut self, iteration: u64) -> Self {
@@ -144,12 +145,12 @@ impl Renderer {
         self
     }
 
-    /// Where the model is.
+    /// Device of the model.
     pub(crate) fn device(&self) -> Device {
         self.avatar.device()
     }
 
-    /// The model with a further body, and its slot.
+    /// Adds a body and returns its slot.
     pub(crate) fn with_body(mut self, body: Body) -> (Self, usize) {
         let slot = self.bodies.len();
         self.bodies.push(Some(body));
@@ -157,52 +158,48 @@ impl Renderer {
         (self, slot)
     }
 
-    /// The same model, rendering with `settings` in place of its own configuration's.
+    /// Replaces the settings of the model's configuration.
     ///
     /// # Errors
-    /// When no frame can be rendered with them; the field is named.
+    /// Names the first invalid field.
     pub fn with_settings(mut self, settings: &RenderSettings) -> Result<Self, RenderError> {
         self.set(settings)?;
         Ok(self)
     }
 
-    /// As [`Self::with_settings`], for one who tries many.
+    /// As [`Self::with_settings`], in place.
     ///
     /// # Errors
-    /// As there; the settings stay as they were.
+    /// Names the first invalid field; the settings stay unchanged.
     pub fn set(&mut self, settings: &RenderSettings) -> Result<(), RenderError> {
         settings.check()?;
-        if let Some(body) = self.bodies.iter().flatten().next() {
-            check_device(settings.precision, &body.log_prior.device())?;
-        }
+        check_device(settings.precision, &self.device())?;
         settings.apply(&mut self.config);
         self.avatar.set_precision(settings.precision);
         self.settings = *settings;
         Ok(())
     }
 
-    /// What the networks can multiply in on this renderer's device.
+    /// Precisions that this renderer's device supports.
     pub fn precisions(&self) -> Vec<Precision> {
-        let runs = |precision: &Precision| {
-            let mut bodies = self.bodies.iter().flatten();
-            bodies.all(|body| check_device(*precision, &body.log_prior.device()).is_ok())
-        };
+        let device = self.device();
+        let supported = |precision: &Precision| check_device(*precision, &device).is_ok();
         let all = [Precision::F32, Precision::Bf16];
-        all.into_iter().filter(runs).collect()
+        all.into_iter().filter(supported).collect()
     }
 
-    /// What frames are rendered with now.
+    /// Current settings.
     pub fn settings(&self) -> RenderSettings {
         self.settings
     }
 
-    /// The model's configuration, with the present settings in it.
+    /// Configuration of the model, with the current settings.
     pub fn config(&self) -> &ModelConfig {
         &self.config
     }
 
-    /// Rays of a view that pass through the body's box: what a frame's time grows with. The
-    /// view's own size counts, whatever scale it is rendered at.
+    /// Number of rays of a view that meet the body's box, which determines the time of a frame.
+    /// They are counted at the size of the view, whatever the scale it is rendered at.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -227,7 +224,7 @@ impl Renderer {
     /// Renders one view.
     ///
     /// # Errors
-    /// When the slot is empty, or the pose or camera is not one.
+    /// If the slot is empty, or the pose or camera is invalid.
     pub fn render(&self, view: &RenderView) -> Result<Rendered, RenderError> {
         let body = self.body(view)?;
         let (width, height) = (view.camera.width, view.camera.height);
@@ -267,7 +264,7 @@ impl Renderer {
         Ok(body)
     }
 
-    /// Every pixel of the view by a ray of its own.
+    /// Renders a view with one ray per pixel.
     fn render_whole(&self, body: &Body, view: &RenderView) -> Result<Rendered, RenderError> {
         if self.config.numerics == Numerics::Reference {
             return self.render_as_released(body, view);
@@ -292,7 +289,7 @@ impl Renderer {
             weights: &weights,
             transforms: &transforms,
             grid: &body.grid,
-            occupancy: self.occupancy.get(view.slot).and_then(Option::as_ref),
+            occupancy: self.occupancy[view.slot].as_ref(),
             step: None,
         };
         let hits: Vec<(usize, Ray)> = (0..width * height)
@@ -304,8 +301,8 @@ impl Renderer {
         Ok(frame)
     }
 
-    /// Renders some rays front to back in waves, so that what is hidden behind what is opaque
-    /// is never evaluated.
+    /// Renders a batch of rays front to back in waves, so that samples behind opaque ones are not
+    /// evaluated.
     fn render_batch(
         &self,
         body: &Body,
@@ -342,11 +339,14 @@ impl Renderer {
             let points = Tensor::<2>::from_data(TensorData::new(points, [count, 3]), &device);
             let values = self.avatar.fields(&self.config, body, posed, points);
             let (rgb, density) = (read(values.rgb)?, read(values.density)?);
+            if (rgb.len(), density.len()) != (3 * count, count) {
+                return Err(RenderError::Device("fewer field values than points".into()));
+            }
             let mut fields = rgb.as_chunks::<3>().0.iter().zip(&density);
             for &ray in &active {
                 let last = ends[ray].min(next[ray].saturating_add(wave));
                 let sums = &mut sums[ray];
-                // Also takes the values of the samples that turn out to be hidden.
+                // Hidden samples of the wave take their values from the iterator, too.
                 for (i, (rgb, density)) in (next[ray]..last).zip(fields.by_ref()) {
                     if sums.transmittance >= settings.min_transmittance {
                         let alpha = opacity(*density, samples.steps[i], samples.likelihoods[i]);
@@ -372,7 +372,7 @@ impl Renderer {
     }
 }
 
-/// A tensor's numbers in host memory.
+/// Values of a tensor, in host memory.
 pub(crate) fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, RenderError> {
     tensor
         .try_into_vec_as::<f32>()

@@ -1,6 +1,6 @@
-//! Samples along rays, and which of them matter: a sample whose foreground likelihood is under
-//! ε is not evaluated (84 % of a frame at 1e-4, at a difference of 1e-4 in colour), nor is one
-//! where the person's occupancy grid has seen nothing.
+//! Samples along rays, and the choice of those that are evaluated. A sample is left out if its
+//! foreground likelihood is below ε ([`MarchConfig::epsilon`]), which bounds its opacity, or if the
+//! person's occupancy grid is empty there.
 
 use super::occupancy::Occupancy;
 use super::rays::Ray;
@@ -10,32 +10,33 @@ use crate::ops::warp::likelihood::{Segment, along_rays_with};
 use rand::RngExt;
 use std::ops::AddAssign;
 
-/// Where a posed person is: what decides which samples matter.
+/// The space that a posed person occupies.
 pub struct Volume<'a> {
-    /// Of [`crate::ops::warp::warp`], in host memory.
+    /// `[K + 1, D³]` motion weights, in host memory.
     pub weights: &'a [f32],
-    /// Of [`crate::ops::warp::warp`], in host memory.
+    /// `[K, 12]` transforms from the posed body to the canonical box, in host memory.
     pub transforms: &'a [f32],
     /// The grid of the weights.
     pub grid: &'a WarpGrid,
-    /// Where canonical space is known to be empty.
+    /// Known empty parts of canonical space.
     pub occupancy: Option<&'a Occupancy>,
-    /// In a step of training, which one: a few samples in empty cells are kept then.
+    /// Number of the training step, in which a few samples in empty cells are kept; `None` when
+    /// rendering.
     pub step: Option<u64>,
 }
 
 /// The live samples of some rays, ray by ray, near to far.
 #[derive(Debug, Default)]
 pub struct Samples {
-    /// Rays, with those that miss the box.
+    /// Number of rays, including those that miss the box.
     pub rays: usize,
-    /// Samples a ray, live or not.
+    /// Samples per ray, live or not.
     pub per_ray: usize,
     /// `[n, 3]` positions in the body frame, metres.
     pub points: Vec<f32>,
-    /// `[n, 3]` positions in the canonical box, metres, as the warp has them.
+    /// `[n, 3]` positions in the canonical box, metres, after the warp.
     pub canonical: Vec<f32>,
-    /// `[n]` foreground likelihoods in [0, 1], as the warp has them.
+    /// `[n]` foreground likelihoods in [0, 1].
     pub likelihoods: Vec<f32>,
     /// `[n]` step lengths, metres.
     pub steps: Vec<f32>,
@@ -43,32 +44,32 @@ pub struct Samples {
     pub depths: Vec<f32>,
     /// `[n]` ray · per_ray + sample.
     pub places: Vec<i64>,
-    /// Samples with a likelihood of at least ε, in occupied cells or not.
+    /// Number of samples with a likelihood of at least ε, in occupied cells or not.
     pub likely: usize,
 }
 
-/// How many samples came how far.
+/// Number of samples that passed each test. Each count includes the following ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SampleCounts {
-    /// Rays, with those that miss the box.
+    /// Number of rays, including those that miss the box.
     pub rays: u64,
-    /// Samples on all of them, as if each had met the box.
+    /// Samples on all rays, including those that miss the box.
     pub placed: u64,
-    /// With a foreground likelihood of at least ε.
+    /// Samples with a foreground likelihood of at least ε.
     pub likely: u64,
-    /// Also in a cell that is not known to be empty.
+    /// Those in a cell that is not known to be empty.
     pub occupied: u64,
-    /// Also evaluated, not being hidden behind what is opaque already.
+    /// Those that were evaluated, because no opaque samples hide them.
     pub evaluated: u64,
 }
 
 impl SampleCounts {
-    /// Share of the samples that was evaluated.
+    /// Share of the samples that were evaluated.
     pub fn live_fraction(&self) -> f64 {
         self.evaluated as f64 / self.placed.max(1) as f64
     }
 
-    /// A count's mean a ray.
+    /// Mean of a count per ray.
     pub fn per_ray(&self, count: u64) -> f64 {
         count as f64 / self.rays.max(1) as f64
     }
@@ -85,12 +86,12 @@ impl AddAssign for SampleCounts {
 }
 
 impl Samples {
-    /// Live samples.
+    /// Number of live samples.
     pub fn live(&self) -> usize {
         self.places.len()
     }
 
-    /// `[R + 1]`: where each ray's live samples start, and at last their number.
+    /// `[R + 1]`: index of each ray's first live sample, followed by their number.
     pub fn starts(&self) -> Vec<usize> {
         let mut starts = Vec::with_capacity(self.rays + 1);
         for (i, place) in self.places.iter().enumerate() {
@@ -103,7 +104,7 @@ impl Samples {
         starts
     }
 
-    /// What was left out, when all live samples are evaluated.
+    /// Counts if all live samples are evaluated.
     pub fn counts(&self) -> SampleCounts {
         SampleCounts {
             rays: self.rays as u64,
@@ -125,9 +126,9 @@ impl Samples {
     }
 }
 
-/// Places samples on each ray (stratified with `jitter`, mid-stratum without) and keeps those
-/// that matter in `volume`. Strata divide a ray's way through the body's box; of them, only
-/// those inside the support of a bone are visited.
+/// Places one sample in each stratum of each ray, at random with `jitter` and in the middle
+/// without, and keeps those that `volume` does not rule out. Strata divide the part of a ray
+/// inside the body's box equally; only those inside the support of a bone are visited.
 pub fn march(
     rays: &[Option<Ray>],
     config: &MarchConfig,
@@ -191,7 +192,7 @@ pub fn march(
     samples
 }
 
-/// Adds the live samples of one ray, whose first sample has `place`.
+/// Adds the live samples of one ray, whose first sample has the given `place`.
 fn keep_live(
     ray: &Segment,
     place: usize,

@@ -1,5 +1,5 @@
 //! From a camera to pixels: rays through the body's box, samples along them, fields at the
-//! samples that can matter, and compositing.
+//! samples that can contribute, and compositing (paper eq. 9).
 
 pub mod composite;
 mod displacement;

@@ -1,41 +1,41 @@
-//! Where in a person's canonical box there is anything: an opacity a cell, learned from what
-//! training sees anyway, so that samples in empty cells need not be evaluated.
+//! The occupancy grid of a person's canonical box: one opacity per cell, learned from the samples
+//! of training, so that samples in empty cells need not be evaluated.
 //!
-//! It is the opacity of a step through the cell, foreground likelihood included: where bones
-//! hardly weigh, no loss ever lowers the density. It is kept as one byte of its logarithm. Each step that visits a cell lowers
-//! it by a few levels and raises it to the largest opacity seen there, so that what
-//! vanishes is forgotten after some visits and never without evidence. It does not depend on
-//! the order of a step's samples, nor on the number of threads.
+//! A cell holds the opacity of one step through it, including the foreground likelihood: where
+//! bones have little weight, no loss reduces the density. The opacity is stored as one byte of its
+//! logarithm. Each training step that visits a cell lowers it by a few levels and raises it to the
+//! largest opacity seen there, so cells become empty only after several visits. The result depends
+//! neither on the order of a step's samples nor on the number of threads.
 //!
-//! What is learned belongs to the place where the canonical field was asked, after the non-rigid
-//! offset, which depends on the pose. Samples are looked up before it, when the offset is not
-//! known yet: a cell is left out only when everything within the largest offset seen is empty.
+//! Opacities are stored where the canonical field was evaluated: after the non-rigid offset, which
+//! depends on the pose. Samples are looked up before the offset is known, so a cell counts as empty
+//! only if all cells within the largest offset seen are empty.
 
 use crate::config::MarchConfig;
 use crate::ops::composite::opacity;
 use crate::ops::warp::WarpGrid;
 
-/// Levels are the leading bits of a float: eight for each power of two.
+/// Levels are the leading bits of an f32: eight levels per power of two.
 const SHIFT: u32 = 20;
-/// Level 1 holds every opacity under 2⁻²⁰.
+/// Opacities up to 2⁻²⁰ have level 1.
 const LOWEST: u32 = (127 - 20) << 3;
-/// Levels that a cell loses with each step that visits it: 30 % of its opacity.
+/// Levels that a cell loses with each step that visits it: about 30 % of its opacity.
 const FORGET: u8 = 4;
-/// No sample was ever seen in the cell.
+/// Level of a cell that no sample has visited.
 const NEVER: u8 = 0;
-/// One in so many pairs of an empty cell and a step is sampled all the same, so that training
-/// hears when something grows there.
+/// One in this many pairs of an empty cell and a training step is evaluated nevertheless, so that
+/// cells can become occupied again.
 const PROBES: u32 = 32;
 
-/// Densities that a step has seen, for the grid to learn from.
+/// Densities of a training step, from which the grid learns.
 pub struct DensityObservations {
-    /// `[n, 3]`, canonical metres, where bones carry the samples: what is looked up.
+    /// `[n, 3]` canonical positions before the non-rigid offset, metres.
     pub canonical: Vec<f32>,
-    /// `[n, 3]`, canonical metres, after the non-rigid offset: where the field was asked.
+    /// `[n, 3]` canonical positions after the non-rigid offset, metres.
     pub moved: Vec<f32>,
     /// `[n]`, 1/m.
     pub densities: Vec<f32>,
-    /// `[n]`, of the foreground.
+    /// `[n]` foreground likelihoods.
     pub likelihoods: Vec<f32>,
 }
 
@@ -43,24 +43,23 @@ pub struct DensityObservations {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     min: [f32; 3],
-    /// Cells a metre.
+    /// Cells per metre.
     scale: f32,
     cells: [usize; 3],
-    /// Length that opacities are taken of, metres.
+    /// Step length of the opacities, metres.
     step: f32,
-    /// The first level that counts as something.
+    /// Lowest level of an occupied cell.
     bound: u8,
     levels: Vec<u8>,
-    /// Largest offset along an axis that carried a sample to something, metres.
+    /// Largest non-rigid offset along an axis of a sample that was not empty, metres.
     reach: f32,
-    /// One bit per cell, each row from a word of its own: whether something is within
-    /// [`Self::radius`] cells of it, or it was never seen.
+    /// One bit per cell, each row starting with a new word: whether an occupied cell is within
+    /// [`Self::radius`] cells, or the cell was never visited.
     occupied: Vec<u64>,
 }
 
 impl Occupancy {
-    /// A grid over the box of `grid` that knows nothing yet; `None` where the configuration
-    /// wants none.
+    /// A grid over the box of `grid` without any visited cells; `None` if `config` disables grids.
     pub fn new(grid: &WarpGrid, config: &MarchConfig) -> Option<Self> {
         if config.occupancy_cells == 0 || config.occupancy_alpha <= 0.0 {
             return None;
@@ -68,7 +67,7 @@ impl Occupancy {
         let sides: [f32; 3] = std::array::from_fn(|a| grid.max[a] - grid.min[a]);
         let scale = config.occupancy_cells as f32 / sides.into_iter().fold(f32::MIN, f32::max);
         let cells = sides.map(|side| (side * scale).ceil().max(1.0) as usize);
-        // No ray has a longer way through the box, and so none has longer steps.
+        // No ray is longer inside the box than its diagonal, so no step is longer than this.
         let step = sides.iter().map(|s| s * s).sum::<f32>().sqrt() / config.samples as f32;
         let mut occupancy = Self {
             min: grid.min,
@@ -84,23 +83,23 @@ impl Occupancy {
         Some(occupancy)
     }
 
-    /// Cells along x, y, z.
+    /// Number of cells along x, y, z.
     pub fn cells(&self) -> [usize; 3] {
         self.cells
     }
 
-    /// One byte per cell, which with [`Self::reach`] is all that is learned.
+    /// Level of each cell; with [`Self::reach`], all that the grid learns.
     pub fn levels(&self) -> &[u8] {
         &self.levels
     }
 
-    /// Largest offset along an axis that carried a sample to something, metres.
+    /// Largest non-rigid offset along an axis of a sample that was not empty, metres.
     pub fn reach(&self) -> f32 {
         self.reach
     }
 
-    /// The grid with the bytes and the reach of another of the same shape; `None` when there are
-    /// not as many bytes, or the reach is no length.
+    /// Sets levels and reach; `None` if there is not one level per cell or the reach is not a
+    /// length.
     pub fn with_learned(mut self, levels: &[u8], reach: f32) -> Option<Self> {
         if levels.len() != self.levels.len() || !(reach.is_finite() && reach >= 0.0) {
             return None;
@@ -111,8 +110,8 @@ impl Occupancy {
         Some(self)
     }
 
-    /// The grid with what `other` knows, if that is of the same box but for the rounding of a
-    /// written skeleton. What was learned in one box says nothing about another's.
+    /// Takes levels and reach from `other` if both grids have the same box, up to the rounding of a
+    /// stored skeleton. Levels of another box do not apply.
     pub fn taught_by(self, other: Option<&Self>) -> Self {
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
         match other {
@@ -131,16 +130,16 @@ impl Occupancy {
         }
     }
 
-    /// Share of the cells that count as occupied.
+    /// Share of the cells that are occupied.
     pub fn share(&self) -> f64 {
         let ones: u32 = self.occupied.iter().map(|word| word.count_ones()).sum();
         f64::from(ones) / self.levels.len() as f64
     }
 
-    /// The cell of a point; points outside the box count to its border.
+    /// The cell of a point; the nearest one for points outside the box.
     #[inline(always)]
     fn cell(&self, point: [f32; 3]) -> [usize; 3] {
-        // A cast of what is negative or not a number gives 0.
+        // Casts of negative numbers and of NaN give 0.
         std::array::from_fn(|a| {
             (((point[a] - self.min[a]) * self.scale) as usize).min(self.cells[a] - 1)
         })
@@ -150,8 +149,8 @@ impl Occupancy {
         z * self.cells[1] + y
     }
 
-    /// Whether there may be anything around a canonical point, metres. With a `step` of a
-    /// training, some points are let through in turn even where there is nothing.
+    /// Whether a sample at a canonical point, metres, is to be evaluated. In a training `step`, some
+    /// points in empty cells are, too, in other cells each step.
     #[inline(always)]
     pub fn admits(&self, point: [f32; 3], step: Option<u64>) -> bool {
         let cell = self.cell(point);
@@ -166,7 +165,7 @@ impl Occupancy {
         })
     }
 
-    /// Learns from a step.
+    /// Learns from a training step.
     pub fn learn(&mut self, seen: &DensityObservations) {
         let mut fresh = vec![NEVER; self.levels.len()];
         let mut visited = Vec::new();
@@ -202,8 +201,8 @@ impl Occupancy {
         }
     }
 
-    /// Cells on every side of one that holds something that count as occupied, too: as far as
-    /// offsets reach, and at least the neighbours, into which things grow.
+    /// Distance, in cells, up to which the neighbours of an occupied cell count as occupied: the
+    /// reach of offsets, and at least 1, since bodies grow into their neighbours.
     fn radius(&self) -> usize {
         let reach = (self.reach * self.scale).ceil() as usize;
         let longest = self.cells.into_iter().fold(1, usize::max);
@@ -215,7 +214,7 @@ impl Occupancy {
         self.cells[0].div_ceil(64)
     }
 
-    /// Makes the bits of the levels.
+    /// Recomputes the bits from the levels.
     fn refresh(&mut self) {
         let words = self.words();
         let [width, height, depth] = self.cells;
@@ -232,7 +231,7 @@ impl Occupancy {
                 full[row * words + word] = some;
             }
         }
-        // What runs over the end of a row is no cell's.
+        // Bits beyond the end of a row belong to no cell.
         let last = u64::MAX >> (64 * words - width);
         for _ in 0..self.radius() {
             full = grown(&full, words, height);
@@ -245,8 +244,8 @@ impl Occupancy {
     }
 }
 
-/// The cells of `full` and their 26 neighbours each: along x, then y, then z. Bits may run over
-/// the end of a row.
+/// The cells of `full` with their 26 neighbours: along x, then y, then z. Bits beyond the end of a
+/// row may be set.
 fn grown(full: &[u64], words: usize, height: usize) -> Vec<u64> {
     let mut wide = full.to_vec();
     for (wide, full) in wide.chunks_exact_mut(words).zip(full.chunks_exact(words)) {
@@ -274,13 +273,13 @@ fn join(to: &mut [u64], from: &[u64]) {
     }
 }
 
-/// The level that an opacity falls into, never [`NEVER`]. It does not fall where opacities rise.
+/// The level of an opacity, never [`NEVER`]; it increases with the opacity.
 fn level(alpha: f32) -> u8 {
     let leading = alpha.max(0.0).to_bits() >> SHIFT;
     (leading + 1).saturating_sub(LOWEST).clamp(1, 255) as u8
 }
 
-/// Mixes a number's bits (the finaliser of MurmurHash3).
+/// Hashes a number (the finaliser of MurmurHash3).
 fn scatter(mut bits: u64) -> u32 {
     bits = (bits ^ bits >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
     bits = (bits ^ bits >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);

@@ -9,7 +9,7 @@ const BOX_MARGIN: f64 = 0.3;
 /// A direction component smaller than this makes a ray parallel to the slab.
 const PARALLEL: f64 = 1e-9;
 
-/// A camera moved into the body frame of one pose, and the body's box there.
+/// A camera in the body frame of one pose, and the body's box in it.
 pub struct BodyView {
     /// Body frame to camera: rotation.
     rotation: [[f64; 3]; 3],
@@ -21,7 +21,7 @@ pub struct BodyView {
     pub(super) high: [f64; 3],
 }
 
-/// A ray's part inside the box. Distances are multiples of the direction, whose camera z is 1.
+/// The part of a ray inside the box. Distances are multiples of the direction, whose camera z is 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Camera centre, metres.
@@ -30,12 +30,13 @@ pub struct Ray {
     pub direction: [f32; 3],
     /// Where the ray enters the box, or 0 when the camera is inside.
     pub near: f32,
-    /// Where it leaves.
+    /// Where the ray leaves the box.
     pub far: f32,
 }
 
 impl BodyView {
-    /// The root's rotation and translation go to the camera: E' = E · (body to world).
+    /// View of `body` in `pose`. The root's rotation and translation move the camera:
+    /// E' = E · (body to world).
     pub fn new(body: &Body, pose: &Pose, camera: &Camera) -> Self {
         let to_world = body.skeleton.body_to_world(pose);
         let e = &camera.e;
@@ -59,7 +60,7 @@ impl BodyView {
         }
     }
 
-    /// Where image position (`u`, `v`) looks, at camera z = 1.
+    /// Direction of the ray through image position (`u`, `v`), with camera z = 1.
     pub(super) fn direction(&self, u: f64, v: f64) -> [f64; 3] {
         let y = (v - self.k[1][2]) / self.k[1][1];
         let x = (u - self.k[0][2] - self.k[0][1] * y) / self.k[0][0];
@@ -84,7 +85,7 @@ impl BodyView {
             near = near.max(one.min(other));
             far = far.min(one.max(other));
         }
-        // Also false when anything above was not a number.
+        // Also false if a value above is not a number.
         (near < far && far.is_finite()).then(|| Ray {
             origin: self.origin.map(|v| v as f32),
             direction: direction.map(|v| v as f32),

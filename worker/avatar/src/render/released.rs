@@ -1,8 +1,9 @@
-//! A frame as the released HumanNeRF program renders it (`numerics = "reference"`): its rays,
-//! its sample places, its compositing. It exists for comparisons with that program and so keeps
-//! what is unsound there: a likelihood over 1, a last step of 10¹⁰ m, rays counted by plane hits.
+//! Frames as the released HumanNeRF program renders them (`numerics = "reference"`), with its rays,
+//! sample positions and compositing, for comparison with that program. Its unsound numerics are
+//! kept: likelihoods above 1, a last step of 10¹⁰ m, and rays that are chosen by their number of
+//! plane hits.
 //!
-//! Compositing runs on the host: there are no gradients, and the networks take all the time.
+//! Compositing runs on the host, without gradients: the networks take nearly all of the time.
 
 use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
 use super::march::SampleCounts;
@@ -12,13 +13,13 @@ use crate::motion::body::Body;
 use crate::ops::warp::cpu::unlimited;
 use burn::tensor::{Tensor, TensorData};
 
-/// Rays per batch: bounds the memory of a frame whatever its size.
+/// Rays per batch, which bounds the memory of frames of any size.
 const RAYS_PER_BATCH: usize = 1024;
-/// The ray test's box reaches this far beyond the frame's, metres.
+/// Margin of the box in the ray test beyond that of the sound numerics, metres.
 const TEST_MARGIN: f64 = 0.01;
-/// A plane hit this far outside the box still counts, metres.
+/// Distance from the box at which a plane hit still counts, metres.
 const HIT_TOLERANCE: f64 = 1e-6;
-/// Direction components nearer to 0 become this, whatever their sign.
+/// Replaces direction components of smaller magnitude, whatever their sign.
 const LEAST_COMPONENT: f64 = 1e-5;
 /// Step of the last sample, in units of the ray's direction.
 const LAST_STEP: f32 = 1e10;
@@ -70,12 +71,12 @@ fn distances(ray: &Ray, count: usize) -> impl Iterator<Item = f32> {
     })
 }
 
-/// Compositing of the evaluated samples of one ray, near to far.
+/// Sums over the evaluated samples of one ray, near to far.
 struct Seen {
     rgb: [f32; 3],
     alpha: f32,
     depth: f32,
-    /// Transmittance up to the next sample.
+    /// Transmittance in front of the next sample.
     clear: f32,
 }
 
@@ -122,7 +123,8 @@ impl Renderer {
             read(posed.transforms.clone())?,
         );
         let sight = BodyView::new(body, &view.pose, &view.camera);
-        // Its pixel i is our i + 0.5 through a camera whose centre was moved by half a pixel.
+        // HumanNeRF's rays pass through pixel coordinates i, which is i + 0.5 with a principal
+        // point moved by half a pixel.
         let pixel = |i: usize| ray(&sight, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
@@ -141,6 +143,7 @@ impl Renderer {
         Ok(frame)
     }
 
+    /// Sums of a batch of rays, and how many samples were evaluated.
     fn look(
         &self,
         body: &Body,
@@ -157,7 +160,7 @@ impl Renderer {
             })
             .collect();
         let warped = unlimited(weights, transforms, &points, &body.grid);
-        // α is at most the sum of weights, whatever the networks say.
+        // α is at most the sum of weights, whatever the density.
         let live: Vec<&[f32; 4]> = warped
             .as_chunks::<4>()
             .0
@@ -190,7 +193,7 @@ impl Renderer {
                     continue;
                 }
                 let Some((rgb, density)) = fields.next() else {
-                    return Err(RenderError::Device("fewer values than points".into()));
+                    return Err(RenderError::Device("fewer field values than points".into()));
                 };
                 let step = distances
                     .get(m + 1)

@@ -1,31 +1,31 @@
-//! What a frame may be rendered with in place of the model's own configuration: the dials that
-//! trade seconds for fidelity without training anything anew.
+//! Settings of a frame that replace those of the model's configuration: the ones that trade time
+//! for fidelity without retraining.
 
 use super::RenderError;
 use crate::config::{ConfigError, ModelConfig, Precision};
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1;
 
-/// Smallest share of the resolution that is rendered: under it a person is a few pixels.
+/// Smallest scale: below it, a person covers only a few pixels.
 const SMALLEST_SCALE: f32 = 0.05;
 
-/// The dials of a frame. An axis of the trade-off is a field here and a line in
+/// Settings of a frame. Each field is an axis of the trade-off, with a list of values in
 /// [`crate::tradeoff::Axes`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RenderSettings {
-    /// Samples a ray.
+    /// Samples per ray.
     pub samples: usize,
-    /// A sample with a foreground likelihood under this is not evaluated.
+    /// Samples with a foreground likelihood below this are not evaluated.
     pub epsilon: f32,
-    /// A ray ends where less light than this comes through; 0: none does.
+    /// Transmittance below which a ray ends; 0: rays never end early.
     #[serde(default)]
     pub min_transmittance: f32,
-    /// What the fields' networks multiply in.
+    /// Precision of the factors in the fields' networks.
     #[serde(default)]
     pub precision: Precision,
-    /// Share of the frame's width and height that is rendered, (0, 1]; the result is brought
-    /// back to full size, so that frames of all scales compare.
+    /// Width and height of the rendered frame relative to the requested ones, 0.05 to 1. The
+    /// result is enlarged to full size, so that frames of all scales can be compared.
     #[serde(default = "whole")]
     pub scale: f32,
 }
@@ -35,7 +35,7 @@ fn whole() -> f32 {
 }
 
 impl RenderSettings {
-    /// What a model renders with unless told otherwise: its configuration, at full size.
+    /// A model's default settings: those of its configuration, at full size.
     pub fn of(config: &ModelConfig) -> Self {
         Self {
             samples: config.march.samples,
@@ -46,8 +46,10 @@ impl RenderSettings {
         }
     }
 
+    /// Checks all fields.
+    ///
     /// # Errors
-    /// Names the first field that no frame can be rendered with.
+    /// Names the first field that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
         let fail = |field, message: &str| {
             Err(ConfigError::Field {
@@ -70,7 +72,7 @@ impl RenderSettings {
         Ok(())
     }
 
-    /// Puts the dials that the configuration has into it.
+    /// Replaces these settings in `config`, which has all of them except the scale.
     pub(super) fn apply(&self, config: &mut ModelConfig) {
         config.march.samples = self.samples;
         config.march.epsilon = self.epsilon;
@@ -78,7 +80,7 @@ impl RenderSettings {
         config.precision = self.precision;
     }
 
-    /// The size that is rendered for a frame of `width` by `height` pixels.
+    /// Rendered size of a frame of `width` by `height` pixels.
     pub(super) fn rendered_size(&self, width: u32, height: u32) -> (u32, u32) {
         let side = |full: u32| ((f64::from(full) * f64::from(self.scale)).round() as u32).max(1);
         (side(width), side(height))

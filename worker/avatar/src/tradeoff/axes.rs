@@ -1,38 +1,37 @@
-//! Which settings are tried, as data: an axis is a list of values, and every combination is
-//! measured.
+//! The measured settings, as data: an axis is a list of values, and every combination is measured.
 
 use crate::config::Precision;
 use crate::render::RenderSettings;
 
-/// Shares of a model's own samples a ray.
+/// Samples per ray, relative to the model's.
 const SAMPLES: &[f64] = &[1.0, 0.75, 0.5, 0.25];
-/// Likelihoods beside the model's own under which a sample is left out (model.md §11).
+/// Likelihoods below which samples are left out, in addition to the model's.
 const EPSILONS: &[f32] = &[3e-2];
-/// Shares of light beside the model's own under which a ray ends.
+/// Transmittances below which rays end, in addition to the model's.
 const TRANSMITTANCES: &[f32] = &[5e-2];
-/// Shares of the resolution.
+/// Scales of the resolution.
 const SCALES: &[f32] = &[1.0, 0.75, 0.5];
-/// Fewest samples a ray worth trying.
+/// Fewest samples per ray.
 const FEWEST_SAMPLES: usize = 8;
 
-/// Values to combine, each list's first the model's own.
+/// Values to combine. The first value of each list is the model's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axes {
-    /// Samples a ray.
+    /// Samples per ray.
     pub samples: Vec<usize>,
-    /// Least foreground likelihood.
+    /// Smallest foreground likelihood.
     pub epsilon: Vec<f32>,
-    /// Least light that lets a ray go on.
+    /// Smallest transmittance at which a ray continues.
     pub min_transmittance: Vec<f32>,
-    /// What the networks multiply in.
+    /// Precision of the factors in the networks.
     pub precision: Vec<Precision>,
-    /// Shares of the resolution.
+    /// Scales of the resolution.
     pub scale: Vec<f32>,
 }
 
 impl Axes {
-    /// The values worth trying around a model's own settings: cheaper ones only, and of
-    /// `precisions` those that its device runs ([`crate::render::Renderer::precisions`]).
+    /// A model's settings and cheaper ones, with the `precisions` that its device supports
+    /// ([`crate::render::Renderer::precisions`]).
     pub fn around(own: &RenderSettings, precisions: &[Precision]) -> Self {
         let samples = SAMPLES.iter().map(|share| {
             let fewer = (own.samples as f64 * share).round() as usize;
@@ -52,7 +51,7 @@ impl Axes {
         }
     }
 
-    /// Every combination; the model's own settings come first.
+    /// Every combination; the model's settings come first.
     pub fn settings(&self) -> Vec<RenderSettings> {
         let all = self.samples.iter().map(|&samples| RenderSettings {
             samples,
@@ -70,7 +69,7 @@ impl Axes {
     }
 }
 
-/// All settings with each of an axis's values.
+/// Combines all settings with each value of an axis.
 fn each<T: Copy>(
     all: impl IntoIterator<Item = RenderSettings>,
     values: &[T],

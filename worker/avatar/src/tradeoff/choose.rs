@@ -1,70 +1,70 @@
-//! From what somebody wants to settings of a measured curve.
+//! The choice of settings from a measured curve.
 
 use super::curve::{Curve, Point};
 use crate::render::RenderSettings;
 use thiserror::Error;
 use yoto_proto::tiers::{self, RENDER_TIERS};
 
-/// What is wanted of a frame.
+/// A request for time or fidelity.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Want {
-    /// The best fidelity within so many seconds a frame.
+    /// The best fidelity within this many seconds per frame.
     MaxSeconds(f64),
-    /// The fastest with at least this PSNR against the truth, dB.
+    /// The fastest settings with at least this PSNR against the truth, dB.
     MinPsnr(f64),
-    /// A named place on the curve: one of [`RENDER_TIERS`].
+    /// A named point of the curve: one of [`RENDER_TIERS`].
     Tier(String),
 }
 
-/// Settings that do it, and what they promise.
+/// Chosen settings, and the predicted time and fidelity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// To render with.
+    /// The settings.
     pub settings: RenderSettings,
-    /// Seconds a frame.
+    /// Seconds per frame.
     pub predicted_seconds: f64,
-    /// Against the truth, dB; absent when the curve was measured without.
+    /// PSNR against the truth, dB; absent if the curve was measured without truth.
     pub predicted_psnr: Option<f64>,
-    /// Against the model's own settings, dB.
+    /// PSNR against the model's own settings, dB.
     pub predicted_psnr_to_full: f64,
 }
 
-/// Why no settings of the curve do it.
+/// Error of a choice.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ChooseError {
-    /// Nothing is fast enough.
+    /// No settings are fast enough.
     #[error(
         "no settings render a frame of this size in {wanted} s; the fastest take {seconds:.4} s, at {fidelity:.2} dB"
     )]
     TooFast {
-        /// Seconds a frame, as asked.
+        /// Requested seconds per frame.
         wanted: f64,
-        /// Of the fastest settings.
+        /// Seconds per frame of the fastest settings.
         seconds: f64,
-        /// Of the fastest settings, dB.
+        /// Fidelity of the fastest settings, dB.
         fidelity: f64,
     },
-    /// Nothing is good enough.
+    /// No settings reach the PSNR.
     #[error(
-        "no settings reach {wanted} dB; the best reach {psnr:.2} dB, in {seconds:.4} s a frame"
+        "no settings reach {wanted} dB; the best reach {psnr:.2} dB, in {seconds:.4} s per frame"
     )]
     TooGood {
-        /// dB, as asked.
+        /// Requested PSNR, dB.
         wanted: f64,
-        /// Of the best settings, dB.
+        /// PSNR of the best settings, dB.
         psnr: f64,
-        /// Of the best settings.
+        /// Seconds per frame of the best settings.
         seconds: f64,
     },
-    /// A PSNR was asked for that was never measured.
+    /// The curve has no PSNR against the truth.
     #[error(
-        "this curve was measured without pictures to compare with, so it knows no PSNR against the truth"
+        "this curve was measured without pictures to compare with, so it has no PSNR against the truth"
     )]
     NoTruth,
-    /// No such tier.
+    /// Unknown render quality.
     #[error("there is no render quality '{0}'; qualities: {list}", list = tiers::render_tiers())]
     UnknownTier(String),
-    /// A number that nobody can want.
+    /// A requested number is not positive and finite.
     #[error("{0} is not a number above 0")]
     NotPositive(f64),
     /// The curve has no points.
@@ -72,11 +72,11 @@ pub enum ChooseError {
     Empty,
 }
 
-/// The settings of `curve` that give what is wanted, for views with `rays` rays through the
-/// body's box (see [`crate::render::Renderer::rays`]).
+/// The settings of `curve` that satisfy the request, for views with `rays` rays through the body's
+/// box (see [`crate::render::Renderer::rays`]).
 ///
 /// # Errors
-/// When none do; the error names the best there is.
+/// If none do; the error names the best ones.
 pub fn choose(curve: &Curve, want: &Want, rays: f64) -> Result<Choice, ChooseError> {
     let full = curve.full().ok_or(ChooseError::Empty)?;
     let positive = |value: f64| match value.is_finite() && value > 0.0 {

@@ -1,106 +1,107 @@
-//! What a sweep found, as it is kept beside a checkpoint.
+//! The result of a sweep, which is stored beside a checkpoint.
 
 use crate::render::RenderSettings;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Version of the format written by this program.
+/// Version of the format that this program reads and writes.
 pub const VERSION: u32 = 1;
 
-/// Where and on what figures were measured; seconds mean nothing without it.
+/// The machine of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Machine {
     /// Model of the CPU.
     pub cpu: String,
     /// Threads that the process may use.
     pub cores: usize,
-    /// What was computed on: the CPU again, or a GPU.
+    /// Device of the computation: the CPU or a GPU.
     pub device: String,
 }
 
-/// One setting's place: time against fidelity.
+/// Time and fidelity of one setting.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// What was rendered with.
+    /// The settings.
     pub settings: RenderSettings,
-    /// Seconds a frame, at the curve's size: the mean over views of each view's median.
+    /// Seconds per frame at the curve's size: the mean over views of each view's median.
     pub seconds: f64,
     /// PSNR against the model's own settings at full size, dB; 100 for equal frames.
     pub psnr_to_full: f64,
-    /// PSNR against what a camera saw, dB; absent without truth.
+    /// PSNR against pictures of a camera, dB; absent without them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
 }
 
 impl Point {
-    /// What points are ranked by: fidelity to the truth, or to the full render without it.
+    /// PSNR by which points are ranked: against the truth if there is one, else against the
+    /// model's own settings.
     pub fn fidelity(&self) -> f64 {
         self.psnr.unwrap_or(self.psnr_to_full)
     }
 }
 
-/// How a prediction for another size than the curve's came out.
+/// Test of a prediction for another size than the curve's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizeCheck {
-    /// What was rendered with.
+    /// The settings.
     pub settings: RenderSettings,
     /// Mean rays through the body's box in the views of the other size.
     pub rays: f64,
-    /// By [`Curve::predict`], seconds a frame.
+    /// Prediction of [`Curve::predict`], seconds per frame.
     pub predicted: f64,
-    /// Seconds a frame.
+    /// Measured seconds per frame.
     pub measured: f64,
 }
 
-/// A model's measured trade of seconds for fidelity.
+/// A model's measured trade-off between time and fidelity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     /// [`VERSION`].
     pub version: u32,
-    /// When it was measured, seconds since 1970.
+    /// Time of the measurement, seconds since 1970.
     pub unix_seconds: u64,
-    /// Where.
+    /// Machine of the measurement.
     pub machine: Machine,
     /// The model's tier.
     pub tier: String,
     /// Longest side of the measured views, pixels.
     pub size: u32,
-    /// Views that each figure is a mean over.
+    /// Number of views; each figure is a mean over them.
     pub views: usize,
-    /// Timed frames of each view and setting.
+    /// Timed frames per view and setting.
     pub repeats: usize,
-    /// Mean rays through the body's box in a view.
+    /// Mean number of rays per view through the body's box.
     pub rays: f64,
-    /// Seconds of a frame of next to no pixels: posing the body.
+    /// Seconds of a frame without rays through the body's box: posing the body.
     pub fixed_seconds: f64,
-    /// The first is the model's own settings at full size.
+    /// The first point has the model's own settings at full size.
     pub points: Vec<Point>,
-    /// Predictions for other sizes, put to the test.
+    /// Tests of predictions for other sizes.
     #[serde(default)]
     pub checks: Vec<SizeCheck>,
 }
 
-/// A curve that can't be used.
+/// Invalid curve.
 #[derive(Debug, Error)]
 pub enum CurveError {
-    /// Not JSON of this form.
+    /// The JSON can't be read or written.
     #[error("the curve can't be read: {0}")]
     Json(#[from] serde_json::Error),
-    /// Written by another version of this program.
+    /// The format has another version.
     #[error("the curve is of version {0}, and this program reads {VERSION}: measure it again")]
     Version(u32),
-    /// A figure that can't be.
+    /// A figure is invalid.
     #[error("the curve's {0}")]
     Figure(String),
 }
 
 impl Curve {
-    /// Seconds a frame of `point`, for views with `rays` rays through the body's box.
+    /// Predicted seconds per frame of `point` for views with `rays` rays through the body's box.
     ///
-    /// A frame's time is a fixed part (posing the body) and one that grows with the rays
-    /// through the body's box, of which each costs the same on average: how much of the body a
-    /// ray meets depends on pose and view, hardly on resolution. Pixels beside the box cost
-    /// little, and grow with those inside when only the size changes.
+    /// The time of a frame has a fixed part, posing the body, and a part proportional to the
+    /// number of rays through the body's box: the samples of a ray in the body depend on pose and
+    /// view, but hardly on resolution. Pixels outside the box take little time, in proportion to
+    /// those inside if only the size changes.
     pub fn predict(&self, point: &Point, rays: f64) -> f64 {
         let fixed = self.fixed_seconds.min(point.seconds);
         fixed + (point.seconds - fixed) * rays / self.rays
@@ -114,13 +115,15 @@ impl Curve {
     /// Pretty JSON.
     ///
     /// # Errors
-    /// When a figure has no JSON form.
+    /// If a figure has no JSON form.
     pub fn to_json(&self) -> Result<Vec<u8>, CurveError> {
         Ok(serde_json::to_vec_pretty(self)?)
     }
 
+    /// Reads a curve.
+    ///
     /// # Errors
-    /// When `json` is not a curve of this version with figures that can be.
+    /// If `json` is not a curve of this version, or a figure is invalid.
     pub fn from_json(json: &[u8]) -> Result<Self, CurveError> {
         #[derive(Deserialize)]
         struct Header {
@@ -169,7 +172,7 @@ pub(super) mod tests {
     use super::*;
     use crate::config::Precision;
 
-    /// A point with `samples` a ray.
+    /// A point with `samples` per ray.
     pub(crate) fn point(samples: usize, seconds: f64, psnr: Option<f64>) -> Point {
         Point {
             settings: RenderSettings {

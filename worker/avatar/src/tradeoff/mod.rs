@@ -1,8 +1,8 @@
-//! The trade of seconds for fidelity, measured on a model and put to use.
+//! The trade-off between time and fidelity: its measurement and its use.
 //!
-//! [`sweep`] renders given views with a list of settings ([`axes`]) and writes down a
-//! [`Curve`]; [`pareto`] keeps the settings that nothing beats; [`choose`] answers a wish
-//! ("at most 0.1 s a frame") with settings of the curve.
+//! [`sweep`](mod@sweep) renders given views with a list of settings ([`axes`]) and measures a
+//! [`Curve`]; [`pareto`] finds the points that no other one dominates; [`choose`](mod@choose)
+//! selects settings of the curve for a request such as "at most 0.1 s per frame".
 
 pub mod axes;
 pub mod choose;

@@ -1,7 +1,8 @@
-//! Which points nothing beats.
+//! The Pareto front.
 
-/// Indices of the points on the front, cheapest first, where `place(point)` is (cost, gain):
-/// no other point costs no more and gains no less. Of equal points the first counts.
+/// Indices of the points on the Pareto front, cheapest first, where `place(point)` is (cost, gain):
+/// no other point has at most their cost and at least their gain. Of equal points, the first is on
+/// the front.
 pub fn front<T>(points: &[T], place: impl Fn(&T) -> (f64, f64)) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| {

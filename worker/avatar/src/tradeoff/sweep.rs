@@ -1,4 +1,4 @@
-//! Measuring: the same views with each of many settings.
+//! Measurement of the same views with many settings.
 
 use super::curve::{Curve, Machine, Point, SizeCheck, VERSION};
 use super::pareto::front;
@@ -8,58 +8,59 @@ use crate::render::{RenderError, RenderSettings, RenderView, Rendered, Renderer}
 use std::time::Instant;
 use thiserror::Error;
 
-/// Other sizes that predictions are checked at, as shares of the measured one.
+/// Sizes at which predictions are checked, relative to the measured one.
 const CHECKED_SIZES: &[f64] = &[0.5, 1.5];
-/// Side of a frame that costs nothing but its posing, pixels.
+/// Side of a frame that takes no time except for posing the body, pixels.
 const TINY_SIDE: u32 = 4;
-/// Settings of the front whose predictions are checked.
+/// Number of settings of the front whose predictions are checked.
 const CHECKED_SETTINGS: usize = 3;
 
-/// A view to measure with.
+/// A view of a sweep.
 #[derive(Clone, Debug)]
 pub struct SweepView {
-    /// What is rendered.
+    /// The view.
     pub view: RenderView,
-    /// What a camera saw there, `[H, W, 3]` 8-bit colours over the view's background.
+    /// Picture of a camera with this view, `[H, W, 3]` 8-bit colours over the view's background.
     pub truth: Option<Vec<u8>>,
 }
 
-/// How to measure.
+/// Options of a sweep.
 #[derive(Clone, Debug)]
 pub struct SweepOptions {
-    /// The first must be the reference of "against the full-quality render".
+    /// Settings to measure; fidelity is relative to the first.
     pub settings: Vec<RenderSettings>,
-    /// Timed frames of each view and setting.
+    /// Timed frames per view and setting.
     pub repeats: usize,
-    /// Where this runs.
+    /// Machine of the measurement.
     pub machine: Machine,
-    /// Now, seconds since 1970.
+    /// Current time, seconds since 1970.
     pub unix_seconds: u64,
 }
 
-/// Why nothing was measured.
+/// Error of a sweep.
 #[derive(Debug, Error)]
 pub enum SweepError {
-    /// The model can't render a view.
+    /// A view can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// There is nothing to measure with.
+    /// Views or settings are missing.
     #[error("a sweep needs {0}")]
     Empty(&'static str),
     /// No view shows the body.
     #[error("no ray of any view meets the body: there is no time to measure")]
     NobodySeen,
-    /// A picture of another size than its view.
-    #[error("view {0}: the picture to compare with is not of the view's size")]
+    /// A picture does not have the size of its view.
+    #[error("view {0}: the picture to compare with does not have the view's size")]
     Truth(usize),
 }
 
-/// Renders all `views` with all settings, and says how long and how good. Rounds over the
-/// settings are repeated, not single frames: what else the machine does meanwhile then falls
-/// on all settings alike. `progress` hears (frames done, frames in all) and may stop it.
+/// Renders all `views` with all settings and measures time and fidelity. Rounds over all settings
+/// are repeated, not single frames, so that other load of the machine affects all settings
+/// equally. `progress` receives the numbers of finished and of all frames; its errors stop the
+/// sweep.
 ///
 /// # Errors
-/// When a view can't be rendered, there is nothing to measure, or `progress` says stop.
+/// If a view can't be rendered, there is nothing to measure, or `progress` fails.
 pub fn sweep<E: From<SweepError>>(
     renderer: &mut Renderer,
     views: &[SweepView],
@@ -97,7 +98,7 @@ fn measure<E: From<SweepError>>(
     renderer.set(own).map_err(SweepError::from)?;
     let full = frames(renderer, &plain)?;
     tick(views.len())?;
-    // The first round warms up and is not timed; fidelity needs no second one.
+    // The first round is a warm-up without timing, and measures fidelity.
     let mut points = Vec::new();
     for settings in &options.settings {
         renderer.set(settings).map_err(SweepError::from)?;
@@ -162,7 +163,7 @@ fn mean_rays(renderer: &Renderer, views: &[&RenderView]) -> Result<f64, SweepErr
     Ok(sum as f64 / views.len() as f64)
 }
 
-/// 8-bit frames, as files would hold them.
+/// Frames with 8-bit colours, as in files.
 fn frames(renderer: &Renderer, views: &[&RenderView]) -> Result<Vec<Vec<u8>>, SweepError> {
     let frame = |view: &&RenderView| Ok(renderer.render(view)?.to_rgb8());
     views.iter().map(frame).collect()
@@ -176,9 +177,9 @@ fn timed(renderer: &Renderer, view: &RenderView) -> Result<f64, SweepError> {
     Ok(seconds)
 }
 
-/// Median seconds of a tiny frame whose camera has turned its back on the body: what is left is
-/// posing. Looking for rays is no part of it, since that grows with the pixels as all else does.
-/// 0 when the camera still sees the body, being inside of it.
+/// Median seconds of a tiny frame with the camera turned away from the body: the time of posing.
+/// The frame is tiny because the search for rays takes time in proportion to pixels. 0 if the
+/// camera is inside the body's box and still sees it.
 fn fixed_seconds(
     renderer: &Renderer,
     view: &RenderView,
@@ -198,7 +199,7 @@ fn fixed_seconds(
     Ok(median(times.collect::<Result<_, _>>()?))
 }
 
-/// Predictions for views of other sizes beside what they take.
+/// Predictions for views of other sizes, with the measured times.
 fn checks(
     renderer: &mut Renderer,
     curve: &Curve,
@@ -242,7 +243,7 @@ fn checks(
     Ok(found)
 }
 
-/// The mean over views with a truth; absent unless each has one.
+/// Mean fidelity to the truth; absent unless every view has one.
 fn against_truth(views: &[SweepView], seen: &[Vec<u8>]) -> Option<f64> {
     let figures = views.iter().zip(seen);
     let figures: Option<Vec<f64>> = figures
@@ -251,21 +252,26 @@ fn against_truth(views: &[SweepView], seen: &[Vec<u8>]) -> Option<f64> {
     Some(mean(figures?.into_iter()))
 }
 
-/// PSNR of 8-bit frames, dB, at most what equal ones count as.
+/// PSNR of 8-bit frames, dB, at most [`EQUAL`].
 pub fn fidelity(truth: &[u8], seen: &[u8]) -> f64 {
     psnr(&unit(truth), &unit(seen)).min(EQUAL)
 }
 
+/// # Panics
+/// If there are no values.
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = values.len().max(1);
+    let count = values.len();
+    assert!(count > 0, "a mean of no values");
     values.sum::<f64>() / count as f64
 }
 
+/// # Panics
+/// If there are no values.
 fn median(mut values: Vec<f64>) -> f64 {
+    assert!(!values.is_empty(), "a median of no values");
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     match values.len() {
-        0 => 0.0,
         count if count.is_multiple_of(2) => (values[middle - 1] + values[middle]) / 2.0,
         _ => values[middle],
     }
@@ -279,7 +285,6 @@ mod tests {
     fn a_median_is_not_moved_by_one_slow_frame() {
         assert_eq!(median(vec![1.0, 99.0, 2.0]), 2.0);
         assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), 2.5);
-        assert_eq!(median(Vec::new()), 0.0);
     }
 
     #[test]

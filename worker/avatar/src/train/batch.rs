@@ -1,9 +1,8 @@
-//! The loss of a batch of rays: pose, march, fields, compositing, comparison. It is apart from
-//! the trainer, who draws the batches, so that the same loss can be taken of rays that stand
-//! still: that is how its gradients are checked.
+//! The loss of a batch of rays: pose, march, fields, compositing, comparison. It is separate from
+//! the trainer, which draws the batches, so that tests can check its gradients with fixed rays.
 //!
-//! Each stage is a trace span, as is each of the trainer's: whoever wants to know where the time
-//! of a step goes listens to them (`yoto bench` does).
+//! Each stage is a trace span, as are the trainer's: `yoto bench` measures the stages of a step by
+//! them.
 
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
@@ -22,21 +21,21 @@ use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
 
-/// Rays of a step, and what they should see.
+/// Rays of a training step, and their ground truth.
 pub struct Batch {
-    /// `[P S²]`, patch by patch, row by row; `None` misses the body's box.
+    /// `[P S²]`, patch by patch, row by row; `None` for rays that miss the body's box.
     pub rays: Vec<Option<Ray>>,
-    /// S: side of a patch, pixels.
+    /// S: side length of a patch, pixels.
     pub patch_size: usize,
     /// `[P, S², 3]`, over `background`.
     pub truth: Vec<f32>,
-    /// What is seen where nobody is.
+    /// Colour behind the person.
     pub background: [f32; 3],
 }
 
-/// Whom a batch shows, how they stand, and when in the training.
+/// The identity and pose that a batch shows, and the state of training.
 pub struct Scene<'a> {
-    /// Sizes and thresholds of the model.
+    /// Configuration of the model.
     pub config: &'a ModelConfig,
     /// The identity's body.
     pub body: &'a Body,
@@ -44,34 +43,36 @@ pub struct Scene<'a> {
     pub slot: usize,
     /// Its pose.
     pub pose: &'a Pose,
-    /// Share of the run that is over, which opens what starts later.
+    /// Completed fraction of the run, which determines the active parts of the model.
     pub progress: f64,
-    /// The step's number: which empty cells it probes.
+    /// Number of the step, which selects the empty cells that are probed.
     pub step: u64,
-    /// Where its canonical space is known to be empty.
+    /// Occupancy grid of the identity.
     pub occupancy: Option<&'a Occupancy>,
 }
 
-/// What a model makes of a batch.
+/// Result of a batch.
 pub struct Outcome {
     /// `[1]`: the weighted sum of the terms.
     pub loss: Tensor<1>,
-    /// The objective's terms.
+    /// Terms of the objective.
     pub terms: Vec<LossTerm>,
-    /// What its rays see.
+    /// Colour, opacity and depth of the rays.
     pub seen: Composite,
-    /// How many samples came how far.
+    /// Sample counts.
     pub counts: SampleCounts,
-    /// What an occupancy grid may learn from; absent without one.
+    /// Densities for the occupancy grid; absent without one.
     pub observations: Option<DensityObservations>,
 }
 
-/// The outcome of `batch`; `None` when no sample of any ray can be part of the body. Samples
-/// are jittered by `jitter`, or in the middle of their strata without; gradients then flow to all
-/// of them, too.
+/// The outcome of `batch`; `None` if no ray has a live sample. With `jitter`, samples are random in
+/// their strata and gradients flow to [`OptimiseConfig::backward_share`] of them; without it,
+/// samples are in the middle and gradients flow to all.
 ///
 /// # Errors
-/// When the device fails.
+/// If the device fails or the objective has no terms.
+///
+/// [`OptimiseConfig::backward_share`]: crate::config::OptimiseConfig::backward_share
 pub fn outcome(
     avatar: &Avatar,
     scene: &Scene,

@@ -1,5 +1,5 @@
-//! What is kept of a training: weights, optimiser and state, each in a file of its own.
-//! Weights and state are enough to render.
+//! Checkpoints: weights, optimiser, state and occupancy, each in its own file. Rendering needs
+//! only weights and state.
 
 use super::TrainError;
 use crate::avatar::Avatar;
@@ -18,30 +18,30 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
 
-/// Version of [`ModelState`] written by this program.
+/// Version of [`ModelState`] that this program reads and writes.
 const VERSION: u32 = 2;
 
-/// `state.json`: all that is not a tensor.
+/// `state.json`: everything that is not a tensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModelState {
     /// Format version.
     pub version: u32,
-    /// Sizes, rates and thresholds.
+    /// Configuration of the model.
     pub config: ModelConfig,
-    /// Joints of the skeletons.
+    /// Number of joints of each skeleton.
     pub joints: usize,
-    /// Of the initial weights and all drawing since.
+    /// Seed of the initial weights and of all random draws since.
     pub seed: u64,
     /// Steps taken over the model's life.
     pub step: u64,
-    /// Share of a run that the model has been through, 0 to 1: which of its parts take part. A
-    /// run that goes on with a model closes nothing again.
+    /// Completed fraction of a run, 0 to 1, which determines the active parts of the model. It does
+    /// not decrease when another run continues with the model.
     pub progress: f64,
     /// Seconds spent in steps over the model's life.
     pub train_seconds: f64,
-    /// What the guard multiplies the rate by.
+    /// The guard's factor on the learning rate.
     pub rate_scale: f64,
-    /// Steps not taken.
+    /// Steps skipped because loss or gradients were not finite.
     pub skipped_steps: u64,
     /// Returns to an earlier state.
     pub rollbacks: u64,
@@ -49,7 +49,7 @@ pub struct ModelState {
     pub slots: Vec<Option<Skeleton>>,
 }
 
-/// The part of `state.json` that all versions have.
+/// The part of `state.json` that all versions share.
 #[derive(Deserialize)]
 struct Versioned {
     version: u32,
@@ -63,7 +63,7 @@ fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
 }
 
 impl ModelState {
-    /// The state of a model that nobody has trained yet.
+    /// State of an untrained model.
     pub(crate) fn new(
         config: ModelConfig,
         joints: usize,
@@ -88,11 +88,11 @@ impl ModelState {
     /// Reads `state.json` of a checkpoint's folder.
     ///
     /// # Errors
-    /// When it is missing, no state, or of another version.
+    /// If it is missing, invalid, or of another version.
     pub fn read(dir: &Path) -> Result<Self, TrainError> {
         let path = dir.join(files::STATE);
         let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-        // The version first: a file of another one may lack anything else.
+        // The version is read first: files of other versions may lack all other fields.
         let Versioned { version } = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
         if version != VERSION {
             return Err(failed(
@@ -102,12 +102,33 @@ impl ModelState {
         }
         let state: Self = serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
         state.config.check()?;
+        state.check_skeletons().map_err(|e| failed(&path, e))?;
         Ok(state)
+    }
+
+    /// Checks that every skeleton is valid and has `joints` joints.
+    fn check_skeletons(&self) -> Result<(), String> {
+        if self.joints < 2 {
+            return Err(format!("joints: {}, at least 2 are needed", self.joints));
+        }
+        for (slot, skeleton) in self.slots.iter().enumerate() {
+            let Some(skeleton) = skeleton else { continue };
+            Skeleton::from_track(&skeleton.to_track())
+                .map_err(|error| format!("slots[{slot}]: {error}"))?;
+            if skeleton.joints() != self.joints {
+                return Err(format!(
+                    "slots[{slot}]: {} joints, expected {}",
+                    skeleton.joints(),
+                    self.joints
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
-/// Writes what is known of each slot's empty space: tensors `[z, y, x]` of bytes named by the
-/// slot, and how far offsets reach, `[1]`, metres, beside each; nothing where nothing is.
+/// Writes the occupancy grid of each slot that has one: its levels, a tensor `[z, y, x]` of bytes
+/// named after the slot, and its reach, `[1]`, metres.
 pub(super) fn save_occupancy(
     dir: &Path,
     occupancy: &[Option<Occupancy>],
@@ -133,13 +154,13 @@ pub(super) fn save_occupancy(
     std::fs::write(&path, bytes).map_err(|e| failed(&path, e))
 }
 
-/// The name of the reach of a slot's offsets.
+/// Name of the tensor with the reach of a slot's grid.
 fn reach_of(slot: usize) -> String {
     format!("{slot}.reach")
 }
 
-/// The grid of each slot of `state`. Slots that the file does not name, and all of a checkpoint
-/// without the file, start with grids that know nothing.
+/// The grid of each slot of `state`. Slots without levels in the file, and all slots of a
+/// checkpoint without the file, get grids without visited cells.
 pub(super) fn load_occupancy(
     dir: &Path,
     state: &ModelState,
@@ -189,7 +210,7 @@ pub(super) fn load_occupancy(
     state.slots.iter().enumerate().map(grid).collect()
 }
 
-/// Writes a checkpoint's files into `dir`.
+/// Writes the optimiser, weights and state of a checkpoint into `dir`.
 pub(super) fn save(
     dir: &Path,
     state: &ModelState,
@@ -197,7 +218,7 @@ pub(super) fn save(
     optimiser: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
     let path = dir.join(files::OPTIMISER);
-    // Burn refuses to write over a file.
+    // Burn does not overwrite files.
     match std::fs::remove_file(&path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
             return Err(failed(&path, error));
@@ -208,7 +229,7 @@ pub(super) fn save(
     save_model(dir, state, avatar)
 }
 
-/// Writes the files that rendering needs: weights and state. The same model gives the same bytes.
+/// Writes weights and state into `dir`. Equal models give equal bytes.
 pub(crate) fn save_model(
     dir: &Path,
     state: &ModelState,
@@ -226,13 +247,13 @@ pub(crate) fn save_model(
     let path = dir.join(files::STATE);
     let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
     std::fs::write(&path, json).map_err(|e| failed(&path, e))?;
-    // Burn's file began as a temporary one, which only its owner may read.
+    // Burn creates the file as a temporary one, which only its owner may read.
     let permissions = std::fs::metadata(&path).map_err(|e| failed(&path, e))?;
     std::fs::set_permissions(&weights, permissions.permissions()).map_err(|e| failed(&weights, e))
 }
 
-/// The model of a state with the weights in `dir`, grown to `slots` identities when it has
-/// fewer.
+/// The model of a state with the weights in `dir`. If it has fewer than `slots` identities, new
+/// ones are added.
 pub(super) fn load_avatar(
     dir: &Path,
     state: &ModelState,
@@ -242,14 +263,14 @@ pub(super) fn load_avatar(
     let path = dir.join(files::WEIGHTS);
     let grown = slots.max(state.slots.len());
     let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
-    // Only identities that are new may be missing from the file.
+    // The file may lack tensors only if identities are new.
     let mut store = SafetensorsStore::from_file(&path).allow_partial(grown > state.slots.len());
     avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
     Ok(avatar)
 }
 
-/// The optimiser in `dir`. Read into memory at once: Burn's own `load` reads when a tensor is
-/// first used, by which time a caller's folder may be gone.
+/// The optimiser in `dir`. The whole file is read: Burn's `load` reads a tensor at its first use,
+/// when the caller's folder may no longer exist.
 pub(super) fn load_optimiser(
     dir: &Path,
     fresh: ModuleOptimizer,
@@ -262,10 +283,10 @@ pub(super) fn load_optimiser(
 }
 
 impl Renderer {
-    /// Reads weights and state from a checkpoint's folder.
+    /// Reads the model of a checkpoint's folder.
     ///
     /// # Errors
-    /// When either is missing or not what the other says.
+    /// If weights or state are missing, or they do not belong together.
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let device = device.clone().inner();
         let state = ModelState::read(dir)?;

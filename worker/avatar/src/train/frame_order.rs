@@ -1,30 +1,33 @@
-//! Which frame a step sees: epochs of shuffled frames, as HumanNeRF's data loader gives them.
-//! Each frame of everybody comes once before any comes again.
+//! The order of frames: epochs of shuffled frames, as in HumanNeRF's data loader. Each epoch has
+//! every frame of every person once.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-/// A frame of a person, as positions in the trainer's lists.
+/// A frame of a person, as indices into the trainer's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct FramePlace {
     pub subject: usize,
     pub frame: usize,
 }
 
-/// The order of all frames, a new one each epoch. It depends on the seed and the step's number
-/// alone, so that a resumed training sees what an uninterrupted one would have.
+/// The order of all frames, different in each epoch. It depends only on the seed and the number of
+/// the step, so that a resumed training has the same order as an uninterrupted one.
 pub(super) struct FrameOrder {
     seed: u64,
     epoch: u64,
-    /// In the order of the present epoch; never empty.
+    /// In the order of the current epoch; never empty.
     places: Vec<FramePlace>,
     /// In the order of the lists.
     sorted: Vec<FramePlace>,
 }
 
 impl FrameOrder {
-    /// For subjects with `counts[i]` frames each; there is at least one frame.
+    /// The order for subjects with `counts[i]` frames.
+    ///
+    /// # Panics
+    /// In [`Self::place`], if there are no frames.
     pub fn new(seed: u64, counts: &[usize]) -> Self {
         let sorted: Vec<FramePlace> = (0..)
             .zip(counts)
@@ -54,7 +57,7 @@ impl FrameOrder {
 
     fn shuffle(&mut self, epoch: u64) {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        // Steps draw from the streams that their numbers name, and are never so many.
+        // Steps use the streams of their numbers, which never reach these.
         rng.set_stream(u64::MAX - epoch);
         self.places.clone_from(&self.sorted);
         self.places.shuffle(&mut rng);
@@ -84,7 +87,7 @@ mod tests {
             assert_eq!(sorted, everybody);
         }
         assert_ne!(one, two, "each epoch has an order of its own");
-        assert_eq!(epoch(0), one, "which hangs on nothing but the step");
+        assert_eq!(epoch(0), one, "which depends only on the step");
         let other = FrameOrder::new(4, &[5, 1, 4]).places;
         assert_ne!(other, one, "and the seed");
     }

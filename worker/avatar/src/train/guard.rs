@@ -1,5 +1,5 @@
-//! Watches loss and gradients: a step that is not finite is not taken, and after several in a
-//! row the model goes back to its last good state with a lower rate.
+//! Supervision of loss and gradients: steps that are not finite are skipped, and after several in
+//! a row the model returns to its last snapshot with a lower rate.
 
 use crate::avatar::Avatar;
 use crate::render::occupancy::Occupancy;
@@ -10,20 +10,20 @@ use tracing::trace_span;
 
 /// Steps between snapshots.
 const KEEP_EVERY: u64 = 200;
-/// Bad steps in a row that end in a return to the snapshot.
+/// Number of consecutive bad steps after which the model returns to the snapshot.
 const BAD_IN_A_ROW: u32 = 5;
-/// What the rate is multiplied by at each return.
+/// Factor on the learning rate at each return.
 const RATE_FACTOR: f64 = 0.5;
-/// Returns after which training gives up.
+/// Maximum number of returns.
 const MAX_ROLLBACKS: u64 = 8;
 
-/// A model, its optimiser, and the share of the planned rate it is trained with.
+/// A model, its optimiser, its occupancy grids, and the factor on its learning rate.
 pub(super) struct TrainState {
-    /// `None` only while the optimiser has it: a second owner would make it copy every
-    /// parameter in order to change it.
+    /// `None` only during an update: with a second owner, the optimiser would have to copy every
+    /// parameter.
     avatar: Option<Avatar>,
     pub optimiser: ModuleOptimizer,
-    /// What is known of each slot's empty space: it goes with the weights that it was seen of.
+    /// Occupancy grids by slot. They belong to the weights that they were learned from.
     pub occupancy: Vec<Option<Occupancy>>,
     pub rate_scale: f64,
 }
@@ -38,11 +38,14 @@ impl TrainState {
         }
     }
 
-    /// The model. An update that panicked took it along: there is no going on from there.
+    /// The model.
+    ///
+    /// # Panics
+    /// If an earlier update panicked.
     pub fn avatar(&self) -> &Avatar {
         self.avatar
             .as_ref()
-            .expect("the model is away only while it is updated")
+            .expect("the model is absent only during an update")
     }
 }
 
@@ -53,7 +56,7 @@ struct Snapshot {
     occupancy: Vec<Option<Occupancy>>,
 }
 
-/// See the module's page.
+/// Supervisor of training steps.
 pub(super) struct Guard {
     snapshot: Option<Snapshot>,
     bad: u32,
@@ -61,7 +64,7 @@ pub(super) struct Guard {
     pub rollbacks: u64,
 }
 
-/// What became of a step.
+/// Outcome of a step.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Taken,
@@ -80,7 +83,7 @@ impl Guard {
         }
     }
 
-    /// Takes the step when loss and gradients are finite.
+    /// Takes the step if loss and gradients are finite.
     pub fn step(
         &mut self,
         state: &mut TrainState,
@@ -101,10 +104,12 @@ impl Guard {
                     occupancy: state.occupancy.clone(),
                 });
             }
-            if let Some(avatar) = state.avatar.take() {
-                let rate = rate * state.rate_scale;
-                state.avatar = Some(state.optimiser.step(rate, avatar, grads));
-            }
+            let avatar = state
+                .avatar
+                .take()
+                .expect("the model is absent only during an update");
+            let rate = rate * state.rate_scale;
+            state.avatar = Some(state.optimiser.step(rate, avatar, grads));
             return Verdict::Taken;
         }
         self.skipped += 1;
@@ -117,6 +122,7 @@ impl Guard {
         if self.rollbacks > MAX_ROLLBACKS {
             return Verdict::GivenUp;
         }
+        // Without a snapshot, no step was taken and the model is unchanged.
         if let Some(snapshot) = &self.snapshot {
             state.avatar = Some(snapshot.avatar.clone());
             state.optimiser = snapshot.optimiser.clone();
@@ -127,8 +133,8 @@ impl Guard {
     }
 }
 
-/// The sum of all gradients' magnitudes, left on the device: reading it is a wait for the
-/// device, which a GPU should have once a step and not once a parameter.
+/// Sum of the magnitudes of all gradients. It stays on the device, so that a step waits for a GPU
+/// once and not once per parameter.
 struct Magnitude<'a> {
     grads: &'a GradientsParams,
     sum: Option<Tensor<1>>,
@@ -149,7 +155,7 @@ impl ModuleVisitor for Magnitude<'_> {
 fn gradients_finite(avatar: &Avatar, grads: &GradientsParams) -> bool {
     let mut magnitude = Magnitude { grads, sum: None };
     avatar.visit(&mut magnitude);
-    // A sum is finite only when every term is; overflow of finite terms also counts.
+    // The sum is finite only if every term is; an overflow of finite terms counts as non-finite.
     magnitude
         .sum
         .is_none_or(|sum| sum.into_scalar::<f32>().is_finite())

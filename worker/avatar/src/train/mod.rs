@@ -1,4 +1,4 @@
-//! Training: patches in, steps taken, watched and kept.
+//! Training: batches of patches, steps, their supervision, and checkpoints.
 
 pub mod batch;
 mod checkpoint;
@@ -33,38 +33,38 @@ use thiserror::Error;
 use yoto_capture::CaptureError;
 use yoto_capture::skeleton::SkeletonError;
 
-/// Why training can't start, go on, or be kept.
+/// Training error.
 #[derive(Debug, Error)]
 pub enum TrainError {
-    /// The configuration can't be.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A person's skeleton or pose can't be used.
+    /// A person's skeleton or pose is invalid.
     #[error("{name}: {source}")]
     Skeleton {
-        /// Whose.
+        /// Name of the person.
         name: String,
         /// What is wrong.
         source: SkeletonError,
     },
-    /// A person's shard can't be used.
+    /// A person's shard is invalid.
     #[error("{name}: {source}")]
     Capture {
-        /// Whose.
+        /// Name of the person.
         name: String,
         /// What is wrong.
         source: CaptureError,
     },
-    /// The people don't fit one model.
+    /// The people can't be trained in one model.
     #[error("{0}")]
     People(String),
-    /// The objective's weights can't be used.
+    /// The weights of LPIPS can't be used.
     #[error("LPIPS: {0}")]
     Lpips(#[from] LpipsError),
-    /// A frame can't be rendered for validation.
+    /// A batch or a validation frame can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A checkpoint's file can't be written or read.
+    /// A file of a checkpoint can't be written or read.
     #[error("{file}: {message}")]
     File {
         /// Path.
@@ -72,17 +72,17 @@ pub enum TrainError {
         /// What is wrong.
         message: String,
     },
-    /// A step came to no loss.
-    #[error("the objective gave no number")]
+    /// The objective has no value.
+    #[error("the objective has no value")]
     NoLoss,
-    /// Step after step was not finite, and going back did not help.
+    /// Losses or gradients remained non-finite after all returns to an earlier state.
     #[error(
         "training diverged at step {step}: {rollbacks} returns to an earlier state did not help"
     )]
     Diverged {
-        /// Where.
+        /// Last step.
         step: u64,
-        /// Tries.
+        /// Number of returns.
         rollbacks: u64,
     },
 }

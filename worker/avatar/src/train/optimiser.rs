@@ -1,5 +1,5 @@
-//! Adam with a learning rate for each part of the model (the paper's and HumanNeRF's,
-//! docs/paper.md; those of tables and direct motion weights are this project's).
+//! Adam with a learning rate for each part of the model: those of the paper and of HumanNeRF
+//! (docs/paper.md), with additional ones for hash tables and direct motion weights.
 
 use crate::config::OptimiseConfig;
 use crate::ops::adam::{AdamRates, update};
@@ -12,18 +12,19 @@ use burn::tensor::{Device, Tensor};
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
-/// Adam's ε: PyTorch's default, which HumanNeRF keeps. Burn's is 1e-5.
+/// Added to the root of the second moment: PyTorch's default, which HumanNeRF uses. Burn's default
+/// is 1e-5.
 const EPSILON: f64 = 1e-8;
 
-/// Adam whose rate is the step's rate times its own.
+/// Adam with a factor on the learning rate of each step.
 #[derive(Clone, Debug)]
 struct ScaledAdam {
     scale: f64,
 }
 
-/// The state of Burn's Adam, so that Burn saves and loads it, but loaded into CPU memory: Burn
-/// would load it on its default device, a GPU as soon as one is compiled in, be it there or
-/// not. The next step takes it to its parameter's device either way.
+/// The state of Burn's Adam, which Burn saves and loads. It is loaded into CPU memory: Burn would
+/// load it on its default device, which is a GPU if GPU support is compiled in, even on machines
+/// without one. The next step moves it to the device of its parameter.
 #[derive(Clone)]
 struct Moments<const D: usize>(AdamState<D>);
 
@@ -70,8 +71,8 @@ impl Optimizer for ScaledAdam {
     }
 }
 
-/// The optimiser of a model: stepped with a rate that goes from 1 down, each group times its
-/// own rate.
+/// The optimiser of a model. The rate of a step is a factor, from 1 downwards, on the learning
+/// rate of each group.
 pub fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
     let group = |path: &str, scale: f64| (ParamGroup::from_predicate(path), ScaledAdam { scale });
     let groups = [
@@ -151,7 +152,7 @@ mod tests {
             let square: f64 = second_moment / (1.0 - 0.999f64.powi(time));
             let unit = mean / (square.sqrt() + 1e-8);
             for (path, after) in firsts(&avatar).found {
-                let part = path.split('.').next().unwrap_or_default();
+                let part = path.split('.').next().expect("a first part");
                 let rate = match part {
                     _ if path.starts_with("canonical.tables") => rates.table_rate,
                     _ if path == "canonical.shared" => rates.table_rate,

@@ -1,4 +1,4 @@
-//! How long and on what to train.
+//! Budget and data of a training.
 
 use crate::loss::lpips::LpipsWeights;
 
@@ -7,31 +7,31 @@ use crate::loss::lpips::LpipsWeights;
 pub enum Budget {
     /// Seconds spent in steps.
     Seconds(f64),
-    /// Steps.
+    /// Number of steps.
     Steps(u64),
 }
 
 /// How to train.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainOptions {
-    /// How long; the learning rate falls over it.
+    /// Length, over which the learning rate decays.
     pub budget: Budget,
-    /// Seconds of the budget that were spent before.
+    /// Seconds of the budget that are already used.
     pub used_seconds: f64,
-    /// Steps of the budget that were taken before.
+    /// Steps of the budget that are already used.
     pub used_steps: u64,
-    /// Of the initial weights and all drawing.
+    /// Seed of the initial weights and of all random draws.
     pub seed: u64,
     /// Longest image side, pixels; 0 keeps the capture's.
     pub image_size: u32,
-    /// Every n-th frame is kept out of training for validation; 0: none.
+    /// Every n-th frame is held out for validation; 0: none.
     pub holdout_every: usize,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
 
 impl Default for TrainOptions {
-    /// A new run of five minutes on whole images, every frame trained on.
+    /// A new run of five minutes on all frames at full size.
     fn default() -> Self {
         Self {
             budget: Budget::Seconds(300.0),

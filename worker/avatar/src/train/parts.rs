@@ -1,5 +1,5 @@
-//! How large the parts of a checkpoint are, told from the header of its weights' file: no
-//! tensor is read.
+//! Sizes of the parts of a checkpoint, from the header of its weights file, without reading any
+//! tensor.
 
 use super::TrainError;
 use crate::avatar::PartCount;
@@ -9,10 +9,10 @@ use std::io::Read;
 use std::path::Path;
 use yoto_proto::manifest::files;
 
-/// Longest header that is read, bytes: a model of a thousand identities needs under one MiB.
+/// Longest header that is read, bytes. A model of a thousand identities needs less than one MiB.
 const MAX_HEADER: u64 = 64 << 20;
 
-/// What the header says of a tensor.
+/// A tensor in the header.
 #[derive(Deserialize)]
 struct Entry {
     shape: Vec<u64>,
@@ -22,7 +22,7 @@ struct Entry {
 /// Parameters and bytes of each part of the weights in the folder `dir`, largest first.
 ///
 /// # Errors
-/// When the file is missing or no weights' file.
+/// If the file is missing or its header is invalid.
 pub fn read_parts(dir: &Path) -> Result<Vec<PartCount>, TrainError> {
     let path = dir.join(files::WEIGHTS);
     let failed = |message: String| TrainError::File {
@@ -45,16 +45,22 @@ pub fn read_parts(dir: &Path) -> Result<Vec<PartCount>, TrainError> {
         serde_json::from_slice(&header).map_err(|e| failed(e.to_string()))?;
     let mut parts: Vec<PartCount> = Vec::new();
     for (name, value) in header {
-        // The format's own entry.
+        // Not a tensor.
         if name == "__metadata__" {
             continue;
         }
         let entry: Entry =
             serde_json::from_value(value).map_err(|e| failed(format!("{name}: {e}")))?;
-        let part = name.split('.').next().unwrap_or(&name);
-        let parameters: u64 = entry.shape.iter().product();
+        let part = name.split_once('.').map_or(name.as_str(), |(part, _)| part);
+        let parameters = entry
+            .shape
+            .iter()
+            .try_fold(1u64, |product, side| product.checked_mul(*side))
+            .ok_or_else(|| failed(format!("{name}: shape {:?}", entry.shape)))?;
         let [start, end] = entry.data_offsets;
-        let bytes = end.saturating_sub(start);
+        let bytes = end
+            .checked_sub(start)
+            .ok_or_else(|| failed(format!("{name}: data_offsets [{start}, {end}]")))?;
         match parts.iter_mut().find(|known| known.part == part) {
             Some(known) => {
                 known.parameters += parameters;

@@ -1,4 +1,4 @@
-//! Patches of a frame: where a step looks (HumanNeRF, `core/data/human_nerf/train.py`).
+//! Random patches of a frame (HumanNeRF, `core/data/human_nerf/train.py`).
 
 use super::batch::Batch;
 use super::people::TrainFrame;
@@ -6,14 +6,14 @@ use crate::motion::body::Body;
 use crate::render::rays::BodyView;
 use rand::RngExt;
 
-/// Share of the patches that are centred on the person; the rest on the box around.
+/// Share of the patches that are centred on the person; the others are in the box around.
 const ON_PERSON: f64 = 0.8;
-/// Tries at finding a pixel in the box but off the person: enough that a box of a hundredth of
-/// the image is hardly ever missed. Where none is found, the patch is centred on the person.
+/// Maximum number of draws to find a pixel in the box but off the person: enough to find one in a
+/// hundredth of the image almost surely. If none is found, the patch is centred on the person.
 const TRIES: usize = 1024;
 
-/// Draws `count` patches of `size`² pixels, cut so that they lie in the image, and a random
-/// background, which makes the model tell dark cloth from nothing.
+/// Draws `count` patches of `size`² pixels inside the image, and a random background, by which the
+/// model distinguishes dark cloth from empty space.
 pub(super) fn draw(
     frame: &TrainFrame,
     body: &Body,

@@ -1,4 +1,4 @@
-//! The people a model is trained on: their bodies, and their frames at training size.
+//! The people that a model is trained on: their bodies and frames.
 
 use super::TrainError;
 use crate::config::ModelConfig;
@@ -14,32 +14,33 @@ use yoto_capture::{FrameImage, Shard};
 pub struct Person {
     /// Identity slot in the model.
     pub slot: usize,
-    /// For messages.
+    /// Name in messages.
     pub name: String,
     /// Frames and pose track.
     pub shard: Arc<Shard>,
 }
 
-/// A frame to learn from.
+/// A frame for training or validation.
 pub(super) struct TrainFrame {
     pub pose: Pose,
     pub camera: Camera,
     pub image: FrameImage,
-    /// Indices of the pixels with the person in them.
+    /// Indices of the pixels that show the person.
     pub covered: Vec<u32>,
 }
 
-/// A person made ready.
+/// A person, prepared for training.
 pub(super) struct TrainSubject {
     pub slot: usize,
     pub body: Body,
     pub frames: Vec<TrainFrame>,
-    /// Kept out of training, to see how it does.
+    /// Frames for validation.
     pub held_out: Vec<TrainFrame>,
 }
 
 impl TrainSubject {
-    /// Frames are brought to `image_size` (0: as stored); every `holdout_every`-th is kept out.
+    /// Prepares `person`: frames are resized to `image_size` (0: as stored), and every
+    /// `holdout_every`-th is held out.
     pub fn new(
         person: &Person,
         config: &ModelConfig,
@@ -94,17 +95,18 @@ impl TrainSubject {
     }
 }
 
-/// Whether the frame at `position` of a capture is kept out of training when every `every`-th
-/// is (0: none). The middle of each run is, so that one frame alone is trained on.
+/// Whether the frame at `position` of a capture is held out if every `every`-th is (0: none). The
+/// middle one of `every` frames is, so that a single frame is trained on.
 pub fn is_held_out(position: usize, every: usize) -> bool {
     every > 0 && position % every == every / 2
 }
 
-/// Checks that the people fit one model with `slots` slots: same joint trees, one slot each.
+/// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number
+/// of slots that they need and their number of joints.
 pub(super) fn check_people(people: &[Person]) -> Result<(usize, usize), TrainError> {
     let first = people
         .first()
-        .ok_or_else(|| TrainError::People("nobody to train on".into()))?;
+        .ok_or_else(|| TrainError::People("no people to train on".into()))?;
     let tree = |person: &Person| {
         (
             person.shard.track.skeleton.names.clone(),

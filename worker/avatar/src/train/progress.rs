@@ -1,47 +1,47 @@
-//! What a trainer reports while it trains. A plain value: the caller decides how to show it.
+//! Progress of a training, as a plain value: callers decide how to show it.
 
 use crate::loss::LossTerm;
 use crate::render::SampleCounts;
 
-/// A moment of a training.
+/// Progress of a training.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrainProgress {
-    /// Steps taken over the model's life.
+    /// Steps over the model's life.
     pub step: u64,
     /// Steps at the end of the budget; 0 while the budget is in seconds.
     pub total_steps: u64,
     /// Share of the budget that is used, 0 to 1.
     pub fraction: f64,
-    /// Over the last few seconds.
+    /// Smoothed speed.
     pub steps_per_second: f64,
-    /// Smoothed.
+    /// Smoothed loss.
     pub loss: f64,
-    /// The objective's terms, by name, smoothed, without their weights.
+    /// Terms of the objective by name, smoothed and unweighted.
     pub loss_terms: Vec<(&'static str, f64)>,
-    /// Of held-out frames, dB, once measured.
+    /// Mean PSNR of held-out frames, dB, once measured.
     pub psnr: Option<f64>,
-    /// Of held-out frames, once measured.
+    /// Mean SSIM of held-out frames, once measured; absent if they are smaller than its window.
     pub ssim: Option<f64>,
-    /// Of the budget.
+    /// Estimated remaining seconds of the budget.
     pub seconds_left: f64,
-    /// Steps not taken because loss or gradients were not finite.
+    /// Steps skipped because loss or gradients were not finite.
     pub skipped_steps: u64,
     /// Returns to an earlier state.
     pub rollbacks: u64,
-    /// Share of samples that the networks saw, smoothed.
+    /// Share of samples that were evaluated, smoothed.
     pub live_fraction: f64,
-    /// How many samples came how far, in all steps of this budget.
+    /// Sample counts of all steps since the trainer was created.
     pub samples: SampleCounts,
-    /// Parts of the model that take part only from some moment of the run on, and do so now.
+    /// Scheduled parts of the model that are active.
     pub active_parts: Vec<String>,
-    /// E.g. "mse+ssim".
+    /// Name of the objective, e.g. "mse+ssim".
     pub objective: &'static str,
-    /// Seconds spent in steps in this budget.
+    /// Seconds of this budget spent in steps.
     pub train_seconds: f64,
 }
 
 impl TrainProgress {
-    /// Takes in the `values` of a step's `terms`; `smoothed` joins an old figure and a new one.
+    /// Adds the `values` of a step's `terms`; `smoothed` combines an old figure with a new one.
     pub(super) fn note_terms(
         &mut self,
         terms: &[LossTerm],

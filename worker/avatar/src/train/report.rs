@@ -1,4 +1,4 @@
-//! What a training tells and leaves: its progress, its checkpoint, the model to render with.
+//! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use super::checkpoint::{self, ModelState};
 use super::options::Budget;
@@ -13,7 +13,7 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 
 impl Trainer {
-    /// The same training with another objective than the model's own.
+    /// Replaces the default objective.
     pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
         self.progress.objective = objective.name();
         self.objective = objective;
@@ -49,10 +49,10 @@ impl Trainer {
         }
     }
 
-    /// Writes weights, optimiser and state into `dir`.
+    /// Writes a checkpoint into `dir`.
     ///
     /// # Errors
-    /// When a file can't be written.
+    /// If a file can't be written.
     pub fn save(&self, dir: &Path) -> Result<(), TrainError> {
         let state = ModelState {
             step: self.step,
@@ -72,7 +72,7 @@ impl Trainer {
         checkpoint::save(dir, &state, self.state.avatar(), &self.state.optimiser)
     }
 
-    /// The model as it stands, for rendering.
+    /// The current model, for rendering.
     pub fn renderer(&self) -> Renderer {
         let device = self.device.clone().inner();
         let body = |slot: &Option<Skeleton>| {
@@ -89,12 +89,12 @@ impl Trainer {
         )
     }
 
-    /// Numbers that a further person would add.
+    /// Number of parameters that an additional person would add.
     pub fn parameters_of_a_person(&self) -> u64 {
         Avatar::parameters_of_a_person(&self.config, self.joints)
     }
 
-    /// Numbers that are learned.
+    /// Number of parameters.
     pub fn parameters(&self) -> u64 {
         self.state.avatar().num_params() as u64
     }

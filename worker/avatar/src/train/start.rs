@@ -1,4 +1,4 @@
-//! Beginning a training: a new model, or a checkpoint to go on with.
+//! Start of a training, with a new model or a checkpoint.
 
 use super::checkpoint::{self, ModelState};
 use super::frame_order::FrameOrder;
@@ -17,10 +17,10 @@ use burn::tensor::Device;
 use std::path::Path;
 
 impl Trainer {
-    /// Starts a model for `people` on `device`.
+    /// Trains a new model of `people` on `device`.
     ///
     /// # Errors
-    /// When the people don't fit one model.
+    /// If the configuration is invalid, or the people don't fit one model.
     pub fn new(
         config: ModelConfig,
         options: TrainOptions,
@@ -36,18 +36,18 @@ impl Trainer {
         Self::assemble(saved, options, &people, state, device)
     }
 
-    /// Goes on with what [`Self::save`] wrote into `dir`. The seed is the checkpoint's. People in
-    /// slots that the checkpoint has not start with fresh codes, tables and residuals.
+    /// Continues from a checkpoint of [`Self::save`] in `dir`, with the checkpoint's seed. People in
+    /// slots that the checkpoint lacks start with new codes, tables and residuals.
     ///
     /// # Errors
-    /// When the files are missing or torn, or the people don't fit the model.
+    /// If files are missing or damaged, or the people don't fit the model.
     pub fn resume(
         dir: &Path,
         options: TrainOptions,
         people: Vec<Person>,
         device: &Device,
     ) -> Result<Self, TrainError> {
-        let saved = ModelState::read(dir)?;
+        let mut saved = ModelState::read(dir)?;
         let (slots, joints) = check_people(&people)?;
         if joints != saved.joints {
             return Err(TrainError::People(format!(
@@ -62,9 +62,11 @@ impl Trainer {
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
         state.rate_scale = saved.rate_scale;
+        saved.slots.resize(saved.slots.len().max(slots), None);
         Self::assemble(saved, options, &people, state, device)
     }
 
+    /// A trainer of `people`, each of whom has a slot in `saved`.
     fn assemble(
         saved: ModelState,
         options: TrainOptions,
@@ -80,12 +82,6 @@ impl Trainer {
             }));
         }
         let mut slots = saved.slots;
-        let needed = people
-            .iter()
-            .map(|person| person.slot + 1)
-            .max()
-            .unwrap_or(0);
-        slots.resize(slots.len().max(needed), None);
         state.occupancy.resize(slots.len(), None);
         let mut subjects = Vec::with_capacity(people.len());
         for person in people {
@@ -102,12 +98,12 @@ impl Trainer {
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
         }
-        let smallest = subjects
+        // Patches are no larger than any frame.
+        let patch_size = subjects
             .iter()
-            .flat_map(|t| &t.frames)
-            .map(|f| f.image.width.min(f.image.height))
-            .min();
-        let patch_size = (saved.config.optimise.patch_size as usize).min(smallest.unwrap_or(1));
+            .flat_map(|subject| &subject.frames)
+            .map(|frame| frame.image.width.min(frame.image.height))
+            .fold(saved.config.optimise.patch_size as usize, usize::min);
         let objective = PatchObjective::with_weights(
             options.lpips.as_ref(),
             saved.config.optimise.ssim_weight,

@@ -1,5 +1,5 @@
-//! What each step of a training must do, whatever its numbers: rates that fall, everybody's turn,
-//! the person in most patches, gradients of a share of the samples.
+//! Properties of training steps: decaying rates, a turn for every person, the person in most
+//! patches, gradients of a share of the samples.
 
 use super::batch::{Scene, outcome};
 use super::options::{Budget, TrainOptions};
@@ -56,7 +56,7 @@ fn trainer(config: ModelConfig, count: usize, steps: u64) -> Trainer {
     Trainer::new(config, options, people(count), &Device::flex()).expect("starts")
 }
 
-/// Numbers by path, of parameters or of their gradients.
+/// Values of parameters or of their gradients, by path; empty where a gradient is absent.
 struct Numbers<'a> {
     path: Vec<String>,
     grads: Option<&'a GradientsParams>,
@@ -93,7 +93,7 @@ fn numbers(avatar: &Avatar, grads: Option<&GradientsParams>) -> BTreeMap<String,
     numbers.found
 }
 
-/// How far the numbers of one parameter went at most.
+/// Largest change of a value of one parameter.
 fn moved(before: &BTreeMap<String, Vec<f32>>, after: &[f32], path: &str) -> f32 {
     let pairs = before[path].iter().zip(after);
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
@@ -137,7 +137,7 @@ fn four_patches_in_five_are_centred_on_the_person() {
     let subject = &trainer.subjects[0];
     let frame = &subject.frames[1];
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    // Patches of one pixel are their centres; what is off the person has the background's colour.
+    // Patches of one pixel are their centres; pixels off the person have the background's colour.
     let batch = patches::draw(frame, &subject.body, 4000, 1, &mut rng);
     let background = batch.background;
     let off = batch

@@ -1,4 +1,4 @@
-//! The training loop's state: one call, one step.
+//! The state of a training, and its steps.
 
 use super::batch::{Scene, outcome};
 use super::frame_order::FrameOrder;
@@ -9,6 +9,7 @@ use super::people::TrainSubject;
 use super::{TrainError, TrainProgress};
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective};
+use crate::render::SampleCounts;
 use crate::render::frame::read;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
@@ -26,7 +27,7 @@ pub struct Trainer {
     pub(super) config: ModelConfig,
     pub(super) options: TrainOptions,
     pub(super) subjects: Vec<TrainSubject>,
-    /// Whose frame is next.
+    /// Order of the frames.
     pub(super) order: FrameOrder,
     pub(super) slots: Vec<Option<Skeleton>>,
     pub(super) joints: usize,
@@ -35,24 +36,26 @@ pub struct Trainer {
     pub(super) objective: Box<dyn Objective>,
     pub(super) patch_size: usize,
     pub(super) device: Device,
-    /// Over the model's life.
+    /// Steps over the model's life.
     pub(super) step: u64,
+    /// Seconds spent in steps over the model's life.
     pub(super) seconds: f64,
-    /// Share of a run that the model had been through before this one.
+    /// Completed fraction of a run before this one.
     pub(super) opened: f64,
-    /// Within this budget.
+    /// Steps of this budget.
     pub(super) budget_steps: u64,
+    /// Seconds of this budget spent in steps.
     pub(super) budget_seconds: f64,
     pub(super) progress: TrainProgress,
 }
 
 impl Trainer {
-    /// Share of a run that the model has been through, 0 to 1.
+    /// Completed fraction of a run over the model's life, 0 to 1; it never decreases.
     pub(super) fn opened(&self) -> f64 {
         self.opened.max(self.fraction())
     }
 
-    /// Share of the budget that is used, 0 to 1.
+    /// Used share of the budget, 0 to 1.
     pub(super) fn fraction(&self) -> f64 {
         let share = match self.options.budget {
             Budget::Seconds(seconds) => self.budget_seconds / seconds.max(f64::MIN_POSITIVE),
@@ -69,7 +72,7 @@ impl Trainer {
     /// Takes one step.
     ///
     /// # Errors
-    /// When the device fails, or training diverged for good.
+    /// If the device fails, or training diverged.
     pub fn step(&mut self) -> Result<(), TrainError> {
         let start = Instant::now();
         let mut rng = step_stream(self.options.seed, self.step);
@@ -102,8 +105,10 @@ impl Trainer {
             self.objective.as_ref(),
             Some(&mut rng),
         )?;
-        // Without an outcome no ray meets the body: there is nothing to learn.
-        let counts = outcome.as_ref().map(|o| o.counts).unwrap_or_default();
+        // Without an outcome, no sample was evaluated and there is nothing to learn.
+        let counts = outcome
+            .as_ref()
+            .map_or(SampleCounts::default(), |outcome| outcome.counts);
         self.progress.live_fraction = smoothed(
             self.progress.live_fraction,
             counts.live_fraction(),
@@ -130,9 +135,9 @@ impl Trainer {
         Ok(())
     }
 
-    /// Whether the step was taken.
+    /// Updates the model, and returns whether the step was taken.
     fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<bool, TrainError> {
-        // One reading for all: each is a wait for the device.
+        // Read together, since each read waits for the device.
         let mut values = vec![loss.clone()];
         values.extend(terms.iter().map(|term| term.value.clone()));
         let values = read(Tensor::cat(values, 0))?;
@@ -153,10 +158,13 @@ impl Trainer {
             }
             Verdict::Skipped => tracing::warn!(
                 step = self.step,
-                "loss or gradients not finite: step skipped"
+                "loss or gradients are not finite: step skipped"
             ),
             Verdict::RolledBack => {
-                tracing::warn!(step = self.step, "back to the last good state, rate halved")
+                tracing::warn!(
+                    step = self.step,
+                    "returned to the last good state with half the learning rate"
+                )
             }
             Verdict::GivenUp => {
                 return Err(TrainError::Diverged {
@@ -169,14 +177,15 @@ impl Trainer {
     }
 }
 
-/// Draws of a step depend on the seed and its number alone, so that a resumed training draws
-/// what an uninterrupted one would have.
+/// The random generator of a step. It depends only on the seed and the number of the step, so that
+/// a resumed training draws the same numbers as an uninterrupted one.
 fn step_stream(seed: u64, step: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(step);
     rng
 }
 
+/// Exponential moving average of a figure after `steps` steps.
 fn smoothed(old: f64, new: f64, steps: u64) -> f64 {
     let weight = SMOOTHING.max(1.0 / (steps + 1) as f64);
     old + weight * (new - old)

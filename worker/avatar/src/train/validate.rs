@@ -1,21 +1,22 @@
-//! How training does on frames that it never sees.
+//! Validation on held-out frames.
 
 use super::{TrainError, Trainer};
+use crate::evaluate::score::{EQUAL, unit};
 use crate::evaluate::{psnr, ssim};
 use crate::render::RenderView;
 
-/// Held-out frames a person that are rendered to see how training does.
+/// Number of held-out frames per person that are rendered.
 const FRAMES: usize = 2;
 
 impl Trainer {
-    /// Renders held-out frames and notes PSNR and SSIM, means over the people. Its time is not
-    /// training time.
+    /// Renders held-out frames and sets PSNR and SSIM of the progress to their means. Training time
+    /// does not include this.
     ///
     /// # Errors
-    /// When the device fails.
+    /// If the device fails.
     pub fn validate(&mut self) -> Result<(), TrainError> {
         let renderer = self.renderer();
-        let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, 0.0, 0usize);
+        let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
         for subject in &self.subjects {
             for frame in subject.held_out.iter().take(FRAMES) {
                 let view = RenderView {
@@ -25,20 +26,16 @@ impl Trainer {
                     background: [0.0; 3],
                 };
                 let rendered = renderer.render(&view)?;
-                let truth: Vec<f32> = frame
-                    .image
-                    .rgb
-                    .iter()
-                    .map(|v| f32::from(*v) / 255.0)
-                    .collect();
-                psnr_sum += psnr(&rendered.rgb, &truth);
-                ssim_sum += ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
+                let truth = unit(&frame.image.rgb);
+                psnr_sum += psnr(&rendered.rgb, &truth).min(EQUAL);
+                let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
+                ssim_sum = ssim_sum.zip(similarity).map(|(sum, one)| sum + one);
                 images += 1;
             }
         }
         if images > 0 {
             self.progress.psnr = Some(psnr_sum / images as f64);
-            self.progress.ssim = Some(ssim_sum / images as f64);
+            self.progress.ssim = ssim_sum.map(|sum| sum / images as f64);
         }
         Ok(())
     }

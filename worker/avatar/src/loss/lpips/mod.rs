@@ -1,8 +1,8 @@
-//! LPIPS 0.1 with a VGG16 backbone: how different two images look, as a loss and as a metric.
+//! LPIPS 0.1 with a VGG16 backbone: the perceptual difference of two images, as a loss and as a
+//! metric.
 //!
-//! The numbers are those of the `lpips` package for Python run with the same weights. What
-//! differs is the gradient where all channels of a feature are zero: not a number there,
-//! finite here.
+//! Values agree with those of the `lpips` package for Python with the same weights. Gradients
+//! differ where all channels of a feature are zero: NaN there, finite here.
 
 mod vgg;
 mod weights;
@@ -16,14 +16,14 @@ use weights::WeightsFile;
 /// Smallest side of an image, pixels: four poolings by 2 must leave one.
 pub const SMALLEST_SIDE: usize = 16;
 
-/// What is subtracted from an image in [−1, 1], a channel.
+/// Subtracted from an image in [−1, 1], per channel.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
-/// What it is then divided by.
+/// Divisor of the shifted image, per channel.
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
-/// Added to the norm that features are divided by.
+/// Added to the norm in the division that normalises features.
 const NORM_EPSILON: f64 = 1e-10;
-/// Squared norms are held over this, so that the root has a finite slope at zero. Its root is
-/// lost beside [`NORM_EPSILON`] in single precision: no value changes.
+/// Lower bound of squared norms, so that the root has a finite slope at zero. Its root vanishes
+/// beside [`NORM_EPSILON`] in single precision, so no value changes.
 const SQUARED_NORM_FLOOR: f64 = 1e-36;
 
 /// Where the networks' weights are.
@@ -46,7 +46,7 @@ pub enum LpipsError {
         /// What is wrong.
         message: String,
     },
-    /// A tensor is not in its file.
+    /// The file lacks a tensor.
     #[error("{file}: there is no tensor '{tensor}', expected with shape {expected:?}", file = file.display())]
     Missing {
         /// Path.
@@ -56,7 +56,7 @@ pub enum LpipsError {
         /// The shape it should have.
         expected: Vec<usize>,
     },
-    /// A tensor has another shape.
+    /// A tensor has the wrong shape.
     #[error("{file}: tensor '{tensor}' has shape {found:?}, expected {expected:?}", file = file.display())]
     Shape {
         /// Path.
@@ -68,7 +68,7 @@ pub enum LpipsError {
         /// The shape it has.
         found: Vec<usize>,
     },
-    /// A tensor's numbers can't be used.
+    /// The values of a tensor are invalid.
     #[error("{file}: tensor '{tensor}': {message}", file = file.display())]
     Values {
         /// Path.
@@ -83,19 +83,19 @@ pub enum LpipsError {
         "images of {width}x{height} pixels: LPIPS needs at least {SMALLEST_SIDE}x{SMALLEST_SIDE}"
     )]
     TooSmall {
-        /// Pixels across.
+        /// Width, pixels.
         width: usize,
-        /// Pixels down.
+        /// Height, pixels.
         height: usize,
     },
-    /// An image has not the numbers that its size says.
-    #[error("an image of {width}x{height} pixels has {found} numbers, not three a pixel")]
+    /// The length of an image does not match its size.
+    #[error("an image of {width}x{height} pixels has {found} values, not three per pixel")]
     ImageLength {
-        /// Pixels across.
+        /// Width, pixels.
         width: usize,
-        /// Pixels down.
+        /// Height, pixels.
         height: usize,
-        /// Its numbers.
+        /// Number of its values.
         found: usize,
     },
     /// The device failed.
@@ -103,10 +103,10 @@ pub enum LpipsError {
     Device(String),
 }
 
-/// The frozen networks. Their weights are constants: gradients reach the images alone.
+/// The frozen networks. Their weights are constants: gradients flow to the images only.
 pub struct Lpips {
     backbone: Vgg16,
-    /// A weight a channel of each tapped layer, `[1, C, 1, 1]`.
+    /// Weights of the channels of each tapped layer, `[1, C, 1, 1]`.
     heads: Vec<Tensor<4>>,
     shift: Tensor<4>,
     scale: Tensor<4>,
@@ -114,8 +114,8 @@ pub struct Lpips {
 
 impl Lpips {
     /// Reads torchvision's VGG16 (`features.0.weight`, …) and the linear heads
-    /// (`lin0.model.1.weight`, …); each file is safetensors if so named, else what
-    /// `torch.save` writes.
+    /// (`lin0.model.1.weight`, …). Files with the extension `.safetensors` are read as such, all
+    /// others as files of `torch.save`.
     ///
     /// # Errors
     /// Names the file, and the tensor with its expected and found shape.
@@ -147,7 +147,7 @@ impl Lpips {
     /// least [`SMALLEST_SIDE`].
     ///
     /// # Panics
-    /// When the images' shapes differ or they are smaller than that.
+    /// If the images' shapes differ or a side is smaller than that.
     pub fn distance(&self, a: Tensor<4>, b: Tensor<4>) -> Tensor<1> {
         let [images, _, height, width] = a.dims();
         assert!(
@@ -170,7 +170,7 @@ impl Lpips {
     }
 }
 
-/// Features `[N, C, h, w]` over their norm across channels.
+/// Features `[N, C, h, w]`, divided by their norm across channels.
 fn unit(features: Tensor<4>) -> Tensor<4> {
     let norm = features
         .clone()

@@ -1,4 +1,4 @@
-//! VGG16's convolutions as far as LPIPS looks: the outputs of relu1_2, relu2_2, relu3_3,
+//! The convolutions of VGG16 that LPIPS uses, up to the outputs of relu1_2, relu2_2, relu3_3,
 //! relu4_3 and relu5_3.
 
 use super::LpipsError;
@@ -10,7 +10,7 @@ use burn::tensor::{Device, Tensor};
 
 /// Channels of the five tapped layers.
 pub(super) const CHANNELS: [usize; 5] = [64, 128, 256, 512, 512];
-/// Convolutions up to each tap since the one before; a pooling stands between.
+/// Number of convolutions between successive taps; a pooling precedes all but the first.
 const CONVOLUTIONS: [usize; 5] = [2, 2, 3, 3, 3];
 
 struct Convolution {

@@ -1,5 +1,5 @@
-//! Weights from somebody else's file: each tensor by name, checked by shape before it is used,
-//! so that the wrong file is refused with words and not with strange numbers.
+//! Files of weights. Tensors are read by name and their shapes are checked, so that a wrong file
+//! gives an error instead of wrong figures.
 
 use super::LpipsError;
 use burn::store::{ModuleStore, PytorchStore, SafetensorsStore, bridge};
@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// An open file; tensors are read when asked for.
+/// An open file of weights, whose tensors are read on demand.
 pub(super) struct WeightsFile {
     path: PathBuf,
     store: Store,
@@ -19,20 +19,21 @@ enum Store {
 }
 
 impl WeightsFile {
-    /// Reads the file's list of tensors: safetensors if the name says so, else PyTorch's.
+    /// Reads the list of tensors. A file with the extension `.safetensors` is read as such, all
+    /// others as PyTorch's.
     pub(super) fn open(path: &Path) -> Result<Self, LpipsError> {
         let unreadable = |message: String| LpipsError::File {
             file: path.to_path_buf(),
             message,
         };
-        // Asked first, so that a missing file is told in the system's own words.
+        // Opened first, so that a missing file gives the error of the system.
         std::fs::File::open(path).map_err(|e| unreadable(e.to_string()))?;
         let store = if path.extension().is_some_and(|e| e == "safetensors") {
             let mut store = SafetensorsStore::from_file(path);
             store.keys().map_err(|e| unreadable(e.to_string()))?;
             Store::Safetensors(Box::new(store))
         } else {
-            // The numbers in `features.7.weight` are to stay as they are.
+            // Indices such as in `features.7.weight` must not be renumbered.
             let mut store = PytorchStore::from_file(path).map_indices_contiguous(false);
             store.keys().map_err(|e| unreadable(e.to_string()))?;
             Store::Pytorch(Box::new(store))
@@ -43,10 +44,10 @@ impl WeightsFile {
         })
     }
 
-    /// The tensor of that name, in single precision.
+    /// The tensor called `name`, in single precision.
     ///
     /// # Errors
-    /// When it is missing, of another shape, or holds a number that is not finite.
+    /// If it is missing, has another shape, or holds a value that is not finite.
     pub(super) fn tensor<const D: usize>(
         &mut self,
         name: &str,
@@ -83,7 +84,7 @@ impl WeightsFile {
             .try_into_vec_as()
             .map_err(|e| unusable(&format!("{e:?}")))?;
         if !values.iter().all(|v| v.is_finite()) {
-            return Err(unusable(&"holds numbers that are not finite"));
+            return Err(unusable(&"not all values are finite"));
         }
         Ok(Tensor::from_data(TensorData::new(values, shape), device))
     }
