@@ -157,36 +157,3 @@ fn one_camera_sees_every_side() {
         .all(moved)
     );
 }
-
-#[test]
-fn throw_away() {
-    for (i, person) in SyntheticPerson::cast(5, 7).iter().enumerate() {
-        let side = 256u32;
-        let mut poses = vec![(Pose::rest(24), 0)];
-        let m = person.motion(40);
-        poses.extend([3, 9, 14, 22, 30].map(|f| (m[f].clone(), 0)));
-        let u = person.unseen_motion(32);
-        poses.extend([2, 10, 20, 22].map(|f| (u[f].clone(), 1)));
-        let n = poses.len();
-        let mut out = image::RgbImage::new(side * n as u32, side);
-        let t = std::time::Instant::now();
-        for (k, (pose, cam)) in poses.iter().enumerate() {
-            let camera = if *cam == 0 {
-                SyntheticPerson::train_camera(side)
-            } else {
-                SyntheticPerson::held_out_cameras(side).remove(0)
-            };
-            let img = person.render(pose, &camera);
-            for y in 0..side {
-                for x in 0..side {
-                    let p = (y * side + x) as usize;
-                    let bg = 255 - img.mask[p];
-                    let c: [u8; 3] = std::array::from_fn(|c| img.rgb[3 * p + c].saturating_add(bg));
-                    out.put_pixel(x + k as u32 * side, y, image::Rgb(c));
-                }
-            }
-        }
-        eprintln!("{i}: {:?}", t.elapsed());
-        out.save(format!("/tmp/cap{i}.png")).unwrap();
-    }
-}
