@@ -1,6 +1,6 @@
 //! The YOTO avatar model as a library: no network, no async, no database.
 //!
-//! Data flows one way: shards and frames of `yoto_capture` → [`render::rays`] → [`avatar`], made
+//! Data flows one way: shards and frames of `yoto_capture` → rays through the body's box → [`avatar`], made
 //! of [`motion`] (prior, weights, correction), [`identity`] (codes, pose condition) and [`field`]
 //! (non-rigid, canonical) → [`render`] (march, composite) → [`loss`] → [`train`] (step, guard,
 //! trainer, checkpoint) → [`evaluate`], [`tradeoff`].

@@ -19,7 +19,7 @@ use yoto_avatar::motion::rotation::rodrigues;
 use yoto_avatar::ops::warp::{WarpGrid, warp};
 use yoto_avatar::render::composite::composite;
 use yoto_avatar::render::march::Samples;
-use yoto_avatar::render::rays::BodyView;
+use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::{Skeleton, transform};
 
@@ -309,7 +309,7 @@ fn cameras_and_rays() {
         ),
     ];
     for (case, camera, u, exact) in cases {
-        let ray = BodyView::new(&body, &Pose::rest(2), &camera).ray(u, 32.0);
+        let ray = BodyView::new(&body.skeleton, &Pose::rest(2), &camera).ray(u, 32.0);
         assert_eq!(ray.is_some(), exact.is_some(), "{case}: {ray:?}");
         let numbers = ray.map_or(Vec::new(), |ray| vec![ray.near, ray.far]);
         let error = exact.map(|exact| error(&numbers, &exact));

@@ -15,8 +15,8 @@ use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Outcome, Scene, outcome};
+use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 
@@ -169,7 +169,7 @@ impl Bench {
         let eye = [at[0] + 0.4, at[1] + 1.2, at[2] + 2.5];
         let (side, up) = (SIDE as u32, [0.0, 1.0, 0.0]);
         let camera = Camera::look_at(eye, target, up, 2.0 * SIDE as f64, side, side);
-        let sight = BodyView::new(&body, &pose, &camera);
+        let sight = BodyView::new(&body.skeleton, &pose, &camera);
         let batch = Batch {
             rays: (0..SIDE * SIDE)
                 .map(|i| sight.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5))

@@ -11,8 +11,8 @@ use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::ops::composite::{RaySamples, reference};
 use yoto_avatar::render::march::{Samples, Volume, march};
-use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
+use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::synthetic::SyntheticPerson;
@@ -51,7 +51,7 @@ impl Look {
     }
 
     fn batch(&self, body: &Body) -> Batch {
-        let sight = BodyView::new(body, &self.pose, &self.camera);
+        let sight = BodyView::new(&body.skeleton, &self.pose, &self.camera);
         let pixel = |i: usize| sight.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5);
         Batch {
             rays: (0..SIDE * SIDE).map(pixel).collect(),

@@ -5,87 +5,82 @@
 //! the model puts far away either; a mask that reaches outside it can't be learnt.
 
 use crate::camera::Camera;
-use crate::skeleton::kinematics::Bounds;
-use crate::skeleton::transform::{Mat34, Vec3, apply, inverse, position, rotate};
-use crate::skeleton::{Pose, Skeleton};
+use crate::skeleton::{Bounds, Pose, Skeleton, Vec3};
 
-/// How far the box reaches beyond the posed joints, metres (HumanNeRF).
-const MARGIN: f64 = 0.3;
+/// How far boxes around joints reach beyond them, metres (HumanNeRF, `bbox_offset`).
+pub const MARGIN: f64 = 0.3;
 
-/// The box of one frame.
-pub struct ProjectedBox<'a> {
-    camera: &'a Camera,
-    bounds: Bounds,
-    to_body: Mat34,
-    to_world: Mat34,
+/// A camera moved into the body frame of one pose, and the body's box there.
+#[derive(Clone, Debug)]
+pub struct BodyView {
+    /// The camera, with the body frame as its world: E' = E · (body to world).
+    camera: Camera,
+    /// The camera's centre in the body frame, metres.
+    pub origin: Vec3,
+    /// The box around the posed joints in the body frame, metres.
+    pub bounds: Bounds,
 }
 
-impl<'a> ProjectedBox<'a> {
-    /// None for a skeleton without joints.
-    pub fn new(skeleton: &Skeleton, pose: &Pose, camera: &'a Camera) -> Option<Self> {
-        let mut rotations = pose.rotations_f64();
-        if let Some(root) = rotations.first_mut() {
-            *root = [0.0; 3];
-        }
-        let transforms = skeleton.global_transforms(&rotations);
-        let joints: Vec<Vec3> = transforms.iter().map(position).collect();
-        let to_world = skeleton.body_to_world(pose);
-        Some(Self {
+/// A ray's part inside the box. Distances are multiples of the direction, whose camera z is 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Camera centre, metres.
+    pub origin: [f32; 3],
+    /// Not normalised.
+    pub direction: [f32; 3],
+    /// Where the ray enters the box, or 0 when the camera is inside.
+    pub near: f32,
+    /// Where it leaves.
+    pub far: f32,
+}
+
+impl BodyView {
+    /// What `camera` sees of a body in `pose`.
+    pub fn new(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Self {
+        let camera = camera.in_frame(&skeleton.body_to_world(pose));
+        Self {
+            origin: camera.centre(),
             camera,
-            bounds: Bounds::around(&joints, MARGIN)?,
-            to_body: inverse(&to_world),
-            to_world,
+            bounds: Bounds::around(&skeleton.body_frame_joints(pose), MARGIN),
+        }
+    }
+
+    /// Where image position (`u`, `v`) looks in the body frame, at camera z = 1.
+    pub fn direction(&self, u: f64, v: f64) -> Vec3 {
+        self.camera.direction(u, v)
+    }
+
+    /// The ray through image position (`u`, `v`), pixels from the image's corner; `None` when
+    /// it misses the box.
+    pub fn ray(&self, u: f64, v: f64) -> Option<Ray> {
+        let direction = self.direction(u, v);
+        let (near, far) = self.bounds.cut(self.origin, direction)?;
+        Some(Ray {
+            origin: self.origin.map(|v| v as f32),
+            direction: direction.map(|v| v as f32),
+            near: near as f32,
+            far: far as f32,
         })
     }
 
-    /// Whether the ray through image coordinates `u`, `v` (pixels) meets it.
-    pub fn holds(&self, u: f64, v: f64) -> bool {
-        let (origin, direction) = self.camera.ray(u, v);
-        let origin = apply(&self.to_body, origin);
-        meets(&self.bounds, origin, rotate(&self.to_body, direction))
-    }
-
-    /// Its corners in the image, pixels; none for one behind the camera. Bit i of a corner's
-    /// number is its end of axis i, so an edge joins numbers that differ in one bit.
+    /// The box's corners in the image, pixels; none for one behind the camera. Bit i of a
+    /// corner's number is its end of axis i, so an edge joins numbers that differ in one bit.
     pub fn corners(&self) -> [Option<[f64; 2]>; 8] {
         std::array::from_fn(|corner| {
             let ends = [self.bounds.min, self.bounds.max];
             let point = std::array::from_fn(|axis| ends[(corner >> axis) & 1][axis]);
-            self.camera.project(apply(&self.to_world, point))
+            self.camera.project(point)
         })
     }
 }
 
-/// One entry a pixel, row by row: whether the ray through its centre misses the box.
+/// One entry per pixel, row by row: whether the ray through its centre misses the box.
 pub fn outside(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<bool> {
-    let Some(projected) = ProjectedBox::new(skeleton, pose, camera) else {
-        return vec![true; camera.width as usize * camera.height as usize];
-    };
+    let view = BodyView::new(skeleton, pose, camera);
     let pixels = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));
     pixels
-        .map(|(x, y)| !projected.holds(f64::from(x) + 0.5, f64::from(y) + 0.5))
+        .map(|(x, y)| view.ray(f64::from(x) + 0.5, f64::from(y) + 0.5).is_none())
         .collect()
-}
-
-/// Whether a half-line meets a box.
-fn meets(bounds: &Bounds, origin: Vec3, direction: Vec3) -> bool {
-    let (mut near, mut far) = (0.0f64, f64::INFINITY);
-    for axis in 0..3 {
-        let (low, high) = (
-            bounds.min[axis] - origin[axis],
-            bounds.max[axis] - origin[axis],
-        );
-        if direction[axis] == 0.0 {
-            if low > 0.0 || high < 0.0 {
-                return false;
-            }
-            continue;
-        }
-        let (one, other) = (low / direction[axis], high / direction[axis]);
-        near = near.max(one.min(other));
-        far = far.min(one.max(other));
-    }
-    near < far
 }
 
 #[cfg(test)]

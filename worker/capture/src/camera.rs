@@ -6,28 +6,10 @@
 
 pub use crate::skeleton::Pose;
 
-use crate::skeleton::transform::{Vec3, cross, dot, normalised, sub};
+use crate::skeleton::transform::{Mat34, Vec3, cross, dot, normalised, sub};
+use crate::view_error::{ViewError, finite, fixed};
 use serde::{Deserialize, Serialize};
 use yoto_proto::{pose_track, v1};
-
-/// Why a camera or a pose can't be used.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: {message}")]
-pub struct ViewError {
-    /// The field at fault, named as in the message or file it came from.
-    pub field: String,
-    /// What is wrong with it.
-    pub message: String,
-}
-
-impl ViewError {
-    pub(crate) fn new(field: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            field: field.into(),
-            message: message.into(),
-        }
-    }
-}
 
 /// A pinhole camera without distortion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -241,9 +223,29 @@ impl Camera {
     /// pixel's centre is at column + 0.5, row + 0.5. The direction's camera z is 1, so
     /// distances along the ray are in units of camera depth, metres.
     pub fn ray(&self, u: f64, v: f64) -> (Vec3, Vec3) {
+        (self.centre(), self.direction(u, v))
+    }
+
+    /// The direction of [`Camera::ray`].
+    pub fn direction(&self, u: f64, v: f64) -> Vec3 {
         let y = (v - self.k[1][2]) / self.k[1][1];
         let x = (u - self.k[0][2] - self.k[0][1] * y) / self.k[0][0];
-        (self.centre(), self.to_world_axes([x, y, 1.0]))
+        self.to_world_axes([x, y, 1.0])
+    }
+
+    /// The same camera, with the frame that `to_world` starts from as its world.
+    pub fn in_frame(&self, to_world: &Mat34) -> Self {
+        let e = &self.e;
+        let row = |i: usize| -> [f64; 4] {
+            std::array::from_fn(|j| {
+                let moved: f64 = (0..3).map(|c| e[i][c] * to_world[c][j]).sum();
+                if j == 3 { e[i][3] + moved } else { moved }
+            })
+        };
+        Self {
+            e: [row(0), row(1), row(2), e[3]],
+            ..self.clone()
+        }
     }
 
     /// Pixel coordinate of a world point; none for a point at or behind the camera.
@@ -258,24 +260,6 @@ impl Camera {
             self.k[0][0] * x + self.k[0][1] * y + self.k[0][2],
             self.k[1][1] * y + self.k[1][2],
         ])
-    }
-}
-
-/// `values` as an array, or an error that says how many there should be.
-pub(crate) fn fixed<const N: usize>(field: &str, values: &[f64]) -> Result<[f64; N], ViewError> {
-    values
-        .try_into()
-        .map_err(|_| ViewError::new(field, format!("{} numbers, {N} are needed", values.len())))
-}
-
-/// Whether every value is a number within ±`limit`; the error names the first that is not.
-pub(crate) fn finite(field: &str, values: &[f64], limit: f64) -> Result<(), ViewError> {
-    match values.iter().position(|v| v.is_nan() || v.abs() > limit) {
-        None => Ok(()),
-        Some(i) => Err(ViewError::new(
-            format!("{field}[{i}]"),
-            format!("{} is not a number within ±{limit}", values[i]),
-        )),
     }
 }
 

@@ -2,7 +2,9 @@
 
 use super::files::{at_fault, read_frame};
 use super::{CaptureError, FrameImage};
-use crate::camera::{Camera, Pose, ViewError};
+use crate::ViewError;
+use crate::camera::Camera;
+use crate::skeleton::Pose;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

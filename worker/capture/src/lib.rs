@@ -19,6 +19,7 @@ mod shard;
 pub mod skeleton;
 pub mod synthetic;
 mod view;
+mod view_error;
 
 pub use builder::ShardBuilder;
 pub use folder::{CaptureFolder, UploadFile};
@@ -27,6 +28,7 @@ pub use image::FrameImage;
 pub use mask_box::{MaskBox, mask_box};
 pub use shard::{Rect, Shard};
 pub use view::CaptureView;
+pub use view_error::ViewError;
 
 use std::path::PathBuf;
 use yoto_proto::pose_track::describe;
@@ -71,7 +73,8 @@ fn lines(violations: &[Violation]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::camera::{Camera, Pose};
+    use crate::camera::Camera;
+    use crate::skeleton::Pose;
     use yoto_proto::pose_track::{PoseTrack, Skeleton};
 
     /// A valid track of `frames` frames of a single joint.

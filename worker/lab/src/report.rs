@@ -182,7 +182,10 @@ impl Report {
             self.render_seconds_per_frame
         ));
         if !self.active_parts.is_empty() {
-            lines.push(format!("active at the end: {}", self.active_parts.join(", ")));
+            lines.push(format!(
+                "active at the end: {}",
+                self.active_parts.join(", ")
+            ));
         }
         lines.join("\n")
     }

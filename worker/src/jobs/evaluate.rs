@@ -157,7 +157,7 @@ fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
         .filter(|(position, _)| is_held_out(*position, HOLDOUT_EVERY))
         .map(|(position, frame)| {
             // Ingested captures were checked, so this is not a fault of the user.
-            let fault = |error: yoto_capture::camera::ViewError| {
+            let fault = |error: yoto_capture::ViewError| {
                 let place = format!("the capture's frame {}", frame.index);
                 JobFailure::failed("INTERNAL", &place, &error)
             };

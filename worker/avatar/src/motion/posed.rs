@@ -33,7 +33,7 @@ pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
 /// Positions of all joints except the root, relative to it, in the body frame: `[K − 1, 3]`,
 /// metres.
 pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
-    let joints = body_frame_joints(body, pose);
+    let joints = body.skeleton.body_frame_joints(pose);
     let root = joints[0];
     let values: Vec<f32> = joints[1..]
         .iter()
@@ -45,27 +45,9 @@ pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
     )
 }
 
-/// Joint positions `[K][3]` in the body frame, metres.
-pub fn body_frame_joints(body: &Body, pose: &Pose) -> Vec<[f64; 3]> {
-    let transforms = body.skeleton.global_transforms(&unrooted(pose));
-    transforms
-        .iter()
-        .map(|g| [g[0][3], g[1][3], g[2][3]])
-        .collect()
-}
-
-/// Rotations of all joints, axis-angle in radians, with 0 for the root.
-pub(super) fn unrooted(pose: &Pose) -> Vec<[f64; 3]> {
-    let mut rotations: Vec<[f64; 3]> = pose.rotations.iter().map(|r| r.map(f64::from)).collect();
-    if let Some(root) = rotations.first_mut() {
-        *root = [0.0; 3];
-    }
-    rotations
-}
-
 /// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone, row-major 3x4.
 pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
-    let globals = body.skeleton.global_transforms(&unrooted(pose));
+    let globals = body.skeleton.global_transforms(&pose.unrooted());
     let mut values = Vec::with_capacity(globals.len() * 12);
     for (g, rest) in globals.iter().zip(&body.skeleton.rest) {
         for a in 0..3 {
@@ -90,7 +72,7 @@ pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
 pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let joints = body.skeleton.parents.len();
-    let locals: Vec<f32> = unrooted(pose)[1..]
+    let locals: Vec<f32> = pose.unrooted()[1..]
         .iter()
         .flat_map(|r| {
             yoto_capture::skeleton::transform::rodrigues(*r)
@@ -233,7 +215,7 @@ mod tests {
     fn posed_joints_go_back_to_their_rest_positions() {
         let device = Device::flex();
         let (body, pose) = (body(&device), pose());
-        let joints = body_frame_joints(&body, &pose);
+        let joints = body.skeleton.body_frame_joints(&pose);
         for (bone, (t, joint)) in values(transforms(&body, &pose))
             .chunks_exact(12)
             .zip(joints)

@@ -2,10 +2,9 @@
 //! the numbers are those of its released program).
 
 use crate::ops::warp::WarpGrid;
+use yoto_capture::body_box::MARGIN;
 use yoto_capture::skeleton::Skeleton;
 
-/// The canonical box reaches this far beyond the rest joints, metres.
-pub const BOX_MARGIN: f64 = 0.3;
 /// Standard deviations of a bone's blob across, along and across it, metres.
 const BONE_STD: [f64; 3] = [0.03, 0.06, 0.03];
 /// Factor on the width of torso bones.
@@ -29,12 +28,10 @@ fn is_torso(name: &str) -> bool {
 /// The canonical box of a skeleton. The warp ignores weights below a thousandth of `epsilon`, the
 /// smallest likelihood at which samples are evaluated.
 pub fn canonical_grid(skeleton: &Skeleton, resolution: usize, epsilon: f32) -> WarpGrid {
-    let extreme = |a: usize, pick: fn(f64, f64) -> f64, start: f64| {
-        skeleton.rest.iter().map(|j| j[a]).fold(start, pick)
-    };
+    let bounds = skeleton.rest_bounds(MARGIN);
     WarpGrid {
-        min: std::array::from_fn(|a| (extreme(a, f64::min, f64::INFINITY) - BOX_MARGIN) as f32),
-        max: std::array::from_fn(|a| (extreme(a, f64::max, f64::NEG_INFINITY) + BOX_MARGIN) as f32),
+        min: bounds.min.map(|v| v as f32),
+        max: bounds.max.map(|v| v as f32),
         resolution,
         floor: epsilon * 1e-3,
     }

@@ -4,7 +4,7 @@
 //! zero shorten the axis. They are therefore inverted as general matrices.
 
 use super::body::Body;
-use super::posed::{chain, unrooted};
+use super::posed::chain;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Vec3;
@@ -80,7 +80,7 @@ fn inverse(m: Tensor<3>) -> Tensor<3> {
 pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
     let device = body.log_prior.device();
     let (axes, angles): (Vec<[f32; 3]>, Vec<f32>) =
-        unrooted(pose).into_iter().skip(1).map(local).unzip();
+        pose.unrooted().into_iter().skip(1).map(local).unzip();
     let bones = angles.len();
     let axes = TensorData::new(axes.as_flattened().to_vec(), [bones, 3]);
     let mut locals = about(

@@ -3,7 +3,6 @@
 use super::enlarge::enlarge;
 use super::march::{SampleCounts, Volume, march};
 use super::occupancy::Occupancy;
-use super::rays::{BodyView, Ray};
 use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
 use crate::config::{ModelConfig, Numerics, Precision};
@@ -13,6 +12,7 @@ use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
+use yoto_capture::body_box::{BodyView, Ray};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
@@ -205,7 +205,7 @@ impl Renderer {
     /// As [`Self::render`].
     pub fn rays(&self, view: &RenderView) -> Result<usize, RenderError> {
         let body = self.body(view)?;
-        let sight = BodyView::new(body, &view.pose, &view.camera);
+        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         Ok((0..width * height)
             .filter(|i| {
@@ -274,7 +274,7 @@ impl Renderer {
             .pose(&self.config, body, view.slot, &view.pose, self.progress);
         let weights = read(posed.weights.clone())?;
         let transforms = read(posed.transforms.clone())?;
-        let sight = BodyView::new(body, &view.pose, &view.camera);
+        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let pixel = |i: usize| sight.ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
         let mut frame = Rendered {

@@ -3,12 +3,12 @@
 //! person's occupancy grid is empty there.
 
 use super::occupancy::Occupancy;
-use super::rays::Ray;
 use crate::config::MarchConfig;
 use crate::ops::warp::WarpGrid;
 use crate::ops::warp::likelihood::{Segment, along_rays_with};
 use rand::RngExt;
 use std::ops::AddAssign;
+use yoto_capture::body_box::Ray;
 
 /// The space that a posed person occupies.
 pub struct Volume<'a> {

@@ -7,7 +7,6 @@ mod enlarge;
 pub mod frame;
 pub mod march;
 pub mod occupancy;
-pub mod rays;
 mod released;
 pub mod settings;
 

@@ -7,11 +7,11 @@
 
 use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
 use super::march::SampleCounts;
-use super::rays::{BodyView, Ray};
 use crate::avatar::Posed;
 use crate::motion::body::Body;
 use crate::ops::warp::cpu::unlimited;
 use burn::tensor::{Tensor, TensorData};
+use yoto_capture::body_box::{BodyView, Ray};
 
 /// Rays per batch, which bounds the memory of frames of any size.
 const RAYS_PER_BATCH: usize = 1024;
@@ -29,8 +29,8 @@ const CLEAR_GUARD: f32 = 1e-10;
 /// The ray through image position (`u`, `v`), pixels, when exactly two of its hits with the box's
 /// six planes lie on the box. Near and far are distances, also for hits behind the camera.
 fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
-    let low = sight.low.map(|c| c - TEST_MARGIN);
-    let high = sight.high.map(|c| c + TEST_MARGIN);
+    let low = sight.bounds.min.map(|c| c - TEST_MARGIN);
+    let high = sight.bounds.max.map(|c| c + TEST_MARGIN);
     let direction = sight.direction(u, v).map(|d| {
         if d.abs() < LEAST_COMPONENT {
             LEAST_COMPONENT
@@ -122,7 +122,7 @@ impl Renderer {
             read(posed.weights.clone())?,
             read(posed.transforms.clone())?,
         );
-        let sight = BodyView::new(body, &view.pose, &view.camera);
+        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
         // HumanNeRF's rays pass through pixel coordinates i, which is i + 0.5 with a principal
         // point moved by half a pixel.
         let pixel = |i: usize| ray(&sight, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5);

@@ -14,11 +14,11 @@ use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
 use crate::render::march::{SampleCounts, Volume, march};
 use crate::render::occupancy::{DensityObservations, Occupancy};
-use crate::render::rays::Ray;
 use burn::tensor::{Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
+use yoto_capture::body_box::Ray;
 use yoto_capture::camera::Pose;
 
 /// Rays of a training step, and their ground truth.

@@ -3,8 +3,8 @@
 use super::batch::Batch;
 use super::people::TrainFrame;
 use crate::motion::body::Body;
-use crate::render::rays::BodyView;
 use rand::RngExt;
+use yoto_capture::body_box::BodyView;
 
 /// Share of the patches that are centred on the person; the others are in the box around.
 const ON_PERSON: f64 = 0.8;
@@ -22,7 +22,7 @@ pub(super) fn draw(
     rng: &mut impl RngExt,
 ) -> Batch {
     let (width, height) = (frame.image.width, frame.image.height);
-    let sight = BodyView::new(body, &frame.pose, &frame.camera);
+    let sight = BodyView::new(&body.skeleton, &frame.pose, &frame.camera);
     let ray = |x: usize, y: usize| sight.ray(x as f64 + 0.5, y as f64 + 0.5);
     let background: [f32; 3] = std::array::from_fn(|_| rng.random());
     let mut batch = Batch {

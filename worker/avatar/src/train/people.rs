@@ -56,7 +56,7 @@ impl TrainSubject {
         let skeleton = Skeleton::from_track(&track.skeleton).map_err(skeleton_error)?;
         let (mut frames, mut held_out) = (Vec::new(), Vec::new());
         for (i, frame) in track.frames.iter().enumerate() {
-            let view = |error: yoto_capture::camera::ViewError| {
+            let view = |error: yoto_capture::ViewError| {
                 TrainError::People(format!("{} frame {}: {error}", person.name, frame.index))
             };
             let pose = Pose::from_frame(frame).map_err(view)?;

@@ -14,11 +14,11 @@ use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
+use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::synthetic::SyntheticPerson;
@@ -101,7 +101,7 @@ impl Sitting {
         let joints = self.skeleton.joints();
         let avatar = Avatar::new(&config, 1, joints, 5, &device);
         let body = Body::new(self.skeleton.clone(), &config, &device);
-        let sight = BodyView::new(&body, &self.pose, &self.camera);
+        let sight = BodyView::new(&body.skeleton, &self.pose, &self.camera);
         let side = SIDE as usize;
         let batch = Batch {
             rays: (0..side * side)

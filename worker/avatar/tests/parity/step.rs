@@ -9,9 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use yoto_avatar::config::{Encoding, OptimiseConfig};
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::render::rays::BodyView;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::optimiser;
+use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::Camera;
 
 /// Of a whole step: rounding passes through every part one after the other.
@@ -46,7 +46,7 @@ fn step(case: Case, encoding: Encoding) {
     let avatar = small::avatar(&config);
     let body = Body::new(case.skeleton(), &config, &device);
     let pose = case.pose();
-    let sight = BodyView::new(&body, &pose, &camera(&case));
+    let sight = BodyView::new(&body.skeleton, &pose, &camera(&case));
     let pixels = case.numbers("pixels").chunks_exact(2);
     let batch = Batch {
         rays: pixels.map(|p| sight.ray(p[0], p[1])).collect(),

@@ -4,7 +4,7 @@ use super::fit::view;
 use super::observe::Observation;
 use super::plan::spread;
 use super::silhouette::{Grid, Thumb};
-use crate::body_box::ProjectedBox;
+use crate::body_box::BodyView;
 use crate::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 
@@ -53,14 +53,12 @@ impl Agreement {
                 .count();
             joints.push((frame.index, inside as f64 / posed.len().max(1) as f64));
             let small = camera.resized(grid.width as u32, grid.height as u32);
-            let projected = ProjectedBox::new(skeleton, &pose, &small);
-            let held = projected.map_or(0.0, |it_box| {
-                let held = it.mask.cells.iter().enumerate().filter(|&(cell, &mask)| {
-                    let (x, y) = (cell % grid.width, cell / grid.width);
-                    mask > 0 && it_box.holds(x as f64 + 0.5, y as f64 + 0.5)
-                });
-                held.map(|(_, &mask)| f64::from(mask)).sum::<f64>() / 255.0
+            let body_box = BodyView::new(skeleton, &pose, &small);
+            let held = it.mask.cells.iter().enumerate().filter(|&(cell, &mask)| {
+                let (x, y) = (cell % grid.width, cell / grid.width);
+                mask > 0 && body_box.ray(x as f64 + 0.5, y as f64 + 0.5).is_some()
             });
+            let held = held.map(|(_, &mask)| f64::from(mask)).sum::<f64>() / 255.0;
             boxes.push((frame.index, held / it.mask.area.max(1e-9)));
             images.push((frame.index, it.content.overlap_with(&it.mask)));
         }

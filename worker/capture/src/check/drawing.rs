@@ -1,7 +1,7 @@
 //! What a picture sheet draws onto a frame.
 
 use super::fit::view;
-use crate::body_box::ProjectedBox;
+use crate::body_box::BodyView;
 use crate::skeleton::{Skeleton, SkeletonError};
 use yoto_proto::pose_track::PoseTrack;
 
@@ -47,8 +47,7 @@ impl Drawing {
                 .filter_map(|(joint, parent)| Some([(*parent)?, joint]))
                 .collect(),
             sides: skeleton.rest.iter().map(|rest| rest[0] - middle).collect(),
-            corners: ProjectedBox::new(&skeleton, &pose, &camera)
-                .map_or([None; 8], |projected| projected.corners()),
+            corners: BodyView::new(&skeleton, &pose, &camera).corners(),
         })
     }
 }

@@ -3,7 +3,8 @@
 use super::figure::Figure;
 use super::observe::Observation;
 use super::silhouette::{Canvas, Grid};
-use crate::camera::{Camera, Pose};
+use crate::camera::Camera;
+use crate::skeleton::Pose;
 use crate::skeleton::Skeleton;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::{Frame, PoseTrack};

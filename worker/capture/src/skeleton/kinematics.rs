@@ -3,38 +3,7 @@
 use super::transform::{
     IDENTITY, Mat34, Vec3, add, apply, compose, position, rigid, rodrigues, sub,
 };
-use super::{Pose, Skeleton};
-
-/// An axis-aligned box, metres.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Lowest corner.
-    pub min: Vec3,
-    /// Highest corner.
-    pub max: Vec3,
-}
-
-impl Bounds {
-    /// The smallest box around `points`, grown by `margin` on every side; none without
-    /// points.
-    pub fn around(points: &[Vec3], margin: f64) -> Option<Self> {
-        let (&first, rest) = points.split_first()?;
-        let tight = rest.iter().fold(
-            Self {
-                min: first,
-                max: first,
-            },
-            |bounds, p| Self {
-                min: std::array::from_fn(|i| bounds.min[i].min(p[i])),
-                max: std::array::from_fn(|i| bounds.max[i].max(p[i])),
-            },
-        );
-        Some(Self {
-            min: tight.min.map(|v| v - margin),
-            max: tight.max.map(|v| v + margin),
-        })
-    }
-}
+use super::{Bounds, Pose, Skeleton};
 
 impl Skeleton {
     /// Every joint's frame in body space, where the root stands at its rest position:
@@ -75,6 +44,12 @@ impl Skeleton {
         self.world_transforms(pose).iter().map(position).collect()
     }
 
+    /// Joint positions in the body frame, where the root stands at rest, metres.
+    pub fn body_frame_joints(&self, pose: &Pose) -> Vec<Vec3> {
+        let transforms = self.global_transforms(&pose.unrooted());
+        transforms.iter().map(position).collect()
+    }
+
     /// From the body frame, in which the root has its rest position and is not turned, to
     /// the world. A camera's extrinsics times this see the body frame.
     pub fn body_to_world(&self, pose: &Pose) -> Mat34 {
@@ -92,22 +67,8 @@ impl Skeleton {
 
     /// The box around the rest joints, grown by `margin` metres.
     pub fn rest_bounds(&self, margin: f64) -> Bounds {
-        bounds_or_origin(&self.rest, margin)
+        Bounds::around(&self.rest, margin)
     }
-
-    /// The box around a pose's joints in the world, grown by `margin` metres.
-    pub fn posed_bounds(&self, pose: &Pose, margin: f64) -> Bounds {
-        bounds_or_origin(&self.posed_joints(pose), margin)
-    }
-}
-
-/// A skeleton has at least its root, so there is always a box; one built by hand without
-/// joints gets the empty one at the origin.
-fn bounds_or_origin(points: &[Vec3], margin: f64) -> Bounds {
-    Bounds::around(points, margin).unwrap_or(Bounds {
-        min: [0.0; 3],
-        max: [0.0; 3],
-    })
 }
 
 #[cfg(test)]
@@ -159,6 +120,5 @@ mod tests {
         let bounds = arm().rest_bounds(0.1);
         assert!(length(sub(bounds.min, [-0.1, 0.9, -0.1])) < 1e-12);
         assert!(length(sub(bounds.max, [0.6, 1.1, 0.1])) < 1e-12);
-        assert_eq!(Bounds::around(&[], 1.0), None);
     }
 }

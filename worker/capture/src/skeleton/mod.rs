@@ -3,13 +3,14 @@
 //! The skeleton is data that travels with a capture, never a constant: [`kinematics`] and
 //! [`retarget`] work on any tree whose parents come before their children.
 
+mod bounds;
 pub mod kinematics;
 mod pose;
 mod retarget;
 pub mod smpl;
 pub mod transform;
 
-pub use kinematics::Bounds;
+pub use bounds::Bounds;
 pub use pose::Pose;
 pub use retarget::retarget;
 pub use transform::{Mat34, Vec3};

@@ -1,7 +1,7 @@
 //! How a body stands, from wherever it comes: a request, a pose track, a motion.
 
 use super::Vec3;
-use crate::camera::{ViewError, finite, fixed};
+use crate::view_error::{ViewError, finite, fixed};
 use serde::{Deserialize, Serialize};
 use yoto_proto::{pose_track, v1};
 
@@ -77,6 +77,15 @@ impl Pose {
             rotations: joints.iter().map(|r| r.map(|v| v as f32)).collect(),
             translation: translation.map(|v| v as f32),
         })
+    }
+
+    /// [`Pose::rotations_f64`] in the body frame, where the root is not turned.
+    pub fn unrooted(&self) -> Vec<Vec3> {
+        let mut rotations = self.rotations_f64();
+        if let Some(root) = rotations.first_mut() {
+            *root = [0.0; 3];
+        }
+        rotations
     }
 
     /// The rotations in double precision, as kinematics computes with them.

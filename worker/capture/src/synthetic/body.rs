@@ -3,7 +3,7 @@
 use super::build::{Capsule, share_along};
 use super::drape::{Drape, Fall, Garment};
 use super::outfit::{Colour, Outfit};
-use crate::camera::Pose;
+use crate::skeleton::Pose;
 use crate::skeleton::transform::{add, apply, compose, inverse, length, normalised, scale, sub};
 use crate::skeleton::{Mat34, Skeleton, Vec3};
 

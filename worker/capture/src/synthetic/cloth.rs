@@ -2,7 +2,7 @@
 
 use super::SyntheticPerson;
 use super::drape::Garment;
-use crate::camera::Pose;
+use crate::skeleton::Pose;
 use crate::skeleton::Vec3;
 use crate::skeleton::transform::{add, cross, length, normalised, scale, sub};
 use rand::{RngExt, SeedableRng};

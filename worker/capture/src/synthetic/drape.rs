@@ -13,7 +13,7 @@
 
 use super::build::joint;
 use super::outfit::smooth_step;
-use crate::camera::Pose;
+use crate::skeleton::Pose;
 use crate::skeleton::transform::{dot, length};
 use crate::skeleton::{Skeleton, Vec3};
 use std::f64::consts::TAU;

@@ -16,7 +16,8 @@ mod outfit;
 mod raycast;
 
 use crate::FrameImage;
-use crate::camera::{Camera, Pose};
+use crate::camera::Camera;
+use crate::skeleton::Pose;
 use crate::skeleton::{Skeleton, Vec3};
 use body::PosedBody;
 use build::Capsule;

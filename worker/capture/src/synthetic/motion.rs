@@ -1,7 +1,7 @@
 //! How a made-up person moves.
 
 use super::build::joint;
-use crate::camera::Pose;
+use crate::skeleton::Pose;
 use crate::skeleton::transform::{cross, dot, length, scale};
 use crate::skeleton::{Skeleton, Vec3};
 use std::f64::consts::{PI, TAU};

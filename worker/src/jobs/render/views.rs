@@ -2,7 +2,8 @@
 
 use super::{RenderView, request::SIDES};
 use crate::jobs::JobFailure;
-use yoto_capture::camera::{Camera, Pose, ViewError};
+use yoto_capture::ViewError;
+use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::{
     pose_track::{Frame, PoseTrack, violation},
     v1::{self, ViewList},

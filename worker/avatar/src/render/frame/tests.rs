@@ -44,7 +44,7 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     let config = &renderer.config;
     let body = renderer.bodies[0].as_ref().expect("a body");
     let posed = renderer.avatar.pose(config, body, 0, &view.pose, 1.0);
-    let sight = BodyView::new(body, &view.pose, &view.camera);
+    let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
     let side = SIDE as usize;
     let rays: Vec<Option<Ray>> = (0..side * side)
         .map(|i| sight.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
