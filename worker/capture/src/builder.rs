@@ -70,7 +70,7 @@ impl<W: Write> ShardBuilder<W> {
     /// Appends the next frame, cropped to the mask's bounding box.
     ///
     /// # Errors
-    /// [`CaptureError::Shard`] when the image has not the track's size, its buffers not the
+    /// [`CaptureError::Shard`] when the image does not have the track's size or its buffers the
     /// image's, or the track has no frame left; [`CaptureError::Invalid`], without the file,
     /// when all crops together are too large.
     pub fn push(&mut self, image: &FrameImage) -> Result<(), CaptureError> {

@@ -85,8 +85,8 @@ impl Camera {
     /// The camera of a request.
     ///
     /// # Errors
-    /// Wrong lengths, values that are no numbers, focal lengths at or under 0, a size out of
-    /// range, extrinsics that are no rigid motion.
+    /// Wrong lengths, values that are not numbers, focal lengths at or under 0, a size out of
+    /// range, extrinsics that are not a rigid motion.
     pub fn from_proto(camera: &v1::Camera) -> Result<Self, ViewError> {
         let k: [f64; 9] = fixed("camera.intrinsics", &camera.intrinsics)?;
         let e: [f64; 16] = fixed("camera.extrinsics", &camera.extrinsics)?;

@@ -180,7 +180,7 @@ impl HeldOut {
             for &index in &eval.frames {
                 let field = format!("eval.{name}.frames");
                 let frame = by_index.get(&index).ok_or_else(|| {
-                    at_fault(&field, format!("{index} is no frame of this track"))
+                    at_fault(&field, format!("{index} is not a frame of this track"))
                 })?;
                 let pose = Pose::from_frame(frame).map_err(|error| within(&field, error))?;
                 views.push(held_out(root, "eval", name, index, pose, camera.clone()));

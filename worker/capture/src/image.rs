@@ -72,7 +72,7 @@ impl FrameImage {
     /// average right). 0 leaves it as it is, and it never grows: the rule of
     /// [`fitted_size`], which cameras follow too.
     pub fn resized(&self, longest_side: u32) -> Self {
-        // A side beyond u32 is no image that could have been decoded.
+        // Decoding limits sides far below u32's range.
         let side = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         let (width, height) = fitted_size(side(self.width), side(self.height), longest_side);
         let (width, height) = (width as usize, height as usize);

@@ -1,4 +1,4 @@
-//! Captures: people as cameras saw them, without a tensor in sight.
+//! Captures: people as cameras saw them, without any tensor library.
 //!
 //! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training reads:
 //! the same frames, decoded, checked, cropped to the person. [`skeleton`] and [`camera`] are the
@@ -37,18 +37,18 @@ use yoto_proto::v1::Violation;
 /// Why a capture or a shard can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// The user's data is at fault; each entry says where. Never empty.
+    /// Faults in the user's data, each with its place. Never empty.
     #[error("{}", lines(.0))]
     Invalid(Vec<Violation>),
-    /// The file system is.
+    /// A file that can't be read or written.
     #[error("{}: {source}", path.display())]
     Io {
-        /// What was read.
+        /// The file.
         path: PathBuf,
-        /// Why it could not be.
+        /// The system's reason.
         source: std::io::Error,
     },
-    /// Bytes that should be a training shard are none, or a shard's frames came wrongly.
+    /// Bytes that are not a training shard, or frames that do not fit a shard's track.
     #[error("training shard: {0}")]
     Shard(String),
 }

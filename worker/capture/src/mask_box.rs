@@ -21,10 +21,14 @@ pub fn mask_box(mask: &[u8], width: usize, height: usize) -> Option<MaskBox> {
     let mut found: Option<MaskBox> = None;
     for row in 0..height {
         let line = &mask[row * width..(row + 1) * width];
-        let Some(first) = line.iter().position(|&m| m > 0) else {
+        let covered = |&m: &u8| m > 0;
+        let ends = (
+            line.iter().position(covered),
+            line.iter().rposition(covered),
+        );
+        let (Some(first), Some(last)) = ends else {
             continue;
         };
-        let last = line.iter().rposition(|&m| m > 0).unwrap_or(first);
         let so_far = found.get_or_insert(MaskBox {
             x0: first,
             y0: row,

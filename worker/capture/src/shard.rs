@@ -12,7 +12,7 @@ use yoto_proto::pose_track::{PoseTrack, describe};
 pub(super) const MAGIC: &[u8; 8] = b"YOTOSHD1";
 /// Magic and header length.
 pub(super) const PREFIX: usize = MAGIC.len() + 4;
-/// Bytes a pixel: RGB and coverage.
+/// Bytes per pixel: RGB and coverage.
 const PIXEL: usize = 4;
 
 /// A rectangle of pixels inside a frame; empty (all zero) where nobody is to be seen.
@@ -71,7 +71,7 @@ impl Shard {
     /// Reads a shard and checks all of it, so that no access to a frame can fail later.
     ///
     /// # Errors
-    /// [`CaptureError::Shard`]: not a shard, cut short, a header that is no JSON or whose
+    /// [`CaptureError::Shard`]: not a shard, cut short, a header that is not JSON or whose
     /// pose track is invalid, crops outside their images or outside the bytes.
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, CaptureError> {
         let bytes: Vec<u8> = bytes.into();

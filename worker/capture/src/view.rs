@@ -41,8 +41,7 @@ impl CaptureView {
 
     /// The pose for a body with the rest joints of `skeleton`, its root where the capture's is.
     pub fn pose_for(&self, skeleton: &Skeleton) -> Pose {
-        let root = |skeleton: &Skeleton| skeleton.rest.first().copied().unwrap_or_default();
-        let (from, to) = (root(&self.skeleton), root(skeleton));
+        let (from, to) = (self.skeleton.root(), skeleton.root());
         let translation =
             std::array::from_fn(|a| (f64::from(self.pose.translation[a]) + from[a] - to[a]) as f32);
         Pose {

@@ -23,7 +23,7 @@ impl Drawing {
     /// The frame at `position` of `track`.
     ///
     /// # Errors
-    /// A skeleton that is none.
+    /// Invalid skeleton.
     pub fn of(track: &PoseTrack, position: usize) -> Result<Self, SkeletonError> {
         let skeleton = Skeleton::from_track(&track.skeleton)?;
         let Some(frame) = track.frames.get(position) else {
@@ -35,7 +35,7 @@ impl Drawing {
             });
         };
         let (pose, camera) = view(frame, track.image_size);
-        let middle = skeleton.rest.first().map_or(0.0, |root| root[0]);
+        let middle = skeleton.root()[0];
         let bones = skeleton.parents.iter().enumerate();
         Ok(Self {
             joints: skeleton

@@ -42,7 +42,7 @@ impl Checker {
     /// A check of `track`, which [`PoseTrack::check`] found to be in order.
     ///
     /// # Errors
-    /// A skeleton that is none.
+    /// Invalid skeleton.
     pub fn new(track: PoseTrack) -> Result<Self, SkeletonError> {
         Ok(Self {
             skeleton: Skeleton::from_track(&track.skeleton)?,

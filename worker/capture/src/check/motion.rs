@@ -96,7 +96,7 @@ fn headings(track: &PoseTrack, skeleton: &Skeleton) -> [usize; 12] {
     let mut counts = [0; 12];
     for frame in &track.frames {
         let (pose, camera) = view(frame, track.image_size);
-        let root = skeleton.rest.first().copied().unwrap_or_default();
+        let root = skeleton.root();
         let eye = apply(&inverse(&skeleton.body_to_world(&pose)), camera.centre());
         let [x, _, z] = sub(eye, root);
         let turn = x.atan2(z).to_degrees().rem_euclid(360.0);

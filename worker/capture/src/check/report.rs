@@ -98,7 +98,7 @@ pub struct Measure {
     pub shown: String,
     /// What the figure means for training.
     pub meaning: String,
-    /// The likeliest cause, where the grade is no pass.
+    /// The likeliest cause, where the grade is not a pass.
     pub cause: Option<String>,
     /// Indices of the worst frames, a few.
     pub frames: Vec<u32>,

@@ -53,7 +53,7 @@ impl Skeleton {
     /// From the body frame, in which the root has its rest position and is not turned, to
     /// the world. A camera's extrinsics times this see the body frame.
     pub fn body_to_world(&self, pose: &Pose) -> Mat34 {
-        let root = self.rest.first().copied().unwrap_or_default();
+        let root = self.root();
         let rotation = rodrigues(
             pose.rotations
                 .first()

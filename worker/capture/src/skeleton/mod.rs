@@ -19,7 +19,11 @@ use serde::{Deserialize, Serialize};
 use yoto_proto::pose_track;
 
 /// Joints, each after its parent.
+///
+/// Reading one checks it; one built by hand must have at least its root, lists of one length
+/// and parents before their children.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked")]
 pub struct Skeleton {
     /// K names.
     pub names: Vec<String>,
@@ -29,13 +33,37 @@ pub struct Skeleton {
     pub rest: Vec<Vec3>,
 }
 
+/// A skeleton as it is stored.
+#[derive(Deserialize)]
+struct Unchecked {
+    names: Vec<String>,
+    parents: Vec<Option<usize>>,
+    rest: Vec<Vec3>,
+}
+
+impl TryFrom<Unchecked> for Skeleton {
+    type Error = SkeletonError;
+
+    fn try_from(stored: Unchecked) -> Result<Self, SkeletonError> {
+        // A parent beyond i32 is beyond every joint too.
+        let parent = |parent: Option<usize>| {
+            parent.map_or(-1, |parent| i32::try_from(parent).unwrap_or(i32::MAX))
+        };
+        Self::from_track(&pose_track::Skeleton {
+            names: stored.names,
+            parents: stored.parents.into_iter().map(parent).collect(),
+            rest_joints: stored.rest,
+        })
+    }
+}
+
 /// Why a skeleton, or a pose for it, can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SkeletonError {
     /// The joint count is 0 or too high.
     #[error("skeleton.parents: {0} joints, 1 to {max} are allowed", max = pose_track::MAX_JOINTS)]
     JointCount(usize),
-    /// A list does not have one entry a joint.
+    /// A list does not have one entry per joint.
     #[error("skeleton.{field}: {found} entries for {joints} joints")]
     Length {
         /// The list.
@@ -56,7 +84,7 @@ pub enum SkeletonError {
         /// What stands as its parent.
         parent: i32,
     },
-    /// A rest position is no number, or farther than any body reaches.
+    /// A rest position is not a number, or farther than any body reaches.
     #[error("skeleton.rest_joints[{0}]: not a position in metres")]
     BadRest(usize),
     /// A pose has another number of joints.
@@ -80,7 +108,7 @@ impl Skeleton {
     ///
     /// # Errors
     /// Lists of different lengths, a parent that does not come before its child, rest
-    /// positions that are no numbers.
+    /// positions that are not numbers.
     pub fn from_track(track: &pose_track::Skeleton) -> Result<Self, SkeletonError> {
         let joints = track.parents.len();
         if joints == 0 || joints > pose_track::MAX_JOINTS {
@@ -138,6 +166,14 @@ impl Skeleton {
         self.parents.len()
     }
 
+    /// The root's rest position, metres.
+    ///
+    /// # Panics
+    /// Without joints, which no checked skeleton is.
+    pub fn root(&self) -> Vec3 {
+        self.rest[0]
+    }
+
     /// The children of every joint.
     pub fn children(&self) -> Vec<Vec<usize>> {
         let mut children = vec![Vec::new(); self.joints()];
@@ -149,10 +185,10 @@ impl Skeleton {
         children
     }
 
-    /// Whether `pose` has one rotation a joint.
+    /// Whether `pose` has one rotation per joint.
     ///
     /// # Errors
-    /// [`SkeletonError::WrongPose`] when it has not.
+    /// [`SkeletonError::WrongPose`] otherwise.
     pub fn check_pose(&self, pose: &Pose) -> Result<(), SkeletonError> {
         if pose.rotations.len() == self.joints() {
             Ok(())
@@ -186,6 +222,25 @@ mod tests {
             Ok(skeleton.clone())
         );
         assert_eq!(skeleton.children(), vec![vec![1], vec![2], vec![]]);
+    }
+
+    #[test]
+    fn stored_skeletons_come_back_and_broken_ones_are_refused() {
+        let stored = serde_json::to_value(arm()).expect("json");
+        let rest = serde_json::json!([[0.0, 1.0, 0.0], [0.3, 1.0, 0.0], [0.5, 1.0, 0.0]]);
+        assert_eq!(stored["rest"], rest);
+        let read = |json: serde_json::Value| serde_json::from_value::<Skeleton>(json);
+        assert_eq!(read(stored.clone()).expect("valid"), arm());
+        for (field, value) in [
+            ("parents", serde_json::json!([null, null, 1])),
+            ("parents", serde_json::json!([null, 0, 1_u64 << 40])),
+            ("rest", serde_json::json!([])),
+        ] {
+            let mut broken = stored.clone();
+            broken[field] = value;
+            let error = read(broken).expect_err(field).to_string();
+            assert!(error.starts_with("skeleton."), "{error}");
+        }
     }
 
     #[test]

@@ -26,8 +26,8 @@ impl Pose {
     /// The pose of a request.
     ///
     /// # Errors
-    /// A number of rotations that is no multiple of 3, a translation without 3 numbers,
-    /// values that are no numbers or out of range.
+    /// A number of rotations that is not a multiple of 3, a translation without 3 numbers,
+    /// values that are not numbers or out of range.
     pub fn from_proto(pose: &v1::BodyPose) -> Result<Self, ViewError> {
         let rotations: Vec<f64> = pose.rotations.iter().map(|&v| f64::from(v)).collect();
         let translation: Vec<f64> = pose.translation.iter().map(|&v| f64::from(v)).collect();
@@ -70,7 +70,7 @@ impl Pose {
         if !rest.is_empty() || joints.is_empty() {
             return Err(ViewError::new(
                 field,
-                format!("{} numbers: 3 a joint are needed", rotations.len()),
+                format!("{} numbers: 3 per joint are needed", rotations.len()),
             ));
         }
         Ok(Self {

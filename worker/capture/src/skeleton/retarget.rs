@@ -4,7 +4,7 @@ use super::{Pose, Skeleton, SkeletonError};
 
 /// `pose` of `driver`, as `target` would take it.
 ///
-/// Rotations are copied by joint name; joints of the target that the driver has not stay at
+/// Rotations are copied by joint name; joints of the target that the driver lacks stay at
 /// rest. The translation is scaled by the ratio of hip heights, so that feet which stood on
 /// the floor stand on it again and strides fit the legs.
 ///
@@ -34,7 +34,7 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
 impl Skeleton {
     /// The root's rest height above the lowest rest joint, metres.
     fn hip_height(&self) -> Result<f64, SkeletonError> {
-        let root = self.rest.first().map_or(0.0, |p| p[1]);
+        let root = self.root()[1];
         let lowest = self.rest.iter().map(|p| p[1]).fold(root, f64::min);
         let height = root - lowest;
         if height > 1e-6 {

@@ -1,6 +1,6 @@
 //! Plain 3-vectors, rotations and rigid motions in double precision.
 //!
-//! Kinematics, cameras and ray casting run on a handful of joints a frame: arrays serve
+//! Kinematics, cameras and ray casting run on a handful of joints per frame: arrays serve
 //! them better than a tensor or a linear-algebra dependency.
 
 /// A point or direction.

@@ -1,4 +1,4 @@
-//! Who there is: builds, clothes and colours that tell people apart at a glance.
+//! The cast: builds, clothes and colours that tell people apart at a glance.
 
 use super::SyntheticPerson;
 use super::build::{Build, Extras};
@@ -32,7 +32,7 @@ const SHIRTS: [Pattern; 4] = [
     Pattern::Plain,
 ];
 
-/// A type of body and dress, varied a little a person.
+/// A type of body and dress, varied a little per person.
 struct Type {
     build: Build,
     extras: Extras,

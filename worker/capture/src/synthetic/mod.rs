@@ -1,7 +1,7 @@
 //! Made-up people: textured, clothed, moving, and seen from wherever one likes.
 //!
-//! A capture whose truth is known from every side, in poses that no camera filmed, and that
-//! anyone may copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
+//! A capture whose truth is known from every side, in poses that no camera filmed, and free
+//! to copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
 //! belongs to a place on a bone, and shading to the unposed body, so that what one sees
 //! depends on neither light nor viewer, as the model assumes. Hems and sleeves move with the
 //! pose beyond what bones do, by a rule that [`SyntheticPerson::offset`] tells.
@@ -25,7 +25,7 @@ use drape::Drape;
 use outfit::Outfit;
 use yoto_proto::pose_track::{self, PoseTrack};
 
-/// Frames a second of a synthetic capture.
+/// Frames per second of a synthetic capture.
 const FPS: f64 = 15.0;
 /// What cameras look at: the middle of a standing person with arms raised, metres.
 const TARGET: Vec3 = [0.0, 0.98, 0.0];

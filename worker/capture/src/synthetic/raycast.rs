@@ -37,7 +37,7 @@ impl Outline {
         let centre = camera.centre();
         let focal = camera.k[0][0].max(camera.k[1][1]);
         let forward: Vec3 = std::array::from_fn(|i| camera.e[2][i]);
-        // Pixels a metre: more for what is near, and off the axis, where spheres look long.
+        // Pixels per metre: more for what is near, and off the axis, where spheres look long.
         let magnified = |p: Vec3| {
             let towards = sub(p, centre);
             let depth = dot(towards, forward) - thick - REACH;
