@@ -1,17 +1,17 @@
 //! The allocator of the `yoto` command.
 //!
 //! A step asks for tensors of hundreds of megabytes and gives them back. An allocator that hands
-//! such memory to the kernel at once has its pages cleared anew each time: a quarter of a
-//! training step at the paper's sizes. What a process has once held it therefore keeps.
+//! such memory to the kernel at once has its pages cleared again each time: a quarter of a
+//! training step at the paper's sizes. So the process keeps freed memory.
 
 use libmimalloc_sys::{mi_option_set, mi_option_t};
 
 /// `mi_option_purge_delay` of mimalloc's header, for which its bindings have no name.
 const PURGE_DELAY: mi_option_t = 15;
-/// Milliseconds after which freed memory goes back to the kernel; -1 is never.
+/// Milliseconds after which freed memory returns to the kernel; -1 means never.
 const NEVER: std::ffi::c_long = -1;
 
-/// Makes mimalloc keep freed memory, unless `MIMALLOC_PURGE_DELAY` says otherwise.
+/// Makes mimalloc keep freed memory, unless `MIMALLOC_PURGE_DELAY` is set.
 pub fn keep_freed_memory() {
     if std::env::var_os("MIMALLOC_PURGE_DELAY").is_none() {
         // SAFETY: sets a number in mimalloc's table of options, which may be done at any time; the

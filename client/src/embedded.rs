@@ -1,9 +1,9 @@
-//! Coordinator and worker in this process, speaking the same gRPC as over a network.
+//! Coordinator and worker in this process, with the same gRPC as over a network.
 //!
-//! The worker and this process's own client go through an in-memory stream; other clients
-//! may come over TCP. Ending it is bounded in time, whatever jobs and clients do: first
-//! the network and the worker (a running job saves and goes back to the queue), then the
-//! coordinator, which the worker needs until it has handed its job back.
+//! The worker and this process's own client use an in-memory stream; other clients may use TCP.
+//! A shutdown has a time limit, regardless of jobs and clients: first the network and the worker
+//! (a running job saves and returns to the queue), then the coordinator, which the worker needs
+//! until it has returned its job.
 
 use crate::api::YotoClient;
 use std::net::SocketAddr;
@@ -22,30 +22,30 @@ use yoto_server::{
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
-/// How long the worker may take to save and hand back its job.
+/// Time limit of the worker to save and return its job.
 const WORKER_DRAIN: Duration = Duration::from_secs(10);
-/// How long open calls may take to end.
+/// Time limit of open calls.
 const SERVER_GRACE: Duration = Duration::from_secs(3);
-/// What either may exceed its own bound by before it is cut off.
+/// Time after each limit until the part is stopped by force.
 const SLACK: Duration = Duration::from_secs(5);
 
-/// Where and what to run.
+/// Settings of the embedded service.
 #[derive(Debug, Clone)]
 pub struct EmbeddedOptions {
     /// Folder of database and objects.
     pub data: PathBuf,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
-    /// Whether to run jobs here, too.
+    /// Whether to run jobs in this process.
     pub worker: bool,
-    /// How the worker reads uploads. By default it starts this program again, which must call
-    /// [`yoto_ingest::become_ingest_child_if_asked`] first of all.
+    /// The worker's settings for reading uploads. By default it starts this program again, which must
+    /// call [`yoto_ingest::become_ingest_child_if_asked`] before anything else.
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
 }
 
-/// Why the embedded service can't start or go on.
+/// The reason why the embedded service can't start or continue.
 #[derive(Debug, Error)]
 pub enum EmbeddedError {
     /// The coordinator can't start or failed.
@@ -54,27 +54,27 @@ pub enum EmbeddedError {
     /// The worker can't start or was refused.
     #[error("the worker")]
     Worker(#[from] WorkerError),
-    /// The address can't be listened at.
+    /// The address can't be opened for listening.
     #[error("listening at {address}")]
     Listen {
-        /// As asked for.
+        /// The requested address.
         address: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A part ended without being asked to.
-    #[error("the {0} ended by itself")]
+    /// A part ended unexpectedly.
+    #[error("the {0} ended unexpectedly")]
     Ended(&'static str),
     /// A part panicked.
-    #[error("the {part} broke down")]
+    #[error("the {part} panicked")]
     Broken {
-        /// Which.
+        /// Name of the part.
         part: &'static str,
-        /// How.
+        /// Message of the panic.
         source: JoinError,
     },
-    /// A part did not end in time and was cut off.
-    #[error("the {0} did not end in time and was cut off")]
+    /// A part did not end in time and was stopped by force.
+    #[error("the {0} did not end in time and was stopped by force")]
     TimedOut(&'static str),
 }
 
@@ -141,7 +141,7 @@ impl Embedded {
             embedded.device.clone_from(&picked.info.adapter);
             let config = WorkerConfig {
                 display_name: "embedded".into(),
-                // Asking costs nothing in one's own process.
+                // Polling is cheap within one process.
                 idle_poll_seconds: 0.25,
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
                 ingest: options.ingest,
@@ -150,7 +150,7 @@ impl Embedded {
             };
             let worker = Worker::new(embedded.connector.channel(), &objects, picked, config)?;
             let drain = embedded.drain.clone();
-            // On a thread of its own: heartbeats must go out however busy the coordinator is.
+            // On its own thread: heartbeats must not wait for a busy coordinator.
             let runtime = tokio::runtime::Handle::current();
             let run = move || runtime.block_on(worker.run(drain.cancelled_owned()));
             embedded.worker = Some(tokio::task::spawn_blocking(run));
@@ -163,7 +163,7 @@ impl Embedded {
         YotoClient::new(self.connector.channel())
     }
 
-    /// Where other processes reach the service.
+    /// Address of the service for other processes.
     pub fn address(&self) -> Option<SocketAddr> {
         self.address
     }
@@ -173,12 +173,12 @@ impl Embedded {
         &self.objects
     }
 
-    /// What the worker computes on.
+    /// The worker's device.
     pub fn device(&self) -> &str {
         &self.device
     }
 
-    /// Returns only if a part ends that was not asked to, and says which and why.
+    /// Returns only if a part ends unexpectedly, with the part and the reason.
     pub async fn failed(&mut self) -> EmbeddedError {
         tokio::select! {
             error = ended_early(&mut self.coordinator, "coordinator") => error,
@@ -186,11 +186,11 @@ impl Embedded {
         }
     }
 
-    /// Ends the service: the worker saves and hands its job back, open calls get a few
+    /// Ends the service: the worker saves and returns its job, open calls get a few
     /// seconds, then everything is closed.
     ///
     /// # Errors
-    /// When a part failed, or had to be cut off.
+    /// When a part failed, or was stopped by force.
     pub async fn shutdown(mut self) -> Result<(), EmbeddedError> {
         self.drain.cancel();
         let worker = joined(self.worker.take(), "worker", WORKER_DRAIN + SLACK).await;
@@ -212,7 +212,7 @@ impl Drop for Embedded {
     }
 }
 
-/// Serves both sides until each is told to stop, then closes the data folder.
+/// Serves both sides until each is stopped, then closes the data folder.
 async fn coordinate(
     coordinator: Coordinator,
     incoming: InMemoryIncoming,
@@ -236,7 +236,7 @@ async fn coordinate(
     served.map(|_| ())
 }
 
-/// Looking for a device may open a driver, which blocks.
+/// The search for a device may open a driver, which blocks.
 async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
     let picked = tokio::task::spawn_blocking(yoto_device::pick).await;
     picked.map_err(|source| EmbeddedError::Broken {
@@ -245,7 +245,7 @@ async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
     })
 }
 
-/// Why a part ended that should run on; never returns while it runs, or if there is none.
+/// The reason for an unexpected end of a part; never returns while it runs, or if there is none.
 async fn ended_early<E>(
     part: &mut Option<JoinHandle<Outcome<E>>>,
     name: &'static str,
@@ -264,7 +264,7 @@ where
         .unwrap_or(EmbeddedError::Ended(name))
 }
 
-/// How a part ended, which it must within `limit`.
+/// Outcome of a part, which must end within `limit`.
 async fn joined<E>(
     part: Option<JoinHandle<Outcome<E>>>,
     name: &'static str,

@@ -1,4 +1,4 @@
-//! The `yoto` command. All of it stands in [`yoto_client::commands`].
+//! The `yoto` command, implemented in [`yoto_client::commands`].
 
 use std::process::ExitCode;
 

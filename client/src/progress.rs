@@ -172,7 +172,7 @@ pub fn describe(progress: &Progress) -> String {
     parts.join(" · ")
 }
 
-/// One line: what is done, bytes a second, seconds left; the last two once they are known.
+/// One line: what is done, bytes per second, seconds left; the last two once they are known.
 fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
     if let Some(rate) = rate {
         text += &format!(" · {}/s", DecimalBytes(rate as u64));

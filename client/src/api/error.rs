@@ -1,4 +1,4 @@
-//! What can go wrong between a caller and the service, in words a person can act on.
+//! Errors between a caller and the service, with actionable messages.
 //!
 //! The service answers with `google.rpc` details; a status printed as it is would hide
 //! the one line that names the file, frame and field at fault.
@@ -17,9 +17,9 @@ pub enum ClientError {
     /// Nothing answers at the address.
     #[error("can't reach a yoto service at {server}; is `yoto serve` running there?")]
     Connect {
-        /// The address as given.
+        /// The given address.
         server: String,
-        /// What the transport said.
+        /// The transport's error.
         source: tonic::transport::Error,
     },
     /// The service refused a request.
@@ -32,7 +32,7 @@ pub enum ClientError {
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A capture is wrong, found before anything was uploaded or by its ingest job.
@@ -40,22 +40,22 @@ pub enum ClientError {
     BadCapture {
         /// Folder or resource name.
         place: String,
-        /// What is wrong, never empty.
+        /// The violations, never empty.
         violations: Vec<Violation>,
     },
-    /// A job ended otherwise than by success.
+    /// A job ended without success.
     #[error("{}", job_ended(.0))]
     JobEnded(Box<Job>),
-    /// No resource, or more than one, goes by the name.
+    /// No resource, or more than one, has the name.
     #[error("{0}")]
     Name(String),
-    /// The service answered something that the contract rules out.
+    /// The service's answer violates the contract.
     #[error("the service broke its contract: {0}")]
     Contract(String),
 }
 
 impl ClientError {
-    /// Turns a status into an error that says what was being done.
+    /// Turns a status into an error that names the action.
     pub(crate) fn refused(doing: impl Into<String>) -> impl FnOnce(Status) -> Self {
         let doing = doing.into();
         move |status| {
@@ -80,7 +80,7 @@ impl ClientError {
     }
 }
 
-/// A status of the service together with what the client was doing.
+/// A status of the service, with the client's action.
 #[derive(Debug)]
 pub struct Refusal {
     doing: String,
@@ -118,7 +118,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// Each violation on an indented line of its own.
+/// One indented line per violation.
 fn lines(violations: &[Violation]) -> String {
     violations
         .iter()

@@ -1,4 +1,4 @@
-//! Jobs: asking for work, and what became of it.
+//! Jobs: creation, progress and results.
 
 use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
 use yoto_proto::v1::job_service_client::JobServiceClient;
@@ -15,7 +15,7 @@ impl YotoClient {
     /// Queues a job.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] with the fields of the spec that are wrong.
+    /// [`ClientError::Refused`] with the faulty fields of the spec.
     pub async fn create_job(&self, kind: job_spec::Kind) -> Result<Job, ClientError> {
         let doing = format!("creating {} job", kind_with_article(&kind));
         let request = CreateJobRequest {
@@ -46,7 +46,7 @@ impl YotoClient {
         self.create_job(job_spec::Kind::Evaluate(spec)).await
     }
 
-    /// The job `name` as it stands.
+    /// The current state of the job `name`.
     ///
     /// # Errors
     /// [`ClientError::Refused`] when there is none.
@@ -87,7 +87,7 @@ impl YotoClient {
         }
     }
 
-    /// Asks for a job's end. A running one goes on until its worker has heard of it.
+    /// Cancels a job. A running job ends after its worker's next heartbeat.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. when there is no such job.
@@ -103,12 +103,12 @@ impl YotoClient {
             .into_inner())
     }
 
-    /// Follows a job from how it stands now to its end.
+    /// Follows a job from its current state to its end.
     pub fn watch_job(&self, name: &str) -> JobWatch {
         JobWatch::new(self.clone(), name)
     }
 
-    /// Follows a job to its end, showing every change to `on_change`.
+    /// Follows a job to its end, and calls `on_change` with every change.
     ///
     /// # Errors
     /// [`ClientError::JobEnded`] when it failed or was cancelled; otherwise as

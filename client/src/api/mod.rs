@@ -1,9 +1,9 @@
 //! A thin asynchronous client of the `yoto.v1` API.
 //!
-//! One type, [`YotoClient`], over one shared channel; what it can do stands in one file a
-//! noun. It adds only what every caller would otherwise write again: request ids, paging,
+//! One type, [`YotoClient`], over one shared channel, with one file per
+//! resource. It adds only what every caller needs: request ids, paging,
 //! chunked uploads, watch streams that survive a lost connection, and errors that say
-//! which file, frame and field the service objected to.
+//! the file, frame and field at fault.
 
 mod error;
 mod jobs;
@@ -23,10 +23,10 @@ pub use watch::JobWatch;
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
 
-/// Where `yoto serve` listens unless told otherwise.
+/// Default address of `yoto serve`.
 pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
 
-/// Largest answer accepted, bytes: a job that carries thousands of views.
+/// Largest answer, bytes: a job with thousands of views.
 const MAX_MESSAGE: usize = 32 << 20;
 
 /// A connection to a yoto service. Cheap to clone; clones share the connection.
@@ -39,7 +39,7 @@ impl YotoClient {
     /// Connects to `server`, e.g. [`DEFAULT_SERVER`].
     ///
     /// # Errors
-    /// When `server` is no URL or nothing answers there.
+    /// When `server` is not a URL or nothing answers there.
     pub async fn connect(server: &str) -> Result<Self, ClientError> {
         let connect_error = |source| ClientError::Connect {
             server: server.to_owned(),
@@ -53,18 +53,18 @@ impl YotoClient {
         Ok(Self::new(channel))
     }
 
-    /// A client over a channel that stands already, such as the in-memory one of an
-    /// embedded service.
+    /// A client over an existing channel, such as the in-memory channel of an embedded
+    /// service.
     pub fn new(channel: Channel) -> Self {
         Self { channel }
     }
 }
 
-/// The connection to `server`, with keep-alives: a peer that vanished without a word (a sleeping
-/// laptop, a dropped NAT entry) is noticed, and watches can connect anew.
+/// The connection to `server`, with keep-alives, which detect a lost peer (a sleeping laptop, a
+/// dropped NAT entry) so that watches can reconnect.
 ///
 /// # Errors
-/// When `server` is no URL.
+/// When `server` is not a URL.
 pub fn endpoint(server: &str) -> Result<Endpoint, tonic::transport::Error> {
     Ok(Endpoint::from_shared(server.to_owned())?
         .connect_timeout(Duration::from_secs(10))
@@ -73,7 +73,7 @@ pub fn endpoint(server: &str) -> Result<Endpoint, tonic::transport::Error> {
         .keep_alive_while_idle(true))
 }
 
-/// Makes a repeated delivery of a create request harmless.
+/// Makes repeated delivery of a create request harmless.
 fn request_id() -> String {
     uuid::Uuid::new_v4().to_string()
 }

@@ -12,11 +12,11 @@ impl YotoClient {
         ModelServiceClient::new(self.channel.clone())
     }
 
-    /// Makes an untrained model of a quality tier and variant
+    /// Creates an untrained model of a quality tier and variant
     /// (see [`yoto_proto::tiers`]).
     ///
     /// # Errors
-    /// [`ClientError::Refused`], e.g. for a tier nobody knows.
+    /// [`ClientError::Refused`], e.g. for an unknown tier.
     pub async fn create_model(
         &self,
         display_name: &str,
@@ -116,11 +116,11 @@ impl YotoClient {
             .checkpoints)
     }
 
-    /// The measured trade of seconds for fidelity of `checkpoint`
+    /// The measured trade-off of time and fidelity of `checkpoint`
     /// (`models/{id}/checkpoints/{step}`), as JSON.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] when nobody has measured it.
+    /// [`ClientError::Refused`] when it was not measured.
     pub async fn get_tradeoff(&self, checkpoint: &str) -> Result<Vec<u8>, ClientError> {
         let request = GetTradeoffRequest {
             checkpoint: checkpoint.to_owned(),

@@ -1,4 +1,4 @@
-//! Renders: asking for pictures and fetching them, each checked against its SHA-256.
+//! Renders: requests for pictures, and downloads, each checked against its SHA-256.
 
 use super::{ClientError, MAX_MESSAGE, YotoClient, request_id};
 use std::path::{Path, PathBuf};
@@ -46,8 +46,8 @@ impl YotoClient {
     /// Fetches one file of a render job that has succeeded.
     ///
     /// # Errors
-    /// [`ClientError::Refused`]; [`ClientError::Contract`] when what arrived is not what
-    /// the job's result promises.
+    /// [`ClientError::Refused`]; [`ClientError::Contract`] when the content differs
+    /// from the job's result.
     pub async fn download(
         &self,
         job: &str,
@@ -114,7 +114,7 @@ fn render_result(job: &Job) -> Result<&RenderResult, ClientError> {
     }
 }
 
-/// A name that the service gave must not lead out of the folder the user gave.
+/// Checks that a name from the service does not lead out of the user's folder.
 fn plain_name(file: &str) -> Result<&str, ClientError> {
     let plain =
         !file.is_empty() && !file.starts_with('.') && !file.contains(['/', '\\', ':', '\0']);

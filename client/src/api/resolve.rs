@@ -1,14 +1,14 @@
-//! People say "ada"; the API says "subjects/01j…". Here the one becomes the other.
+//! Resolves display names such as "ada" to resource names such as "subjects/01j…".
 
 use super::{ClientError, YotoClient};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Model, Subject, subject};
 
 impl YotoClient {
-    /// The subject that goes by `wanted`: a resource name or a display name.
+    /// The subject called `wanted`: a resource name or a display name.
     ///
     /// # Errors
-    /// [`ClientError::Name`] when none or several do.
+    /// [`ClientError::Name`] when there is none, or more than one.
     pub async fn find_subject(&self, wanted: &str) -> Result<Subject, ClientError> {
         let mut subjects = self.list_subjects().await?;
         subjects.retain(|subject| subject.state() != subject::State::Erased);
@@ -19,10 +19,10 @@ impl YotoClient {
         Ok(subjects.swap_remove(index))
     }
 
-    /// The model that goes by `wanted`: a resource name or a display name.
+    /// The model called `wanted`: a resource name or a display name.
     ///
     /// # Errors
-    /// [`ClientError::Name`] when none or several do.
+    /// [`ClientError::Name`] when there is none, or more than one.
     pub async fn find_model(&self, wanted: &str) -> Result<Model, ClientError> {
         let mut models = self.list_models().await?;
         let names = models
@@ -33,10 +33,10 @@ impl YotoClient {
     }
 }
 
-/// Which of the (resource name, display name) pairs goes by `wanted`.
+/// The pair of (resource name, display name) that matches `wanted`.
 ///
 /// # Errors
-/// [`ClientError::Name`], listing what there is, or the resource names that compete.
+/// [`ClientError::Name`], with all known names, or with all matching resource names.
 pub fn pick_name<'a>(
     collection: Collection,
     wanted: &str,

@@ -1,4 +1,4 @@
-//! Subjects: the people a service knows.
+//! Subjects: the people of a service.
 
 use super::{ClientError, YotoClient, request_id};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
@@ -75,7 +75,7 @@ impl YotoClient {
         }
     }
 
-    /// The capture `name`, with what an ingest job found wrong with it.
+    /// The capture `name`, with the violations found by its ingest job.
     ///
     /// # Errors
     /// [`ClientError::Refused`] when there is none.

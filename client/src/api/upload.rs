@@ -1,4 +1,4 @@
-//! Sending a capture: files become one stream of headers and chunks.
+//! Uploads of captures: files as one stream of headers and chunks.
 
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
@@ -9,10 +9,10 @@ use tokio_stream::wrappers::ReceiverStream;
 use yoto_proto::v1::upload_capture_request::Part;
 use yoto_proto::v1::{CaptureHeader, FileHeader, UploadCaptureRequest, UploadCaptureResponse};
 
-/// Bytes of one chunk: far below any message limit, large enough to cost no time.
+/// Bytes of one chunk: far below any message limit, large enough for full speed.
 const CHUNK: usize = 256 << 10;
 
-/// Where a file's content comes from.
+/// Source of a file's content.
 #[derive(Debug, Clone)]
 pub enum FileSource {
     /// Read from disk while it is sent.
@@ -31,11 +31,11 @@ pub struct UploadFile {
 }
 
 impl YotoClient {
-    /// Uploads one capture of `subject` and starts its ingest job. `on_bytes` hears of
-    /// each chunk's size once it is on its way.
+    /// Uploads one capture of `subject` and starts its ingest job. `on_bytes` receives
+    /// each chunk's size once it is sent.
     ///
     /// Files are sent in the order given: the pose track belongs last, so that an upload
-    /// that breaks off can't be mistaken for a whole one.
+    /// that ends early can't be mistaken for a complete one.
     ///
     /// # Errors
     /// [`ClientError::File`] when a file can't be read; [`ClientError::Refused`].
@@ -61,7 +61,7 @@ impl YotoClient {
 
 type Parts = mpsc::Sender<UploadCaptureRequest>;
 
-/// Sends all parts; returns early when the call has ended, whose answer tells why.
+/// Sends all parts; returns early when the call has ended, since its answer has the reason.
 async fn feed(
     parts: Parts,
     subject: &str,

@@ -1,14 +1,13 @@
-//! Following a job over a stream that may break.
+//! Watches of jobs over streams that may break.
 //!
-//! A coordinator that restarts, or a network that drops a connection, must not look like
-//! a failed job: the watch opens the stream again after the last sequence number it saw.
+//! A restarted coordinator, or a lost connection, must not look like a failed job: the watch opens the stream again after the last sequence number it saw.
 
 use super::{ClientError, YotoClient};
 use std::time::{Duration, Instant};
 use tonic::{Code, Status, Streaming};
 use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
 
-/// How long reconnecting is tried before the watch gives up.
+/// Time limit of reconnection attempts.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
@@ -37,7 +36,7 @@ impl JobWatch {
     /// The next change; `None` after the job's terminal state.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] when the service refuses the watch, or stays out of reach
+    /// [`ClientError::Refused`] when the service refuses the watch, or can't be reached
     /// for a minute.
     pub async fn next(&mut self) -> Result<Option<Job>, ClientError> {
         if self.ended {
@@ -88,7 +87,7 @@ impl JobWatch {
     }
 }
 
-/// Whether a job in `state` changes no more.
+/// Whether `state` is terminal.
 fn is_terminal(state: job::State) -> bool {
     matches!(
         state,

@@ -1,7 +1,7 @@
-//! Checking a capture before it is uploaded, and showing what was found.
+//! Checks a capture before the upload, and shows the findings.
 //!
-//! Its files are found as for an upload and read as an ingest job reads them, videos, archives
-//! and all, so that both come to the same report.
+//! Files are found as for an upload and read as in an ingest job, including videos and archives,
+//! so that both give the same report.
 
 mod canvas;
 mod sheet;
@@ -22,7 +22,7 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// A checked capture.
 pub struct Checked {
-    /// What was found.
+    /// The findings.
     pub report: Report,
     name: String,
     asked: Correction,
@@ -42,7 +42,7 @@ pub fn check(
     let found = CaptureDir::open_with(path, options)?;
     let name = path.file_name().unwrap_or(path.as_os_str());
     let name = name.to_string_lossy().into_owned();
-    // The plan, and the track, are in memory; what reads the files wants them on disk.
+    // The plan and the track are in memory, but the reader needs them on disk.
     let written = tempfile::tempdir().context("making a temporary folder")?;
     let mut files = BTreeMap::new();
     for (number, file) in found.files.into_iter().enumerate() {
@@ -84,7 +84,7 @@ impl Checked {
         measures.filter(|it| fails(it.grade)).count()
     }
 
-    /// The frames that count, as the check read them.
+    /// The selected frames, as read by the check.
     fn track(&self) -> &PoseTrack {
         self.capture.track()
     }
@@ -101,7 +101,7 @@ impl Checked {
         Ok(frames)
     }
 
-    /// What was found, for a terminal.
+    /// The findings, as text for a terminal.
     pub fn text(&self) -> String {
         let report = &self.report;
         let mut text = format!(
@@ -126,10 +126,10 @@ impl Checked {
             }
         }
         if !report.causes.is_empty() && !self.asked.is_identity() {
-            text += &format!("what follows comes on top of `{}`\n", self.asked);
+            text += &format!("the following is in addition to `{}`\n", self.asked);
         }
         for cause in &report.causes {
-            text += &format!("likeliest cause: {}\n", cause.sentence());
+            text += &format!("most likely cause: {}\n", cause.sentence());
         }
         text
     }

@@ -1,5 +1,5 @@
-//! The picture sheet of a check: frames with the skeleton on them, as given and as the
-//! likeliest correction has it, above everything that was measured.
+//! The picture sheet of a check: frames with the skeleton, as given and under the most likely
+//! correction, above all measures.
 
 use super::canvas::{Colour, disc, fill, line};
 use super::tiles::{self, CAPTION, SIDE};
@@ -60,7 +60,7 @@ impl Checked {
             text::write(&mut page, GAP, y, SCALE, ink, &heading);
             y += LINE;
             for (column, tile) in (0..).zip(row) {
-                // Rows hold COLUMNS tiles at most, and the page was measured by their sizes.
+                // Rows hold at most COLUMNS tiles, and the page size is derived from theirs.
                 page.copy_from(&tile, GAP + column * (SIDE + GAP), y)?;
             }
             y += SIDE + CAPTION + GAP;
@@ -75,7 +75,7 @@ impl Checked {
         Ok(page)
     }
 
-    /// The track under the first correction that was found, and the options that ask for it.
+    /// The track under the first correction found, and the options for it.
     fn mended(&self) -> Option<(PoseTrack, Vec<u32>, String)> {
         let causes = self.report.causes.iter();
         let (cause, correction) = causes
@@ -106,7 +106,7 @@ impl Checked {
         let positions: Vec<usize> = (0..shown)
             .map(|i| (2 * i + 1) * count / (2 * shown))
             .collect();
-        // For each position the mended track's, and where its mask stands here.
+        // For each position of the corrected track, its mask's position here.
         let position_of = |index: u32| frames.binary_search_by_key(&index, |it| it.index).ok();
         let mended_at = |position: usize| {
             let (track, masks, _) = mended?;
@@ -167,7 +167,7 @@ impl Checked {
             lines.extend(wrapped(
                 0,
                 colour(Grade::Fail),
-                &format!("Likeliest: {}", cause.sentence()),
+                &format!("Most likely: {}", cause.sentence()),
             ));
         }
         for it in &self.report.measures {
@@ -205,7 +205,7 @@ impl Checked {
         lines
     }
 
-    /// From where the body is seen: a ring of 12 directions around it, its front below.
+    /// View coverage: a ring of 12 directions around the body, its front below.
     fn headings(&self, page: &mut RgbImage, x: u32, y: u32) {
         let most = self
             .report
@@ -233,7 +233,7 @@ impl Checked {
         disc(page, centre, 6.0, INK);
     }
 
-    /// The gain in overlap for masks of so many frames later.
+    /// The gain in overlap for masks of later frames.
     fn timing(&self, page: &mut RgbImage, x: u32, y: u32) {
         let shifts = &self.report.mask_shifts;
         text::write(page, x, y, SCALE, INK, "mask shift");
@@ -243,7 +243,7 @@ impl Checked {
             .fold(1e-6, f64::max);
         let best = shifts.iter().map(|(_, gain)| *gain).fold(0.0, f64::max);
         for (i, (shift, gain)) in (0..).zip(shifts) {
-            // The best is highest; what overlaps less hangs lower.
+            // The largest overlap is highest.
             let below = (best - gain) / (most + best);
             let height = 4 + ((1.0 - below) * 70.0) as u32;
             let ink = if *shift == 0 { INK } else { FAINT };
@@ -255,7 +255,7 @@ impl Checked {
     }
 }
 
-/// What the colours of lines mean.
+/// Legend of the lines' colours.
 fn legend(page: &mut RgbImage, x: u32, y: u32) {
     let entries = [
         (tiles::OUTLINE, "mask"),

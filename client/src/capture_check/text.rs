@@ -1,4 +1,4 @@
-//! Letters on a picture: an 8x8 bitmap font, so that no font file has to be found.
+//! Letters on a picture: an 8x8 bitmap font, so that no font file is needed.
 
 use super::canvas::{Colour, fill};
 use font8x8::{BASIC_FONTS, LATIN_FONTS, UnicodeFonts};
@@ -7,7 +7,7 @@ use image::RgbImage;
 /// Pixels of a letter's side at scale 1.
 pub(super) const LETTER: u32 = 8;
 
-/// Writes one line with its top left corner at `x`, `y`; `scale` pixels a dot.
+/// Writes one line with its top left corner at `x`, `y`; `scale` pixels per dot.
 pub(super) fn write(
     picture: &mut RgbImage,
     x: u32,

@@ -29,8 +29,8 @@ struct Window {
 }
 
 impl Window {
-    /// A square around the mask and, where the joints are near it, the joints; the whole
-    /// image when they are far, as then the way between them is what one wants to see.
+    /// A square around the mask and the joints near it, or the whole image if they are far apart,
+    /// to show both.
     fn of(frame: &FrameImage, drawing: &Drawing) -> Self {
         let (width, height) = (frame.width as f64, frame.height as f64);
         let whole = Self {
@@ -91,7 +91,7 @@ pub(super) fn tile(frame: &FrameImage, drawing: &Drawing, index: u32) -> RgbImag
     for y in 0..SIDE {
         for x in 0..SIDE {
             let Some(at) = source(x, y) else { continue };
-            // Lifted, so that dark clothes stand out from the black around them.
+            // Brightened, so that dark clothes are visible on black.
             let lift = |value: u8| (40 + u32::from(value) * 200 / 255) as u8;
             let pixel = [0, 1, 2].map(|c| lift(frame.rgb[3 * at + c]));
             picture.put_pixel(x, y, Rgb(pixel));

@@ -1,4 +1,4 @@
-//! What a capture's folder holds, by the names it is uploaded under.
+//! The files of a capture's folder, by their names in the upload.
 
 use crate::api::ClientError;
 use std::collections::BTreeMap;
@@ -8,9 +8,9 @@ use yoto_proto::media_plan::{
 };
 use yoto_proto::pose_track::violation;
 
-/// Where a capture's media may stand, below its folder.
+/// Possible folders of a capture's media, below its own folder.
 const BELOW: [&str; 2] = ["train", ""];
-/// Folders that are looked into.
+/// Folders to list.
 const FOLDERS: [&str; 2] = ["frames", "masks"];
 
 /// Files at the top, and pictures by folder and frame.
@@ -19,13 +19,13 @@ pub(super) struct Listing {
     root: PathBuf,
     top: BTreeMap<String, PathBuf>,
     pictures: BTreeMap<(String, u32), PathBuf>,
-    /// What stands for a source: files, and the first picture of each folder.
+    /// One entry per source: files, and the first picture of each folder.
     sources: Vec<String>,
 }
 
 impl Listing {
-    /// Looks into `dir`, or its `train/` where the media stand there, and there into the usual
-    /// folders and those called `named`.
+    /// Lists `dir`, or its `train/` if the media are there: the default folders and those called
+    /// `named`.
     pub(super) fn of(dir: &Path, named: &[&str]) -> Result<Self, ClientError> {
         let root = BELOW
             .map(|below| dir.join(below))
@@ -68,7 +68,7 @@ impl Listing {
         }
         self.sources.push(format!("{folder}/"));
         if let Some(name) = nameless(&path)? {
-            let message = "the name of this file is no text (UTF-8): its frame can't be told";
+            let message = "the name of this file is not text (UTF-8), so its frame is unknown";
             return Err(ClientError::BadCapture {
                 place: dir.display().to_string(),
                 violations: vec![violation(
@@ -96,17 +96,17 @@ impl Listing {
         Ok(())
     }
 
-    /// Where the media stand.
+    /// Folder of the media.
     pub(super) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// Names that tell the sources.
+    /// Names that identify the sources.
     pub(super) fn sources(&self) -> impl Iterator<Item = &str> + Clone {
         self.sources.iter().map(String::as_str)
     }
 
-    /// The video that stands for the frames.
+    /// The video used as frames.
     pub(super) fn video(&self) -> Option<String> {
         let fits = |name: &&String| name.starts_with("video.") && has_ending(name, &VIDEO_ENDINGS);
         self.top.keys().find(fits).cloned()
@@ -117,7 +117,7 @@ impl Listing {
         self.sources().any(|name| name == "frames/")
     }
 
-    /// The archive that becomes `folder`, unless the folder is there itself.
+    /// The archive that unpacks to `folder`, unless the folder exists.
     pub(super) fn archive_of(&self, folder: &str) -> Option<(String, PathBuf)> {
         if self.root.join(folder).is_dir() {
             return None;
@@ -131,8 +131,8 @@ impl Listing {
         Some((name.to_owned(), self.top.get(name)?.clone()))
     }
 
-    /// The picture of a frame, under the name that it is uploaded by: names on this disk may
-    /// hold anything.
+    /// The picture of a frame, with its name in the upload, since names on this disk are
+    /// arbitrary.
     pub(super) fn picture(&self, folder: &str, index: u32) -> Option<(String, PathBuf)> {
         let path = self.pictures.get(&(folder.to_owned(), index))?;
         let ending = path.extension()?.to_str()?.to_lowercase();
@@ -152,7 +152,7 @@ fn holds_images(root: &Path) -> bool {
             .any(|(name, _)| name.starts_with("frames.") || name.starts_with("video."))
 }
 
-/// A file of the folder whose name is no text, as far as it can be shown.
+/// A lossy form of a file name that is not text.
 fn nameless(folder: &Path) -> Result<Option<String>, ClientError> {
     let failed = |error| ClientError::file("reading", folder)(error);
     for entry in std::fs::read_dir(folder).map_err(failed)? {

@@ -1,20 +1,20 @@
 //! A capture as a folder or archive on disk, ready to be uploaded.
 //!
-//! The pose track is read as the plan says and checked, and every picture it names is looked
-//! for, before a byte is sent: a wrong unit should cost its author a second, not an upload.
-//! Pictures are not looked into, that is the ingest job's work. Files go up as they are, with
-//! the plan beside them: the job corrects the track by the same function.
+//! Before the upload, the pose track is read according to the plan and checked, and its pictures
+//! must exist: a wrong unit should cost a second, not an upload. Pictures are not decoded, which is
+//! the ingest job's task. Files are uploaded unchanged, with the plan: the job corrects the track
+//! with the same function.
 //!
 //! `yoto_capture::CaptureFolder` reads folders of pictures, too, and decodes them; it
 //! comes with the whole model. A client without the feature `embedded` only uploads and is
-//! built without a tensor library, so this small reader stands beside it. A test holds the two
-//! to the same files.
+//! built without a tensor library, so it needs this small reader. A test checks that both read
+//! the same files.
 //!
 //! ```text
 //! DIR/poses.json            or poses.pb (protocol buffers)
 //! DIR/frames/000000.png …   or video.mp4, frames.zip, frames.tar   each also below train/
 //! DIR/masks/000000.png …    or masks.mp4, masks.zip, masks.tar, background.png
-//! DIR/media.json            how to read them, where names don't tell
+//! DIR/media.json            how to read them, where names are not enough
 //! ```
 
 mod listing;
@@ -37,21 +37,21 @@ const MAX_MISSING: usize = 20;
 /// A checked capture.
 #[derive(Debug)]
 pub struct CaptureDir {
-    /// Who stands how in each frame that counts, corrected, and where its mask is; none for an
-    /// archive, which is not looked into.
+    /// The selected frames, corrected, with their masks; none for an archive, which is not
+    /// unpacked.
     pub planned: Option<Planned>,
-    /// How the service is to read it.
+    /// The plan for the service.
     pub plan: MediaPlan,
     /// Everything to upload, the pose track last.
     pub files: Vec<UploadFile>,
     /// Size of all files together.
     pub bytes: u64,
-    /// What will be read, for people.
+    /// A summary of what will be read, for people.
     pub notes: Vec<String>,
 }
 
 impl CaptureDir {
-    /// Opens the capture at `path`, a folder or an archive, to be read as names tell.
+    /// Opens the capture at `path`, a folder or an archive, with the sources that its names give.
     ///
     /// # Errors
     /// As [`CaptureDir::open_with`].
@@ -59,11 +59,11 @@ impl CaptureDir {
         Self::open_with(path, &CaptureOptions::default())
     }
 
-    /// Opens the capture at `path` to be read as `options` say.
+    /// Opens the capture at `path`, with `options`.
     ///
     /// # Errors
     /// [`ClientError::File`] when a file can't be read; [`ClientError::BadCapture`] with
-    /// everything that is wrong with the pose track or missing.
+    /// all faults of the pose track and all missing files.
     pub fn open_with(path: &Path, options: &CaptureOptions) -> Result<Self, ClientError> {
         if path.is_file() {
             archive(path, options)
@@ -72,7 +72,7 @@ impl CaptureDir {
         }
     }
 
-    /// How many frames the pose track has; 0 for an archive.
+    /// Number of frames of the pose track; 0 for an archive.
     pub fn frames(&self) -> usize {
         let planned = self.planned.as_ref();
         planned.map_or(0, |it| it.track.frames.len())
@@ -208,7 +208,7 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
     })
 }
 
-/// Folders that the plan names.
+/// Folders named in the plan.
 fn folders_of(plan: &MediaPlan) -> Vec<&str> {
     let masks = match &plan.masks {
         Some(MaskSource::Pictures(path)) => Some(path.as_str()),
@@ -245,12 +245,12 @@ fn read_plan(dir: &Path) -> Result<MediaPlan, ClientError> {
     })
 }
 
-/// Appends the plan where it says anything; its bytes.
+/// Appends the plan unless it is empty; returns its bytes.
 fn push_plan(files: &mut Vec<UploadFile>, plan: &MediaPlan) -> u64 {
     if *plan == MediaPlan::default() {
         return 0;
     }
-    // A plan consists of numbers and names, which JSON always holds.
+    // A plan consists of numbers and names, which JSON can always represent.
     let json = serde_json::to_vec(plan).unwrap_or_default();
     let bytes = json.len() as u64;
     files.push(UploadFile {
@@ -260,7 +260,7 @@ fn push_plan(files: &mut Vec<UploadFile>, plan: &MediaPlan) -> u64 {
     bytes
 }
 
-/// Pictures or a video, where the folder has both and the plan leaves it open.
+/// Pictures or a video, if the folder has both and the plan does not decide.
 fn choose_images(
     listing: &Listing,
     prefer: Option<Prefer>,

@@ -1,11 +1,11 @@
-//! What a caller may say of a capture beyond what its files' names tell.
+//! Options of a caller for reading a capture, besides its file names.
 
 use yoto_proto::correction::Correction;
 use yoto_proto::media_plan::{
     BackgroundSetting, MaskKind, MaskSource, MediaPlan, Selection, Timing,
 };
 
-/// Which images to take where a capture has both.
+/// Images to use if a capture has both.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Prefer {
     /// The pictures in `frames/`.
@@ -14,28 +14,28 @@ pub enum Prefer {
     Video,
 }
 
-/// How to read a capture. What is left as it is by default, the capture's own `media.json`
-/// says.
+/// Options for reading a capture. Defaults leave the decision to the capture's own
+/// `media.json`.
 #[derive(Debug, Clone, Default)]
 pub struct CaptureOptions {
     /// Pictures or video.
     pub prefer: Option<Prefer>,
-    /// What says where the person is.
+    /// Source of the masks.
     pub masks: Option<MaskSource>,
-    /// What mask pictures mean.
+    /// Meaning of mask pictures.
     pub mask_kind: MaskKind,
-    /// What stands around the person.
+    /// Background of the person.
     pub background: BackgroundSetting,
-    /// How pose frames find their frame of a video.
+    /// Match of pose frames to frames of a video.
     pub timing: Timing,
-    /// Which frames to take.
+    /// Selected frames.
     pub selection: Selection,
-    /// How the pose track's numbers are to be read.
+    /// Correction of the pose track's numbers.
     pub correction: Correction,
 }
 
 impl CaptureOptions {
-    /// The same as a plan; which images go before others depends on what the capture has.
+    /// The options as a plan; the images in use depend on the capture's files.
     pub(super) fn plan(&self) -> MediaPlan {
         MediaPlan {
             images: None,

@@ -1,4 +1,4 @@
-//! What is uploaded of a capture, and what is refused before.
+//! The uploaded files of a capture, and faults found before the upload.
 
 use super::*;
 use yoto_proto::correction::Unit;

@@ -1,4 +1,4 @@
-//! `yoto ablation`: what each part of the model gives, on one's own captures.
+//! `yoto ablation`: the effect of each part of the model, on given captures.
 
 use super::model::tier_help;
 use super::paper_table::{Row, paper_table};
@@ -203,7 +203,7 @@ fn text(ablation: &Ablation) -> String {
     lines.join("\n")
 }
 
-/// What the full model has over the one without a part.
+/// Gain of the full model over the model without a part.
 fn gain(ablation: &Ablation, part: &str, without: &str) -> Option<String> {
     let of = |variant: &str| ablation.variants.iter().find(|it| it.variant == variant);
     let (full, less) = (of("yoto")?.mean, of(without)?.mean);

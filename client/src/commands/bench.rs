@@ -1,4 +1,4 @@
-//! `yoto bench`: how long a step of training takes on this machine, and where the time goes.
+//! `yoto bench`: the time of a training step on this machine, stage by stage.
 
 use super::model::tier_help;
 use super::table;
@@ -9,8 +9,8 @@ use yoto_avatar::config::Setting;
 use yoto_lab::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 
 const AFTER_HELP: &str = "\
-Trains on made-up people, so that the same measurement can be run anywhere, with every part of
-the model at work. Run it on a machine with nothing else to do.
+Trains on synthetic people, so that the same measurement can be run anywhere, with every part of
+the model active. Run it on an otherwise idle machine.
 
 Examples:
   yoto bench --paper-step --json step.json
@@ -21,21 +21,21 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Bench {
-    /// The paper's sizes: 6144 rays of 128 samples, in the forms that --form names.
+    /// The paper's sizes: 6144 rays of 128 samples, in the forms of --form.
     #[arg(long, conflicts_with = "step", required_unless_present = "step")]
     paper_step: bool,
-    /// What of the paper's step is computed: exact (all samples, all gradients), tuned (samples
+    /// Form of the paper's step: exact (all samples, all gradients), tuned (samples
     /// with a likelihood from 1e-3, all their gradients) or lean (as the tier paper-lean); may be
-    /// given again [default: all three].
+    /// repeated [default: all three].
     #[arg(long, value_name = "FORM", requires = "paper_step")]
     form: Vec<StepForm>,
-    /// Quality tier whose step is timed.
+    /// Quality tier of the timed step.
     #[arg(long, value_name = "TIER", value_parser = table::tier, long_help = tier_help())]
     step: Option<String>,
-    /// Steps that are timed.
+    /// Timed steps.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u64).range(1..=100_000))]
     steps: u64,
-    /// Steps taken before the clock starts.
+    /// Steps before the measurement.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u64).range(0..=1_000_000))]
     settle: u64,
     /// People in the model.
@@ -44,16 +44,16 @@ pub(super) struct Bench {
     /// Side of their pictures, pixels.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = value_parser!(u32).range(16..=4096))]
     size: u32,
-    /// Seed of everything random.
+    /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Time a rendered frame of the same size, too.
+    /// Also time a rendered frame of the same size.
     #[arg(long)]
     frame: bool,
-    /// Measure f32 alone, not networks with bf16 factors as well.
+    /// Measure f32 only, without networks with bf16 factors.
     #[arg(long)]
     f32_only: bool,
-    /// Another value of one of the tier's settings, as march.epsilon=1e-3; may be given again.
+    /// Another value for a setting of the tier, such as march.epsilon=1e-3; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<Setting>,
     /// Also write the figures as JSON.
@@ -97,7 +97,7 @@ impl Bench {
     }
 }
 
-/// A line per form of the paper's step; nothing for other steps.
+/// One line per form of the paper's step; nothing for other steps.
 fn rows(reports: &[BenchReport]) -> String {
     let mut text = String::new();
     let forms = reports.iter().filter_map(|it| Some((it.form?, it)));
@@ -138,7 +138,7 @@ fn shown(report: &BenchReport) -> String {
 }
 
 fn lines(precision: &str, times: &StepTimes) -> String {
-    let mut text = format!("{precision}: {:.3} s a step\n", times.step_seconds);
+    let mut text = format!("{precision}: {:.3} s per step\n", times.step_seconds);
     let parts = times.stages.iter().chain(&times.operations);
     for (name, seconds) in parts {
         let inside = times.operations.contains_key(name);

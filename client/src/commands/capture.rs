@@ -10,10 +10,10 @@ use image::ImageFormat;
 use std::path::PathBuf;
 
 const CHECK_HELP: &str = "\
-Projects the skeleton onto the frames, measures how bodies, masks and images agree, and tries
-the common mistakes (extrinsics the wrong way round, other units, left for right, K of another
-resolution, masks of other frames, other axes). Writes report.json and sheet.png; the exit
-status is 1 when anything fails.
+Projects the skeleton onto the frames, measures how well bodies, masks and images agree, and
+tries the common mistakes (inverted extrinsics, other units, exchanged left and right, K of
+another resolution, masks of other frames, other axes). Writes report.json and sheet.png; the
+exit status is 1 if any measure fails.
 
 Examples:
   yoto capture check captures/ada
@@ -21,7 +21,7 @@ Examples:
   yoto capture check captures/ada --frames video
   yoto capture check captures/ada --extrinsics c2w --units camera=mm";
 
-/// Look at captures before they are uploaded.
+/// Check captures before an upload.
 #[derive(Debug, Args)]
 pub(super) struct CaptureCommand {
     #[command(subcommand)]
@@ -39,7 +39,7 @@ enum Action {
 struct Check {
     /// The capture: a folder or an archive.
     capture: PathBuf,
-    /// Where report.json and sheet.png go.
+    /// Folder for report.json and sheet.png.
     #[arg(long, value_name = "DIR", default_value = "check")]
     out: PathBuf,
     #[command(flatten)]

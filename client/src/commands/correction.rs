@@ -1,32 +1,32 @@
-//! Options that read a capture's numbers another way than its files mean them.
+//! Options for the conventions of a capture's numbers.
 
 use clap::{Args, ValueEnum};
 use std::str::FromStr;
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror, Unit, Units};
 
-/// How the capture's numbers are to be read; `yoto capture check` says when to use which.
+/// Conventions of the capture's numbers; `yoto capture check` finds the options that are needed.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Reading the capture's numbers")]
 pub(super) struct CorrectionArgs {
-    /// Which way the extrinsics go: world to camera, or camera to world.
+    /// Direction of the extrinsics: world to camera, or camera to world.
     #[arg(long, value_enum, default_value = "w2c")]
     extrinsics: ExtrinsicsArg,
     /// Axes of the cameras: x right, y down, z forward (opencv); x right, y up, z back (opengl).
     #[arg(long, value_enum, default_value = "opencv")]
     camera_axes: CameraAxesArg,
-    /// Unit of lengths, m, cm or mm; or of some: camera, root, skeleton, as in camera=mm,root=cm.
+    /// Unit of lengths: m, cm or mm; or separately for camera, root and skeleton: camera=mm,root=cm.
     #[arg(long, value_name = "UNIT", default_value = "m", value_parser = units)]
     units: Units,
     /// Turn all bodies about the world's x axis, degrees (-90: z-up poses, y-up cameras).
     #[arg(long, value_name = "DEG", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     turn_bodies: f64,
-    /// Mirror left for right: poses, their limbs only, left and right labels, or the images.
+    /// Exchange left and right: of poses, of their limbs only, of labels, or of the images.
     #[arg(long, value_enum, value_name = "WHAT", num_args = 0..=1, default_value = "none", default_missing_value = "poses")]
     mirror: MirrorArg,
-    /// Factor on K, for intrinsics of images of another size.
+    /// Factor on K, for intrinsics for another image size.
     #[arg(long, value_name = "S", default_value = "1", value_parser = scale)]
     k_scale: f64,
-    /// Give each frame the mask that stands N frames later (earlier when negative).
+    /// Use the mask of N frames later for each frame (earlier if negative).
     #[arg(
         long,
         value_name = "N",
@@ -34,7 +34,7 @@ pub(super) struct CorrectionArgs {
         allow_negative_numbers = true
     )]
     mask_shift: i32,
-    /// Give each frame the pose that stands N frames later (earlier when negative).
+    /// Use the pose of N frames later for each frame (earlier if negative).
     #[arg(
         long,
         value_name = "N",
@@ -66,7 +66,7 @@ enum MirrorArg {
 }
 
 impl CorrectionArgs {
-    /// What the options ask for.
+    /// The correction of the options.
     pub(super) fn correction(&self) -> Correction {
         Correction {
             extrinsics: match self.extrinsics {
@@ -112,7 +112,7 @@ fn units(text: &str) -> Result<Units, String> {
             "camera" => &mut units.camera,
             "root" => &mut units.root,
             "skeleton" => &mut units.skeleton,
-            other => return Err(format!("'{other}' is none of camera, root, skeleton")),
+            other => return Err(format!("'{other}' is not one of camera, root, skeleton")),
         };
         *place = unit(symbol)?;
     }

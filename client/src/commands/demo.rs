@@ -1,4 +1,4 @@
-//! `yoto demo`: everything at work in one command.
+//! `yoto demo`: the whole service in one command.
 
 use super::table;
 use crate::demo::{DemoOptions, run};
@@ -6,10 +6,10 @@ use clap::Args;
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
-What it does, as a client of a service that it starts in its own process:
-  1. makes people, films each with one camera, and uploads the captures;
+Steps, as a client of a service in its own process:
+  1. generates people, records each with one camera, and uploads the captures;
   2. trains one shared model on all of them;
-  3. renders each from cameras and in poses never trained on, an orbit around each, and
+  3. renders each from held-out cameras and in held-out poses, an orbit around each, and
      the first person's motion on the second person's body;
   4. compares the renders with the truth.
 
@@ -19,14 +19,14 @@ Examples:
   yoto demo
   yoto demo --subjects 2 --seconds 60 --out out/quick";
 
-/// Make people, train one model of them, render them: the whole of yoto in minutes.
+/// Generate people, train one model of them, render them: all of yoto in minutes.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Demo {
-    /// Folder for everything the demo makes.
+    /// Folder for the demo's output.
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
-    /// How many people share the model.
+    /// Number of people in the model.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=16))]
     subjects: u32,
     /// Side of the pictures, pixels.
@@ -35,7 +35,7 @@ pub(super) struct Demo {
     /// Seconds of training.
     #[arg(long, value_name = "S", default_value = "150", value_parser = table::seconds)]
     seconds: f64,
-    /// Seed of everything random.
+    /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
     #[command(flatten)]

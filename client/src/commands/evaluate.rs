@@ -1,4 +1,4 @@
-//! `yoto evaluate`: how close a trained model comes to pictures it never saw.
+//! `yoto evaluate`: quality of a trained model on held-out pictures.
 
 use super::Server;
 use super::scores::scores_table;
@@ -12,16 +12,15 @@ use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateResult, EvaluateSpec, Scores, job_result};
 
 const AFTER_HELP: &str = "\
-With a model's name the service measures, on frames of its people's captures that training
-leaves out: unseen poses, from the camera that was trained on. With --model-dir this process
-measures, on a capture folder's eval/ (other cameras) and eval_pose/ (other poses), as
-`yoto quality --help` lays them out.
+With a model's name, the service measures on held-out frames of its people's captures: unseen
+poses from the training camera. With --model-dir, this process measures on a capture folder's
+eval/ (other cameras) and eval_pose/ (other poses); `yoto quality --help` shows the layout.
 
 Examples:
   yoto evaluate duo --table
   yoto evaluate --model-dir out/models/yoto --capture data/ada --capture data/bob --table";
 
-/// Measure a trained model on pictures that training never saw.
+/// Measure a trained model on held-out pictures.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Evaluate {
@@ -32,17 +31,17 @@ pub(super) struct Evaluate {
     )]
     #[cfg_attr(not(feature = "embedded"), arg(required = true))]
     model: Option<String>,
-    /// Whom to measure, by name, separated by commas [default: everybody in the model].
+    /// People to measure, by name, separated by commas [default: all people in the model].
     #[arg(long, value_delimiter = ',', value_name = "A,B,…", requires = "model")]
     #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
     subjects: Vec<String>,
-    /// Which pictures are compared, and how.
+    /// Pictures to compare, and the method.
     #[arg(long, default_value = HELD_OUT, value_parser = table::protocol, long_help = protocol_help())]
     protocol: String,
-    /// Longest side that pictures are compared at, pixels; 0 keeps the captures' own.
+    /// Longest side of compared pictures, pixels; 0 keeps the captures' size.
     #[arg(long, value_name = "PX", default_value_t = 0, value_parser = size)]
     size: u32,
-    /// Folder of a trained model (weights and state), measured in this process.
+    /// Folder of a trained model (weights and state) to measure in this process.
     #[cfg(feature = "embedded")]
     #[arg(long, value_name = "DIR", requires = "captures")]
     model_dir: Option<PathBuf>,
@@ -59,7 +58,7 @@ pub(super) struct Evaluate {
         conflicts_with = "model"
     )]
     pictures: Option<std::num::NonZeroUsize>,
-    /// Also print the paper's table with these figures in it.
+    /// Also print the paper's table with these figures.
     #[cfg(feature = "embedded")]
     #[arg(long)]
     table: bool,
@@ -72,12 +71,12 @@ pub(super) struct Evaluate {
 
 fn protocol_help() -> String {
     format!(
-        "Which pictures are compared, and how.{}",
+        "Pictures to compare, and the method.{}",
         table::explained(PROTOCOLS)
     )
 }
 
-/// Parses a size at which SSIM can be measured, or 0.
+/// Parses a size large enough for SSIM, or 0.
 fn size(text: &str) -> Result<u32, String> {
     match text.parse::<u32>() {
         Ok(size @ (0 | 16..=4096)) => Ok(size),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
 Files of each format, with their units, are described in docs/formats.md. Shape parameters become
-rest joints through your own copy of SMPL's body model, which this project may not bring along.
+rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
 Examples:
   yoto import --from zju CoreView_377 --smpl SMPL_NEUTRAL.npz --frames 0..570 --out captures/377
@@ -18,7 +18,7 @@ Examples:
       --frames 0..200:2 --out captures/ada
   yoto import --from folder captures/ada --binary --out captures/ada-pb";
 
-/// Turn a capture of another program into a capture folder.
+/// Convert a capture of another program to a capture folder.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Import {
@@ -28,20 +28,20 @@ pub(super) struct Import {
     /// Folder to write: pose track, frames, masks.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Which program wrote the capture.
+    /// Format of the capture.
     #[arg(long, value_name = "FORMAT")]
     from: Format,
     /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
     #[arg(long)]
     binary: bool,
-    /// Which frames to take, by position, e.g. 0..570:2 [default: all].
+    /// Frames to import, by position, e.g. 0..570:2 [default: all].
     #[arg(long = "frames", value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     #[command(flatten)]
     what: ImportOptions,
 }
 
-/// What an importer can't find in the files.
+/// Inputs that an importer can't find in the files.
 #[derive(Debug, Args)]
 pub(super) struct ImportOptions {
     /// Your copy of SMPL's body model (.npz or .pkl), for rest joints.
@@ -50,21 +50,21 @@ pub(super) struct ImportOptions {
     /// The 24 rest joints themselves (JSON or pickle), in place of a body model.
     #[arg(long, value_name = "FILE")]
     rest_joints: Option<PathBuf>,
-    /// Which camera of a rig, counted from 0 [default: 0].
+    /// Camera of a rig, counted from 0 [default: 0].
     #[arg(long, value_name = "N")]
     view: Option<usize>,
-    /// Which file of poses, inside the capture, where it has several.
+    /// File of poses inside the capture, if it has several.
     #[arg(long, value_name = "FILE")]
     poses: Option<PathBuf>,
-    /// Frames a second, where no file says.
+    /// Frames per second, if no file has it.
     #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
 }
 
 impl ImportOptions {
-    /// Whether anything was said.
+    /// Whether any option was given.
     pub(super) fn any(&self) -> bool {
-        // A body model may stand in the environment for all commands.
+        // A body model may come from the environment, for all commands.
         self.rest_joints.is_some()
             || self.view.is_some()
             || self.poses.is_some()
@@ -72,7 +72,7 @@ impl ImportOptions {
     }
 
     /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
-    /// saying how it gets on.
+    /// showing the progress.
     pub(super) fn import(
         &self,
         format: Format,

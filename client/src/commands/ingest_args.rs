@@ -1,10 +1,10 @@
-//! Limits of the process that reads an upload.
+//! Limits of the process that reads uploads.
 
 use super::ffmpeg_arg::FfmpegArg;
 use clap::Args;
 use yoto_ingest::IngestSettings;
 
-/// How much reading one upload may take.
+/// Limits for reading one upload.
 #[derive(Debug, Clone, Args)]
 pub(super) struct IngestArgs {
     /// Memory for reading one upload, MiB.

@@ -1,4 +1,4 @@
-//! `yoto job`: what the service is doing, and stopping it.
+//! `yoto job`: list, watch and cancel jobs.
 
 use super::{Server, evaluate, table, train};
 use crate::progress::{ProgressDisplay, describe};
@@ -15,7 +15,7 @@ succeeds.
 Example:
   yoto job watch jobs/0198c1f2";
 const CANCEL_HELP: &str = "\
-A queued job ends at once, a running one as soon as its worker hears of it.
+A queued job ends at once, a running job after its worker's next heartbeat.
 
 Example:
   yoto job cancel jobs/0198c1f2";
@@ -38,7 +38,7 @@ enum Action {
     /// Follow a job to its end.
     #[command(after_help = WATCH_HELP)]
     Watch(Which),
-    /// Ask for a job's end.
+    /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
     Cancel(Which),
 }
@@ -74,7 +74,7 @@ impl JobCommand {
                     .cancel_job(&which.name())
                     .await?;
                 let asked = if job.state() == job::State::Running {
-                    " (its worker is being told)"
+                    " (waiting for its worker)"
                 } else {
                     ""
                 };
@@ -94,7 +94,7 @@ async fn watch(which: &Which) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a successful job made, in a line.
+/// Result of a successful job, in one line.
 fn outcome(job: &Job) -> String {
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Ingest(it)) => {
@@ -103,7 +103,7 @@ fn outcome(job: &Job) -> String {
         Some(job_result::Kind::Train(it)) => train::summary(it),
         Some(job_result::Kind::Render(it)) => {
             format!(
-                "{} files, {:.2} s a frame on {}",
+                "{} files, {:.2} s per frame on {}",
                 it.files.len(),
                 it.seconds_per_frame,
                 it.device
@@ -149,7 +149,7 @@ fn about(job: &Job) -> (&'static str, String) {
     }
 }
 
-/// What there is to know of a job in its state.
+/// Details of a job in its state.
 fn detail(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map(describe).unwrap_or_default(),

@@ -1,9 +1,9 @@
-//! Where logs go and how much of them: stderr, by `RUST_LOG`.
+//! Logs: to stderr, filtered by `RUST_LOG`.
 
 use std::io::IsTerminal;
 use tracing_subscriber::EnvFilter;
 
-/// Starts logging at `default_level` unless `RUST_LOG` says otherwise.
+/// Starts logging at `default_level`, which `RUST_LOG` overrides.
 pub(super) fn init(default_level: &str, json: bool) {
     let filter =
         EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default_level));

@@ -1,4 +1,4 @@
-//! Options that say how a capture's pictures and masks are to be read.
+//! Options for reading a capture's pictures and masks.
 
 use crate::capture_dir::{CaptureOptions, Prefer};
 use clap::{Args, ValueEnum};
@@ -7,30 +7,29 @@ use yoto_proto::media_plan::{
     BackgroundSetting, MaskKind, MaskSource, PICTURE_ENDINGS, Selection, Timing, has_ending,
 };
 
-/// How to read a capture where names don't tell.
+/// Options for reading a capture where file names are not enough.
 #[derive(Debug, Args)]
 pub(super) struct MediaArgs {
-    /// Which images to take where the capture has both frames/ and a video; frames/ otherwise.
+    /// Images to use if the capture has both frames/ and a video [default: frames/].
     #[arg(long, value_enum, value_name = "KIND")]
     frames: Option<Images>,
-    /// What says where the person is: a folder, a video, a picture of the empty background,
-    /// or 'alpha'.
+    /// Source of the masks: a folder, a video, a picture of the empty background, or 'alpha'.
     #[arg(long, value_name = "NAME")]
     masks: Option<String>,
-    /// What mask pictures mean: coverage 0 to 255, the same inverted, or labels, any but 0 being
-    /// the person.
+    /// Meaning of mask pictures: coverage 0 to 255, the same inverted, or labels, of which all but 0
+    /// are the person.
     #[arg(long, value_enum, value_name = "KIND", default_value = "coverage")]
     mask_kind: Kind,
-    /// What stands around the person in the images; looked at by default.
+    /// Background of the images; detected by default.
     #[arg(long, value_enum, value_name = "WHAT", default_value = "auto")]
     background: Around,
-    /// How poses find their frame of a video: by number, or by time (for variable frame rates).
+    /// Match of poses to frames of a video: by number, or by time (for variable frame rates).
     #[arg(long, value_enum, value_name = "HOW", default_value = "index")]
     timing: By,
-    /// Take each n-th pose frame.
+    /// Use every n-th pose frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Take pose frames A to B, B not included; either may be missing.
+    /// Use pose frames A to B, without B; either may be left out.
     #[arg(long, value_name = "A..B", value_parser = range)]
     range: Option<(u32, Option<u32>)>,
 }
@@ -62,7 +61,7 @@ enum By {
 }
 
 impl MediaArgs {
-    /// The same for the library, with how the track's numbers are to be read.
+    /// The same for the library, with the correction of the track's numbers.
     pub(super) fn options(&self, correction: Correction) -> CaptureOptions {
         let masks = self.masks.as_ref().map(|name| match name.as_str() {
             "alpha" => MaskSource::Alpha,
@@ -105,7 +104,7 @@ fn range(text: &str) -> Result<(u32, Option<u32>), String> {
     let (first, end) = text.split_once("..").ok_or("a range is written A..B")?;
     let number = |text: &str| {
         text.parse::<u32>()
-            .map_err(|_| format!("'{text}' is no frame number"))
+            .map_err(|_| format!("'{text}' is not a frame number"))
     };
     let first = if first.is_empty() { 0 } else { number(first)? };
     let end = if end.is_empty() {

@@ -1,7 +1,7 @@
-//! The `yoto` command line: one file a command.
+//! The `yoto` command line: one file per command.
 //!
-//! Results go to stdout, progress and logs to stderr; anything that failed makes the exit
-//! status non-zero.
+//! Results go to stdout, progress and logs to stderr; the exit status is non-zero after a
+//! failure.
 
 #[cfg(feature = "embedded")]
 mod ablation;
@@ -53,7 +53,7 @@ use std::process::ExitCode;
 
 const AFTER_HELP: &str = "\
 First steps:
-  yoto demo                                   see everything at work, in a few minutes
+  yoto demo                                   see all of yoto in a few minutes
   yoto serve                                  run the service on this machine
   yoto subject add ada captures/ada           upload a person
   yoto train duo --subjects ada,bob           train one model of two people
@@ -65,7 +65,7 @@ Logs: RUST_LOG=debug, or e.g. RUST_LOG=yoto_server=debug,info.";
 #[derive(Debug, Parser)]
 #[command(name = "yoto", version, after_help = AFTER_HELP, arg_required_else_help = true)]
 pub struct Cli {
-    /// Write logs as JSON, one object a line.
+    /// Write logs as JSON, one object per line.
     #[arg(long, global = true)]
     log_json: bool,
     #[command(subcommand)]
@@ -101,7 +101,7 @@ enum Command {
     Tradeoff(tradeoff::TradeoffCommand),
 }
 
-/// Which service a client command talks to.
+/// The service of a client command.
 #[derive(Debug, Args)]
 struct Server {
     /// Address of the service.
@@ -115,7 +115,7 @@ impl Server {
     }
 }
 
-/// Parses the command line, runs the command, prints what went wrong.
+/// Parses the command line, runs the command, prints errors.
 pub fn main() -> ExitCode {
     // A worker starts this program again to read an upload.
     #[cfg(feature = "embedded")]
@@ -160,12 +160,12 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
     };
-    // A computation that outlives its job must not keep the process from ending.
+    // A computation that outlives its job must not prevent the process from ending.
     runtime.shutdown_background();
     outcome
 }
 
-/// A service tells what it does; a command shows only what needs attention.
+/// Services log their actions; other commands log only warnings.
 fn default_level(command: &Command) -> &'static str {
     match command {
         #[cfg(feature = "embedded")]

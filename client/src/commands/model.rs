@@ -1,4 +1,4 @@
-//! `yoto model`: shared networks and who is in them.
+//! `yoto model`: shared networks and the people in them.
 
 use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
@@ -24,7 +24,7 @@ pub(super) struct ModelCommand {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Make an untrained model with an identity slot for each of the people.
+    /// Create an untrained model with an identity slot for each person.
     #[command(after_help = CREATE_HELP)]
     Create(Create),
     /// List models, the people in them, and their newest checkpoint.
@@ -37,7 +37,7 @@ enum Action {
     #[cfg(feature = "embedded")]
     #[command(after_help = super::model_info::AFTER_HELP)]
     Info(super::model_info::Info),
-    /// Make a model of a checkpoint of the released HumanNeRF program.
+    /// Import a checkpoint of the released HumanNeRF program as a model.
     #[cfg(feature = "embedded")]
     #[command(name = "import-humannerf", after_help = super::model_import::AFTER_HELP)]
     ImportHumanNerf(super::model_import::ImportHumanNerf),
@@ -45,9 +45,9 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct Create {
-    /// What to call the model.
+    /// Name of the model.
     name: String,
-    /// People to put into it, by name, separated by commas.
+    /// People to add to it, by name, separated by commas.
     #[arg(long, value_delimiter = ',', required = true, value_name = "A,B,…")]
     subjects: Vec<String>,
     #[command(flatten)]
@@ -56,10 +56,10 @@ struct Create {
     server: Server,
 }
 
-/// What a new model is like.
+/// Configuration of a new model.
 #[derive(Debug, Args)]
 pub(super) struct Shape {
-    /// Quality tier: speed against detail.
+    /// Quality tier: a trade-off of speed and detail.
     #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
     pub tier: String,
     /// Model variant of the paper's ablation.
@@ -69,7 +69,7 @@ pub(super) struct Shape {
 
 pub(super) fn tier_help() -> String {
     format!(
-        "Quality tier: speed against detail.{}",
+        "Quality tier: a trade-off of speed and detail.{}",
         table::explained(tiers::TIERS)
     )
 }
@@ -100,8 +100,8 @@ impl ModelCommand {
     }
 }
 
-/// Makes a model and gives each of `subjects` a slot. People are looked up first, so that
-/// a mistyped name leaves no half-filled model behind.
+/// Creates a model and gives each of `subjects` a slot. People are looked up first, so that
+/// a mistyped name leaves no incomplete model behind.
 pub(super) async fn create_with(
     client: &YotoClient,
     name: &str,

@@ -6,12 +6,12 @@ use yoto_avatar::import::{HumanNerfOptions, import_humannerf};
 
 pub(super) const AFTER_HELP: &str = "\
 Writes weights.safetensors and state.json of a model of one identity, which
-`yoto render-frame` renders as the released program does. It does not train on.
+`yoto render-frame` renders as the released program does. It can't be trained further.
 Nothing in the files is executed.
 
-Canonical joints are used as they stand in their file. A poses.json serves if the
-checkpoint was trained on joints at these very places. A model that was trained on
-joints around a pelvis at the origin needs them so.
+Canonical joints are used unchanged. A poses.json is suitable if the
+checkpoint was trained with exactly these joints. A model trained with the pelvis at the
+origin needs joints with the pelvis at the origin.
 
 A checkpoint does not hold its training's configuration file. Its frames need N_samples;
 kick-in and full-band only matter to frames of earlier iterations.
@@ -26,7 +26,7 @@ const ZJU: HumanNerfOptions = HumanNerfOptions::ZJU_MOCAP;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportHumanNerf {
-    /// The checkpoint, as torch.save wrote it.
+    /// The checkpoint, a file of torch.save.
     #[arg(value_name = "CHECKPOINT")]
     checkpoint: PathBuf,
     /// Canonical joints: canonical_joints.pkl, a JSON list of 24 [x, y, z] in metres, or a
@@ -44,7 +44,7 @@ pub(super) struct ImportHumanNerf {
         value_parser = clap::value_parser!(u32).range(2..=4096),
     )]
     samples: u32,
-    /// Iteration from which the non-rigid field takes part: its kick_in_iter (wild videos: 100000).
+    /// Iteration from which the non-rigid field is active: its kick_in_iter (wild videos: 100000).
     #[arg(long, value_name = "N", default_value_t = ZJU.kick_in)]
     kick_in: u64,
     /// Iteration from which all its bands are open: its full_band_iter (wild videos: 200000).
@@ -76,7 +76,7 @@ impl ImportHumanNerf {
         if imported.root.iter().any(|v| *v != 0.0) {
             let [x, y, z] = imported.root;
             eprintln!(
-                "note: canonical joints are used as they stand; the root is at \
+                "note: canonical joints are used unchanged; the root is at \
                  [{x:.4}, {y:.4}, {z:.4}] m"
             );
         }

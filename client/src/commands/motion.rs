@@ -1,4 +1,4 @@
-//! `yoto motion`: what a motion file holds, and which joints it moves.
+//! `yoto motion`: the contents of a motion file, and the joints that it moves.
 
 use super::table;
 use crate::import::motion::{DEFAULT_JOINT_MAP, Motion, MotionOptions, Up, read};
@@ -16,21 +16,21 @@ Examples:
   yoto motion walk.bvh --joint-map joints.json
   yoto render duo --subject bob --motion-file walk.bvh --joint-map joints.json --out out/walk";
 
-/// Show what a motion file holds and which of a person's joints it moves.
+/// Show the contents of a motion file and the joints of a person that it moves.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct MotionCommand {
     /// BVH, AMASS-style .npz, or a pose track (.json, .pb).
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Write the usual joint map to a file, for editing.
+    /// Write the default joint map to a file, for editing.
     #[arg(long, value_name = "FILE")]
     write_map: Option<PathBuf>,
     #[command(flatten)]
     reading: MotionArgs,
 }
 
-/// How a motion file is read.
+/// Options for reading a motion file.
 #[derive(Debug, Args)]
 pub(super) struct MotionArgs {
     /// Joint names of BVH files, as JSON; `yoto motion --write-map` writes one to edit.
@@ -39,18 +39,18 @@ pub(super) struct MotionArgs {
     /// Your copy of SMPL's body model (.npz or .pkl), for the legs' length in .npz motions.
     #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
     smpl: Option<PathBuf>,
-    /// Which axis of a motion file is up [default: z of AMASS's files, y of others].
+    /// Up axis of a motion file [default: z for AMASS's files, y for others].
     #[arg(long, value_name = "AXIS")]
     up: Option<Up>,
 }
 
 impl MotionArgs {
-    /// Whether anything was said; a body model may stand in the environment for all commands.
+    /// Whether any option was given; a body model may come from the environment, for all commands.
     pub(super) fn any(&self) -> bool {
         self.joint_map.is_some() || self.up.is_some()
     }
 
-    /// Reads a motion and says what had to be assumed.
+    /// Reads a motion and prints its assumptions.
     pub(super) fn read(&self, file: &Path) -> anyhow::Result<Motion> {
         let options = MotionOptions {
             joint_map: self.joint_map.clone(),

@@ -1,12 +1,12 @@
-//! The paper's table of variants, ours beside the published figures.
+//! The paper's table of variants, measured beside published figures.
 
 use super::scores::thousandfold;
 use yoto_avatar::evaluate::published::{MEASURED_ON, TABLE};
 use yoto_proto::v1::Scores;
 
-/// Our figures of one variant: one entry for each heading.
+/// Measured figures of one variant: one entry for each heading.
 pub(super) struct Row {
-    /// As the contract names it.
+    /// Name in the contract.
     pub variant: String,
     /// Means over people.
     pub scores: Vec<Scores>,
@@ -15,8 +15,8 @@ pub(super) struct Row {
 /// Width of three figures.
 const GROUP: usize = 25;
 
-/// All variants in the paper's order; `headings` names each group of our figures. Variants
-/// that were not measured have dashes.
+/// All variants in the paper's order; `headings` names each group of measured figures.
+/// Variants without measurements have dashes.
 pub(super) fn paper_table(headings: &[String], rows: &[Row]) -> String {
     let figures =
         |psnr: String, ssim: String, lpips: String| format!("{psnr:>7} {ssim:>8} {lpips:>8}");

@@ -1,4 +1,4 @@
-//! `yoto quality`: how good the model gets on given captures, without a service.
+//! `yoto quality`: quality of a model on given captures, without a service.
 
 use super::model::{tier_help, variant_help};
 use super::table;
@@ -11,7 +11,7 @@ use yoto_avatar::train::Budget;
 use yoto_lab::quality::{QualityOptions, run};
 
 const AFTER_HELP: &str = "\
-Trains one model on all the captures and measures it on pictures it never saw: held-out
+Trains one model on all the captures and measures it on held-out pictures: held-out
 cameras (eval/) and held-out poses (eval_pose/). Evaluation time does not count as training.
 
 Layout of a capture folder:
@@ -28,7 +28,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Quality {
-    /// Capture folder; give it again for each further person.
+    /// Capture folder; may be repeated, once per person.
     #[arg(long = "capture", value_name = "DIR", required = true, num_args = 1..)]
     captures: Vec<PathBuf>,
     /// Longest side of the pictures, pixels.
@@ -43,23 +43,24 @@ pub(super) struct Quality {
     /// Measure at most this many pictures of each capture, of views and of poses.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     measure: Option<u32>,
-    /// Quality tier: speed against detail.
+    /// Quality tier: a trade-off of speed and detail.
     #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
     tier: String,
     /// Model variant of the paper's ablation.
     #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]
     variant: String,
-    /// What people share of the hash grid: own, split:ROWS (everybody's table and one of at most 2
-    /// to this many rows a level each) or bases:COUNT (rows that each mixes); else as the tier says.
+    /// Sharing of the hash grid: own, split:ROWS (a shared table, and one per person with at most
+    /// 2^ROWS rows per level) or bases:COUNT (shared rows that each person mixes) [default: the
+    /// tier's].
     #[arg(long, value_name = "KIND")]
     sharing: Option<Sharing>,
-    /// Another value of one of the tier's settings, as march.epsilon=1e-3; may be given again.
+    /// Another value for a setting of the tier, such as march.epsilon=1e-3; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<Setting>,
-    /// Seed of everything random.
+    /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Where the report goes.
+    /// File for the report.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Also write each held-out picture beside its render: truth left, render right.

@@ -1,4 +1,4 @@
-//! `yoto render`: pictures of a person, as a trained model knows them.
+//! `yoto render`: pictures of a person, rendered by a trained model.
 
 use super::motion::MotionArgs;
 use super::render_what::{FrameRange, read_views};
@@ -15,7 +15,7 @@ use yoto_proto::v1::{
 };
 
 const AFTER_HELP: &str = "\
-A view list is a JSON file in the terms of poses.json:
+A view list is a JSON file with the fields of poses.json:
   {\"views\": [{\"pose\": […], \"translation\": […], \"K\": […], \"E\": […], \"image_size\": [256, 256]}]}
 
 Examples:
@@ -25,55 +25,55 @@ Examples:
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views";
 
-/// Fastest animation that services play, frames a second.
+/// Fastest animation of the service, frames per second.
 const MAX_FPS: f64 = 120.0;
 
 fn quality_help() -> String {
     let tiers: Vec<(&str, &str)> = RENDER_TIERS.iter().map(|it| (it.name, it.about)).collect();
     format!(
-        "A named place on the curve that `yoto tradeoff` measured.{}",
+        "Choose a named point on the curve measured by `yoto tradeoff`.{}",
         table::explained(&tiers)
     )
 }
 
-/// Render a person: around a frozen moment, in somebody's motion or a file's, or from given views.
+/// Render a person: one pose from all around, with a person's or a file's motion, or given views.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 #[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list"]))]
 pub(super) struct Render {
     /// The trained model, by name.
     model: String,
-    /// Whose body and clothes, by name.
+    /// The person to render, by name.
     #[arg(long, value_name = "NAME")]
     subject: String,
-    /// Freeze this frame of the person's own capture and go around it.
+    /// Render this frame of the person's own capture from all around.
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
     /// Views around the circle [default: 24].
     #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     views: Option<u32>,
-    /// Move the person as this one moved in their capture.
+    /// Use the motion in this person's capture.
     #[arg(long, value_name = "DRIVER")]
     motion: Option<String>,
-    /// Move the person as a file says: BVH, AMASS-style .npz, or a pose track (.json, .pb).
+    /// Use the motion in a file: BVH, AMASS-style .npz, or a pose track (.json, .pb).
     #[arg(long, value_name = "FILE")]
     motion_file: Option<PathBuf>,
     #[command(flatten)]
     reading: MotionArgs,
-    /// Frame of the person's own capture where the motion file begins and whose camera looks on
+    /// Frame of the person's own capture whose position and camera the motion file uses
     /// [default: the first].
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
-    /// Which frames of the motion, e.g. 0..60:2 [default: all].
+    /// Frames of the motion, e.g. 0..60:2 [default: all].
     #[arg(long, conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Poses and cameras from a JSON file.
     #[arg(long, value_name = "FILE")]
     view_list: Option<PathBuf>,
-    /// Longest side of the pictures, pixels; a view list carries its own.
+    /// Longest side of the pictures, pixels; a view list has its own.
     #[arg(long, default_value_t = 256, value_name = "PX")]
     size: u32,
-    /// Also write one animated PNG, which browsers play.
+    /// Also write one animated PNG, for browsers.
     #[arg(long)]
     animate: bool,
     /// Background colour as red, green, blue from 0 to 1.
@@ -84,13 +84,13 @@ pub(super) struct Render {
         value_name = "R,G,B"
     )]
     background: Vec<f32>,
-    /// The best fidelity within so many seconds a frame, as `yoto tradeoff` measured.
+    /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "S", value_parser = table::seconds, group = "wish")]
     max_seconds_per_frame: Option<f64>,
-    /// The fastest with at least this PSNR on held-out frames, as `yoto tradeoff` measured.
+    /// Choose the fastest with at least this held-out PSNR, dB, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "DB", value_parser = table::decibels, group = "wish")]
     min_psnr: Option<f64>,
-    /// A named place on the curve that `yoto tradeoff` measured.
+    /// Choose a named point on the curve measured by `yoto tradeoff`.
     #[arg(long, value_name = "NAME", value_parser = table::render_tier, group = "wish", long_help = quality_help())]
     quality: Option<String>,
     /// Folder for the pictures.
@@ -145,7 +145,7 @@ impl Render {
         Ok(())
     }
 
-    /// What is wanted of a frame, if anything.
+    /// The requested quality, if any.
     fn wish(&self) -> Option<RenderQuality> {
         let seconds = self.max_seconds_per_frame.map(Want::MaxSecondsPerFrame);
         let psnr = self.min_psnr.map(Want::MinPsnrDb);
@@ -154,7 +154,7 @@ impl Render {
         Some(RenderQuality { want: Some(want) })
     }
 
-    /// The motion of a file and the speed to play it at; 0 is the service's own.
+    /// The motion of a file, and its frame rate; 0 is the service's default.
     fn clip(&self) -> anyhow::Result<(Option<MotionClip>, f32)> {
         let Some(path) = &self.motion_file else {
             anyhow::ensure!(
@@ -178,7 +178,7 @@ impl Render {
             motion.frames.len()
         );
         clip.camera_frame = self.start;
-        // Faster than the service plays: at its own speed then.
+        // Faster than the service allows: use its default.
         let fps = motion.fps / f64::from(range.step);
         let fps = if fps <= MAX_FPS { fps as f32 } else { 0.0 };
         Ok((Some(clip), fps))
@@ -212,7 +212,7 @@ impl Render {
     }
 }
 
-/// The chosen settings, what they promised, and what came true, in two lines.
+/// The chosen settings, with predicted and actual figures, in two lines.
 fn kept(choice: &RenderChoice) -> String {
     let settings = choice.settings.unwrap_or_default();
     let decibels = |psnr: Option<f64>| {
@@ -220,10 +220,10 @@ fn kept(choice: &RenderChoice) -> String {
     };
     let seen = match choice.psnr {
         Some(psnr) => format!("{psnr:.2} dB on {} pictures", choice.pictures_with_truth),
-        None => "no picture has a truth to compare with".to_owned(),
+        None => "no ground truth for these pictures".to_owned(),
     };
     format!(
-        "chosen: {} samples a ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
+        "chosen: {} samples per ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
          resolution\n\
          promised {:.4} s a frame and {} (on {}); took {:.4} s a frame, {seen}",
         settings.samples,

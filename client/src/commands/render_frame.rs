@@ -28,41 +28,41 @@ pub(super) struct RenderFrame {
     /// Folder of the model.
     #[arg(long, value_name = "DIR")]
     model: PathBuf,
-    /// Folder of the capture that pose and camera come from.
+    /// Folder of the capture with pose and camera.
     #[arg(long, value_name = "DIR")]
     capture: PathBuf,
     /// Camera: `train`, or one of the capture's held-out cameras.
     #[arg(long, value_name = "CAM")]
     camera: String,
-    /// Number of the frame, trained on or held out.
+    /// Number of the frame, training or held out.
     #[arg(long, value_name = "N")]
     frame: u32,
     /// Identity slot in the model.
     #[arg(long, default_value_t = 0)]
     slot: usize,
-    /// Numerics to render with; the model's own when absent.
+    /// Numerics of the render [default: the model's].
     #[arg(long, value_enum)]
     numerics: Option<NumericsName>,
-    /// Render with what is open of the model at this iteration of its training schedule, instead
-    /// of what it has been trained to; an imported model is open as a whole.
+    /// Render with the parts that are active at this iteration of the model's training schedule,
+    /// instead of its own iteration; all parts of an imported model are active.
     #[arg(long, value_name = "N")]
     iteration: Option<u64>,
-    /// Samples per ray; the model's own when absent.
+    /// Samples per ray [default: the model's].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=4096))]
     samples: Option<u32>,
-    /// Longest side of the picture, pixels; the capture's when absent.
+    /// Longest side of the picture, pixels [default: the capture's].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=8192))]
     size: Option<u32>,
-    /// Where the frame goes: .npz or .png.
+    /// File for the frame: .npz or .png.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum NumericsName {
-    /// Bounded at every extreme.
+    /// Bounded at all extremes.
     Sound,
-    /// As the released HumanNeRF program computes.
+    /// As in the released HumanNeRF program.
     Reference,
 }
 

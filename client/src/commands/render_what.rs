@@ -1,4 +1,4 @@
-//! What to render: frame ranges and view lists as users write them.
+//! What to render: frame ranges and view lists of users.
 
 use serde::Deserialize;
 use std::path::Path;
@@ -48,7 +48,7 @@ struct ViewFile {
     views: Vec<FileView>,
 }
 
-/// One view, in the pose track's terms.
+/// One view, with the fields of the pose track.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FileView {

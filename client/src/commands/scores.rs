@@ -1,16 +1,16 @@
-//! Figures of people as a table, whoever measured them.
+//! Figures of people as a table.
 
 use super::table;
 use yoto_proto::v1::Scores;
 
-/// What the columns mean that don't explain themselves.
+/// Legend of the columns.
 const LEGEND: &str = "\
 PSNR in dB. SSIM in the Gaussian 11x11 window, data range 1. SSIM-7: uniform 7x7 window,
 data range 1. (SSIM-7/2): the same with data range 2, inflated as some published tables are.
 LPIPS with VGG, times 1000, lower is better; '-' without its weights. BLACK: PSNR of an
 all-black picture.";
 
-/// One line a named row, the legend below.
+/// One line per named row, with the legend below.
 pub(super) fn scores_table(rows: &[(String, Scores)]) -> String {
     let header = [
         "OF",
@@ -42,7 +42,7 @@ pub(super) fn scores_table(rows: &[(String, Scores)]) -> String {
     format!("{}\n\n{LEGEND}", table::table(&header, &cells))
 }
 
-/// LPIPS as published tables print it, `-` where it was not measured.
+/// LPIPS in the form of published tables, `-` if it was not measured.
 pub(super) fn thousandfold(lpips: Option<f64>) -> String {
     lpips.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", 1000.0 * value))
 }

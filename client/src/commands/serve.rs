@@ -7,11 +7,11 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
-Everything the service knows stands in the data folder: an SQLite database and the
-objects (uploads, checkpoints, renders). One process serves a folder at a time.
+All state of the service is in the data folder: an SQLite database and the objects (uploads,
+checkpoints, renders). Only one process can serve a folder at a time.
 
-SIGTERM or ctrl-c: no new work is taken, a training job saves a checkpoint and goes back
-to the queue, and the process ends, whatever its clients do.
+SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
+queue, and the process ends, even with connected clients.
 
 Examples:
   yoto serve
@@ -22,16 +22,16 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Serve {
-    /// Folder for database and objects; made if it is not there.
+    /// Folder for database and objects; created if missing.
     #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
     data: PathBuf,
     /// Address to listen at.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051")]
     listen: SocketAddr,
-    /// Only coordinate: jobs wait until a worker elsewhere takes them.
+    /// Run no worker: jobs wait for a worker in another process.
     #[arg(long)]
     no_worker: bool,
-    /// Listen beyond this machine without encryption or keys: anybody who reaches the
+    /// Listen beyond this machine without encryption or keys: anyone who can reach the
     /// address can read and change everything.
     #[arg(long)]
     insecure: bool,
@@ -74,7 +74,7 @@ impl Serve {
     }
 }
 
-/// Until TLS and keys guard it, the service is for this machine only.
+/// Without TLS and keys, the service is for this machine only.
 fn check_exposure(listen: SocketAddr, insecure: bool) -> anyhow::Result<()> {
     anyhow::ensure!(
         listen.ip().is_loopback() || insecure,

@@ -13,12 +13,12 @@ use tempfile::TempDir;
 use yoto_proto::v1::{Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
-A capture is a folder, or a zip, tar or tar.gz of one; the media may stand in train/:
+A capture is a folder, or a zip, tar or tar.gz of one; the media may be in train/:
   poses.json             skeleton, image_size, fps, frames [index, pose, translation, K, E]
   frames/000000.png …    pictures (PNG, JPEG, WebP), or frames.zip, frames.tar, or video.mp4
   masks/000000.png …     coverage of the person, or masks.zip, masks.tar, masks.mp4, or
                          background.png, the view without the person, or none: alpha channel
-  media.json             how to read them, as the options below say, if names don't tell
+  media.json             how to read them, with the same settings as the options below
 
 H.264 in MP4 or MOV is decoded by the service; other videos need ffmpeg on its worker.
 
@@ -48,7 +48,7 @@ enum Action {
     /// Add a person: upload a capture folder and wait until it is ready for training.
     #[command(after_help = ADD_HELP)]
     Add(Box<Add>),
-    /// List the people the service knows.
+    /// List the people of the service.
     #[command(after_help = LIST_HELP)]
     List {
         #[command(flatten)]
@@ -58,25 +58,25 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct Add {
-    /// What to call the person.
+    /// Name of the person.
     name: String,
-    /// The capture: a folder or an archive, or what --from says.
+    /// The capture: a folder or an archive, or a capture in the format of --from.
     #[arg(value_name = "CAPTURE", required_unless_present = "capture_flag")]
     capture: Option<PathBuf>,
     /// The same as an option.
     #[arg(long = "capture", value_name = "CAPTURE", conflicts_with = "capture")]
     capture_flag: Option<PathBuf>,
-    /// Which program wrote the capture; it is imported first.
+    /// Format of the capture; it is imported first.
     #[arg(long, value_name = "FORMAT")]
     from: Option<Format>,
     #[command(flatten)]
     import: ImportOptions,
     #[command(flatten)]
     media: MediaArgs,
-    /// Under which consent the recordings are used; kept with the person.
+    /// The consent under which the recordings are used; stored with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
-    /// Return once everything is uploaded; the service goes on by itself.
+    /// Return after the upload, without waiting for the ingest job.
     #[arg(long)]
     no_wait: bool,
     #[command(flatten)]
@@ -95,7 +95,7 @@ impl SubjectCommand {
 }
 
 impl Add {
-    /// A new subject, or the one of this name that an earlier upload left without a good capture.
+    /// A new subject, or the existing one of this name without a valid capture.
     async fn subject(&self, client: &YotoClient) -> anyhow::Result<Subject> {
         let known = client.list_subjects().await?;
         match known.into_iter().find(|s| s.display_name == self.name) {
@@ -114,8 +114,8 @@ impl Add {
         }
     }
 
-    /// The capture as a folder of our own, where another program wrote it; it goes away once
-    /// everything is uploaded.
+    /// The imported capture in a temporary folder, if it is of another program; removed after
+    /// the upload.
     fn imported(&self, place: &Path) -> anyhow::Result<Option<TempDir>> {
         let Some(format) = self.from else {
             anyhow::ensure!(

@@ -1,4 +1,4 @@
-//! Plain tables on stdout, and the arguments several commands share.
+//! Plain tables on stdout, and arguments shared by several commands.
 
 use yoto_proto::{protocols, tiers};
 
@@ -76,7 +76,7 @@ pub(super) fn render_tier(text: &str) -> Result<String, String> {
         .ok_or_else(|| format!("one of: {}", tiers::render_tiers()))
 }
 
-/// `name: what it gives and costs` for each entry, for help texts.
+/// `name: description` for each entry, for help texts.
 pub(super) fn explained(table: &[(&str, &str)]) -> String {
     table
         .iter()

@@ -1,4 +1,4 @@
-//! `yoto tradeoff`: what time buys, in training and in rendering.
+//! `yoto tradeoff`: quality over time, in training and in rendering.
 
 use super::{Server, table};
 use crate::progress::{ProgressDisplay, Terminal};
@@ -12,11 +12,11 @@ use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 
 const AFTER_HELP: &str = "\
 With --model the service renders held-out frames of a trained model with many settings
-(samples a ray, resolution, likelihood bound, early stop, precision) and keeps what they cost and give with the
-model's newest checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality`
-are answered from that. With --capture this process trains every tier with every budget,
+(samples per ray, resolution, likelihood bound, early stop, precision) and stores time and PSNR
+with the model's newest checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and
+`--quality` use these figures. With --capture this process trains every tier with every budget,
 measures each on held-out views and poses, and sweeps over render settings of the longest
-trained model of each tier. The captures are laid out as `yoto quality --help` says.
+trained model of each tier. `yoto quality --help` shows the layout of captures.
 
 OUT holds tradeoff.json, tradeoff.csv, rendering.svg and .png, and training.svg and .png.
 
@@ -24,11 +24,11 @@ Examples:
   yoto tradeoff --model duo --out out/duo
   yoto tradeoff --capture data/ada data/bob --tiers draft,fast --budgets 30,60,120 --out out/t";
 
-/// Measure what time buys: quality over training time, and over render time.
+/// Measure quality over training time, and over render time.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct TradeoffCommand {
-    /// The trained model, by name, measured by the service.
+    /// The trained model, by name; the service measures it.
     #[arg(
         long,
         value_name = "NAME",
@@ -36,7 +36,7 @@ pub(super) struct TradeoffCommand {
         conflicts_with = "captures"
     )]
     model: Option<String>,
-    /// Capture folder, measured in this process; give it again for each further person.
+    /// Capture folder, for a measurement in this process; may be repeated, once per person.
     #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
     captures: Vec<PathBuf>,
     /// Quality tiers to train, separated by commas.
@@ -49,7 +49,7 @@ pub(super) struct TradeoffCommand {
         conflicts_with = "model"
     )]
     tiers: Vec<String>,
-    /// Seconds of training, separated by commas; each is a training of its own.
+    /// Seconds of training, separated by commas; each is a separate training.
     #[arg(
         long,
         value_name = "S,S,…",
@@ -62,16 +62,16 @@ pub(super) struct TradeoffCommand {
     /// Longest side of the pictures, pixels [default: 128; with --model: the captures' own].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
-    /// Seed of everything random.
+    /// Random seed.
     #[arg(long, default_value_t = 7, conflicts_with = "model")]
     seed: u64,
     /// Measure at most this many held-out pictures of each kind and person [default: all].
     #[arg(long, value_name = "N", conflicts_with = "model")]
     pictures: Option<NonZeroUsize>,
-    /// Held-out frames that each render setting is measured on.
+    /// Held-out frames to render with each setting.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     views: u32,
-    /// Timed renders of each frame and setting, whose median counts.
+    /// Timed renders of each frame and setting, of which the median is used.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=32))]
     repeats: u32,
     /// Folder for the figures and plots.

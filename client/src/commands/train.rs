@@ -1,4 +1,4 @@
-//! `yoto train`: teach a model its people.
+//! `yoto train`: train a model.
 
 use super::Server;
 use super::model::{create_with, tier_help, variant_help};
@@ -8,27 +8,27 @@ use clap::Args;
 use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
 
 const AFTER_HELP: &str = "\
-Training goes on from the model's newest checkpoint. Interrupting this command does not
-stop the job: watch it again with `yoto job watch`, end it with `yoto job cancel`.
+Training resumes from the model's newest checkpoint. Interrupting this command does not
+stop the job: watch it with `yoto job watch`, end it with `yoto job cancel`.
 
 Examples:
-  yoto train duo --subjects ada,bob            make the model 'duo', then train it
-  yoto train duo --seconds 600                 go on with it
+  yoto train duo --subjects ada,bob            create the model 'duo', then train it
+  yoto train duo --seconds 600                 continue its training
   yoto train duo --steps 2000 --size 256 --no-wait";
 
 /// Train a model on all its people at once.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Train {
-    /// The model, by name; with --subjects the name of the model to make.
+    /// The model, by name; with --subjects the name of the model to create.
     model: String,
-    /// Make the model first, with these people, separated by commas.
+    /// Create the model first, with these people, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
     subjects: Vec<String>,
-    /// Quality tier of the model to make [default: fast].
+    /// Quality tier of the new model [default: fast].
     #[arg(long, requires = "subjects", value_parser = table::tier, long_help = tier_help())]
     tier: Option<String>,
-    /// Variant of the model to make [default: yoto].
+    /// Variant of the new model [default: yoto].
     #[arg(long, requires = "subjects", value_parser = table::variant, long_help = variant_help())]
     variant: Option<String>,
     /// Budget in seconds of training [default: the run length of the model's tier, 5000 steps, or
@@ -38,10 +38,10 @@ pub(super) struct Train {
     /// Budget in steps, in place of seconds.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Seed of everything random; a model that was trained before keeps its own.
+    /// Random seed; a model with earlier training keeps its own.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Longest side images are trained at, pixels; 0 keeps the captures' own.
+    /// Longest side of the training images, pixels; 0 keeps the captures' size.
     #[arg(long, default_value_t = 0, value_name = "PX")]
     size: u32,
     /// Seconds between checkpoints.

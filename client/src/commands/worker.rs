@@ -1,4 +1,4 @@
-//! `yoto worker`: a worker in a process of its own, for a coordinator elsewhere.
+//! `yoto worker`: a worker in its own process, for a separate coordinator.
 
 use super::serve::asked_to_stop;
 use crate::api::endpoint;
@@ -10,7 +10,7 @@ const AFTER_HELP: &str = "\
 The worker pulls jobs from the service and reads and writes the object store by itself,
 so it needs the service's address and the store's URL (`yoto serve` prints both).
 
-SIGTERM or ctrl-c: a training job saves a checkpoint and goes back to the queue.
+SIGTERM or ctrl-c: a training job saves a checkpoint and returns to the queue.
 
 Examples:
   yoto serve --no-worker
@@ -23,10 +23,10 @@ Examples:
 pub(super) struct WorkerCommand {
     #[command(flatten)]
     server: super::Server,
-    /// Object store that the service uses.
+    /// Object store of the service.
     #[arg(long, value_name = "URL")]
     objects: String,
-    /// What people call this worker.
+    /// Display name of this worker.
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,
     #[command(flatten)]

@@ -1,7 +1,7 @@
-//! The main job, end to end, by a client that happens to have started its own service.
+//! The demo, end to end: a client with its own service.
 //!
-//! Everything between the made-up people and the files in the end goes over the API, so
-//! that what the demo shows is what any client gets.
+//! Everything between the synthetic people and the final files uses the API, so the demo shows
+//! the results of any client.
 
 mod people;
 mod render;
@@ -22,27 +22,27 @@ use yoto_proto::v1::{Model, Subject, TrainResult, TrainSpec, job_result};
 /// Quality tier and variant of the demo's model.
 const TIER: &str = "fast";
 const VARIANT: &str = "yoto";
-/// Says that a folder was made by a demo and may be replaced by the next.
+/// Marks a folder of a demo, which the next demo may replace.
 const MARKER: &str = "made-by-yoto-demo";
 
 /// What to show.
 #[derive(Debug, Clone)]
 pub struct DemoOptions {
-    /// Folder for everything.
+    /// Output folder.
     pub out: PathBuf,
-    /// How many people share the model.
+    /// Number of people in the model.
     pub subjects: usize,
     /// Side of the pictures, pixels.
     pub size: u32,
     /// Seconds of training.
     pub seconds: f64,
-    /// Seed of everything random.
+    /// Random seed.
     pub seed: u64,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
 }
 
-/// The files worth looking at, with what they show.
+/// The main output files, with descriptions.
 pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     let mut files = vec![
         (
@@ -75,7 +75,7 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
 /// Runs the demo and writes `report.json`.
 ///
 /// # Errors
-/// At the first thing that fails, saying what.
+/// The first failure.
 pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
@@ -125,7 +125,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     Ok(report)
 }
 
-/// Everything that goes over the API.
+/// The part that uses the API.
 async fn drive(
     client: &YotoClient,
     options: &DemoOptions,
@@ -230,8 +230,8 @@ fn capture_folder(out: &Path, name: &str) -> PathBuf {
     out.join("captures").join(name)
 }
 
-/// An empty folder for the service. One left by an earlier demo is replaced; one that
-/// anybody else made is left alone.
+/// An empty folder for the service. The folder of an earlier demo is replaced; any other folder
+/// is not changed.
 fn fresh_service_folder(out: &Path) -> anyhow::Result<PathBuf> {
     let folder = out.join("service");
     if folder.exists() {

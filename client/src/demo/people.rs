@@ -1,5 +1,5 @@
-//! The demo's people: made up, filmed by one camera, and known from every other side too,
-//! so that renders can be compared with a truth that was never uploaded.
+//! The demo's people: synthetic, recorded by one camera, with ground truth from other cameras
+//! that is never uploaded, for comparison with renders.
 
 use anyhow::Context;
 use std::path::Path;
@@ -9,25 +9,25 @@ use yoto_capture::synthetic::SyntheticPerson;
 use yoto_lab::pictures;
 use yoto_proto::pose_track::{self, PoseTrack};
 
-/// Frames of each film.
+/// Frames of each video.
 const FRAMES: usize = 60;
-/// Frames of the film that are looked at from held-out cameras.
+/// Frames of the video with views from held-out cameras.
 const VIEWED_FRAMES: [usize; 2] = [FRAMES / 4, 3 * FRAMES / 4];
 /// Held-out cameras in use, at most.
 const HELD_OUT_CAMERAS: usize = 4;
-/// Length of the motion that is never filmed, and the frames of it that are rendered.
+/// Length of the held-out motion, and its rendered frames.
 const UNSEEN_FRAMES: usize = 16;
 const UNSEEN_CHOSEN: [usize; 4] = [2, 6, 10, 14];
 
-/// One made-up person with their film and what was never filmed.
+/// One synthetic person with their video and held-out views.
 #[derive(Debug)]
 pub(super) struct Actor {
     pub name: String,
     pub track: PoseTrack,
     pub film: Vec<FrameImage>,
-    /// Filmed poses from cameras that did not film.
+    /// Poses of the video from held-out cameras.
     pub novel_view: Vec<HeldOut>,
-    /// Poses that were not filmed.
+    /// Held-out poses.
     pub novel_pose: Vec<HeldOut>,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct HeldOut {
     pub truth: FrameImage,
 }
 
-/// Makes and films `count` people at `size` pixels.
+/// Generates and records `count` people at `size` pixels.
 pub(super) fn film(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Actor>> {
     SyntheticPerson::cast(count, seed)
         .iter()
@@ -89,7 +89,7 @@ impl Actor {
         })
     }
 
-    /// Writes the film as a capture folder: `poses.json`, `frames/`, `masks/`.
+    /// Writes the video as a capture folder: `poses.json`, `frames/`, `masks/`.
     pub(super) fn write_capture(&self, folder: &Path) -> anyhow::Result<()> {
         for (frame, image) in self.track.frames.iter().zip(&self.film) {
             let name = format!("{:06}.png", frame.index);

@@ -1,4 +1,4 @@
-//! The demo's render jobs, and where their files go.
+//! The demo's render jobs, and the paths of their files.
 
 use super::people::{Actor, HeldOut};
 use crate::api::YotoClient;
@@ -14,15 +14,15 @@ use yoto_proto::v1::{
 
 /// Views of an orbit.
 const ORBIT_VIEWS: u32 = 24;
-/// The moment that the orbit freezes, as a share of the film: a raised arm shows more than
-/// the standing still that films begin with.
+/// The frame of the orbit, as a share of the video: a raised arm shows more than the neutral pose
+/// at the start.
 const ORBIT_MOMENT: f64 = 0.4;
-/// The motion that is transferred: every other frame of the whole film.
+/// The motion that is transferred: every other frame of the whole video.
 pub(super) const MOTION_STEP: u32 = 2;
 const MOTION_FRAMES: u32 = 30;
-/// Frames a second of animations: the orbit goes around in two seconds.
+/// Frames per second of animations: the orbit goes around in two seconds.
 const FPS: f32 = 12.0;
-/// The file that a render job names its animation.
+/// Name of a render job's animation.
 const ANIMATION: &str = "animation.png";
 
 /// Renders with one trained model, into one folder.
@@ -34,7 +34,7 @@ pub(super) struct Studio<'a> {
     pub size: u32,
 }
 
-/// One person's held-out views as the model renders them.
+/// One person's held-out views, rendered by the model.
 #[derive(Debug)]
 pub(super) struct HeldOutRenders {
     pub novel_view: Vec<RgbImage>,
@@ -49,7 +49,7 @@ struct Finished {
 }
 
 impl Studio<'_> {
-    /// Renders what [`Actor`] knows the truth of.
+    /// Renders the views for which [`Actor`] has ground truth.
     pub(super) async fn held_out(
         &self,
         actor: &Actor,
@@ -87,7 +87,7 @@ impl Studio<'_> {
         })
     }
 
-    /// Renders a frozen moment from all around, as `orbit-NAME/` and one animation.
+    /// Renders one pose from all around, as `orbit-NAME/` and one animation.
     pub(super) async fn orbit(&self, actor: &Actor, subject: &Subject) -> anyhow::Result<()> {
         let frame = (ORBIT_MOMENT * actor.film.len() as f64) as u32;
         let what = render_spec::What::Orbit(Orbit {
@@ -136,8 +136,8 @@ impl Studio<'_> {
         read_all(&finished.frames)
     }
 
-    /// Runs one render job and fetches its files; the animation, if one is wanted, goes to
-    /// a path of its own.
+    /// Runs one render job and fetches its files; the animation, if requested, has its own
+    /// path.
     async fn render(
         &self,
         label: &str,

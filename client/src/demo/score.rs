@@ -1,4 +1,4 @@
-//! The demo's figures: renders, as downloaded, against the truth.
+//! The demo's figures: downloaded renders against ground truth.
 
 use super::people::{Actor, HeldOut};
 use super::render::HeldOutRenders;
@@ -39,7 +39,7 @@ fn split(name: &str, views: &[HeldOut], renders: &[RgbImage]) -> anyhow::Result<
     Ok(mean.score())
 }
 
-/// Figures and costs together.
+/// Figures and costs.
 pub(super) fn report(
     subjects: Vec<SubjectScore>,
     renders: &[HeldOutRenders],

@@ -1,4 +1,4 @@
-//! Contact sheets: many pictures on one page, so that one look tells how it went.
+//! Contact sheets: many pictures on one page, as an overview of the results.
 
 use super::people::{Actor, HeldOut};
 use super::render::{HeldOutRenders, MOTION_STEP};
@@ -13,22 +13,22 @@ const PAPER: Rgb<u8> = Rgb([60, 60, 66]);
 /// Pictures in a row of the motion sheet.
 const MOTION_COLUMNS: usize = 8;
 
-/// Where the sheet of held-out cameras goes.
+/// Path of the sheet of held-out cameras.
 pub(super) fn novel_views(out: &Path) -> PathBuf {
     out.join("contact-sheet.png")
 }
 
-/// Where the sheet of held-out poses goes.
+/// Path of the sheet of held-out poses.
 pub(super) fn novel_poses(out: &Path) -> PathBuf {
     out.join("contact-sheet-poses.png")
 }
 
-/// Where the sheet of the transferred motion goes.
+/// Path of the sheet of the transferred motion.
 pub(super) fn motion(out: &Path) -> PathBuf {
     out.join("motion-transfer-sheet.png")
 }
 
-/// Writes both held-out sheets: a row a person, pairs of truth and render.
+/// Writes both held-out sheets: one row per person, pairs of truth and render.
 pub(super) fn write_held_out(
     out: &Path,
     actors: &[Actor],
@@ -46,7 +46,7 @@ pub(super) fn write_held_out(
     Ok(())
 }
 
-/// Writes the motion sheet: the driver's film above, the other body in the same poses below.
+/// Writes the motion sheet: the driver's video above, the other body in the same poses below.
 pub(super) fn write_motion(out: &Path, driver: &Actor, renders: &[RgbImage]) -> anyhow::Result<()> {
     let (mut above, mut below) = (Vec::new(), Vec::new());
     for column in 0..MOTION_COLUMNS.min(renders.len()) {
@@ -114,7 +114,7 @@ fn sheet(rows: &[Vec<Vec<RgbImage>>]) -> RgbImage {
         for group in row {
             let mut left = x;
             for picture in group {
-                // The page was measured by the same sums, so every picture fits.
+                // The page size has the same terms, so every picture fits.
                 let placed = page.copy_from(picture, left, y);
                 debug_assert!(placed.is_ok(), "a picture at {left}, {y} leaves the page");
                 left += picture.width() + NARROW;

@@ -55,7 +55,7 @@ impl<'a> Hdf5<'a> {
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok((shape, values)),
             Some(at) => {
-                let message = "not a number one can compute with";
+                let message = "not a finite number";
                 Err(self.fault("NOT_FINITE", &format!("{field}[{at}]"), message))
             }
         }

@@ -12,7 +12,7 @@ use super::{Imported, Options, Pictures, RestJoints, humannerf_prepared};
 use crate::api::ClientError;
 
 const METADATA: &str = "metadata.json";
-/// Frames a second unless the user says: no file has it.
+/// Frames per second unless the user says: no file has it.
 pub(super) const FPS: f64 = 30.0;
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {

@@ -3,7 +3,7 @@
 //! - `cameras.npz`: `intrinsic` `[3, 3]`, `extrinsic` `[4, 4]` (world to camera, metres), `height`,
 //!   `width`; images and masks are undistorted already. Pixel coordinates count from the first
 //!   pixel's centre.
-//! - `poses.npz` (one pose an image), or `poses/<split>.npz` (one for each image of the split):
+//! - `poses.npz` (one pose per image), or `poses/<split>.npz` (one for each image of the split):
 //!   `betas` `[1, 10]` or `[10]`, `global_orient` `[F, 3]`, `body_pose` `[F, 69]`, `transl` `[F, 3]`;
 //!   older files have `thetas` `[F, 72]`.
 //! - `images/*.png`, and `masks/*.npy` (0 to 1) or `masks/*.png` (coverage), in the same order.
@@ -16,7 +16,7 @@ use super::{Imported, Options, RestJoints};
 use crate::api::ClientError;
 
 const CAMERAS: &str = "cameras.npz";
-/// Frames a second unless the user says: no file has it.
+/// Frames per second unless the user says: no file has it.
 const FPS: f64 = 30.0;
 
 /// A file of poses.

@@ -65,7 +65,7 @@ pub struct Options {
     pub camera: Option<usize>,
     /// Which file of poses, where there are several.
     pub poses: Option<PathBuf>,
-    /// Frames a second, where no file says.
+    /// Frames per second, where no file says.
     pub fps: Option<f64>,
     /// Frames to take, by position in the source: first, end (exclusive), step.
     pub frames: Option<(usize, usize, usize)>,

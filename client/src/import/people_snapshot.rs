@@ -1,4 +1,4 @@
-//! PeopleSnapshot, one folder a subject.
+//! PeopleSnapshot, one folder per subject.
 //!
 //! - `camera.pkl` (of Python 2): `camera_f`, `camera_c` `[2]` px, `camera_k` `[5]` (OpenCV's
 //!   distortion), `camera_rt` `[3]` (axis-angle), `camera_t` `[3]`, `width`, `height`; world to
@@ -18,7 +18,7 @@ use crate::api::ClientError;
 const CAMERA: &str = "camera.pkl";
 const POSES: &str = "reconstructed_poses.hdf5";
 const MASKS: &str = "masks.hdf5";
-/// Frames a second unless the user says: no file but the video has it.
+/// Frames per second unless the user says: no file but the video has it.
 const FPS: f64 = 30.0;
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {

@@ -240,7 +240,7 @@ impl<'a> Part<'a> {
         }
         parts.sort_by_key(|(key, _)| *key);
         if let Some([(key, part), _]) = parts.windows(2).find(|two| two[0].0 == two[1].0) {
-            return Err(part.fault("DUPLICATE", format!("'{key}' stands twice")));
+            return Err(part.fault("DUPLICATE", format!("'{key}' is repeated")));
         }
         Ok(parts)
     }
@@ -264,10 +264,7 @@ impl<'a> Part<'a> {
                     "NOT_FINITE"
                 };
                 let part = self.below(format!("{}[{at}]", self.field), self.value);
-                Err(part.fault(
-                    code,
-                    format!("{value} is not a number one can compute with"),
-                ))
+                Err(part.fault(code, format!("{value} is not a finite number")))
             }
         }
     }

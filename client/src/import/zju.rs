@@ -18,7 +18,7 @@ use crate::api::ClientError;
 use std::path::{Component, Path};
 
 const ANNOTS: &str = "annots.npy";
-/// Frames a second unless the user says: no file has it.
+/// Frames per second unless the user says: no file has it.
 const FPS: f64 = 30.0;
 
 /// A frame's files and body.

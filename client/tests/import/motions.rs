@@ -141,7 +141,7 @@ fn broken_motions_are_named() {
     };
     let text = fault("a.bvh", b"HIERARCHY\nROOT a\n{\n OFFSET 0 x 0\n");
     assert!(
-        text.contains("a.bvh: line 4: OFFSET: 'x' is no number"),
+        text.contains("a.bvh: line 4: OFFSET: 'x' is not a number"),
         "{text}"
     );
     let text = fault("a.npz", b"PK");

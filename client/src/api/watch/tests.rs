@@ -1,4 +1,4 @@
-//! The watch against a service whose connections break off as scripted.
+//! Watches of a service with scripted connection failures.
 
 use crate::api::{ClientError, YotoClient};
 use std::collections::VecDeque;

@@ -46,7 +46,7 @@ pub struct Motion {
     pub skeleton: Skeleton,
     /// A row a frame.
     pub frames: Vec<MotionFrame>,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// Joints of the skeleton with the file's names for them.
     pub matched: Vec<(String, String)>,

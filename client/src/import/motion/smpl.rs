@@ -15,7 +15,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Joints that SMPL and SMPL with hands share, times 3.
 const SHARED: usize = 66;
-/// Frames a second where the file does not say.
+/// Frames per second where the file does not say.
 const FPS: f64 = 30.0;
 
 pub(super) fn read(
@@ -34,13 +34,13 @@ pub(super) fn read(
         Some(rate) => rate.number()?,
         None => {
             notes.push(format!(
-                "the file does not say how fast it is: {FPS} frames a second"
+                "the file does not say how fast it is: {FPS} frames per second"
             ));
             FPS
         }
     };
     if !(fps > 0.0 && fps <= 1000.0) {
-        let message = format!("{fps} frames a second");
+        let message = format!("{fps} frames per second");
         return Err(source.fault("OUT_OF_RANGE", name, None, "mocap_framerate", message));
     }
     // What stands AMASS's files apart from look-alikes that are y up.
