@@ -1,6 +1,6 @@
-//! Talking to a yoto service: the client library and the `yoto` command.
+//! The client library of a yoto service, and the `yoto` command.
 //!
-//! - [`allocator`]: how the command holds memory.
+//! - [`allocator`]: the command's allocator.
 //! - [`api`]: the service's calls, for programs.
 //! - [`capture_dir`]: a capture as a folder on disk, before it is uploaded.
 //! - [`capture_check`]: whether its poses, cameras, masks and pictures agree.
@@ -8,8 +8,8 @@
 //! - [`progress`]: the progress of jobs on a terminal.
 //! - [`commands`]: the command line.
 //!
-//! With the feature `embedded` (on by default) a process can also be the service it talks
-//! to (`embedded`), show all of it (`demo`), and run the experiments of `yoto_lab`.
+//! With the feature `embedded` (on by default) a process can also contain the service
+//! (`embedded`), run the demo (`demo`), and run the experiments of `yoto_lab`.
 
 pub mod allocator;
 pub mod api;

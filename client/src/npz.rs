@@ -1,4 +1,4 @@
-//! Arrays in a `.npz` file, as `numpy.load` reads them: for figures that 8 bits can't hold.
+//! Arrays in a `.npz` file for `numpy.load`, for values that 8 bits can't hold.
 
 use anyhow::Context;
 use std::fs::File;
@@ -7,9 +7,9 @@ use std::path::Path;
 use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// A multiple of this is where numpy wants an array's numbers to begin, bytes.
+/// Alignment of an array's numbers in numpy's format, bytes.
 const ALIGNMENT: usize = 64;
-/// What stands before the header's text: magic, version, length.
+/// Bytes before the header's text: magic, version, length.
 const PREFIX: usize = 10;
 
 /// A named array of f32, rows first.

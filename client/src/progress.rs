@@ -1,5 +1,5 @@
-//! Showing how a job or an upload gets on: a live bar on a terminal, a plain line every few seconds
-//! anywhere else, always on stderr, so that stdout stays for results.
+//! Current progress of a job or an upload: a live bar on a terminal, a plain line every few seconds
+//! elsewhere, always on stderr, since stdout is for results.
 
 mod rate;
 #[cfg(feature = "embedded")]
@@ -14,12 +14,12 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use yoto_proto::v1::{Job, Progress, job};
 
-/// Pause between plain lines; what ends sooner has only its last line.
+/// Interval between plain lines; shorter activities have only their last line.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 /// Steps of the bar; a job's fraction is a share of them.
 const BAR: u64 = 1000;
 
-/// The display of one job, or of anything that tells its progress likewise.
+/// The display of one job, or of another activity with progress.
 #[derive(Debug)]
 pub struct ProgressDisplay {
     label: String,
@@ -54,7 +54,7 @@ impl ProgressDisplay {
         }
     }
 
-    /// Shows a job as it stands now.
+    /// Shows a job's current state.
     pub fn job(&mut self, job: &Job) {
         match (job.state(), &job.progress) {
             (job::State::Queued, _) => {
@@ -78,7 +78,7 @@ impl ProgressDisplay {
         self.show(progress.fraction, &describe(progress));
     }
 
-    /// Shows bytes sent of bytes in all, how fast they go, and how long the rest will take.
+    /// Shows bytes sent of all bytes, their rate, and the remaining time.
     pub fn bytes(&mut self, sent: u64, of: u64) {
         let fraction = if of == 0 {
             1.0
@@ -92,8 +92,8 @@ impl ProgressDisplay {
         self.show(fraction, &with_rate(what, rate, left));
     }
 
-    /// Shows frames written of frames in all, their bytes, how fast those come, and how long the
-    /// rest will take. How many bytes there will be nobody knows: frames tell the time.
+    /// Shows frames written of all frames, their bytes, the rate of bytes, and the remaining time,
+    /// which follows from the frames, since the total number of bytes is unknown.
     pub fn frames(&mut self, done: usize, of: usize, bytes: u64) {
         let now = Instant::now();
         self.rate.at(now, bytes);
@@ -105,20 +105,20 @@ impl ProgressDisplay {
         self.show(done as f64 / of.max(1) as f64, &text);
     }
 
-    /// Shows how many of `of` pieces, each a `what`, are done.
+    /// Shows the number of finished pieces among `of`, each a `what`.
     pub fn count(&mut self, what: &str, done: usize, of: usize) {
         let text = format!("{what} {done} of {of}");
         self.show(done as f64 / of.max(1) as f64, &text);
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn clear(self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// Takes the bar away and leaves one line that says how it ended.
+    /// Replaces the bar by one line about the outcome.
     pub fn finish(self, outcome: &str) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -140,8 +140,8 @@ impl ProgressDisplay {
     }
 }
 
-/// One line: phase, step, speed, loss, held-out quality, time left; what is not known
-/// yet is left out.
+/// One line: phase, step, speed, loss, held-out quality, time left; unknown parts
+/// are left out.
 pub fn describe(progress: &Progress) -> String {
     let mut parts = vec![if progress.phase.is_empty() {
         "working".to_owned()

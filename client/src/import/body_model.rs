@@ -1,5 +1,5 @@
-//! SMPL's body model, as far as rest joints go. Its licence keeps it out of this project: the
-//! user points to a copy.
+//! Rest joints from SMPL's body model. Its licence keeps it out of this project: the user provides
+//! a copy.
 //!
 //! joints = J_regressor · (v_template + shapedirs · betas), with `v_template` `[V, 3]`,
 //! `shapedirs` `[V, 3, B]` and `J_regressor` `[24, V]` (dense in `.npz`, one of scipy's sparse
@@ -16,7 +16,7 @@ use yoto_proto::smpl::JOINTS;
 #[derive(Clone, Debug)]
 pub struct BodyModel {
     mean: Vec<Vec3>,
-    /// For each shape parameter, what one unit of it moves the joints by.
+    /// Displacement of the joints per unit of each shape parameter.
     shapes: Vec<Vec<Vec3>>,
 }
 
@@ -24,7 +24,7 @@ impl BodyModel {
     /// Reads a `.npz` or a `.pkl`.
     ///
     /// # Errors
-    /// When it is neither, or lacks one of the arrays.
+    /// When the file is neither, or lacks one of the arrays.
     pub fn open(path: &Path) -> Result<Self, ClientError> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -70,8 +70,8 @@ impl BodyModel {
         })
     }
 
-    /// The 24 rest joints, metres. Parameters beyond those of the model are left out: models
-    /// come with 10 and with 300, and what is beyond 10 moves joints by millimetres.
+    /// The 24 rest joints, metres. Parameters beyond those of the model are ignored: models
+    /// have 10 or 300, and those beyond 10 move joints by millimetres.
     pub fn joints(&self, betas: &[f64]) -> Vec<Vec3> {
         let mut joints = self.mean.clone();
         for (beta, moves) in betas.iter().zip(&self.shapes) {
@@ -89,7 +89,7 @@ fn regressor(part: &Part<'_>, vertices: usize) -> Result<Vec<(usize, usize, f64)
         if *shape == [JOINTS.len(), vertices] {
             return Ok(());
         }
-        let message = format!("the shape is {shape:?}, SMPL has [24, {vertices}]");
+        let message = format!("the shape is {shape:?}, but SMPL has [24, {vertices}]");
         Err(part.fault("SIZE_MISMATCH", message))
     };
     let Some(data) = part.find("data") else {

@@ -1,4 +1,4 @@
-//! This project's own capture folder, taken over as it is.
+//! This project's own capture folder, copied.
 
 use super::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use super::source::Source;
@@ -35,14 +35,15 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         media_plan::MaskKind::Coverage => MaskKind::Coverage,
         media_plan::MaskKind::Labels => MaskKind::Labels,
         media_plan::MaskKind::Inverted => {
-            let message = "inverted masks are turned round where they are uploaded, not here";
+            let message = "inverted masks are corrected by an upload, not by an import";
             return Err(source.fault("UNSUPPORTED", media_plan::FILE, None, "mask_kind", message));
         }
     };
     let disk = |folder: &str, index: u32| match files.get(&format!("{folder}/{index:06}.png")) {
         Some(FileSource::Disk(path)) => Ok(path.clone()),
         _ => {
-            let message = "there is no PNG of this frame; films are read where they are uploaded";
+            let message =
+                "there is no PNG of this frame; videos are read by an upload, not by an import";
             Err(source.fault("MISSING", folder, Some(index), "", message))
         }
     };

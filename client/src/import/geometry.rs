@@ -1,4 +1,4 @@
-//! Rotations and rigid motions, as far as conventions need to be turned into each other.
+//! Rotations and rigid motions, for conversions between conventions.
 
 /// A point or an axis-angle rotation.
 pub(super) type Vec3 = [f64; 3];
@@ -70,8 +70,8 @@ pub(super) fn about_axis(axis: usize, angle: f64) -> Mat3 {
     rotation(vector)
 }
 
-/// The axis-angle vector of a rotation, its angle from 0 to π. Through a quaternion whose largest
-/// part is found first, so that half turns are as exact as any.
+/// The axis-angle vector of a rotation, its angle from 0 to π. Computed from the
+/// quaternion's largest component, so that half turns are exact as well.
 pub(super) fn axis_angle(m: &Mat3) -> Vec3 {
     let trace = m[0][0] + m[1][1] + m[2][2];
     // 4 w², 4 x², 4 y², 4 z².
@@ -175,7 +175,7 @@ mod tests {
             let found = axis_angle(&rotation(vector));
             assert!(near(found, vector), "{vector:?}: {found:?}");
         }
-        // Beyond half a turn the shorter way round is meant.
+        // Beyond half a turn, the result is the shorter rotation.
         assert!(near(
             axis_angle(&rotation([4.0, 0.0, 0.0])),
             [4.0 - 2.0 * PI, 0.0, 0.0]

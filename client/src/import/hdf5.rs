@@ -1,4 +1,4 @@
-//! HDF5, as PeopleSnapshot has it: arrays by name at the top of a file.
+//! HDF5 files of PeopleSnapshot: arrays by name at the top level.
 
 use super::source::Source;
 use crate::api::ClientError;
@@ -7,7 +7,7 @@ use std::fmt;
 use std::sync::Arc;
 use yoto_proto::pose_track::MAX_SIDE;
 
-/// Most numbers that are read at once; masks are read a frame at a time.
+/// Most numbers per read; masks are read one frame at a time.
 const MAX_NUMBERS: u64 = 1 << 24;
 
 /// An open file.
@@ -40,7 +40,7 @@ impl<'a> Hdf5<'a> {
         Ok((dataset, shape))
     }
 
-    /// Extents and numbers of a dataset; every one of them finite.
+    /// Extents and numbers of a dataset, all finite.
     pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
         let (dataset, shape) = self.dataset(field)?;
         let count = shape
@@ -73,7 +73,7 @@ impl<'a> Hdf5<'a> {
         }
     }
 
-    /// A dataset of shape `[frames, height, width]`, whose frames are read when asked for.
+    /// A dataset of shape `[frames, height, width]`, whose frames are read on demand.
     pub fn stack(&self, field: &str) -> Result<MaskStack, ClientError> {
         let (dataset, shape) = self.dataset(field)?;
         let side = 1..=u64::from(MAX_SIDE);
@@ -116,7 +116,7 @@ impl fmt::Debug for MaskStack {
 }
 
 impl MaskStack {
-    /// How many masks there are.
+    /// Number of masks.
     pub fn frames(&self) -> usize {
         self.frames as usize
     }
@@ -134,7 +134,7 @@ impl MaskStack {
     /// Mask `at`, `[height, width]`, 255 where the person is.
     ///
     /// # Errors
-    /// What the file's reader says.
+    /// The error of the file's reader.
     pub fn read(&self, at: usize) -> Result<Vec<u8>, String> {
         let pixels = self.size[0] as usize * self.size[1] as usize;
         let bytes = self.dataset.read_raw_rows(at as u64, 1);

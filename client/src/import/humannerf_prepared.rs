@@ -1,10 +1,10 @@
-//! HumanNeRF's prepared captures, of wild videos and of ZJU-MoCap alike.
+//! HumanNeRF's prepared captures, of wild videos and of ZJU-MoCap.
 //!
 //! - `cameras.pkl`: `{frame: {intrinsics [3, 3], extrinsics [4, 4], distortions [5] (ZJU only)}}`,
 //!   world to camera, metres.
 //! - `mesh_infos.pkl`: `{frame: {Rh [3], Th [3], poses [72], joints [24, 3], tpose_joints [24, 3]}}`:
 //!   the body, posed without its root, is turned by Rh about the origin and moved by Th. In wild
-//!   captures `tpose_joints` has the pelvis at the origin and Th is where it was.
+//!   captures `tpose_joints` has the pelvis at the origin and Th is its position.
 //! - `canonical_joints.pkl`: `{joints [24, 3]}`, the rest joints of the mean shape.
 //!
 //! Images are `images/<frame>.png`, masks `masks/<frame>.png` (coverage); pixel coordinates count
@@ -84,7 +84,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
 /// The image and the mask of a frame by its name.
 pub(super) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ClientError> {
     if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
-        let message = format!("'{name}' is no file name");
+        let message = format!("'{name}' is not a file name");
         return Err(source.fault("BAD_NAME", "images", Some(frame), name, message));
     }
     let find = |folder: &str| {

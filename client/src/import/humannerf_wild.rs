@@ -1,8 +1,8 @@
-//! HumanNeRF's wild videos, as its users give them: `metadata.json`.
+//! HumanNeRF's wild videos: `metadata.json`.
 //!
 //! `{frame name: {poses [72], betas [10], cam_intrinsics [3, 3], cam_extrinsics [4, 4]}}`, world to
-//! camera, metres, pixel coordinates from the first pixel's centre. The body stands where SMPL
-//! puts it, without a translation of its own: the camera's has it all. Images are
+//! camera, metres, pixel coordinates from the first pixel's centre. The body is at SMPL's
+//! own position, without a translation: the camera has all of it. Images are
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
 use super::pictures::image_size;
@@ -12,7 +12,7 @@ use super::{Imported, Options, Pictures, RestJoints, humannerf_prepared};
 use crate::api::ClientError;
 
 const METADATA: &str = "metadata.json";
-/// Frames per second unless the user says: no file has it.
+/// Default frames per second, since no file has it.
 pub(super) const FPS: f64 = 30.0;
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {

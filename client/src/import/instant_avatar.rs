@@ -16,7 +16,7 @@ use super::{Imported, Options, RestJoints};
 use crate::api::ClientError;
 
 const CAMERAS: &str = "cameras.npz";
-/// Frames per second unless the user says: no file has it.
+/// Default frames per second, since no file has it.
 const FPS: f64 = 30.0;
 
 /// A file of poses.
@@ -42,7 +42,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         return Err(source.fault("SIZE_MISMATCH", "masks", None, "", message));
     }
     let wanted = options.positions(source, "images", images.len())?;
-    // Poses of a split are those of the wanted images; else there is one an image.
+    // Poses of a split are those of the selected images; otherwise there is one per image.
     let of_wanted = poses.len() == wanted.len();
     if !of_wanted && poses.len() != images.len() {
         let message = format!(
@@ -85,7 +85,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     })
 }
 
-/// Which file of poses is meant.
+/// The file of poses.
 fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError> {
     if let Some(path) = &options.poses {
         return Ok(path.display().to_string());
@@ -103,13 +103,16 @@ fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError>
         [one] => Ok(one.clone()),
         [] => Err(source.fault("MISSING", "poses.npz", None, "", "there is no such file")),
         several => {
-            let message = format!("which one is meant (--poses FILE)? {}", several.join(", "));
+            let message = format!(
+                "several files of poses, choose one (--poses FILE): {}",
+                several.join(", ")
+            );
             Err(source.fault("MISSING", "poses.npz", None, "", message))
         }
     }
 }
 
-/// Shape, poses and translations, under any of the names that they have had.
+/// Shape, poses and translations, under any of their names.
 pub(super) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
     let root = data.root();
     let poses: Vec<SmplPose> = match root.find("thetas") {

@@ -1,10 +1,9 @@
-//! Captures of other programs as captures of ours.
+//! Imports captures of other programs.
 //!
-//! One file a format; each reads what its program wrote and states the conventions it was
-//! written in: units, which way extrinsics go, where pixel centres are, what the root's
-//! translation means. All of them end in the one schema that the service takes
-//! ([`PoseTrack`](yoto_proto::pose_track::PoseTrack)), which is why they stand on this side of
-//! it. [`write`] makes a capture folder of the result; [`motion`] reads motions to animate with.
+//! One file per format; each reads its program's files and documents their conventions: units,
+//! direction of extrinsics, pixel centres, meaning of the root's translation. All of them give the
+//! one schema of the service ([`PoseTrack`](yoto_proto::pose_track::PoseTrack)). [`write`] writes a
+//! capture folder; [`motion`] reads motions for animation.
 //!
 //! ```text
 //! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
@@ -37,7 +36,7 @@ use source::Source;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack};
 
-/// Which program wrote a capture.
+/// Format of a capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     /// ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp.
@@ -54,25 +53,25 @@ pub enum Format {
     Folder,
 }
 
-/// What an importer can't find in the files.
+/// Inputs that an importer can't find in the files.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// A body model of SMPL (`.npz` or `.pkl`), for rest joints of shape parameters.
     pub body_model: Option<PathBuf>,
     /// Rest joints themselves (JSON or pickle), in place of a body model.
     pub rest_joints: Option<PathBuf>,
-    /// Which camera of a rig; 0 unless said.
+    /// Camera of a rig; 0 by default.
     pub camera: Option<usize>,
-    /// Which file of poses, where there are several.
+    /// File of poses, if there are several.
     pub poses: Option<PathBuf>,
-    /// Frames per second, where no file says.
+    /// Frames per second, if no file has it.
     pub fps: Option<f64>,
     /// Frames to take, by position in the source: first, end (exclusive), step.
     pub frames: Option<(usize, usize, usize)>,
 }
 
 impl Options {
-    /// Which of `count` frames are wanted, by position.
+    /// Positions of the selected frames among `count`.
     fn positions(
         &self,
         source: &Source,
@@ -91,7 +90,7 @@ impl Options {
         Ok(wanted)
     }
 
-    /// What the user said, or `assumed` with a note.
+    /// The user's value, or `assumed` with a note.
     fn fps_or(&self, assumed: f64, notes: &mut Vec<String>) -> f64 {
         self.fps.unwrap_or_else(|| {
             notes.push(format!(
@@ -102,14 +101,14 @@ impl Options {
     }
 }
 
-/// A capture that was read, and not yet written.
+/// A capture after reading, before writing.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// Who stands how in each frame; indices are those of the files to write.
+    /// Poses and cameras of each frame; indices are those of the files to write.
     pub track: PoseTrack,
     /// The pictures of each frame, in the track's order.
     pub pictures: Pictures,
-    /// What had to be assumed, for people to read.
+    /// Assumptions, for people to read.
     pub notes: Vec<String>,
 }
 

@@ -18,7 +18,7 @@ use crate::api::ClientError;
 const CAMERA: &str = "camera.pkl";
 const POSES: &str = "reconstructed_poses.hdf5";
 const MASKS: &str = "masks.hdf5";
-/// Frames per second unless the user says: no file but the video has it.
+/// Default frames per second, since only the video has it.
 const FPS: f64 = 30.0;
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
@@ -90,7 +90,7 @@ fn images(
         })?;
         let image = source.path(name);
         if frame.index == 0 && image_size(&image, 0)? != size {
-            let message = "width and height are not those of the images";
+            let message = "width and height differ from the images";
             return Err(source.fault("SIZE_MISMATCH", CAMERA, None, "width", message));
         }
         Ok(PictureFiles {

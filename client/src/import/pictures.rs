@@ -1,4 +1,4 @@
-//! Where a capture's pictures are, and reading one.
+//! Pictures of a capture, and their decoding.
 
 use super::hdf5::MaskStack;
 use crate::api::ClientError;
@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use yoto_formats::npy;
 use yoto_proto::pose_track::{MAX_SIDE, violation};
 
-/// What a decoder may allocate, bytes: a 16-bit image with alpha of the largest size.
+/// Largest allocation of a decoder, bytes: a 16-bit image with alpha of the largest size.
 const MAX_ALLOCATION: u64 = 8 * (MAX_SIDE as u64) * (MAX_SIDE as u64);
 
 /// The pictures of a capture.
 #[derive(Clone, Debug)]
 pub enum Pictures {
-    /// An image and its masks a frame.
+    /// One image with its masks per frame.
     Files(Vec<PictureFiles>),
-    /// A video, taken over as it is, and the masks of each frame.
+    /// A video, kept as it is, and the masks of each frame.
     Video {
         /// The file.
         video: PathBuf,
@@ -29,7 +29,7 @@ pub enum Pictures {
 pub struct PictureFiles {
     /// The image.
     pub image: PathBuf,
-    /// The person is where any of these says so.
+    /// Masks whose union is the person.
     pub masks: Vec<Mask>,
     /// Whether the image shows the person over black already.
     pub over_black: bool,
@@ -46,10 +46,10 @@ pub enum Mask {
     Stack(MaskStack, usize),
 }
 
-/// What a mask's levels mean.
+/// Meaning of a mask's levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaskKind {
-    /// Whatever is not 0 is the person.
+    /// All levels but 0 are the person.
     Labels,
     /// 0 is background, the highest level the person, in between is both.
     Coverage,
@@ -63,7 +63,7 @@ pub(super) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientErro
     Ok([width, height])
 }
 
-/// An image of `size` (width, height), 8 bits a channel.
+/// An image of `size` (width, height), 8 bits per channel.
 pub(super) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
     sized(path, size, frame, image_size(path, frame)?)?;
     let image = reader(path, frame)?.decode();
@@ -96,8 +96,8 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
             let image = image.map_err(|error| undecodable(path, frame, error.to_string()))?;
             Ok(match kind {
                 MaskKind::Coverage => image.into_luma8().into_raw(),
-                // The first channel, as label images of three equal channels are read: turning
-                // colours to grey may round a label away.
+                // The first channel, since label images have three equal channels: a conversion
+                // to grey may change a label.
                 MaskKind::Labels => {
                     let rgb = image.into_rgb8().into_raw();
                     let any = |pixel: &[u8; 3]| 255 * u8::from(pixel[0] != 0);

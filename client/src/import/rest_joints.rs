@@ -1,4 +1,4 @@
-//! Where rest joints come from: a body model and shape parameters, or a file that has them.
+//! Sources of rest joints: a body model with shape parameters, or a file of rest joints.
 
 use super::Options;
 use super::body_model::BodyModel;
@@ -12,14 +12,14 @@ use yoto_proto::smpl::JOINTS;
 /// Rest joints for shape parameters.
 #[derive(Debug)]
 pub(super) enum RestJoints {
-    /// By shape.
+    /// From shape parameters.
     Model(BodyModel),
-    /// Given: the same whatever the shape.
+    /// Given: the same for all shapes.
     Given(Vec<Vec3>),
 }
 
 impl RestJoints {
-    /// Of what the user gave; `None` where that is nothing.
+    /// The source that the user gave; `None` without one.
     pub fn find(options: &Options) -> Result<Option<Self>, ClientError> {
         match (&options.rest_joints, &options.body_model) {
             (Some(path), _) => given(path).map(|joints| Some(Self::Given(joints))),

@@ -1,5 +1,5 @@
-//! The files of a capture, and walking through the plain data in them with errors that name
-//! file, frame and field.
+//! The files of a capture, and access to the plain data in them with errors that name file, frame
+//! and field.
 
 use crate::api::ClientError;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use yoto_proto::v1::Violation;
 
 /// Largest file of poses or cameras, bytes; body models with 300 shapes take 250 million.
 const MAX_BYTES: u64 = 1 << 30;
-/// Largest number that can mean something in any unit.
+/// Largest plausible number in any unit.
 const MAX_NUMBER: f64 = 1e9;
 
 /// The folder of a capture.
@@ -25,7 +25,7 @@ impl Source {
         }
     }
 
-    /// Where a file of the capture is on this disk.
+    /// Path of a file of the capture on this disk.
     pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.root.join(name)
     }
@@ -34,7 +34,7 @@ impl Source {
         self.path(name).exists()
     }
 
-    /// What is wrong with the capture.
+    /// An error of the capture.
     pub fn bad(&self, violations: Vec<Violation>) -> ClientError {
         ClientError::BadCapture {
             place: self.root.display().to_string(),
@@ -42,7 +42,7 @@ impl Source {
         }
     }
 
-    /// As [`Self::bad`], for one thing.
+    /// As [`Self::bad`], for one violation.
     pub fn fault(
         &self,
         code: &str,
@@ -66,13 +66,13 @@ impl Source {
             Err(error) => return Err(ClientError::file("reading", path)(error)),
         };
         if size > MAX_BYTES {
-            let message = format!("{size} bytes are more than the {MAX_BYTES} that are read");
+            let message = format!("{size} bytes are more than the limit of {MAX_BYTES}");
             return Err(self.fault("TOO_LARGE", file, frame, "", message));
         }
         std::fs::read(&path).map_err(ClientError::file("reading", path))
     }
 
-    /// The data of a file, by what its name ends in: `.pkl`, `.npy`, `.npz` or `.json`.
+    /// The data of a file, by its extension: `.pkl`, `.npy`, `.npz` or `.json`.
     pub fn data(&self, file: &str, frame: Option<u32>) -> Result<Data<'_>, ClientError> {
         let bytes = self.bytes(file, frame)?;
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
@@ -105,7 +105,7 @@ impl Source {
         let mut names = Vec::new();
         for entry in entries {
             let entry = entry.map_err(ClientError::file("listing", path.clone()))?;
-            // A name that is no text can't be named in a pose track either.
+            // A pose track can't refer to a name that is not text.
             let Ok(name) = entry.file_name().into_string() else {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 let message = "the file's name is not UTF-8";
@@ -136,7 +136,7 @@ fn from_json(json: serde_json::Value) -> Value {
     }
 }
 
-/// What a file holds.
+/// The data of a file.
 #[derive(Debug)]
 pub(super) struct Data<'a> {
     source: &'a Source,
@@ -156,7 +156,7 @@ impl Data<'_> {
     }
 }
 
-/// A part of what a file holds, which knows where it stands.
+/// A part of a file's data, with its location.
 #[derive(Clone, Debug)]
 pub(super) struct Part<'a> {
     data: &'a Data<'a>,
@@ -175,7 +175,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The same part, as what `frame` is about.
+    /// The same part, with `frame` as its frame.
     pub fn of_frame(self, frame: u32) -> Self {
         Self {
             frame: Some(frame),
@@ -191,7 +191,7 @@ impl<'a> Part<'a> {
     }
 
     fn wrong(&self, wanted: &str) -> ClientError {
-        let message = format!("{} where {wanted} should be", self.value.kind());
+        let message = format!("{} instead of {wanted}", self.value.kind());
         self.fault("SIZE_MISMATCH", message)
     }
 
@@ -223,7 +223,7 @@ impl<'a> Part<'a> {
         Ok(self.below(format!("{}[{at}]", self.field), value))
     }
 
-    /// How many items a list has.
+    /// Number of items of a list.
     pub fn len(&self) -> Result<usize, ClientError> {
         let items = self.value.items();
         items.map(<[_]>::len).ok_or_else(|| self.wrong("a list"))
@@ -269,13 +269,13 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// `N` numbers, whatever axes of extent 1 stand around them.
+    /// `N` numbers, ignoring axes of extent 1.
     pub fn fixed<const N: usize>(&self) -> Result<[f64; N], ClientError> {
         let array = self.array()?;
         array.fixed().ok_or_else(|| self.wrong(&format!("[{N}]")))
     }
 
-    /// A number, whatever axes of extent 1 stand around it.
+    /// A number, ignoring axes of extent 1.
     pub fn number(&self) -> Result<f64, ClientError> {
         match self.array()?.values[..] {
             [number] => Ok(number),

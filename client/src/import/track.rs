@@ -1,4 +1,4 @@
-//! From SMPL's parameters to the pose track's.
+//! Conversion of SMPL's parameters to the pose track's.
 
 use super::geometry::{Mat3, Vec3, add, apply, axis_angle, mul, rotation, sub};
 use yoto_proto::pose_track::{Frame, PoseTrack, Skeleton};
@@ -17,17 +17,17 @@ pub(super) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
     }
 }
 
-/// Where somebody stands in the world.
+/// Placement of a body in the world.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     pub pose: SmplPose,
-    /// The root joint's place, metres.
+    /// The root joint's position, metres.
     pub root: Vec3,
 }
 
 impl Placed {
-    /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as EasyMocap
-    /// and HumanNeRF have it; `pelvis` is the root's rest place before that. A root rotation in
+    /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as in EasyMocap
+    /// and HumanNeRF; `pelvis` is the root's rest position before that. A root rotation in
     /// `pose` turns about the pelvis, before `rh`.
     pub fn turned(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
         let whole = rotation(rh);
@@ -37,8 +37,8 @@ impl Placed {
         }
     }
 
-    /// The body moved by `translation` after its pose, as SMPL's own programs have it: the root
-    /// turns about the pelvis, which stays where the shape puts it.
+    /// The body moved by `translation` after its pose, as in SMPL's own programs: the root
+    /// turns about the pelvis, which keeps the position of the shape.
     pub fn moved(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
         Self {
             pose,
@@ -75,8 +75,8 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Of intrinsics whose pixel coordinates count from the first pixel's centre, as OpenCV's
-    /// calibration and all programs here have them.
+    /// Of intrinsics whose pixel coordinates count from the first pixel's centre, as in
+    /// OpenCV's calibration and in all imported formats.
     pub fn from_centres(mut k: [[f64; 3]; 3], e: [[f64; 4]; 4]) -> Self {
         k[0][2] += 0.5;
         k[1][2] += 0.5;
@@ -84,7 +84,7 @@ impl Camera {
     }
 }
 
-/// The mean of rows of equal length; rows that are shorter count as far as they go.
+/// The mean of rows of equal length; shorter rows count as far as they go.
 pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
     let length = rows.iter().map(Vec::len).max().unwrap_or_default();
     let at = |i: usize| rows.iter().filter_map(move |row| row.get(i));
@@ -93,7 +93,7 @@ pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// A track without frames yet.
+/// A track without frames.
 pub(super) fn empty_track(skeleton: Skeleton, image_size: [u32; 2], fps: f64) -> PoseTrack {
     PoseTrack {
         skeleton,

@@ -1,8 +1,8 @@
-//! An imported capture as a capture folder.
+//! Writes an imported capture as a capture folder.
 //!
 //! `frames/%06d.png` are premultiplied by their masks (the person over black), so that training
-//! can put anybody before any background; distorted ones stay distorted, for ingest to undo with
-//! the coefficients in the pose track. The pose track is written last: a folder with one is whole.
+//! can use any background; distorted ones stay distorted, for ingest to correct with the coefficients
+//! in the pose track. The pose track is written last: a folder with one is complete.
 
 use super::Imported;
 use super::pictures::{PictureFiles, Pictures, read_image, read_masks};
@@ -14,10 +14,10 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame};
 
-/// What a video is called in a capture folder.
+/// Name of a video in a capture folder.
 pub const VIDEO: &str = "video.mp4";
 
-/// How the pose track is written.
+/// Form of the pose track.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TrackForm {
     /// `poses.json`.
@@ -27,7 +27,7 @@ pub enum TrackForm {
     Binary,
 }
 
-/// Writes a capture folder to `out`; `progress` hears of frames done, of all, and of bytes written
+/// Writes a capture folder to `out`; `progress` receives frames done, all frames, and bytes written
 /// so far.
 ///
 /// # Errors
@@ -41,7 +41,7 @@ pub fn write(
 ) -> Result<u64, ClientError> {
     if FILES.iter().any(|name| out.join(name).exists()) {
         return Err(ClientError::Name(format!(
-            "{} holds a capture already",
+            "{} already holds a capture",
             out.display()
         )));
     }

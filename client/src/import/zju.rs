@@ -2,7 +2,7 @@
 //!
 //! `annots.npy`: a pickled dictionary. `cams` has lists over the cameras: `K` `[3, 3]`, `D`
 //! `[5, 1]` (OpenCV's k1 k2 p1 p2 k3), `R` `[3, 3]`, `T` `[3, 1]` in **millimetres**; world to
-//! camera. `ims` has a dictionary a frame, whose `ims` lists an image path a camera.
+//! camera. `ims` has one dictionary per frame, whose `ims` lists one image path per camera.
 //! `new_params/<i>.npy`: `poses` `[1, 72]`, `shapes` `[1, 10]`, `Rh`, `Th` `[1, 3]` (metres): the
 //! posed body is turned by Rh about the *world's* origin and moved by Th. `<i>` counts frames,
 //! except where the images are called `…)_0001_…`: then it is that number (subjects 313, 315).
@@ -18,7 +18,7 @@ use crate::api::ClientError;
 use std::path::{Component, Path};
 
 const ANNOTS: &str = "annots.npy";
-/// Frames per second unless the user says: no file has it.
+/// Default frames per second, since no file has it.
 const FPS: f64 = 30.0;
 
 /// A frame's files and body.
@@ -89,7 +89,7 @@ fn camera(annots: &Data<'_>, view: usize) -> Result<(Camera, [f64; 5]), ClientEr
     Ok((Camera::from_centres(square(k), e), distortion))
 }
 
-/// The `N` numbers of camera `view`, of a list of arrays or of one array with an axis more.
+/// The `N` numbers of camera `view`, of a list of arrays or of one array with one more axis.
 fn of_view<const N: usize>(part: &Part<'_>, view: usize) -> Result<[f64; N], ClientError> {
     let array = part.array()?;
     let cameras = array.shape.first().copied().unwrap_or_default();
@@ -116,7 +116,7 @@ fn relative<'a>(part: &Part<'a>) -> Result<&'a Path, ClientError> {
     } else {
         Err(part.fault(
             "BAD_NAME",
-            format!("'{}' leads out of the capture", path.display()),
+            format!("'{}' leads outside the capture", path.display()),
         ))
     }
 }

@@ -1,10 +1,10 @@
-//! How fast something goes, smoothed: a network stutters, and a figure that jumps tells nothing.
+//! A smoothed rate, since the speed of a network varies.
 
 use std::time::{Duration, Instant};
 
-/// Pause between two looks.
+/// Interval between two measurements.
 const LOOK: Duration = Duration::from_millis(500);
-/// Share of the newest look in the figure.
+/// Weight of the newest measurement.
 const NEWEST: f64 = 0.25;
 
 /// The rate at which a count grows.
@@ -38,7 +38,7 @@ impl Rate {
         self.seen = (now, count);
     }
 
-    /// Counts a second; none before the first look.
+    /// Counts per second; none before the first measurement.
     pub(super) fn a_second(&self) -> Option<f64> {
         self.smoothed
     }

@@ -1,4 +1,4 @@
-//! The terminal as what an experiment is watched on.
+//! The terminal as the display of an experiment.
 
 use super::ProgressDisplay;
 use yoto_lab::display::{Display, Screen};

@@ -168,7 +168,7 @@ fn wrong_numbers_are_named_with_their_field() {
         ),
         (
             &|json| json["../../etc/passwd"] = json[frame].take(),
-            "is no file name",
+            "is not a file name",
         ),
     ];
     for (change, expected) in cases {

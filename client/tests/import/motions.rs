@@ -150,7 +150,7 @@ fn broken_motions_are_named() {
         "{text}"
     );
     let text = fault("a.fbx", b"");
-    assert!(text.contains("'.fbx' is no motion"), "{text}");
+    assert!(text.contains("'.fbx' is not a motion format"), "{text}");
     let text = fault("a.json", b"{");
     assert!(text.contains("poses.json: line 1"), "{text}");
 }

@@ -98,7 +98,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
 
     let error = write(&found, &dir, TrackForm::Json, |_, _, _| {}).expect_err("it is there");
     assert!(
-        error.to_string().contains("holds a capture already"),
+        error.to_string().contains("already holds a capture"),
         "{error}"
     );
 }

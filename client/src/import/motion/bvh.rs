@@ -1,9 +1,8 @@
 //! BVH motions on the skeletons of people.
 //!
 //! Joints are matched by name ([`JointMap`]); those between matched ones are folded into them, so
-//! that nothing of the motion is lost. A BVH file's rest pose is whatever its writer liked, while
-//! a person's is a T-pose facing +z: rotations are re-expressed so that limbs point where the
-//! file's point, by (with global rotations G of the file, and D the rotation that takes a limb of a
+//! that no motion is lost. A BVH file's rest pose is arbitrary, while a person's is a T-pose facing
+//! +z: rotations are converted so that limbs have the file's directions, by (with global rotations G of the file, and D the rotation that takes a limb of a
 //! T-pose to the file's limb at rest) G' = G · D, local rotation = (G'_parent)ᵀ · G'.
 
 use super::super::geometry::{
@@ -16,7 +15,7 @@ use std::f64::consts::FRAC_PI_2;
 use yoto_formats::bvh::{self, Bvh, Channel};
 use yoto_proto::pose_track::Skeleton;
 
-/// Limbs, from one joint to the next, and where they point in a T-pose.
+/// Limbs, from one joint to the next, and their directions in a T-pose.
 const LIMBS: [(&str, &str, Vec3); 8] = [
     ("l_shoulder", "l_elbow", [1.0, 0.0, 0.0]),
     ("l_elbow", "l_wrist", [1.0, 0.0, 0.0]),
@@ -27,9 +26,9 @@ const LIMBS: [(&str, &str, Vec3); 8] = [
     ("r_hip", "r_knee", [0.0, -1.0, 0.0]),
     ("r_knee", "r_ankle", [0.0, -1.0, 0.0]),
 ];
-/// Joints that have no limb of their own and go on in the direction of the one before.
+/// Joints without a limb, which continue the direction of the previous one.
 const FOLLOW: [&str; 4] = ["l_wrist", "r_wrist", "l_hand", "r_hand"];
-/// Pairs that say where left is.
+/// Pairs that define left.
 const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder")];
 
 pub(super) fn read(
@@ -103,12 +102,12 @@ pub(super) fn read(
     })
 }
 
-/// The joints of a file that move something, in the file's order.
+/// The matched joints of a file, in the file's order.
 struct Kept {
     names: Vec<String>,
-    /// Places in the file.
+    /// Indices in the file.
     source: Vec<usize>,
-    /// Nearest matched joint above, as a place among the kept.
+    /// Nearest matched ancestor, as an index among the kept joints.
     parents: Vec<Option<usize>>,
 }
 
@@ -138,7 +137,7 @@ impl Kept {
         self.names.iter().position(|other| other == name)
     }
 
-    /// Where the joints stand at rest, y up.
+    /// Positions of the joints at rest, y up.
     fn rest(&self, file: &Bvh, upright: &Mat3) -> Vec<Vec3> {
         let mut places: Vec<Vec3> = Vec::with_capacity(file.joints.len());
         for joint in &file.joints {
@@ -172,7 +171,7 @@ impl Kept {
         turns
     }
 
-    /// Rest places once the limbs point as in a T-pose.
+    /// Rest positions with the limbs in a T-pose.
     fn t_pose(&self, rest: &[Vec3], turns: &[Mat3]) -> Vec<Vec3> {
         let mut places: Vec<Vec3> = Vec::with_capacity(rest.len());
         for (at, place) in rest.iter().enumerate() {
@@ -199,7 +198,7 @@ impl Kept {
     }
 }
 
-/// The turn about the vertical that brings the rest pose's left to +x.
+/// The rotation about the vertical that turns the rest pose's left to +x.
 fn facing(kept: &Kept, rest: &[Vec3]) -> Mat3 {
     let left = SIDES.iter().find_map(|(left, right)| {
         let place = |name: &str| rest.get(kept.find(name)?).copied();
@@ -213,7 +212,7 @@ fn facing(kept: &Kept, rest: &[Vec3]) -> Mat3 {
     }
 }
 
-/// Global rotations of a frame, in the file's axes, and the root's place.
+/// Global rotations of a frame, in the file's axes, and the root's position.
 fn world(file: &Bvh, row: &[f64]) -> (Vec<Mat3>, Vec3) {
     let mut values = row.iter().copied();
     let mut rotations: Vec<Mat3> = Vec::with_capacity(file.joints.len());

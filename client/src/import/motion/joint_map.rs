@@ -1,17 +1,17 @@
-//! Which joint of a motion moves which joint of a person, by name.
+//! The map from a motion's joints to a person's joints, by name.
 //!
 //! A map is JSON: `{"l_knee": ["LeftLeg", "LeftKnee"], …}`, each joint of the person with the names
 //! that motions have for it. The first name that the motion has, and that no earlier joint took,
-//! is meant. A joint's own name is always understood: before all others where the motion writes it
-//! in the same letters, after them where it does not, since `Spine1` is `spine1` to few writers.
-//! Otherwise case does not matter, nor what stands before a colon (`mixamorig:Hips`).
+//! is used. A joint's own name always matches: before all others if the motion has it in the same
+//! case, after them otherwise, since `Spine1` is `spine1` for few writers. Otherwise case does not
+//! matter, nor a prefix before a colon (`mixamorig:Hips`).
 
 use crate::api::ClientError;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// The map that is used unless the user gives one: names of CMU's conversions, Mixamo,
-/// MotionBuilder, Poser, Unreal and SMPL itself. `yoto motion --write-map` writes it out for
+/// The default map: names of CMU's conversions, Mixamo,
+/// MotionBuilder, Poser, Unreal and SMPL itself. `yoto motion --write-map` writes it for
 /// editing.
 pub const DEFAULT: &str = include_str!("joint_map.json");
 
@@ -20,10 +20,10 @@ pub const DEFAULT: &str = include_str!("joint_map.json");
 pub struct JointMap(Vec<(String, Vec<String>)>);
 
 impl JointMap {
-    /// The map of a file, or the usual one.
+    /// The map of a file, or the default.
     ///
     /// # Errors
-    /// When the file can't be read or is no such map.
+    /// When the file can't be read or is not a map.
     pub fn open(path: Option<&Path>) -> Result<Self, ClientError> {
         let Some(path) = path else {
             return Self::parse(DEFAULT).map_err(ClientError::Name);
@@ -51,7 +51,7 @@ impl JointMap {
             .into_iter()
             .map(names)
             .collect::<Result<_, String>>()?;
-        // The order of SMPL's table, from the root outwards, decides who chooses first.
+        // Joints choose in the order of SMPL's table, from the root outwards.
         let place = |joint: &str| {
             let table = yoto_proto::smpl::JOINTS.iter();
             table.clone().position(|(name, _)| *name == joint)

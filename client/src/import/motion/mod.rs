@@ -1,8 +1,8 @@
-//! Motions to animate people with: AMASS-style `.npz`, BVH, and pose tracks.
+//! Motions for animation: AMASS-style `.npz`, BVH, and pose tracks.
 //!
-//! Whatever a file has, a [`Motion`] has y up, rotations local to the parent with a T-pose at rest
-//! facing +z, joints by the names that people's skeletons have, and the root's places. Its unit of
-//! length does not matter: the body that takes it over scales strides by the height of its hips.
+//! A [`Motion`] always has y up, rotations local to the parent with a T-pose at rest facing +z,
+//! joints with the names of people's skeletons, and the root's positions. Its unit of length does
+//! not matter: strides are scaled by the height of the body's hips.
 
 mod bvh;
 mod joint_map;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton};
 use yoto_proto::v1;
 
-/// Which axis of a file is up.
+/// Up axis of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Up {
     /// y.
@@ -27,24 +27,24 @@ pub enum Up {
     Z,
 }
 
-/// What a motion's file does not say.
+/// Inputs that a motion's file lacks.
 #[derive(Clone, Debug, Default)]
 pub struct MotionOptions {
-    /// Names of joints; the usual ones unless given.
+    /// Names of joints; the default map if absent.
     pub joint_map: Option<PathBuf>,
     /// A body model of SMPL, for the rest joints of shape parameters.
     pub body_model: Option<PathBuf>,
-    /// The up axis, where it is not the format's usual one.
+    /// The up axis, if it is not the format's default.
     pub up: Option<Up>,
 }
 
 /// A motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// Who moves. Without rest joints (an empty list) where the file has none: then whoever takes
-    /// the motion over is as tall as who moved.
+    /// Skeleton of the motion. Rest joints are an empty list if the file has none: the motion then
+    /// has the size of the body that it animates.
     pub skeleton: Skeleton,
-    /// A row a frame.
+    /// One row per frame.
     pub frames: Vec<MotionFrame>,
     /// Frames per second.
     pub fps: f64,
@@ -52,7 +52,7 @@ pub struct Motion {
     pub matched: Vec<(String, String)>,
     /// Joints of the file that move nothing.
     pub unmatched: Vec<String>,
-    /// What had to be assumed.
+    /// Assumptions.
     pub notes: Vec<String>,
 }
 
@@ -61,11 +61,11 @@ pub struct Motion {
 pub struct MotionFrame {
     /// Axis-angle of each joint, radians, local to the parent.
     pub rotations: Vec<Vec3>,
-    /// Where the root joint stands, y up.
+    /// Position of the root joint, y up.
     pub root: Vec3,
 }
 
-/// Reads a motion, by what its file's name ends in: `.npz` (SMPL's parameters), `.bvh`, or a pose
+/// Reads a motion, by its file's extension: `.npz` (SMPL's parameters), `.bvh`, or a pose
 /// track's `.json` or `.pb`.
 ///
 /// # Errors
@@ -79,7 +79,7 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
         "npz" => smpl::read(&source, &name, options),
         "json" | "pb" => track(&source, &name),
         other => {
-            let message = format!("'.{other}' is no motion: .bvh, .npz, .json or .pb are");
+            let message = format!("'.{other}' is not a motion format: .bvh, .npz, .json or .pb");
             Err(source.fault("UNREADABLE", &name, None, "", message))
         }
     }?;
@@ -114,7 +114,7 @@ fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
 }
 
 impl Motion {
-    /// Frames first, first + step, … before end, as a service takes them; `size` is the longest
+    /// Frames first, first + step, … before end, in the form of requests; `size` is the longest
     /// side of the pictures, pixels.
     pub fn clip(&self, first: usize, end: usize, step: usize, size: u32) -> v1::MotionClip {
         let rest = self.skeleton.rest_joints.first().copied();

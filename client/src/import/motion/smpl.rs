@@ -1,9 +1,9 @@
-//! Motions in SMPL's parameters, as AMASS has them.
+//! Motions in SMPL's parameters, as in AMASS.
 //!
 //! `poses` `[F, 156]` (SMPL with hands) or `[F, 72]`, `trans` `[F, 3]` metres, `betas`,
 //! `mocap_framerate`; z is up. Some files hold only `poses` and `trans`. InstantAvatar's names for
-//! the same are understood, too. The first 22 joints of either model are the same; hands keep
-//! still.
+//! the same fields are supported as well. The first 22 joints of both models are the same; hands do
+//! not move.
 
 use super::super::geometry::{Mat3, Vec3, about_axis, add, apply, axis_angle, mul, rotation};
 use super::super::instant_avatar::{Poses, read_poses};
@@ -15,7 +15,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Joints that SMPL and SMPL with hands share, times 3.
 const SHARED: usize = 66;
-/// Frames per second where the file does not say.
+/// Default frames per second.
 const FPS: f64 = 30.0;
 
 pub(super) fn read(
@@ -43,7 +43,7 @@ pub(super) fn read(
         let message = format!("{fps} frames per second");
         return Err(source.fault("OUT_OF_RANGE", name, None, "mocap_framerate", message));
     }
-    // What stands AMASS's files apart from look-alikes that are y up.
+    // This field distinguishes AMASS's files from similar files with y up.
     let usual = if is_amass { Up::Z } else { Up::Y };
     let up = options.up.unwrap_or(usual);
     if options.up.is_none() {
@@ -62,7 +62,7 @@ pub(super) fn read(
     let frame = |(pose, translation): (&SmplPose, &Vec3)| {
         let mut rotations = pose.as_chunks::<3>().0.to_vec();
         if let Some(root) = rotations.first_mut() {
-            // The rest pose is y up in every file; only the world lies down.
+            // The rest pose is y up in every file; only the world is z up.
             *root = axis_angle(&mul(&upright, &rotation(*root)));
         }
         MotionFrame {
@@ -87,7 +87,7 @@ pub(super) fn read(
     })
 }
 
-/// The parameters, and whether the file is one of AMASS's.
+/// The parameters, and whether the file is from AMASS.
 fn parameters(data: &Data<'_>) -> Result<(Poses, bool), ClientError> {
     let root = data.root();
     let Some(part) = root.find("poses") else {
