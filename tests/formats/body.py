@@ -1,4 +1,4 @@
-"""A made-up body of SMPL's structure, and where its joints stand and are seen."""
+"""A synthetic body of SMPL's structure, with its joints in the world and in images."""
 
 import sys
 import types
@@ -6,7 +6,7 @@ import types
 import numpy as np
 
 PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]
-# A T-pose, metres, with the pelvis off the origin as SMPL has it.
+# A T-pose, metres, with the pelvis off the origin as in SMPL.
 JOINTS = np.array([
     [0.0, -0.22, 0.03], [0.07, -0.31, 0.02], [-0.07, -0.31, 0.02], [0.0, -0.11, 0.0],
     [0.1, -0.7, 0.02], [-0.1, -0.7, 0.02], [0.0, 0.03, 0.0], [0.09, -1.1, -0.02],
@@ -44,7 +44,7 @@ class Body:
         return self.regressor @ (self.v_template + self.shapedirs @ np.asarray(betas))
 
     def posed(self, poses, betas):
-        """Joints of SMPL's forward pass: the root turns about the pelvis at its rest place."""
+        """Joints of SMPL's forward pass: the root turns about the pelvis at its rest position."""
         rest, poses = self.rest(betas), np.asarray(poses).reshape(24, 3)
         rotations, places = [], []
         for joint, parent in enumerate(PARENTS):
@@ -77,7 +77,7 @@ def distorted(points, k, e, d):
 
 
 def chumpy_variable(x):
-    """What chumpy's Ch leaves in a pickle, without the library, which no longer installs."""
+    """The pickled form of chumpy's Ch, without the library, which no longer installs."""
     module = sys.modules.get("chumpy.ch")
     if module is None:
         package, module = types.ModuleType("chumpy"), types.ModuleType("chumpy.ch")

@@ -30,7 +30,7 @@ def pose(root):
 
 
 def picture(folder, name, pixels, kind):
-    """An image of a bright person before a background, and a mask of the places near joints."""
+    """An image of a bright person before a background, and a mask of the area near joints."""
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
@@ -97,7 +97,7 @@ def zju(folder_name, number_in_name):
     ims, tracks = [], {0: [], 1: []}
     for i in range(frames):
         betas = RNG.normal(0, 0.5, 10)
-        # The root is in Rh, as the dataset has it; the second capture also has one in poses.
+        # The root is in Rh, as in the dataset; the second capture also has one in poses.
         poses = pose([0.2, -0.1, 0.1] if number_in_name else [0, 0, 0])
         rh, th = RNG.normal(0, 0.4, 3), np.array([0.05 * i, 0.1, -0.05])
         joints = BODY.posed(poses, betas) @ b.rodrigues(rh).T + th
@@ -136,7 +136,7 @@ def zju(folder_name, number_in_name):
 
 
 def wild():
-    """metadata.json, and what HumanNeRF's prepare_wild makes of it."""
+    """metadata.json, and the output of HumanNeRF's prepare_wild for it."""
     folder = OUT / "humannerf_wild"
     metadata, tracks, cameras, infos, all_betas = {}, [], {}, {}, []
     for i in range(2):
@@ -179,7 +179,7 @@ def prepared(folder, pictures, cameras, infos, betas):
 
 
 def zju_prepared():
-    """As HumanNeRF's prepare_zju_mocap writes it: with a lens, without a root rotation in poses."""
+    """The output of HumanNeRF's prepare_zju_mocap: with a lens, without a root rotation in poses."""
     folder = OUT / "humannerf_zju_prepared"
     cameras, infos, tracks, all_betas = {}, {}, [], []
     rs, ts = rig(23)
@@ -234,8 +234,8 @@ def snapshot_and_instant_avatar():
         file.create_dataset("pose", data=poses.astype(np.float32))
         file.create_dataset("trans", data=trans.astype(np.float32))
         file.create_dataset("betas", data=betas.astype(np.float32))
-    # The subject with a video in place of its frames. Importers take a video over unseen, so that
-    # a file's name and bytes are all that matters here.
+    # The subject with a video in place of its frames. Importers copy videos without decoding, so
+    # only a file's name and bytes matter here.
     film = OUT / "people_snapshot/x-2-film"
     film.mkdir()
     for name in ("camera.pkl", "masks.hdf5", "reconstructed_poses.hdf5"):
@@ -273,7 +273,7 @@ def amass():
     EXPECTED["amass"] = [(joints @ up.T).tolist() for joints in world]
 
 
-# Name, parent, offset (centimetres): arms hang half down, which is no T-pose.
+# Name, parent, offset (centimetres): arms hang half down, so this is not a T-pose.
 BVH = [
     ("mixamorig:Hips", None, (0, 95, 0)), ("mixamorig:Spine", 0, (0, 10, 0)),
     ("mixamorig:Spine1", 1, (0, 12, 0)), ("mixamorig:Spine2", 2, (0, 12, 0)),

@@ -1,4 +1,4 @@
-"""Pickles as Python 2 wrote them: its str is bytes, in instructions that Python 3 no longer uses."""
+"""Pickles of Python 2: its str is bytes, in instructions that Python 3 no longer uses."""
 
 import io
 import pickle
@@ -23,7 +23,7 @@ class Pickler(pickle._Pickler):
     dispatch[bytes] = save_str2
 
     def save_global(self, obj, name=None):
-        # numpy 2 moved what Python 2's numpy had in numpy.core.
+        # numpy 2 renamed numpy.core, the module in Python 2's numpy.
         module = getattr(obj, "__module__", None) or "numpy"
         name = name or obj.__qualname__
         moved = {

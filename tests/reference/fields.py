@@ -1,4 +1,4 @@
-"""Encodings, the pose-conditioned code and both networks (model.md, sections 4 to 6).
+"""Encodings, the pose-conditioned code and both networks (YOTO eq. 3 to 5; HumanNeRF's networks).
 
 Networks concatenate their extra inputs, as the paper draws them. The program multiplies each
 part by its own rows of the weight instead; `Network.named` cuts the rows into those parts.
@@ -12,7 +12,7 @@ PRIMES = (1, 2654435761, 805459861)
 
 
 def single(t):
-    """Rounded to what single precision holds: the program starts from the same numbers."""
+    """Rounds to single precision, so that this project starts from the same numbers."""
     return t.float().double()
 
 
@@ -102,7 +102,7 @@ class Network:
         return h @ self.weights[-1] + self.biases[-1]
 
     def named(self, of=lambda leaf: leaf.detach()):
-        """The program's names of `of` each parameter: rows cut by part."""
+        """This project's names of `of` each parameter: rows split by part."""
         names = {}
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
             hidden = layer < len(self.layers)

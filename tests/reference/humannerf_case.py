@@ -1,4 +1,4 @@
-"""A HumanNeRF checkpoint with random weights, and what the released program renders with it.
+"""A HumanNeRF checkpoint with random weights, and the released program's render of it.
 
     python3 tests/reference/humannerf_case.py OUT [--small] [--size 64] [--seed 1]
 
@@ -36,7 +36,7 @@ HEAD = 15
 GRID = 32
 SAMPLES = 128
 BANDS_NON_RIGID, BANDS_CANONICAL = 6, 10
-# The released program evaluates at this iteration, whatever the checkpoint's.
+# The released program evaluates at this iteration, regardless of the checkpoint's.
 ITERATION = 10_000_000
 KICK_IN, FULL = 10_000, 50_000
 # SMPL's template has its pelvis here, metres, and the program leaves it there.
@@ -250,7 +250,7 @@ def corrections(net, posevec):
 def render(net, joints, frame, camera, size):
     poses = np.array(frame["pose"], np.float32).astype(np.float64).reshape(24, 3)
     # The root's motion goes to the camera: the whole body turns about the origin (Rh), and then
-    # moves (Th) so that the pelvis comes to stand where the capture has it.
+    # moves (Th) so that the pelvis is at its position in the capture.
     turn = exact_rotation(poses[0])
     pelvis = np.array(frame["translation"], np.float32) + joints[0]
     view = np.array(camera["E"]) @ rigid(turn, pelvis - turn @ joints[0])
@@ -371,7 +371,7 @@ def save_with_torch(torch, path, checkpoint):
 
 
 def save_by_hand(path, checkpoint):
-    """What torch.save writes: a zip with a pickle that names its storages, and these."""
+    """The format of torch.save: a zip with a pickle that names its storages, and the storages."""
     torch, utils = types.ModuleType("torch"), types.ModuleType("torch._utils")
     storage_kind = type("FloatStorage", (), {"__module__": "torch"})
 

@@ -3,7 +3,7 @@
     pip install scikit-image numpy
     python tests/reference/image_metrics.py
 
-Prints the numbers that stand in worker/avatar/src/evaluate/{metrics,ssim}.rs. The pictures
+Prints the numbers in worker/avatar/src/evaluate/{metrics,ssim}.rs. The pictures
 are made by a formula that both sides compute, so that no data has to be kept. They are
 float32, as rendered pictures are, and are compared in float64.
 
@@ -26,7 +26,7 @@ def picture(seed):
 
 
 def blended(a, b):
-    """A picture near `a`, as a good render is near the truth."""
+    """A picture close to `a`, as a good render is close to the truth."""
     near = a.astype(np.float32) * np.float32(0.875) + b.astype(np.float32) * np.float32(0.125)
     return near.astype(np.float64)
 

@@ -54,7 +54,7 @@ def convolutions():
 
 
 def generated(name, shape):
-    """A tensor by its name: kernels as He would scale them, heads in [0, 1)."""
+    """A tensor by its name: kernels with He scaling, heads in [0, 1)."""
     values = numbers(name, int(np.prod(shape)))
     if name.startswith("lin"):
         values = (values + 1.0) / 2.0

@@ -21,14 +21,14 @@ import skeleton
 from fields import single
 
 FOLDER = Path(__file__).resolve().parents[2] / "worker" / "avatar" / "tests" / "cases"
-# Results of more numbers than this are kept in single precision: it saves half their room and
-# rounds by 6e-8, far under every bound.
+# Larger results are stored in single precision: this halves their size and rounds by 6e-8, far
+# under every bound.
 KEPT_DOUBLE = 1000
 STEP = 60
 
 
 def generator(name):
-    """Numbers that depend on the case's name alone."""
+    """Numbers that depend only on the case's name."""
     return torch.Generator().manual_seed(sum(ord(c) * 31**i for i, c in enumerate(name)) % 2**31)
 
 
@@ -57,7 +57,7 @@ class Case:
         self.tensors[name] = value.float() if value.numel() > KEPT_DOUBLE else value
 
     def check(self, outputs, leaves=(), inputs=None):
-        """Notes outputs, and gradients to `inputs` and, through `leaves()`, to parameters."""
+        """Records outputs, and gradients to `inputs` and, through `leaves()`, to parameters."""
         objective = 0.0
         for name, value in outputs.items():
             self.result(f"expected.{name}", value)
@@ -91,7 +91,7 @@ def smpl(case):
 
 
 def gradients_of(model, *starts):
-    """Gradients of the parameters whose names start so; those that took no part have none."""
+    """Gradients of the parameters with this prefix; unused parameters have none."""
     found = model.named(lambda leaf: torch.zeros_like(leaf) if leaf.grad is None else leaf.grad)
     return [(name, grad) for name, grad in found.items() if name.startswith(starts)]
 
@@ -135,7 +135,7 @@ def kinematics():
 
 
 def decoder():
-    """The weight volume of the deconvolution form; its few weights are a file like a model's."""
+    """The weight volume of the deconvolution form; its few weights are in a file like a model's."""
     case = Case("volume-deconv")
     small(case)
     rest = torch.tensor(skeleton.SMALL_REST, dtype=torch.float64)
@@ -170,7 +170,7 @@ def warp():
     case = Case("warp")
     bones, d, n = 5, 7, 300
     low, high = single(torch.tensor([-1.0, -0.5, -0.8]).double()), single(torch.tensor([1.0, 1.5, 0.6]).double())
-    # The last channel is the background, which no point reads.
+    # The last channel is the background, which points never read.
     weights = case.uniform(0.0, 0.45, bones + 1, d**3).requires_grad_()
     transforms = case.uniform(-0.8, 0.8, bones, 12).requires_grad_()
     points = case.uniform(-1.6, 1.6, n, 3)
@@ -216,7 +216,7 @@ def hash_grid():
 def composite():
     case = Case("composite")
     rays, per_ray = 9, 8
-    # Ray 0 meets nothing; ray 1 one sample. Ray 2 has an opaque sample in the middle, ray 3
+    # Ray 0 hits nothing; ray 1 one sample. Ray 2 has an opaque sample in the middle, ray 3
     # three in a row, ray 4 one that is first, ray 5 a likelihood of exactly 0.
     live = case.uniform(0.0, 1.0, rays, per_ray) > 0.3
     live[0], live[1], live[2:6] = False, torch.arange(per_ray) == 3, True
@@ -363,7 +363,7 @@ def training_step(model, name):
     for path, grad in gradients_of(model, ""):
         case.result(f"gradient.{path}", grad)
     before = model.named(lambda leaf: leaf.detach().clone())
-    # Gradients are cut by name like the parameters, each with its group's rate.
+    # Gradients are split by name like the parameters, each with its group's rate.
     for path, grad in gradients_of(model, ""):
         parameter = before[path].requires_grad_()
         parameter.grad = grad

@@ -1,4 +1,4 @@
-"""A whole model, small enough that its gradients fit a file, with every part in it."""
+"""A complete model with every part, small enough for its gradients to fit into a file."""
 
 import torch
 
@@ -22,7 +22,7 @@ HASH = dict(levels=3, base=4, growth=1.6, log2_rows=7, features=2)
 SAMPLES = 12
 LESS_BACKGROUND = 9.0
 SSIM_WEIGHT = 0.1
-# Learning rates by the start of a parameter's name; the first that fits counts.
+# Learning rates by prefix of a parameter's name; the first match counts.
 RATES = [
     ("canonical.tables", 1e-2),
     ("motion.", 4e-3),
@@ -99,7 +99,7 @@ class Model:
         return fields.Network(path, layers, output, draw, output_scale)
 
     def named(self, of=lambda leaf: leaf.detach()):
-        """The program's name of each parameter, with `of` it."""
+        """This project's name of each parameter, with `of` it."""
         names = {f"codes.{slot}": of(code) for slot, code in enumerate(self.codes)}
         names["motion.base"] = of(self.base)
         names |= {f"motion.residuals.{slot}": of(r) for slot, r in enumerate(self.residuals)}
@@ -117,7 +117,7 @@ class Model:
         ]
 
     def clear(self):
-        """Forgets gradients."""
+        """Clears gradients."""
         for leaf in self.leaves():
             leaf.grad = None
 

@@ -1,4 +1,4 @@
-"""Motion weights and the warp they drive (model.md, section 2)."""
+"""Motion weights and the warp (YOTO eq. 1; HumanNeRF's motion weights)."""
 
 import torch
 import torch.nn.functional as F
@@ -8,7 +8,7 @@ BONE_DEVIATION = (0.03, 0.06, 0.03)
 TORSO_FACTOR = 1.5
 LEAF_DEVIATION = 0.02
 HEAD_DEVIATION = 0.06
-# The program's choice where HumanNeRF takes the logarithm of an exact zero.
+# This project's choice where HumanNeRF takes the logarithm of an exact zero.
 LEAST_PRIOR = 1e-12
 
 

@@ -1,4 +1,4 @@
-"""Rays, compositing and the objective (model.md, sections 1, 7 and 8)."""
+"""Rays, compositing and the objective (YOTO eq. 9; HumanNeRF's rays and losses)."""
 
 import torch
 import torch.nn.functional as F
@@ -17,7 +17,7 @@ def body_rays(intrinsics, extrinsics, to_world, pixels):
 
 
 def slabs(origin, directions, joints):
-    """Where rays enter and leave the posed joints' box, [P] each, and whether they meet it."""
+    """Entry and exit distances of rays in the posed joints' box, [P] each, and whether they hit it."""
     low, high = joints.min(0).values - BOX_MARGIN, joints.max(0).values + BOX_MARGIN
     one, other = (low - origin) / directions, (high - origin) / directions
     near = torch.minimum(one, other).max(-1).values.clamp_min(0)
@@ -35,7 +35,7 @@ def composite(rgb, density, likelihood, steps, depths):
 
 
 def ssim(a, b, window=7, deviation=1.5):
-    """Mean over windows that lie in the patch; a, b [P, 3, S, S], data range 1."""
+    """Mean over windows inside the patch; a, b [P, 3, S, S], data range 1."""
     taps = torch.arange(window, dtype=a.dtype) - window // 2
     taps = torch.exp(-(taps**2) / (2 * deviation**2))
     kernel = torch.outer(taps, taps) / taps.sum() ** 2

@@ -1,7 +1,7 @@
-"""Joint trees, rotations and bone transforms (model.md, sections 1 to 3).
+"""Joint trees, rotations and bone transforms (HumanNeRF's body frame and motion bases).
 
 Rotations are matrix exponentials, which need no case for small angles: they check the series
-and quotients of the program without sharing their weaknesses.
+and quotients of this project without sharing their weaknesses.
 """
 
 import torch
@@ -51,7 +51,7 @@ def rigid(rotation_matrix, translation):
 
 
 def global_transforms(parents, rest, rotations):
-    """Forward kinematics: one 4x4 a joint from local rotations [K, 3, 3]."""
+    """Forward kinematics: one 4x4 per joint from local rotations [K, 3, 3]."""
     chain = []
     for joint, parent in enumerate(parents):
         if parent < 0:
@@ -62,7 +62,7 @@ def global_transforms(parents, rest, rotations):
 
 
 def body_rotations(pose, correction=None):
-    """Local rotations in the body frame, where the root is not turned, from axis-angles [K, 3];
+    """Local rotations in the body frame, where the root is not rotated, from axis-angles [K, 3];
     each but the root's is followed by its correction [K - 1, 3, 3]."""
     local = rotation(pose[1:])
     if correction is not None:

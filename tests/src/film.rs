@@ -1,4 +1,4 @@
-//! Videos of made-up people: H.264 in MP4, encoded and boxed here, so that tests need no
+//! Videos of synthetic people: H.264 in MP4, encoded and muxed here, so that tests need no
 //! other program.
 
 use anyhow::Context;
@@ -7,7 +7,7 @@ use openh264::formats::{RgbSliceU8, YUVBuffer};
 use std::path::Path;
 use yoto_capture::FrameImage;
 
-/// Writes `frames`, of even sides, at `fps` frames a second to `path`.
+/// Writes `frames`, of even sides, at `fps` frames per second to `path`.
 ///
 /// # Errors
 /// When the encoder or the disk fails.

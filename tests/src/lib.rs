@@ -1,5 +1,5 @@
-//! What the black-box tests share: real processes that end with the test, captures and films of
-//! made-up people on disk.
+//! Parts shared by the black-box tests: real processes that end with the test, captures and videos
+//! of synthetic people on disk.
 
 pub mod film;
 pub mod people;

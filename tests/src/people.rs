@@ -1,4 +1,4 @@
-//! Captures of made-up people, on disk as a user would have them.
+//! Captures of synthetic people on disk, like those of users.
 
 use anyhow::Context;
 use serde_json::{Value, json};

@@ -1,4 +1,4 @@
-//! Real `yoto` processes, killed when the test ends, however it ends.
+//! Real `yoto` processes, killed at the end of the test, even if it fails.
 
 use anyhow::{Context, bail, ensure};
 use std::io::{BufRead, BufReader};
@@ -7,8 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// How long anything may take before a test calls it stuck. Generous: machines are shared,
-/// and no test measures speed.
+/// Time limit of waits. Generous, since machines are shared and tests do not measure speed.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A running process with its standard error.
@@ -51,10 +50,10 @@ impl Process {
         self.child.id()
     }
 
-    /// Waits for a line that holds `needle`, and returns it.
+    /// Waits for a line that contains `needle`, and returns it.
     ///
     /// # Errors
-    /// When the process ends or stays silent first; with all that it said.
+    /// When the process ends or stays silent first; with all of its output.
     pub fn line_with(&mut self, needle: &str) -> anyhow::Result<String> {
         if let Some(line) = self.seen.iter().find(|line| line.contains(needle)) {
             return Ok(line.clone());
@@ -85,7 +84,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself; there is nobody to tell.
+        // It may have ended already; then there is nothing to do.
         let _ = self.kill();
     }
 }
@@ -102,10 +101,10 @@ pub fn output(program: &str, arguments: &[&str]) -> anyhow::Result<Output> {
         .with_context(|| format!("running {program} {arguments:?}"))
 }
 
-/// Runs `program` and wants it to succeed; returns what it printed.
+/// Runs `program`, which must succeed; returns its output.
 ///
 /// # Errors
-/// When it fails, with what it said.
+/// When it fails, with its output.
 pub fn succeed(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     let output = output(program, arguments)?;
     let said = String::from_utf8_lossy(&output.stderr);
@@ -117,7 +116,7 @@ pub fn succeed(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Runs `program` and wants it to fail; returns what it complained.
+/// Runs `program`, which must fail; returns its standard error.
 ///
 /// # Errors
 /// When it succeeds.
@@ -127,7 +126,7 @@ pub fn fail(program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     Ok(String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// A coordinator on a free port, without a worker of its own unless asked for.
+/// A coordinator on a free port, with or without its own worker.
 pub struct Service {
     /// The process.
     pub process: Process,
@@ -141,7 +140,7 @@ impl Service {
     /// Starts `yoto serve` on `data`.
     ///
     /// # Errors
-    /// When it does not come up.
+    /// When it does not start.
     pub fn start(yoto: &str, data: &Path, with_worker: bool) -> anyhow::Result<Self> {
         let data = data.to_str().context("a plain path")?;
         let mut arguments = vec!["serve", "--data", data, "--listen", "127.0.0.1:0"];

@@ -1,4 +1,4 @@
-//! Uploads behind the client's back: what the command line would refuse reaches the service.
+//! Uploads without the client's checks: faulty captures reach the service.
 
 use anyhow::Context;
 use std::path::Path;
@@ -6,7 +6,7 @@ use yoto_client::api::{FileSource, UploadFile, YotoClient};
 use yoto_proto::pose_track::describe;
 use yoto_proto::v1::{Capture, Job, capture, job::State};
 
-/// How an upload ended.
+/// Outcome of an upload.
 pub struct Ingested {
     /// `subjects/{id}`.
     pub subject: String,
@@ -14,12 +14,12 @@ pub struct Ingested {
     pub job: Job,
     /// The capture at its end.
     pub capture: Capture,
-    /// What was wrong, a line each.
+    /// The violations, one line each.
     pub said: Vec<String>,
 }
 
 impl Ingested {
-    /// The codes of what was wrong.
+    /// The codes of the violations.
     pub fn codes(&self) -> Vec<&str> {
         let found = self.capture.violations.iter();
         found.map(|violation| violation.code.as_str()).collect()

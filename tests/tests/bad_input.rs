@@ -1,5 +1,4 @@
-//! Captures with something wrong in them: each ends REJECTED with file, frame and field, and
-//! the service lives on.
+//! Faulty captures: each ends REJECTED with file, frame and field, and the service keeps running.
 
 use anyhow::Context;
 use yoto_capture::synthetic::SyntheticPerson;

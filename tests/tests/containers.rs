@@ -1,6 +1,5 @@
-//! Captures as people have them: a film, archives, masks of several kinds. Each goes through
-//! the command line and a real service, and what training will read is compared with what
-//! was filmed.
+//! Captures in all forms: a video, archives, masks of several kinds. Each goes through the command
+//! line and a real service, and its shard is compared with the original frames.
 
 use anyhow::{Context, ensure};
 use std::io::Write;
@@ -75,7 +74,7 @@ fn a_film_trains_like_its_pictures_and_says_what_was_read() -> anyhow::Result<()
 
     let said = add(&service, "pictures", &ada, &[])?;
     assert!(said.contains("--frames video"), "both are there: {said}");
-    assert!(said.contains("bytes a frame"), "{said}");
+    assert!(said.contains("bytes per frame"), "{said}");
     let pictures = shard(&data)?;
     assert!(psnr(&pictures, &truth) > 60.0, "PNG loses nothing");
 
@@ -150,7 +149,7 @@ fn archives_of_a_capture_or_of_its_parts_are_the_same_capture() -> anyhow::Resul
     Ok(())
 }
 
-/// The person before a made-up room, and the room alone.
+/// The person before a synthetic room, and the room alone.
 fn in_a_room(truth: &FrameImage) -> (image::RgbImage, image::RgbImage) {
     let room = |x: u32, y: u32| {
         [
@@ -189,7 +188,7 @@ fn a_room_around_the_person_is_taken_off_by_masks_alpha_or_a_clean_picture() -> 
         room.save(ada.join("clean.png"))?;
     }
     let said = add(&service, "masked", &ada, &[])?;
-    assert!(said.contains("background: a place"), "{said}");
+    assert!(said.contains("background: a scene"), "{said}");
     let masked = psnr(&shard(&data)?, &truth);
     assert!(
         masked > 35.0,
@@ -249,7 +248,7 @@ fn wrong_numbers_and_late_masks_are_mended_in_films_and_archives_too() -> anyhow
     std::fs::remove_dir_all(ada.join("masks"))?;
     let fps = track.fps.round() as u32;
     write_mp4(&truth, fps, &ada.join("video.mp4"))?;
-    // Each frame's mask stands one frame later, and cameras are in millimetres.
+    // Each frame's mask is one frame late, and cameras are in millimetres.
     let late: Vec<FrameImage> = truth[..1].iter().chain(&truth).cloned().collect();
     write_masks(&late, fps, &ada.join("masks.mp4"))?;
     let mut poses = serde_json::to_value(&track)?;
@@ -287,7 +286,7 @@ fn wrong_numbers_and_late_masks_are_mended_in_films_and_archives_too() -> anyhow
     add(&service, "packed", &packed, &right)?;
     assert_eq!(shard(&data)?, film);
 
-    // The check reads films and archives as ingest does, and sees what is wrong.
+    // The check reads videos and archives like ingest, and finds the faults.
     let out = dir.path().join("check");
     let out = out.to_str().context("a plain path")?;
     for capture in [&ada, &packed] {
@@ -304,7 +303,7 @@ fn wrong_numbers_and_late_masks_are_mended_in_films_and_archives_too() -> anyhow
         assert!(said.contains("pass  joints in the mask"), "{said}");
     }
 
-    // What a capture says of itself holds without options, in an archive as in a folder.
+    // A capture's own plan applies without options, in archives and in folders.
     let plan = r#"{"correction": {"units": {"camera": "mm"}, "mask_shift": 1}}"#;
     std::fs::write(ada.join("media.json"), plan)?;
     std::fs::write(&packed, tar(&ada, "ada")?)?;

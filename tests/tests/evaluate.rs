@@ -1,5 +1,4 @@
-//! Measuring models: the service's evaluate job, a model folder, and the ablation, as users
-//! run them.
+//! Measurements of models: the service's evaluate job, a model folder, and the ablation.
 
 use anyhow::Context;
 use serde_json::Value;
@@ -86,7 +85,7 @@ fn the_service_measures_frames_that_training_leaves_out() -> anyhow::Result<()> 
 
     let said = yoto("evaluate duo --subjects bob --size 24")?;
     check_row(&said, "bob", 2)?;
-    assert!(cells(&said, "ada").is_err(), "nobody asked for ada");
+    assert!(cells(&said, "ada").is_err(), "ada was not requested");
 
     let said = refused("evaluate duo --protocol zju-all")?;
     assert!(said.contains("spec.evaluate.protocol"), "{said}");
@@ -154,7 +153,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         of("variant"),
         ["yoto", "no-pose-condition", "no-identity", "humannerf"]
     );
-    // One model a person, the same steps in total.
+    // One model per person, the same steps in total.
     assert_eq!(of("models"), [1, 1, 1, 2]);
     assert_eq!(of("steps"), [101; 4]);
     for variant in variants {
@@ -171,7 +170,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
     }
     assert!(said.contains("over no-identity"), "{said}");
 
-    // What was trained can be measured again, and gives the same figures.
+    // A second measurement of the trained model gives the same figures.
     let model = out.join("models/yoto");
     let measure = [
         "evaluate",

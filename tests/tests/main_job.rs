@@ -1,4 +1,4 @@
-//! The two commands that show and measure everything, run small.
+//! The demo and the quality measurement, at small sizes.
 
 use anyhow::Context;
 use serde_json::Value;

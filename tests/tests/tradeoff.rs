@@ -1,4 +1,4 @@
-//! What time buys, as users measure it, and renders that ask for it.
+//! Measured trade-offs, and renders by quality.
 
 use anyhow::Context;
 use serde_json::Value;
@@ -27,7 +27,7 @@ fn check_plot(folder: &Path, name: &str, label: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// `chosen: …` and `promised …`, as the command tells them on its standard error.
+/// `chosen: …` and `promised …`, from the command's standard error.
 fn told(arguments: &[&str]) -> anyhow::Result<String> {
     let output = output(YOTO, arguments)?;
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -109,7 +109,7 @@ fn renders_say_what_they_want_once_a_model_is_measured() -> anyhow::Result<()> {
     let csv = std::fs::read_to_string(out.join("tradeoff.csv"))?;
     let cells: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
     assert_eq!(cells, vec![cells[0]; points.len() + 1], "{csv}");
-    check_plot(&out, "rendering", "seconds a frame")?;
+    check_plot(&out, "rendering", "seconds per frame")?;
     assert!(!out.join("training.svg").exists(), "nothing was trained");
     let said = with(&["model", "info", "solo"], &[], succeed)?;
     assert!(said.contains("trade-off measured"), "{said}");
@@ -119,9 +119,9 @@ fn renders_say_what_they_want_once_a_model_is_measured() -> anyhow::Result<()> {
         told(&line.iter().map(String::as_str).collect::<Vec<_>>())
     };
     let said = choose(["--quality", "full"])?;
-    assert!(said.contains("chosen: 32 samples a ray"), "{said}");
+    assert!(said.contains("chosen: 32 samples per ray"), "{said}");
     assert!(said.contains("100 % of the resolution"), "{said}");
-    // The person's own motion: what the camera saw is known.
+    // The person's own motion has ground truth.
     assert!(said.contains("dB on 3 pictures"), "{said}");
     let said = choose(["--max-seconds-per-frame", "1000"])?;
     assert!(
@@ -135,7 +135,7 @@ fn renders_say_what_they_want_once_a_model_is_measured() -> anyhow::Result<()> {
         "{said}"
     );
 
-    // What nobody has measured makes no promises.
+    // Without a measurement there are no predictions.
     with(&["train", "solo", "--steps", "5"], &[], succeed)?;
     let said = with(&own_motion, &wish(["--quality", "fast"]), fail)?;
     assert!(said.contains("NO_TRADEOFF"), "{said}");

@@ -1,5 +1,5 @@
-//! A worker is killed in the middle of a training: the job is leased again, goes on from its
-//! last checkpoint and finishes; what the dead worker's lease still says is refused.
+//! A worker is killed during a training: the job is leased again, resumes from its last checkpoint
+//! and finishes; calls with the dead worker's lease are refused.
 
 use anyhow::{Context, ensure};
 use std::time::Instant;
@@ -89,7 +89,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     };
     let job = client.train(spec).await?.name;
 
-    // Until there is something to go on from, and some way beyond it.
+    // Until there is a checkpoint to resume from, and several steps after it.
     let kept = loop {
         let running = until(&client, &job, "a step was taken", |job| {
             job.progress.as_ref().is_some_and(|p| p.step > 0)
@@ -125,7 +125,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     let resumed = client.get_job(&job).await?;
     assert_eq!((resumed.lease, resumed.worker == orphan.worker), (2, false));
 
-    // The dead worker comes back to life and speaks.
+    // A call with the dead worker's token.
     let mut late = WorkerServiceClient::connect(service.address.clone()).await?;
     let heartbeat = HeartbeatRequest {
         job: job.clone(),

@@ -177,7 +177,7 @@ async fn drive(
 async fn upload(client: &YotoClient, out: &Path, actor: &Actor) -> anyhow::Result<Subject> {
     let capture = crate::capture_dir::CaptureDir::open(&capture_folder(out, &actor.name))?;
     let subject = client
-        .create_subject(&actor.name, "made up by yoto demo: nobody's picture")
+        .create_subject(&actor.name, "synthetic person of yoto demo")
         .await?;
     let mut display = ProgressDisplay::new(actor.name.clone());
     let (mut sent, total, frames) = (0, capture.bytes, capture.frames());

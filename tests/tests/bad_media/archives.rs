@@ -1,4 +1,4 @@
-//! Archives: names that lead elsewhere, bombs, what is cut or no archive.
+//! Archives: names that lead outside, bombs, truncated files, files of other formats.
 
 use super::{Case, all_are_rejected, film, with};
 use std::io::Write;

@@ -1,4 +1,4 @@
-//! What the command line says before a byte is sent.
+//! Errors of the command line before an upload.
 
 use super::{YOTO, pictures};
 use anyhow::{Context, ensure};
@@ -48,7 +48,7 @@ fn names_that_are_no_text_and_captures_that_are_none_are_named() -> anyhow::Resu
     );
     let said = add(&[place, "--masks", "elsewhere"])?;
     ensure!(
-        said.contains("media.json: masks: there is nothing at 'elsewhere'"),
+        said.contains("media.json: masks: nothing exists at 'elsewhere'"),
         "{said}"
     );
     let said = add(&[place, "--frames", "video"])?;

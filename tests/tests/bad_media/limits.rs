@@ -1,4 +1,4 @@
-//! Limits of the child that reads an upload, and what becomes of it when it is ended.
+//! Limits of the child that reads an upload, and its end by signals.
 
 use super::{SIDE, YOTO, film, goes_through, rejected};
 use anyhow::ensure;
@@ -11,7 +11,7 @@ use yoto_proto::v1::job::State;
 use yoto_tests::process::{PATIENCE, Process, Service};
 use yoto_tests::upload::{file, ingest};
 
-/// A capture of `frames` frames of `side` pixels a side, the same blank picture over and over.
+/// A capture of `frames` frames of `side` pixels per side, the same blank picture over and over.
 fn vast(side: u32, frames: u32) -> anyhow::Result<Vec<UploadFile>> {
     let (mut track, _) = SyntheticPerson::cast(1, 7)[0].capture(frames as usize, SIDE);
     track.image_size = [side, side];
@@ -36,7 +36,7 @@ fn vast(side: u32, frames: u32) -> anyhow::Result<Vec<UploadFile>> {
     Ok(files)
 }
 
-/// A good capture of `frames` frames whose images have `side` pixels a side, so that reading it
+/// A good capture of `frames` frames whose images have `side` pixels per side, so that reading it
 /// takes a while.
 fn long(side: u32, frames: u32) -> anyhow::Result<Vec<UploadFile>> {
     let (mut track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames as usize, SIDE);
@@ -160,7 +160,7 @@ async fn a_worker_that_is_stopped_with_its_child_leaves_the_upload_to_the_next()
     let dir = tempfile::tempdir()?;
     let (service, worker, client) = limited(dir.path(), &[]).await?;
     let (address, objects) = (service.address.clone(), service.objects.clone());
-    // As a service manager does, which ends all processes of a service at once.
+    // Like a service manager, which ends all processes of a service at once.
     let stopper = std::thread::spawn(move || -> anyhow::Result<[Process; 2]> {
         send("-TERM", &[child_of(worker.id())?, worker.id()])?;
         let next = start_worker(&address, &objects, &[])?;

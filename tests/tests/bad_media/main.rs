@@ -1,5 +1,5 @@
-//! Captures with something wrong in them, as a service meets them: each ends REJECTED with a
-//! code, a file and, where one is at fault, a frame and a field; worker and service go on.
+//! Faulty captures at a real service: each ends REJECTED with a code, a file and, if applicable, a
+//! frame and a field; worker and service keep running.
 
 mod archives;
 mod client;
@@ -21,13 +21,13 @@ const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const FRAMES: usize = 4;
 const SIDE: u32 = 32;
 
-/// What an upload should come to.
+/// Expected outcome of an upload.
 struct Case {
     name: &'static str,
     files: Vec<UploadFile>,
     /// Of the first violation.
     code: &'static str,
-    /// How its line starts: file, frame, field.
+    /// Start of its line: file, frame, field.
     starts: &'static str,
 }
 
@@ -47,7 +47,7 @@ impl Case {
     }
 }
 
-/// Uploads all of `cases` to one service, which must reject each with its reason and take
+/// Uploads all of `cases` to one service, which must reject each with its reason and accept
 /// `good` afterwards.
 async fn all_are_rejected(
     dir: &Path,

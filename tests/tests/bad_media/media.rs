@@ -1,4 +1,4 @@
-//! Films and pictures: cut, empty, mislabelled, declaring too much, missing.
+//! Videos and pictures: truncated, empty, mislabelled, declared too large, missing.
 
 use super::{Case, all_are_rejected, film, pictures, png_bomb, with, without};
 use anyhow::Context;
@@ -20,7 +20,7 @@ fn declaring(film: &[u8], count: u32) -> anyhow::Result<Vec<u8>> {
     Ok(film)
 }
 
-/// A sequence parameter set of H.264 that declares `blocks` macroblocks of 16 pixels a side.
+/// A sequence parameter set of H.264 that declares `blocks` macroblocks of 16 pixels per side.
 fn vast_sequence(blocks: u32) -> Vec<u8> {
     let mut bits = String::new();
     let golomb = |value: u32| {

@@ -1,4 +1,4 @@
-//! Pose tracks: numbers that are none, trees that are none, frames that are not there.
+//! Pose tracks: invalid numbers, invalid trees, missing frames.
 
 use super::{Case, all_are_rejected, film, pictures, with, without};
 use anyhow::Context;
