@@ -202,6 +202,6 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         "{said}"
     );
     let said = fail(YOTO, &by("snapshot"))?;
-    assert!(said.contains("looking at"), "{said}");
+    assert!(said.contains("visual comparison"), "{said}");
     Ok(())
 }

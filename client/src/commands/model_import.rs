@@ -6,7 +6,7 @@ use yoto_avatar::import::{HumanNerfOptions, import_humannerf};
 
 pub(super) const AFTER_HELP: &str = "\
 Writes weights.safetensors and state.json of a model of one identity, which
-`yoto render-frame` renders as the released program does. It can't be trained further.
+`yoto render-frame` renders as the released program does. The model can't be trained further.
 Nothing in the files is executed.
 
 Canonical joints are used unchanged. A poses.json is suitable if the
