@@ -3,7 +3,7 @@
 //! processor time of many alternating runs on one thread, so that the load of other programs hardly
 //! shows.
 //!
-//! `cargo bench --workspace --bench hash --profile dev`: the profile that programs run with.
+//! `cargo bench --workspace --bench hash --profile dev`, the profile of `cargo run`.
 
 mod timing;
 
@@ -13,7 +13,7 @@ use yoto_avatar::ops::adam::{self, AdamRates};
 use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::hash::{self, HashGrid, cpu};
 
-/// Runs of each form.
+/// Number of runs of each form.
 const RUNS: usize = 25;
 /// Runs of the comparison with the reference, which is slow.
 const REFERENCE_RUNS: usize = 5;

@@ -18,12 +18,12 @@ use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::mlp::cpu::{backward, forward};
 use yoto_avatar::ops::mlp::{self, Hidden, Input, MlpPlan};
 
-/// Turns of the operation and the reference; the fastest of each counts.
+/// Number of turns of the operation and the reference; the fastest of each counts.
 const TURNS: usize = 3;
 /// Divan's arguments.
 const NETWORKS: [&str; 4] = ["canonical", "non-rigid", "fast canonical", "fast non-rigid"];
 
-/// A network of the model, and numbers for it.
+/// A network of the model, and its inputs.
 struct Case {
     plan: MlpPlan,
     rows: usize,

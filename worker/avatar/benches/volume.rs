@@ -3,7 +3,7 @@
 //! shortest processor time of many alternating runs on one thread, so that the load of other
 //! programs hardly shows.
 //!
-//! `cargo bench --workspace --bench volume --profile dev`: the profile that programs run with.
+//! `cargo bench --workspace --bench volume --profile dev`, the profile of `cargo run`.
 
 mod timing;
 
@@ -14,7 +14,7 @@ use yoto_avatar::ops::composite::{self, RaySamples};
 use yoto_avatar::ops::deconv;
 use yoto_avatar::ops::warp::{self, WarpGrid};
 
-/// Runs of each form.
+/// Number of runs of each form.
 const RUNS: usize = 15;
 /// Rays per step, and evaluated samples per ray.
 const RAYS: usize = 8 * 12 * 12;
@@ -22,7 +22,7 @@ const SAMPLES: usize = 23;
 /// Bones, and voxels per side of the motion volume.
 const BONES: usize = 24;
 const SIDE: usize = 24;
-/// Numbers that Adam updates.
+/// Number of parameters that Adam updates.
 const PARAMETERS: usize = 1 << 20;
 
 /// Weights that fall off around a joint like learned ones: most of the volume is close to 0.

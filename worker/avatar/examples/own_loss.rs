@@ -1,8 +1,8 @@
-//! Trains with an objective of one's own: absolute differences in place of squared ones.
+//! Trains with a custom objective: absolute differences in place of squared ones.
 //!
 //!     cargo run -p yoto-avatar --example own_loss
 //!
-//! takes about half a minute on two cores.
+//! It takes about half a minute on two cores.
 
 use burn::tensor::Device;
 use std::error::Error;
@@ -13,7 +13,7 @@ use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
-/// Mean absolute error, and how much the mean colour of a patch is off.
+/// Mean absolute error, and the error of the mean colour of a patch.
 struct Absolute;
 
 impl Objective for Absolute {
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         shard: Arc::new(shard.finish()?),
     };
     let mut config = ModelConfig::named("draft", "yoto")?;
-    // A schedule is data as well: here nothing moves beyond the bones before half of the run.
+    // The schedule is data, too: here, non-rigid motion starts in the middle of the run.
     config.schedule.non_rigid = 0.5;
     config.schedule.all_bands = 0.8;
     let options = TrainOptions {

@@ -1,10 +1,10 @@
-//! Trains one model of two people on films of them, and renders one from a camera that did not
-//! film, the other in the first one's pose, and somebody halfway between the two.
+//! Trains one model of two people on films of them, and renders one from a new camera, the other in
+//! the pose of the first, and a person halfway between the two.
 //!
 //!     cargo run -p yoto-avatar --example train_and_render -- out/example
 //!
-//! takes about a minute on two cores. The people are synthetic; `CaptureFolder::open` reads a
-//! capture of one's own into a shard just as well.
+//! It takes about a minute on two cores. The people are synthetic; `CaptureFolder::open` reads other
+//! captures into shards.
 
 use burn::tensor::Device;
 use std::error::Error;

@@ -11,7 +11,7 @@ pub mod avatar;
 pub mod config;
 pub mod evaluate;
 pub mod field;
-pub mod identity;
+mod identity;
 pub mod import;
 mod init;
 pub mod loss;

@@ -1,7 +1,7 @@
-//! The numerical hazards of the method, each driven to its extreme: values and gradients stay
-//! finite, and where a closed form exists the error against f64 is bounded.
+//! The numerical hazards of the method at their extremes: values and gradients stay finite, and
+//! where a closed form exists, the error against f64 is bounded.
 //!
-//! The table of `docs/numerics.md` is what this prints:
+//! Prints the table of `docs/numerics.md`:
 //! `cargo test --workspace --test extremes -- --nocapture --test-threads=1 | grep -o '| .* |'`.
 
 mod extremes {
@@ -189,7 +189,7 @@ fn warps() {
         floor: 0.0,
     };
     let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    // Name, weight of every node, transform, point, and what comes out.
+    // Name, weight of every node, transform, point, and expected result.
     type Case = (&'static str, f32, [f32; 12], [f32; 3], [f64; 4]);
     let cases: [Case; 6] = [
         (

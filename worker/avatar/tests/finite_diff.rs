@@ -1,9 +1,9 @@
-//! Gradients against finite differences: for each group of parameters, what the loss does when
-//! they move a little along a direction, against what the gradient says it does. The loss is the
-//! trainer's, of rays that stand still.
+//! Gradients against finite differences: for each group of parameters, the change of the loss along
+//! a direction is compared with the one that the gradient predicts. The loss is the trainer's, of
+//! fixed rays.
 //!
-//! A direction goes partly along the gradient, so that the loss changes by more than its
-//! rounding, and partly at random, so that a gradient with holes in it shows.
+//! Directions are sums of the gradient, so that the loss changes by more than its rounding errors,
+//! and of random numbers, so that missing parts of a gradient are found.
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
@@ -20,27 +20,28 @@ use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 
-/// Directions a group.
+/// Directions per group.
 const DIRECTIONS: usize = 3;
-/// What the longest move should change the loss by, by its gradient. Rounding spoils short
-/// moves, the loss's curvature and the corners of its ReLUs long ones.
+/// Predicted change of the loss by the longest move. Short moves suffer from rounding, long ones
+/// from the curvature of the loss and the corners of ReLUs.
 const CHANGE: f64 = 3e-6;
-/// Moves of which a slope is made: their roundings average out.
+/// Number of moves per slope, over which rounding errors average out.
 const MOVES: usize = 16;
 /// Relative error allowed.
 const BOUND: f64 = 5e-3;
-/// Parameters are moved by this deviation first: many start at 0, where little depends on others.
+/// Standard deviation of random numbers added to parameters, many of which start at 0 and would
+/// have little influence.
 const SPREAD: f32 = 0.2;
-/// The logits of the background go down by this: the grid is coarse, and rays should see something.
+/// Subtracted from the logits of the background, so that rays meet something in the coarse grid.
 const LESS_BACKGROUND: f32 = 9.0;
-/// Joints of the skeleton.
+/// Number of joints of the skeleton.
 const JOINTS: usize = 4;
 /// Side of the one patch, pixels.
 const SIDE: usize = 16;
 
 type ByPath = BTreeMap<String, Vec<f32>>;
 
-/// The gradients to all parameters that took part, by path.
+/// Gradients of all parameters that have one, by path.
 struct Collect<'a> {
     grads: &'a GradientsParams,
     path: Vec<String>,
@@ -104,7 +105,7 @@ fn moved(avatar: Avatar, by: impl FnMut(&str, usize) -> Option<Vec<f32>>) -> Ava
 }
 
 fn normal(rng: &mut ChaCha8Rng) -> f32 {
-    // Twelve uniforms have a variance of 1.
+    // The sum of twelve uniform numbers has a variance of 1.
     (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0
 }
 
@@ -141,7 +142,7 @@ fn config(encoding: Encoding) -> ModelConfig {
     config.canonical.encoding = encoding;
     config.canonical.density_scale = 5.0;
     config.march.samples = 16;
-    // All samples take part, or a move could change which.
+    // All samples are evaluated, since a move could change which ones are left out.
     config.march.epsilon = 0.0;
     config.march.min_transmittance = 0.0;
     config.check().expect("a possible model");
@@ -202,8 +203,8 @@ impl Bench {
             .expect("rays that meet the body")
     }
 
-    /// The loss, its mean taken in double precision: the last sum of thousands of pixels would
-    /// otherwise round away what a short move changes.
+    /// The loss, with its mean in double precision: in single precision, the sum over thousands of
+    /// pixels would lose the change of a short move.
     fn loss(&self, avatar: &Avatar) -> f64 {
         let seen = self.outcome(avatar, &Device::flex()).seen;
         let rgb: Vec<f32> = seen.rgb.try_into_vec_as().expect("f32");
@@ -245,7 +246,7 @@ fn dot(a: &ByPath, b: &ByPath) -> f64 {
     pairs.map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
 }
 
-/// The slope of the loss along `direction`: that of the line and cubic through the central
+/// The slope of the loss along `direction`, from a linear and a cubic term fitted to the central
 /// differences over several lengths.
 fn slope(bench: &Bench, avatar: &Avatar, direction: &ByPath, longest: f32) -> f64 {
     let at = |length: f32| {
@@ -333,7 +334,7 @@ fn every_group_of_a_model_with_bands() {
     groups_agree(Encoding::Fourier { bands: 3 }, &GROUPS);
 }
 
-/// A small grid whose entries are shared like this.
+/// A small grid with the given sharing.
 fn grid(sharing: Sharing) -> Encoding {
     Encoding::Hash {
         levels: 2,

@@ -1,5 +1,5 @@
-//! With nothing left out, the loss is that of the plain form: every sample warped and evaluated,
-//! composited by Burn's own tensor operations.
+//! With no samples left out, the loss equals that of the plain form: every sample is warped and
+//! evaluated, and composited by Burn's tensor operations.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
@@ -32,7 +32,7 @@ fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
-/// A person to look at, and from where.
+/// A person and a camera.
 struct Look {
     skeleton: Skeleton,
     pose: Pose,
@@ -132,7 +132,7 @@ fn a_loss_and_its_gradients() {
         body: &body,
         slot: 0,
         pose: &look.pose,
-        // Everything that starts later has started.
+        // All scheduled parts are active.
         progress: 1.0,
         step: 0,
         occupancy: None,

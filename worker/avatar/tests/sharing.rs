@@ -1,5 +1,5 @@
-//! Hash tables that people share: what a further person costs, who moves when somebody is
-//! trained, and that a model grows.
+//! Hash tables that people share: the cost of an additional person, the people whose parameters
+//! change when one is trained, and the growth of a model.
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
@@ -103,7 +103,7 @@ impl ModuleVisitor for Sizes {
     }
 }
 
-/// Sizes of the tables' parameters in a model of three.
+/// Sizes of the tables' parameters in a model of three people.
 fn sizes(sharing: Sharing, variant: &str) -> BTreeMap<String, usize> {
     let avatar = Avatar::new(&config(sharing, variant), 3, 4, 0, &Device::flex());
     let mut sizes = Sizes::default();
@@ -160,7 +160,7 @@ fn training_somebody_moves_what_is_shared_and_nothing_of_others() {
             Trainer::new(config(sharing, "yoto"), options(), people(slots), &device)
                 .expect("starts")
         };
-        // The person in slot 2 alone; slots 0 and 1 are there.
+        // Only the person in slot 2 is trained; slots 0 and 1 exist.
         let before = train(&mut start(&[2]), 0, fresh.path());
         let after = train(&mut start(&[2]), 4, trained.path());
         for (name, bytes) in before

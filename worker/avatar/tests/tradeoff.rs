@@ -1,4 +1,4 @@
-//! Other settings than a model's own, and what a sweep over them says.
+//! Settings that replace a model's own, and sweeps over them.
 
 use burn::tensor::Device;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use yoto_capture::synthetic::SyntheticPerson;
 
 const SIZE: u32 = 48;
 
-/// A person after a little training, and pictures of cameras that were not trained on.
+/// A briefly trained person, and pictures of cameras that were not trained on.
 fn trained() -> (Renderer, Vec<SweepView>) {
     let person = SyntheticPerson::cast(1, 7).remove(0);
     let (track, images) = person.capture(8, SIZE);
@@ -144,7 +144,7 @@ fn a_sweep_measures_what_settings_give_up() {
     assert!(curve.checks.len() >= 2, "a smaller and a larger size");
     let json = curve.to_json().expect("writes");
     let read = Curve::from_json(&json).expect("reads");
-    // JSON keeps all but a number's last digit.
+    // JSON may change the last digit of a number.
     let same = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
     for (a, b) in read.points.iter().zip(&curve.points) {
         assert_eq!(a.settings, b.settings);
@@ -210,7 +210,7 @@ fn what_can_not_be_measured_is_named() {
     assert_eq!(renderer.settings(), own, "a failed sweep leaves no trace");
     views[1].truth = Some(vec![0; 5]);
     assert!(refused(&mut renderer, &views, vec![own]).contains("view 1"));
-    // One picture without truth: no figure against it, rather than a mean over some.
+    // One view without truth: no figure, rather than a mean over some views.
     views[1].truth = None;
     let curve = run(&mut renderer, &views, vec![own]).expect("sweeps");
     assert_eq!(curve.points[0].psnr, None);

@@ -1,5 +1,5 @@
-//! Training as a whole: it learns, it goes on where it stopped, and what it leaves out of the
-//! computation does not show.
+//! Complete trainings: they learn, they resume where they stopped, and samples that are left out do
+//! not change the result visibly.
 
 use burn::tensor::Device;
 use safetensors::SafeTensors;
@@ -37,7 +37,7 @@ fn people(count: usize) -> Vec<Person> {
         .collect()
 }
 
-/// The smallest tier, with everything that starts later started at once.
+/// The smallest tier, with all scheduled parts active from the start.
 fn config(variant: &str) -> ModelConfig {
     let mut config = ModelConfig::named("draft", variant).expect("a tier");
     config.schedule.correction = 0.05;
@@ -90,7 +90,7 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     let known = occupancy(&first);
     let mut again =
         Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
-    // A checkpoint's folder may be a temporary one.
+    // The checkpoint's folder may be temporary.
     let before = weights(&first);
     drop(first);
     assert_eq!(again.progress().step, 10);
@@ -305,6 +305,16 @@ fn torn_checkpoints_and_strange_people_are_named() {
     std::fs::remove_file(&occupancy).expect("removes");
     Renderer::load(dir.path(), &device).expect("a checkpoint needs no grid");
     Trainer::resume(dir.path(), options(4, 1), people(1), &device).expect("to go on neither");
+    let state = dir.path().join(files::STATE);
+    let text = std::fs::read_to_string(&state).expect("written");
+    for (joints, named) in [(23, "slots[0]: 24 joints"), (1, "joints: 1")] {
+        let other = text.replacen("\"joints\": 24", &format!("\"joints\": {joints}"), 1);
+        assert_ne!(other, text);
+        std::fs::write(&state, other).expect("writes");
+        let torn = Renderer::load(dir.path(), &device).err().expect("torn");
+        assert!(torn.to_string().contains(named), "{torn}");
+    }
+    std::fs::write(&state, text).expect("writes");
     std::fs::write(dir.path().join(files::WEIGHTS), b"torn").expect("writes");
     let torn = Renderer::load(dir.path(), &device).err().expect("torn");
     assert!(
@@ -314,10 +324,10 @@ fn torn_checkpoints_and_strange_people_are_named() {
     let nobody = Trainer::new(config("yoto"), options(4, 0), Vec::new(), &device)
         .err()
         .expect("nobody");
-    assert!(nobody.to_string().contains("nobody"));
+    assert!(nobody.to_string().contains("no people"));
 }
 
-/// A grid of another shape than any skeleton's.
+/// An occupancy grid whose shape fits no skeleton.
 fn other_grid() -> Vec<u8> {
     let grid = safetensors::tensor::TensorView::new(safetensors::Dtype::U8, vec![1, 1, 2], &[1, 2])
         .expect("a tensor");

@@ -1,4 +1,4 @@
-//! Names, refusals and round trips of configurations.
+//! Names, errors and round trips of configurations.
 
 use super::*;
 
@@ -86,6 +86,20 @@ fn impossible_sharing_is_named() {
     let paper = ModelConfig::named("paper", "yoto").expect("named");
     let error = paper.shared(Sharing::Own).expect_err("no grid").to_string();
     assert!(error.contains("no tables"), "{error}");
+}
+
+#[test]
+fn a_code_and_the_pose_need_different_layers() {
+    let mut config = ModelConfig::named("fast", "yoto").expect("named");
+    config.non_rigid.layers.inject = 0;
+    let error = config.check().expect_err("the pose is there").to_string();
+    assert!(error.starts_with("non_rigid.layers.inject"), "{error}");
+    config.variant = Variant::NoIdentity;
+    assert_eq!(
+        config.check(),
+        Ok(()),
+        "without codes, there is no conflict"
+    );
 }
 
 #[test]

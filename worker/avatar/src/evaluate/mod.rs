@@ -1,16 +1,16 @@
 //! Quality of renderings, measured against the ground truth.
 //!
-//! [`metrics`] and [`ssim`](mod@ssim) compare two images; [`score`] averages their figures over
-//! pictures and people; [`examine`] renders the view of a picture and scores it by the rules of a
-//! [`protocol`]; [`published`] holds the figures of the paper, for comparison.
+//! [`psnr`], [`ssim`] and [`LpipsMetric`] compare two images; [`Mean`] and [`Score`] average their
+//! figures over pictures and people; an [`Examiner`] renders the view of a picture and scores it by
+//! the rules of a [`Protocol`]; [`published`] holds the figures of the paper, for comparison.
 
-pub mod examine;
-pub mod lpips;
+mod examine;
+mod lpips;
 pub mod metrics;
 pub mod protocol;
 pub mod published;
-pub mod score;
-pub mod ssim;
+pub(crate) mod score;
+mod ssim;
 
 pub use examine::{Examined, Examiner, Truth};
 pub use lpips::LpipsMetric;

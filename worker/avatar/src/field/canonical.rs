@@ -151,3 +151,56 @@ impl Canonical {
             .expect("an encoding that shares entries has them")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::ModelConfig;
+    use crate::motion::body::hash_grid;
+    use crate::ops::warp::WarpGrid;
+    use burn::tensor::Device;
+
+    /// Evaluates a field of two identities with codes and tables, with or without its grid and
+    /// code.
+    fn evaluate(slot: usize, with_grid: bool, with_code: bool) {
+        let device = Device::flex();
+        let config = ModelConfig::named("draft", "yoto").expect("a tier");
+        let config = config.canonical;
+        let area = WarpGrid {
+            min: [0.0; 3],
+            max: [1.0; 3],
+            resolution: 2,
+            floor: 0.0,
+        };
+        let grid = hash_grid(&config.encoding, &area);
+        let init = Initial::new(&device, 1);
+        let field = Canonical::new(&init, &config, 2, 8, grid.as_ref(), Precision::F32);
+        let points = Tensor::<2>::ones([1, 3], &device) * 0.5;
+        let code = with_code.then(|| Tensor::zeros([8], &device));
+        let grid = grid.filter(|_| with_grid);
+        field.forward(&config, points, slot, grid.as_ref(), code);
+    }
+
+    #[test]
+    fn a_field_with_all_its_inputs_has_values() {
+        evaluate(1, true, true);
+    }
+
+    #[test]
+    #[should_panic(expected = "a hash encoding comes with a grid")]
+    fn a_missing_grid_is_an_error() {
+        evaluate(1, false, true);
+    }
+
+    #[test]
+    #[should_panic(expected = "index out of bounds")]
+    fn a_missing_table_is_an_error() {
+        evaluate(2, true, true);
+    }
+
+    #[test]
+    #[should_panic(expected = "received none")]
+    fn a_missing_code_is_an_error() {
+        evaluate(1, true, false);
+    }
+}

@@ -1,8 +1,8 @@
 //! Neural fields over canonical space: their networks, non-rigid motion and its frequency window,
 //! colour and density.
 
-pub mod canonical;
-pub mod mlp;
-pub mod non_rigid;
+pub(crate) mod canonical;
+pub(crate) mod mlp;
+pub(crate) mod non_rigid;
 mod tables;
 pub mod window;

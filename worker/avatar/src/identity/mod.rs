@@ -1,4 +1,4 @@
 //! Identities: pose-conditioned codes and mixtures of two identities.
 
 pub(crate) mod blend;
-pub mod pose_condition;
+pub(crate) mod pose_condition;

@@ -2,10 +2,10 @@
 //! motion weights, bone transforms, and the correction of poses.
 
 pub mod body;
-pub mod correction;
-pub mod deconv;
+pub(crate) mod correction;
+pub(crate) mod deconv;
 pub mod posed;
 pub mod prior;
-pub mod released;
+pub(crate) mod released;
 pub mod rotation;
-pub mod weights;
+pub(crate) mod weights;

@@ -1,6 +1,6 @@
 //! Learned motion weights: logits on the canonical grid, added to the logarithm of the prior.
 //! In the `direct` form the logits are parameters: a base shared by all identities and a residual
-//! per identity. In the `deconv` form a decoder computes them ([`super::deconv`]).
+//! per identity. In the `deconv` form a decoder computes them (`motion/deconv.rs`).
 
 use super::deconv::Decoder;
 use crate::config::{MotionConfig, MotionForm};

@@ -4,11 +4,11 @@
 pub mod composite;
 mod displacement;
 mod enlarge;
-pub mod frame;
+pub(crate) mod frame;
 pub mod march;
 pub mod occupancy;
 mod released;
-pub mod settings;
+mod settings;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
 pub use march::SampleCounts;

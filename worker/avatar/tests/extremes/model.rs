@@ -1,4 +1,4 @@
-//! The whole model at its extremes: parameters, poses, masks and rates that nobody would choose.
+//! The complete model at extremes of parameters, poses, masks and rates.
 
 use super::table::{report, values};
 use burn::module::{Module, ModuleMapper, Param};
@@ -140,7 +140,7 @@ fn parameters_and_poses() {
     }
 }
 
-/// A capture whose masks and colours `change` has touched.
+/// A capture with masks and colours modified by `change`.
 fn shard(change: fn(&mut FrameImage)) -> Shard {
     let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(4, 32);
     let mut builder = ShardBuilder::new(track);

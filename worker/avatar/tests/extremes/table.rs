@@ -1,13 +1,13 @@
-//! One line of evidence a case, printed as the table of `docs/numerics.md`.
+//! Rows of the table in `docs/numerics.md`, one per case.
 
 use burn::tensor::Tensor;
 
-/// The numbers of a tensor.
+/// Values of a tensor.
 pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
-/// Largest difference over the largest reference magnitude, or over 1 when that is smaller.
+/// Largest difference, relative to the larger of 1 and the largest reference magnitude.
 pub fn error(ours: &[f32], reference: &[f64]) -> f64 {
     assert_eq!(ours.len(), reference.len());
     let scale = reference.iter().fold(1f64, |m, v| m.max(v.abs()));
@@ -18,8 +18,8 @@ pub fn error(ours: &[f32], reference: &[f64]) -> f64 {
     differences.fold(0.0, f64::max) / scale
 }
 
-/// Prints a case's line and asserts what it says: all finite, and near the f64 reference where
-/// there is one.
+/// Prints the row of a case and asserts that all values are finite, and close to the f64 reference
+/// if there is one.
 pub fn report(
     hazard: &str,
     case: &str,

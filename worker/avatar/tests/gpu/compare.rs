@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Numbers in host memory, drawn once for all devices.
+/// Values in host memory, drawn once for all devices.
 #[derive(Clone)]
 pub struct Numbers<const D: usize> {
     values: Vec<f32>,
@@ -20,7 +20,7 @@ impl<const D: usize> Numbers<D> {
         }
     }
 
-    /// The same after `change`.
+    /// These values after `change`.
     pub fn with(mut self, change: impl FnOnce(&mut [f32])) -> Self {
         change(&mut self.values);
         self
@@ -40,7 +40,7 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
-/// Largest difference over the largest reference magnitude.
+/// Largest difference, relative to the largest reference magnitude.
 pub fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
     assert_eq!(ours.len(), reference.len());
     let largest = reference.iter().fold(0f32, |m, v| m.max(v.abs()));
@@ -50,7 +50,7 @@ pub fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
     differences.fold(0.0, |m, d| if d > m || d.is_nan() { d } else { m }) / largest
 }
 
-/// Fails, naming the part, where `ours` is further from the reference than `bound`.
+/// Asserts that `ours` differs from the reference by at most `bound`; failures name the part.
 pub fn assert_close(parts: &[&str], ours: &[Vec<f32>], reference: &[Vec<f32>], bound: f32) {
     assert_eq!((parts.len(), parts.len()), (ours.len(), reference.len()));
     let mut far = Vec::new();

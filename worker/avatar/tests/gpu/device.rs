@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// The environment variable that turns a missing device into a failure.
 const REQUIRED: &str = "YOTO_TEST_VULKAN";
 
-/// The first Vulkan device: a GPU before a software one.
+/// The first Vulkan device, preferring GPUs to software ones.
 fn find() -> Option<Device> {
     let found = Device::enumerate(DeviceType::Wgpu).into_vec();
     let gpus: [fn(usize) -> DeviceKind; 3] = [

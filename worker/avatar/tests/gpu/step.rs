@@ -1,5 +1,4 @@
-//! What the operations are for: a training step and a frame of the smallest tier, on the
-//! Vulkan device and on the CPU.
+//! A training step and a frame of the smallest tier, on the Vulkan device and on the CPU.
 
 use crate::compare::{relative_error, values};
 use crate::device::on_vulkan;
@@ -28,7 +27,7 @@ const LIMIT: u64 = 300;
 /// Side of the image, pixels.
 const SIDE: u32 = 16;
 
-/// The smallest tier, all of its parts at work from the first step.
+/// The smallest tier, with all scheduled parts active from the first step.
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.schedule = config.schedule.all_at_once();
@@ -51,7 +50,7 @@ fn person() -> Person {
     }
 }
 
-/// The gradients to all parameters that took part, by path.
+/// Gradients of all parameters that have one, by path.
 struct Collect<'a> {
     grads: &'a GradientsParams,
     path: Vec<String>,
@@ -74,7 +73,7 @@ impl ModuleVisitor for Collect<'_> {
     }
 }
 
-/// Who stands where, and what a patch of them should look like.
+/// A person, their pose, and a patch with its ground truth.
 struct Sitting {
     skeleton: Skeleton,
     pose: Pose,
@@ -94,7 +93,7 @@ impl Sitting {
         }
     }
 
-    /// Loss, and the gradient to each parameter.
+    /// The loss and the gradient of each parameter.
     fn gradients(&self, device: &Device) -> (f32, BTreeMap<String, Vec<f32>>) {
         let device = device.clone().autodiff();
         let config = config();

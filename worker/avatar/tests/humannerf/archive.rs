@@ -1,6 +1,6 @@
-//! The archive of a checkpoint, taken apart and put together: a zip of stored entries.
+//! Reading and writing of a checkpoint's archive, a zip of stored entries.
 
-/// Names and contents, in their order.
+/// Names and contents, in order.
 pub struct Archive(pub Vec<(String, Vec<u8>)>);
 
 /// The little-endian number of `size` bytes at `at`.
@@ -53,7 +53,7 @@ impl Archive {
         files
     }
 
-    /// Puts `new` in the place of the one `old` in the pickle.
+    /// Replaces the only occurrence of `old` in the pickle by `new`.
     pub fn edit_pickle(&mut self, old: &[u8], new: &[u8]) {
         let (name, pickle) = &mut self.0[0];
         assert!(name.ends_with("data.pkl"), "{name}");
@@ -66,8 +66,8 @@ impl Archive {
         pickle.splice(at..at + old.len(), new.iter().copied());
     }
 
-    /// Halves the numbers' bytes: each f32 becomes what `narrow` makes of it, and the pickle
-    /// says so by the name of their `storage`.
+    /// Converts all values to two bytes each by `narrow`, and sets the type of their `storage` in
+    /// the pickle.
     pub fn narrow(&mut self, storage: &str, narrow: impl Fn(f32) -> [u8; 2]) {
         self.edit_pickle(b"FloatStorage", storage.as_bytes());
         for (name, content) in &mut self.0 {

@@ -1,4 +1,4 @@
-//! What may be chosen at importing and at rendering: numerics, iteration, schedule, samples.
+//! Options of imports and renders: numerics, iteration, schedule, samples.
 
 use super::{Archive, case, changed, checkpoint, load, model, render};
 use yoto_avatar::config::Numerics;
@@ -20,7 +20,7 @@ fn numerics_are_a_choice_at_rendering() {
         frame
     });
     assert_ne!(reference.rgb, sound.rgb);
-    // Other sample places, the same person.
+    // Other sample positions, the same person.
     let mean = |frame: &Rendered| frame.alpha.iter().sum::<f32>() / frame.alpha.len() as f32;
     assert!((mean(&reference) - mean(&sound)).abs() < 0.2 * mean(&reference));
 }

@@ -1,4 +1,4 @@
-//! Files that go in and come out.
+//! Input and output files.
 
 use super::{Archive, case, changed, checkpoint, model};
 use burn::tensor::{bf16, f16};
@@ -7,7 +7,7 @@ use std::path::Path;
 use yoto_avatar::import::{HumanNerfOptions, ImportError, import_humannerf};
 use yoto_proto::manifest::files;
 
-/// Why the import of these files fails.
+/// The error of an import of these files.
 fn fault(checkpoint: &Path, joints: &Path) -> ImportError {
     let out = tempfile::tempdir().expect("a folder");
     let options = HumanNerfOptions::default();
@@ -95,7 +95,7 @@ fn the_same_checkpoint_gives_the_same_files() {
             .map(|name| std::fs::read(model.path().join(name)).expect("written"))
     };
     let first = written();
-    // Whatever has no order of its own is unlikely to come in the same one every time.
+    // An unspecified order is unlikely to be the same every time.
     for _ in 0..6 {
         assert!(written() == first);
     }

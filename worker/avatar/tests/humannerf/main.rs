@@ -1,7 +1,7 @@
 //! Checkpoints of the released HumanNeRF program: read, and rendered as that program does.
 //!
-//! `tests/cases/humannerf/` and what `YOTO_HUMANNERF_CASE` names are written by
-//! `tests/reference/humannerf_case.py`.
+//! `tests/reference/humannerf_case.py` writes the case in `tests/cases/humannerf/` and the one that
+//! `YOTO_HUMANNERF_CASE` names.
 
 mod archive;
 mod choices;
@@ -27,7 +27,7 @@ fn checkpoint() -> PathBuf {
     case().join("checkpoint.tar")
 }
 
-/// The case's checkpoint with something in it changed.
+/// The case's checkpoint after a change.
 fn changed(change: impl FnOnce(&mut Archive)) -> (TempDir, PathBuf) {
     let dir = tempfile::tempdir().expect("a folder");
     let mut archive = Archive::read(&std::fs::read(checkpoint()).expect("a checkpoint"));

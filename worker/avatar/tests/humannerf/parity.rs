@@ -1,4 +1,4 @@
-//! Frames beside those that the reference computes in double precision.
+//! Comparison of frames with those of the reference in double precision.
 
 use super::{case, load, render};
 use safetensors::SafeTensors;

@@ -1,4 +1,4 @@
-//! How many numbers the parts of a model have.
+//! Numbers of parameters of the parts of a model.
 
 use burn::tensor::Device;
 use yoto_avatar::avatar::{Avatar, PartCount};
@@ -34,7 +34,7 @@ fn parts_have_the_published_sizes() {
             .iter()
             .all(|part| part.bytes == 4 * part.parameters)
     );
-    // The paper's six people: 65.3 million there.
+    // Six people, as in the paper, which states 65.3 million.
     let yoto = count("yoto", 6);
     println!(
         "yoto, six people: {} in all, {:?}",

@@ -1,17 +1,17 @@
-//! Weights that the reference script and these tests make alike from their names, since 14.7
-//! million numbers are too many to keep.
+//! Weights that the reference script and these tests both generate from the names of tensors, since
+//! 14.7 million values are too many to store.
 
 use safetensors::Dtype;
 use safetensors::tensor::TensorView;
 use std::path::Path;
 
-/// A tensor before it is written.
+/// A tensor to write.
 pub struct Named {
-    /// As torchvision or `lpips` call it.
+    /// Name in torchvision or `lpips`.
     pub name: String,
-    /// Outputs first.
+    /// Shape, outputs first.
     pub shape: Vec<usize>,
-    /// In row-major order.
+    /// Values in row-major order.
     pub values: Vec<f32>,
 }
 
@@ -40,7 +40,7 @@ fn named(name: String, shape: Vec<usize>, adjust: impl Fn(f64) -> f64) -> Named 
     }
 }
 
-/// VGG16 as He would scale it, with small biases.
+/// VGG16 with He scaling and small biases.
 pub fn vgg16() -> Vec<Named> {
     let blocks = [(2, 64), (2, 128), (3, 256), (3, 512), (3, 512)];
     let (mut tensors, mut place, mut inputs) = (Vec::new(), 0, 3);

@@ -1,5 +1,5 @@
 //! LPIPS against the `lpips` package for Python (cases by `tests/reference/lpips_case.py`), at
-//! places where its gradient could fail, and with files that are not what they should be.
+//! points where its gradient could fail, and with invalid files.
 
 mod generated;
 
@@ -23,7 +23,7 @@ fn case_file(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// Single or double precision, as it was written.
+/// Values in single or double precision, as written.
 fn case(name: &str) -> Vec<f64> {
     let bytes = std::fs::read(case_file("lpips.safetensors")).expect("the case is there");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");
@@ -81,7 +81,7 @@ fn generated_networks(device: &Device) -> Lpips {
     load(&vgg16, &heads, device).expect("loads")
 }
 
-/// The networks in files that PyTorch wrote.
+/// The networks, read from files that PyTorch wrote.
 fn saved_networks(device: &Device) -> Lpips {
     let (vgg16, heads) = (case_file("lpips_vgg16.pth"), case_file("lpips_heads.pth"));
     load(&vgg16, &heads, device).expect("loads")
@@ -217,7 +217,7 @@ fn files_that_are_not_what_they_should_be_are_named_with_the_tensor() {
         let error = load(vgg16, heads, &device).err();
         error.expect("refused").to_string()
     };
-    // Taken for one another.
+    // Exchanged files.
     let refused = refuses(&heads, &vgg16);
     assert!(
         refused.contains("lpips_heads.pth") && refused.contains("'features.0.weight'"),

@@ -50,7 +50,7 @@ fn encoded(plan: &MlpPlan, row: &[f64]) -> Vec<(f64, usize, f64)> {
     }
 }
 
-/// Results and gradients for the gradient `grad` to the results.
+/// Results, and gradients for the gradient `grad` of the results.
 pub fn exact(params: &[f32], input: &[f32], grad: &[f32], plan: &MlpPlan) -> Exact {
     let precision = plan.precision;
     let layers = plan.layers();

@@ -16,11 +16,11 @@ use yoto_avatar::ops::form::Form;
 use yoto_avatar::ops::mlp::cpu::{backward, forward};
 use yoto_avatar::ops::mlp::{self, MlpPlan};
 
-/// Numbers of rows: one, less than a tile's step, around a power of two, several tiles.
+/// Row counts: one, less than a tile's step, around a power of two, several tiles.
 const SIZES: [usize; 5] = [1, 7, 127, 129, 1000];
-/// Largest error of an f32 result over the largest magnitude.
+/// Bound on errors of f32 results, relative to the largest magnitude.
 const VALUES: f64 = 2e-6;
-/// Largest error of an f32 gradient over the largest magnitude.
+/// Bound on errors of f32 gradients, relative to the largest magnitude.
 const GRADIENTS: f64 = 1e-5;
 /// Largest error of a bf16 result or gradient over the largest magnitude, against f64 with the same
 /// roundings. A sum of f32 and one of f64 may round to different neighbours, and a unit may be
@@ -30,7 +30,7 @@ const ROUNDED: f64 = 2e-2;
 /// cosine of f64 with the same roundings.
 const COSINE: f64 = 1e-4;
 
-/// Largest difference over the largest expected magnitude.
+/// Largest difference, relative to the largest expected magnitude.
 fn error(ours: &[f32], expected: &[f64]) -> f64 {
     assert_eq!(ours.len(), expected.len());
     let largest = expected.iter().fold(0f64, |m, v| m.max(v.abs()));

@@ -1,4 +1,4 @@
-//! A case's file: inputs, expected values, and gradients, as the reference wrote them.
+//! Files of cases: inputs, expected values, and gradients, written by the reference.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::{Dtype, SafeTensors};
@@ -14,7 +14,7 @@ pub fn path(name: &str) -> PathBuf {
         .join(format!("{name}.safetensors"))
 }
 
-/// Numbers and their shape.
+/// Values and their shape.
 struct Numbers {
     shape: Vec<usize>,
     values: Vec<f64>,
@@ -65,33 +65,33 @@ impl Case {
             .unwrap_or_else(|| panic!("{}: no '{name}'", self.name))
     }
 
-    /// The numbers called `name`.
+    /// The values called `name`.
     pub fn numbers(&self, name: &str) -> &[f64] {
         &self.entry(name).values
     }
 
-    /// Their sizes.
+    /// The shape of `name`.
     pub fn shape(&self, name: &str) -> &[usize] {
         &self.entry(name).shape
     }
 
-    /// The same in single precision.
+    /// The values called `name`, in single precision.
     pub fn singles(&self, name: &str) -> Vec<f32> {
         self.numbers(name).iter().map(|v| *v as f32).collect()
     }
 
-    /// The same as three numbers.
+    /// The values called `name`, which are three.
     pub fn vector(&self, name: &str) -> [f32; 3] {
         self.singles(name).try_into().expect("3 numbers")
     }
 
-    /// The same as a tensor.
+    /// The values called `name`, as a tensor.
     pub fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Tensor<D> {
         let shape: [usize; D] = self.shape(name).try_into().expect("that many axes");
         Tensor::from_data(TensorData::new(self.singles(name), shape), device)
     }
 
-    /// Names that begin with `start`, without it.
+    /// Names that begin with `start`, without this prefix.
     pub fn names(&self, start: &str) -> Vec<&str> {
         self.tensors
             .keys()
@@ -99,7 +99,7 @@ impl Case {
             .collect()
     }
 
-    /// What the output `name` adds to the objective whose gradients the case holds.
+    /// Term of the output `name` in the objective whose gradients the case holds.
     pub fn towards<const D: usize>(&self, name: &str, output: Tensor<D>) -> Tensor<1> {
         let towards = self.tensor::<D>(&format!("towards.{name}"), &output.device());
         (output * towards).sum()

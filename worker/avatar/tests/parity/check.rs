@@ -1,4 +1,4 @@
-//! Compares what was computed with what the case expects, and prints the table's rows.
+//! Compares results with those of a case, and prints the rows of the table.
 
 use crate::case::Case;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -6,12 +6,12 @@ use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 use std::collections::BTreeMap;
 
-/// Bound on values' errors where nothing else is said.
+/// Default bound on errors of values.
 pub const VALUES: f64 = 1e-5;
-/// Bound on gradients' errors where nothing else is said.
+/// Default bound on errors of gradients.
 pub const GRADIENTS: f64 = 1e-4;
 
-/// The largest difference over the largest expected magnitude.
+/// The largest difference, relative to the largest expected magnitude.
 pub fn relative_error(what: &str, ours: &[f32], expected: &[f64]) -> f64 {
     assert_eq!(ours.len(), expected.len(), "{what}: another size");
     assert!(ours.iter().all(|v| v.is_finite()), "{what}: not finite");
@@ -25,7 +25,7 @@ pub fn relative_error(what: &str, ours: &[f32], expected: &[f64]) -> f64 {
     worst / largest
 }
 
-/// One case's errors.
+/// Errors of one case.
 pub struct Check<'a> {
     case: &'a Case,
     values: Vec<(String, f64)>,
@@ -64,8 +64,8 @@ impl<'a> Check<'a> {
         self.gradients.push((name.into(), error));
     }
 
-    /// Compares the gradients to all of `module`'s parameters that the case has; parameters
-    /// that took no part must have none.
+    /// Compares the gradients of all parameters of `module` that the case has; unused parameters
+    /// must have none.
     pub fn parameters(&mut self, module: &impl Module, grads: &GradientsParams) {
         let ours = by_path(module, Some(grads));
         let mut compared = 0;
@@ -100,7 +100,7 @@ impl<'a> Check<'a> {
         self.values.push((name.into(), error));
     }
 
-    /// Prints the row and holds it to its bounds.
+    /// Prints the row and asserts its bounds.
     pub fn within(self, values: f64, gradients: f64) {
         let name = self.case.name;
         let worst = |errors: &[(String, f64)]| errors.iter().map(|e| e.1).reduce(f64::max);
@@ -121,7 +121,7 @@ impl<'a> Check<'a> {
     }
 }
 
-/// A tensor's numbers.
+/// Values of a tensor.
 pub fn read<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
@@ -144,7 +144,7 @@ impl ModuleVisitor for Paths<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         let numbers = match self.grads {
             None => read(param.val()),
-            // Without a part in the objective there is no gradient.
+            // Parameters outside the objective have no gradient.
             Some(grads) => match grads.get::<D>(param.id) {
                 Some(grad) => read(grad),
                 None => vec![0.0; param.val().shape().num_elements()],
@@ -154,7 +154,7 @@ impl ModuleVisitor for Paths<'_> {
     }
 }
 
-/// All parameters by path, or, with `grads`, the gradients to them.
+/// All parameters by path, or with `grads`, their gradients.
 pub fn by_path(
     module: &impl Module,
     grads: Option<&GradientsParams>,

@@ -1,5 +1,5 @@
 //! Encodings, the pose-conditioned code, and both networks. The reference concatenates codes and
-//! skips to a layer's input; ours multiplies them by their own rows of the weight.
+//! skips to a layer's input; this crate multiplies them by separate weights.
 
 use crate::case::Case;
 use crate::check::{Check, GRADIENTS, VALUES};
@@ -13,7 +13,8 @@ use yoto_avatar::motion::posed::relative_joints;
 use yoto_avatar::ops::encode::{Bands, frequencies};
 use yoto_avatar::ops::hash::{self, HashGrid, encode};
 
-/// Of the encodings: the angle's rounding grows with the band, to 3e-5 at the highest of 10.
+/// Bound on errors of the encodings: the rounding of angles grows with the band, to 3e-5 at the
+/// highest of 10.
 const BAND_VALUES: f64 = 3e-5;
 
 #[test]

@@ -1,5 +1,5 @@
-//! Parity: each part of the model, and one whole training step, against the double-precision
-//! reference in `tests/reference`, values and gradients. `docs/parity.md` has the table that
+//! Parity: values and gradients of each part of the model, and of one complete training step,
+//! against the double-precision reference in `tests/reference`. `docs/parity.md` has the table that
 //! `cargo test --workspace --test parity -- --nocapture` prints.
 
 mod case;

@@ -9,7 +9,7 @@ use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::prior::{canonical_grid, prior};
 use yoto_avatar::ops::warp::{WarpGrid, reference, warp};
 
-/// Nodes an axis of the prior's case.
+/// Nodes per axis in the prior's case.
 const PRIOR_RESOLUTION: usize = 13;
 
 #[test]

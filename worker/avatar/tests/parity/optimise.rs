@@ -1,4 +1,4 @@
-//! The objective that needs no weights, and Adam.
+//! The objective without LPIPS, and Adam.
 
 use crate::case::Case;
 use crate::check::{Check, GRADIENTS, VALUES};

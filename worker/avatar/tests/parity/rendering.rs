@@ -1,4 +1,4 @@
-//! Compositing, with opaque samples, rays that meet nothing and samples of no likelihood.
+//! Compositing, with opaque samples, empty rays and samples with a likelihood of 0.
 
 use crate::case::Case;
 use crate::check::{Check, GRADIENTS, VALUES};
@@ -6,7 +6,7 @@ use crate::small;
 use yoto_avatar::render::composite::composite;
 use yoto_avatar::render::march::Samples;
 
-/// Samples a ray of the case.
+/// Samples per ray in the case.
 const PER_RAY: usize = 8;
 
 #[test]
@@ -19,7 +19,7 @@ fn compositing() {
         steps: case.singles("steps"),
         depths: case.singles("depths"),
         places: case.numbers("places").iter().map(|p| *p as i64).collect(),
-        // Compositing does not look at where samples are.
+        // Compositing does not use the positions of samples.
         ..Samples::default()
     };
     let rgb = case.tensor::<2>("rgb", &device).require_grad();

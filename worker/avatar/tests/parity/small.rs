@@ -1,4 +1,4 @@
-//! The small whole model of `tests/reference/model.py`, with the weights that it wrote.
+//! The small complete model of `tests/reference/model.py`, with its weights.
 
 use crate::case::path;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
@@ -10,7 +10,7 @@ use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
 const JOINTS: usize = 5;
 /// Identities of the small model.
 const SLOTS: usize = 2;
-/// Share of the run that the reference is at, step 60 of 100: bands half open.
+/// Progress of the reference, step 60 of 100, at which half of the bands are open.
 pub const PROGRESS: f64 = 0.6;
 
 /// The Fourier encoding of the small model.
@@ -25,12 +25,12 @@ pub const HASH: Encoding = Encoding::Hash {
     sharing: Sharing::Own,
 };
 
-/// Where the gradients are taken.
+/// Device of the tests.
 pub fn device() -> Device {
     Device::flex().autodiff()
 }
 
-/// Sizes and rates. All samples are evaluated, so that nothing hangs on a threshold.
+/// Sizes and rates. All samples are evaluated, so that no result depends on a threshold.
 pub fn config(encoding: Encoding) -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.code_width = 8;
@@ -67,7 +67,7 @@ pub fn config(encoding: Encoding) -> ModelConfig {
     config
 }
 
-/// The model with the reference's weights, read as any checkpoint's.
+/// The model with the reference's weights, read like those of a checkpoint.
 pub fn avatar(config: &ModelConfig) -> Avatar {
     let file = match config.canonical.encoding {
         Encoding::Fourier { .. } => "model-fourier",
@@ -80,7 +80,7 @@ pub fn avatar(config: &ModelConfig) -> Avatar {
     avatar
 }
 
-/// The model with the weights in `file`, which need not be all.
+/// The model with the weights in `file`, which may lack some.
 pub fn avatar_with(config: &ModelConfig, file: &str) -> Avatar {
     let mut avatar = Avatar::new(config, SLOTS, JOINTS, 0, &device());
     let mut store = SafetensorsStore::from_file(path(file)).allow_partial(true);

@@ -1,5 +1,5 @@
-//! One whole training step of the small model: what its rays see, the loss, the gradient of
-//! every parameter, and the parameters after Adam.
+//! One complete training step of the small model: the colours of its rays, the loss, the gradients
+//! of all parameters, and the parameters after Adam.
 
 use crate::case::Case;
 use crate::check::{Check, by_path, relative_error};
@@ -14,13 +14,13 @@ use yoto_avatar::train::optimiser;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::Camera;
 
-/// Of a whole step: rounding passes through every part one after the other.
+/// Bound on values of a complete step, in which rounding errors pass through all parts.
 const STEP_VALUES: f64 = 1e-5;
-/// Of its gradients, likewise.
+/// Bound on its gradients.
 const STEP_GRADIENTS: f64 = 1e-4;
-/// Adam's first step is the rate times the gradient's sign, nearly: where the gradient is almost
-/// nothing, rounding decides. After the step, parameters are compared where the gradient is at
-/// least this share of its tensor's largest.
+/// Adam's first step is nearly the rate times the sign of the gradient, so rounding decides where
+/// the gradient is tiny. After the step, parameters are compared where the gradient is at least
+/// this share of the largest of its tensor.
 const DECIDED: f64 = 1e-3;
 
 #[test]
@@ -89,8 +89,8 @@ fn step(case: Case, encoding: Encoding) {
     check.within(STEP_VALUES, STEP_GRADIENTS);
 }
 
-/// The error of a parameter after Adam's step, where the gradient decides; elsewhere it may not
-/// have moved by more than the rate.
+/// The error of a parameter after Adam's step, where the gradient is large enough; elsewhere, it
+/// may have moved by the rate at most.
 fn moved(case: &Case, path: &str, before: &[f32], after: &[f32], rate: f64) -> f64 {
     let gradient = case.numbers(&format!("gradient.{path}"));
     let expected = case.numbers(&format!("after.{path}"));
