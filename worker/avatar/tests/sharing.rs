@@ -1,17 +1,16 @@
 //! Hash tables that people share: the cost of an additional person, the people whose parameters
 //! change when one is trained, and the growth of a model.
 
+mod support;
+
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use support::{options, run, tempdir, weights};
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, ModelConfig, Sharing};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
-use yoto_capture::ShardBuilder;
-use yoto_capture::synthetic::SyntheticPerson;
-use yoto_proto::manifest::files;
+use yoto_avatar::train::{Person, Trainer};
 
 const SPLIT: Sharing = Sharing::Split { own_log2_rows: 8 };
 const BASES: Sharing = Sharing::Bases { count: 4 };
@@ -31,50 +30,12 @@ fn config(kind: Sharing, variant: &str) -> ModelConfig {
 }
 
 fn people(slots: &[usize]) -> Vec<Person> {
-    let cast = SyntheticPerson::cast(3, 7);
-    slots
-        .iter()
-        .map(|&slot| {
-            let (track, images) = cast[slot].capture(3, 48);
-            let mut builder = ShardBuilder::new(track);
-            for image in &images {
-                builder.push(image).expect("a synthetic frame is valid");
-            }
-            Person {
-                slot,
-                name: cast[slot].name().into(),
-                shard: Arc::new(builder.finish().expect("all frames are there")),
-            }
-        })
-        .collect()
-}
-
-fn options() -> TrainOptions {
-    TrainOptions {
-        budget: Budget::Steps(10),
-        used_seconds: 0.0,
-        used_steps: 0,
-        seed: 11,
-        image_size: 0,
-        holdout_every: 0,
-        lpips: None,
-    }
-}
-
-/// Bytes of each tensor of a checkpoint.
-fn weights(dir: &Path) -> BTreeMap<String, Vec<u8>> {
-    let bytes = std::fs::read(dir.join(files::WEIGHTS)).expect("written");
-    let file = safetensors::SafeTensors::deserialize(&bytes).expect("safetensors");
-    file.iter()
-        .map(|(name, tensor)| (name.to_string(), tensor.data().to_vec()))
-        .collect()
+    support::people(slots, 3, 48)
 }
 
 /// The weights after some steps.
 fn train(trainer: &mut Trainer, steps: usize, dir: &Path) -> BTreeMap<String, Vec<u8>> {
-    for _ in 0..steps {
-        trainer.step().expect("a step");
-    }
+    run(trainer, steps);
     trainer.save(dir).expect("saves");
     weights(dir)
 }
@@ -157,7 +118,7 @@ fn training_somebody_moves_what_is_shared_and_nothing_of_others() {
         let device = Device::flex();
         let (fresh, trained) = (tempdir(), tempdir());
         let start = |slots: &[usize]| {
-            Trainer::new(config(sharing, "yoto"), options(), people(slots), &device)
+            Trainer::new(config(sharing, "yoto"), options(10), people(slots), &device)
                 .expect("starts")
         };
         // Only the person in slot 2 is trained; slots 0 and 1 exist.
@@ -179,11 +140,15 @@ fn a_model_grows_by_what_a_person_owns() {
     for sharing in [SPLIT, BASES] {
         let device = Device::flex();
         let (two, three) = (tempdir(), tempdir());
-        let mut trainer =
-            Trainer::new(config(sharing, "yoto"), options(), people(&[0, 1]), &device)
-                .expect("starts");
+        let mut trainer = Trainer::new(
+            config(sharing, "yoto"),
+            options(10),
+            people(&[0, 1]),
+            &device,
+        )
+        .expect("starts");
         let before = train(&mut trainer, 2, two.path());
-        let mut trainer = Trainer::resume(two.path(), options(), people(&[0, 1, 2]), &device)
+        let mut trainer = Trainer::resume(two.path(), options(10), people(&[0, 1, 2]), &device)
             .expect("a model of two takes a third");
         let after = train(&mut trainer, 0, three.path());
         for (name, bytes) in &before {
@@ -198,8 +163,4 @@ fn a_model_grows_by_what_a_person_owns() {
             assert!(name.ends_with(".2"), "{sharing:?}: {name} is new");
         }
     }
-}
-
-fn tempdir() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
 }

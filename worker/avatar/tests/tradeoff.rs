@@ -1,14 +1,14 @@
 //! Settings that replace a model's own, and sweeps over them.
 
+mod support;
+
 use burn::tensor::Device;
-use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::render::{RenderError, RenderSettings, RenderView, Renderer};
 use yoto_avatar::tradeoff::{
     Axes, Curve, Machine, SweepError, SweepOptions, SweepView, Want, choose, sweep,
 };
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
-use yoto_capture::ShardBuilder;
+use yoto_avatar::train::Trainer;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
 
@@ -17,28 +17,11 @@ const SIZE: u32 = 48;
 /// A briefly trained person, and pictures of cameras that were not trained on.
 fn trained() -> (Renderer, Vec<SweepView>) {
     let person = SyntheticPerson::cast(1, 7).remove(0);
-    let (track, images) = person.capture(8, SIZE);
-    let pose = Pose::from_frame(&track.frames[0]).expect("a pose");
-    let mut builder = ShardBuilder::new(track);
-    for image in &images {
-        builder.push(image).expect("a synthetic frame is valid");
-    }
-    let people = vec![Person {
-        slot: 0,
-        name: "ada".into(),
-        shard: Arc::new(builder.finish().expect("complete")),
-    }];
-    let options = TrainOptions {
-        budget: Budget::Steps(80),
-        used_seconds: 0.0,
-        used_steps: 0,
-        seed: 11,
-        image_size: 0,
-        holdout_every: 0,
-        lpips: None,
-    };
+    let pose = person.motion(8).remove(0);
+    let people = vec![support::person(0, &person, 8, SIZE)];
     let config = ModelConfig::named("draft", "yoto").expect("named");
-    let mut trainer = Trainer::new(config, options, people, &Device::flex()).expect("starts");
+    let mut trainer =
+        Trainer::new(config, support::options(80), people, &Device::flex()).expect("starts");
     while !trainer.finished() {
         trainer.step().expect("a step");
     }

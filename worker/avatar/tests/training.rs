@@ -1,40 +1,23 @@
 //! Complete trainings: they learn, they resume where they stopped, and samples that are left out do
 //! not change the result visibly.
 
+mod support;
+
 use burn::tensor::Device;
-use safetensors::SafeTensors;
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use support::{run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::train::{Budget, Person, TrainError, TrainOptions, Trainer};
+use yoto_avatar::train::{Person, TrainError, TrainOptions, Trainer};
 use yoto_capture::camera::Pose;
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
 
 const SIZE: u32 = 48;
 
-fn shard(person: &SyntheticPerson) -> Shard {
-    let (track, images) = person.capture(12, SIZE);
-    let mut builder = ShardBuilder::new(track);
-    for image in &images {
-        builder.push(image).expect("a synthetic frame is valid");
-    }
-    builder.finish().expect("all frames are there")
-}
-
+/// The first `count` of a cast.
 fn people(count: usize) -> Vec<Person> {
-    let cast = SyntheticPerson::cast(count, 7);
-    cast.iter()
-        .enumerate()
-        .map(|(slot, person)| Person {
-            slot,
-            name: person.name().into(),
-            shard: Arc::new(shard(person)),
-        })
-        .collect()
+    support::people(&(0..count).collect::<Vec<_>>(), 12, SIZE)
 }
 
 /// The smallest tier, with all scheduled parts active from the start.
@@ -49,19 +32,9 @@ fn config(variant: &str) -> ModelConfig {
 
 fn options(steps: u64, used_steps: u64) -> TrainOptions {
     TrainOptions {
-        budget: Budget::Steps(steps),
-        used_seconds: 0.0,
         used_steps,
-        seed: 11,
-        image_size: 0,
         holdout_every: 6,
-        lpips: None,
-    }
-}
-
-fn run(trainer: &mut Trainer, steps: usize) {
-    for _ in 0..steps {
-        trainer.step().expect("a step");
+        ..support::options(steps)
     }
 }
 
@@ -77,26 +50,19 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     assert!(trainer.finished());
     trainer.save(straight.path()).expect("saves");
 
-    let weights = |dir: &tempfile::TempDir| {
-        let bytes = std::fs::read(dir.path().join(files::WEIGHTS)).expect("written");
-        let file = SafeTensors::deserialize(&bytes).expect("safetensors");
-        file.iter()
-            .map(|(name, tensor)| (name.to_string(), tensor.data().to_vec()))
-            .collect::<BTreeMap<_, _>>()
-    };
     let occupancy = |dir: &tempfile::TempDir| {
         std::fs::read(dir.path().join(files::OCCUPANCY)).expect("written")
     };
     let known = occupancy(&first);
     let mut again =
         Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
-    // The checkpoint's folder may be temporary.
-    let before = weights(&first);
+    // A checkpoint's folder may be a temporary one.
+    let before = weights(first.path());
     drop(first);
     assert_eq!(again.progress().step, 10);
     run(&mut again, 10);
     again.save(resumed.path()).expect("saves");
-    let (uninterrupted, again) = (weights(&straight), weights(&resumed));
+    let (uninterrupted, again) = (weights(straight.path()), weights(resumed.path()));
     for (name, bytes) in &uninterrupted {
         assert!(again[name] == *bytes, "{name} differs");
     }
@@ -332,8 +298,4 @@ fn other_grid() -> Vec<u8> {
     let grid = safetensors::tensor::TensorView::new(safetensors::Dtype::U8, vec![1, 1, 2], &[1, 2])
         .expect("a tensor");
     safetensors::serialize([("0", grid)], None).expect("serialises")
-}
-
-fn tempdir() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder")
 }

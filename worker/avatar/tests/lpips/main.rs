@@ -2,28 +2,22 @@
 //! points where its gradient could fail, and with invalid files.
 
 mod generated;
+#[path = "../support/mod.rs"]
+mod support;
 
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::SafeTensors;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
+use support::{case_file, values};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::lpips::{Lpips, LpipsError, LpipsWeights};
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
-use yoto_avatar::train::{Budget, Person, TrainError, TrainOptions, Trainer};
-use yoto_capture::ShardBuilder;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_avatar::train::{TrainError, TrainOptions, Trainer};
 
 const SIDE: usize = 64;
 
-fn case_file(name: &str) -> PathBuf {
-    PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"))
-        .join("tests/cases")
-        .join(name)
-}
-
-/// Values in single or double precision, as written.
+/// Single or double precision, as it was written.
 fn case(name: &str) -> Vec<f64> {
     let bytes = std::fs::read(case_file("lpips.safetensors")).expect("the case is there");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");
@@ -43,10 +37,6 @@ fn numbers<const N: usize>(bytes: &[u8], read: impl Fn([u8; N]) -> f64) -> Vec<f
 fn image(name: &str, device: &Device) -> Tensor<4> {
     let values: Vec<f32> = case(name).iter().map(|v| *v as f32).collect();
     Tensor::from_data(TensorData::new(values, [1, 3, SIDE, SIDE]), device)
-}
-
-fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.try_into_vec_as().expect("f32")
 }
 
 /// From [0, 1] to [−1, 1].
@@ -288,30 +278,15 @@ fn a_training_uses_the_weights_that_it_is_given() {
 
 /// Three steps; the objective they had.
 fn trained(lpips: Option<LpipsWeights>) -> Result<&'static str, TrainError> {
-    let cast = SyntheticPerson::cast(1, 7);
-    let (track, images) = cast[0].capture(4, 48);
-    let mut builder = ShardBuilder::new(track);
-    for image in &images {
-        builder.push(image).expect("a synthetic frame is valid");
-    }
-    let person = Person {
-        slot: 0,
-        name: cast[0].name().into(),
-        shard: Arc::new(builder.finish().expect("all frames are there")),
-    };
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.optimise.patches = 2;
     config.optimise.patch_size = 16;
     let options = TrainOptions {
-        budget: Budget::Steps(3),
-        used_seconds: 0.0,
-        used_steps: 0,
-        seed: 1,
-        image_size: 0,
-        holdout_every: 0,
         lpips,
+        ..support::options(3)
     };
-    let mut trainer = Trainer::new(config, options, vec![person], &Device::flex())?;
+    let people = support::people(&[0], 4, 48);
+    let mut trainer = Trainer::new(config, options, people, &Device::flex())?;
     for _ in 0..3 {
         trainer.step()?;
     }
