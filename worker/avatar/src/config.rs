@@ -64,7 +64,7 @@ pub struct ModelConfig {
     pub march: MarchConfig,
     /// Optimisation.
     pub optimise: OptimiseConfig,
-    /// Parts of a run: when each part of the model starts, and learning rates.
+    /// Start of each part of the model, and learning rates over a run.
     pub schedule: Schedule,
 }
 
