@@ -28,7 +28,8 @@ impl Bounds {
     }
 
     /// Where the half-line from `origin` enters and leaves the box, as multiples of
-    /// `direction`; enters at 0 from inside. None when it misses, or when a number is not one.
+    /// `direction`; enters at 0 from inside. None when it misses or has no direction. An axis along which
+    /// a number is NaN cuts nothing.
     pub fn cut(&self, origin: Vec3, direction: Vec3) -> Option<(f64, f64)> {
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
         for (axis, along) in direction.into_iter().enumerate() {
@@ -44,7 +45,7 @@ impl Bounds {
             near = near.max(one.min(other));
             far = far.min(one.max(other));
         }
-        // Also false when anything above was not a number.
+        // No axis cuts a half-line without a direction, or one of NaN alone.
         (near < far && far.is_finite()).then_some((near, far))
     }
 }
