@@ -9,7 +9,7 @@ use std::error::Error;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{LossTerm, Objective, Patches};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     config.schedule.all_bands = 0.8;
     let options = TrainOptions {
         budget: Budget::Steps(600),
-        holdout_every: 10,
+        validation: Validation::Every(10),
         ..TrainOptions::default()
     };
     let mut trainer = Trainer::new(config, options, vec![person], &Device::flex())?

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::render::{RenderView, Rendered};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = ModelConfig::named("draft", "yoto")?;
     let options = TrainOptions {
         budget: Budget::Steps(STEPS),
-        holdout_every: 10,
+        validation: Validation::Every(10),
         ..TrainOptions::default()
     };
     let mut trainer = Trainer::new(config, options, people, &Device::flex())?;

@@ -8,7 +8,7 @@ use support::{run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::train::{Person, TrainError, TrainOptions, Trainer};
+use yoto_avatar::train::{Person, TrainError, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_proto::manifest::files;
@@ -33,7 +33,7 @@ fn config(variant: &str) -> ModelConfig {
 fn options(steps: u64, used_steps: u64) -> TrainOptions {
     TrainOptions {
         used_steps,
-        holdout_every: 6,
+        validation: Validation::Every(6),
         ..support::options(steps)
     }
 }

@@ -4,7 +4,7 @@ use crate::display::{Display, Screen};
 use anyhow::{Context, ensure};
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
+use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer, Validation};
 use yoto_device::PickedDevice;
 use yoto_proto::v1::Progress;
 
@@ -42,7 +42,7 @@ pub(crate) fn options(
         used_steps: 0,
         seed,
         image_size,
-        holdout_every: 0,
+        validation: Validation::NONE,
         lpips: lpips.cloned(),
     }
 }

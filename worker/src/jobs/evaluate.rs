@@ -9,7 +9,7 @@ mod tradeoff;
 use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
 use yoto_avatar::{
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
-    train::is_held_out,
+    train::Validation,
 };
 use yoto_capture::{
     FrameImage, Shard,
@@ -152,9 +152,10 @@ impl Pictures {
 
 fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
     let track = &shard.track;
+    let validation = Validation::Every(HOLDOUT_EVERY);
     let frames = track.frames.iter().enumerate();
     frames
-        .filter(|(position, _)| is_held_out(*position, HOLDOUT_EVERY))
+        .filter(|(position, frame)| validation.holds_out(*position, frame.index))
         .map(|(position, frame)| {
             // Ingested captures were checked, so this is not a fault of the user.
             let fault = |error: yoto_capture::ViewError| {

@@ -116,7 +116,7 @@ mod tests {
     }
 
     fn list() -> Vec<Vec3> {
-        (0..24).map(|k| [0.1 * f64::from(k), 0.5, -1.0]).collect()
+        (0..24).map(|k| [0.125 * f64::from(k), 0.5, -1.0]).collect()
     }
 
     #[test]

@@ -20,9 +20,9 @@ mod validate;
 pub use checkpoint::ModelState;
 pub(crate) use checkpoint::save_model;
 pub use optimiser::optimiser;
-pub use options::{Budget, TrainOptions};
+pub use options::{Budget, TrainOptions, Validation};
 pub use parts::read_parts;
-pub use people::{Person, is_held_out};
+pub use people::Person;
 pub use progress::TrainProgress;
 pub use trainer::Trainer;
 

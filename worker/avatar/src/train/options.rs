@@ -1,6 +1,7 @@
 //! Budget and data of a training.
 
 use crate::loss::lpips::LpipsWeights;
+use std::collections::BTreeSet;
 
 /// How long to train.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +10,29 @@ pub enum Budget {
     Seconds(f64),
     /// Number of steps.
     Steps(u64),
+}
+
+/// The frames of each person that are not trained on, to measure on them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Validation {
+    /// One of so many frames, the middle one, so that a single frame is trained on; 0: none.
+    Every(usize),
+    /// The frames with these indices in the person's pose track.
+    Frames(BTreeSet<u32>),
+}
+
+impl Validation {
+    /// All frames are trained on.
+    pub const NONE: Self = Self::Every(0);
+
+    /// Whether the frame at `position` of a capture, with `index` in its pose track, is held out.
+    pub fn holds_out(&self, position: usize, index: u32) -> bool {
+        match self {
+            Self::Every(0) => false,
+            Self::Every(every) => position % every == every / 2,
+            Self::Frames(frames) => frames.contains(&index),
+        }
+    }
 }
 
 /// How to train.
@@ -24,8 +48,8 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Longest image side, pixels; 0 keeps the capture's.
     pub image_size: u32,
-    /// Every n-th frame is held out for validation; 0: none.
-    pub holdout_every: usize,
+    /// The frames of each person that are held out.
+    pub validation: Validation,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
@@ -39,8 +63,26 @@ impl Default for TrainOptions {
             used_steps: 0,
             seed: 7,
             image_size: 0,
-            holdout_every: 0,
+            validation: Validation::NONE,
             lpips: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validation_takes_the_middle_of_a_run_or_the_frames_named() {
+        let held = |validation: &Validation| -> Vec<usize> {
+            let indices = [10u32, 11, 12, 20, 21, 22, 23];
+            let frames = indices.iter().enumerate();
+            let held = frames.filter(|(position, index)| validation.holds_out(*position, **index));
+            held.map(|(position, _)| position).collect()
+        };
+        assert!(held(&Validation::NONE).is_empty());
+        assert_eq!(held(&Validation::Every(3)), [1, 4]);
+        assert_eq!(held(&Validation::Frames([12, 23].into())), [2, 6]);
     }
 }

@@ -1,6 +1,6 @@
 //! The people that a model is trained on: their bodies and frames.
 
-use super::TrainError;
+use super::{TrainError, Validation};
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use burn::tensor::Device;
@@ -39,13 +39,13 @@ pub(super) struct TrainSubject {
 }
 
 impl TrainSubject {
-    /// Prepares `person`: frames are resized to `image_size` (0: as stored), and every
-    /// `holdout_every`-th is held out.
+    /// Prepares `person`: frames are resized to `image_size` (0: as stored), those of `validation`
+    /// are held out.
     pub fn new(
         person: &Person,
         config: &ModelConfig,
         image_size: u32,
-        holdout_every: usize,
+        validation: &Validation,
         device: &Device,
     ) -> Result<Self, TrainError> {
         let skeleton_error = |source| TrainError::Skeleton {
@@ -72,7 +72,7 @@ impl TrainSubject {
                 .filter(|(_, m)| **m > 0)
                 .map(|(p, _)| p as u32)
                 .collect();
-            let keep_out = is_held_out(i, holdout_every);
+            let keep_out = validation.holds_out(i, frame.index);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
                 pose,
                 camera,
@@ -93,12 +93,6 @@ impl TrainSubject {
             held_out,
         })
     }
-}
-
-/// Whether the frame at `position` of a capture is held out if every `every`-th is (0: none). The
-/// middle one of `every` frames is, so that a single frame is trained on.
-pub fn is_held_out(position: usize, every: usize) -> bool {
-    every > 0 && position % every == every / 2
 }
 
 /// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number

@@ -89,7 +89,7 @@ impl Trainer {
                 person,
                 &saved.config,
                 options.image_size,
-                options.holdout_every,
+                &options.validation,
                 &device,
             )?;
             let known = state.occupancy[person.slot].take();

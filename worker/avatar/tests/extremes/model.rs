@@ -7,7 +7,7 @@ use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::synthetic::SyntheticPerson;
@@ -190,7 +190,7 @@ fn masks_and_rates() {
             used_steps: 0,
             seed: 5,
             image_size: 0,
-            holdout_every: 4,
+            validation: Validation::Every(4),
             lpips: None,
         };
         let person = Person {

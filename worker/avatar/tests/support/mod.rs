@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
@@ -48,7 +48,7 @@ pub fn options(steps: u64) -> TrainOptions {
         used_steps: 0,
         seed: 11,
         image_size: 0,
-        holdout_every: 0,
+        validation: Validation::NONE,
         lpips: None,
     }
 }

@@ -17,7 +17,7 @@ use std::time::Instant;
 use yoto_avatar::config::{ModelConfig, Precision, Setting};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
@@ -219,7 +219,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
         used_steps: 0,
         seed: options.seed,
         image_size: 0,
-        holdout_every: 0,
+        validation: Validation::NONE,
         lpips: options.lpips.clone(),
     }
 }

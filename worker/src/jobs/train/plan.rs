@@ -3,7 +3,7 @@
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, Person, TrainOptions};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Validation};
 use yoto_proto::{
     manifest::Manifest,
     pose_track::{MAX_SIDE, violation},
@@ -77,7 +77,7 @@ impl Plan {
             },
             seed: self.spec.seed,
             image_size: self.spec.image_size,
-            holdout_every: HOLDOUT_EVERY,
+            validation: Validation::Every(HOLDOUT_EVERY),
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),
