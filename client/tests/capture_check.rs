@@ -58,7 +58,7 @@ fn the_truth_passes_and_a_wrong_scale_of_k_is_named_and_marked_on_the_sheet() {
     let said = wrong.text();
     let cause = said
         .lines()
-        .find(|line| line.starts_with("likeliest cause"));
+        .find(|line| line.starts_with("most likely cause"));
     let cause = cause.expect("a cause");
     assert!(cause.contains("--k-scale 2"), "{said}");
 

@@ -147,7 +147,7 @@ fn wrong_numbers_are_named_with_their_field() {
         ),
         (
             &|json| json[frame]["poses"] = vec![0.0; 70].into(),
-            "frame 1: frame_000001.poses: a list of 70 where [72]",
+            "frame 1: frame_000001.poses: a list of 70 instead of [72]",
         ),
         (
             &|json| json[frame]["cam_intrinsics"] = "K".into(),
