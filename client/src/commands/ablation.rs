@@ -8,6 +8,7 @@ use anyhow::Context;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use yoto_avatar::config::Setting;
 use yoto_avatar::train::Budget;
 use yoto_lab::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use yoto_proto::v1::Scores;
@@ -58,6 +59,12 @@ pub(super) struct AblationCommand {
     /// Measure at most this many pictures of each kind and person [default: all].
     #[arg(long, value_name = "N")]
     pictures: Option<NonZeroUsize>,
+    /// Only this variant; may be repeated [default: all].
+    #[arg(long = "variant", value_name = "NAME", value_parser = table::variant)]
+    variants: Vec<String>,
+    /// Different value for one of the tier's settings, as in schedule.non_rigid=0.1; may be repeated.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<Setting>,
     /// Folder for the figures and the models.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -89,6 +96,8 @@ impl AblationCommand {
                 seed,
                 pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
                 out: out.clone(),
+                variants: self.variants.clone(),
+                settings: self.settings.clone(),
                 lpips: lpips.clone(),
             };
             let ablation = run(&options, &Terminal)?;

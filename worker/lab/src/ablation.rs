@@ -15,7 +15,7 @@ use crate::training::{self, lpips, pick_device};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use yoto_avatar::config::{ModelConfig, Variant};
+use yoto_avatar::config::{ModelConfig, Setting, Variant};
 use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Trainer};
@@ -45,6 +45,10 @@ pub struct AblationOptions {
     pub pictures: usize,
     /// Folder for `ablation.json` and the models.
     pub out: PathBuf,
+    /// Variants in place of all; each is named in [`VARIANTS`].
+    pub variants: Vec<String>,
+    /// Settings in place of the tier's.
+    pub settings: Vec<Setting>,
     /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
     pub lpips: Option<LpipsWeights>,
 }
@@ -132,7 +136,9 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
         objective: "",
     };
     let mut variants = Vec::new();
-    for (variant, _) in VARIANTS {
+    let chosen =
+        |name: &str| options.variants.is_empty() || options.variants.iter().any(|it| it == name);
+    for (variant, _) in VARIANTS.iter().filter(|(name, _)| chosen(name)) {
         let scores = bench
             .variant(variant)
             .with_context(|| format!("the variant {variant}"))?;
@@ -172,6 +178,7 @@ struct Bench<'a> {
 impl Bench<'_> {
     fn variant(&mut self, variant: &str) -> anyhow::Result<VariantScores> {
         let config = ModelConfig::named(&self.options.tier, variant)?;
+        let config = config.with(&self.options.settings)?;
         let everybody: Vec<usize> = (0..self.recordings.len()).collect();
         let groups: Vec<&[usize]> = if config.variant == Variant::HumanNerf {
             everybody.chunks(1).collect()
