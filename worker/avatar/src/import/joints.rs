@@ -115,8 +115,9 @@ mod tests {
         read_canonical_joints(&path)
     }
 
+    /// Numbers that binary fractions hold exactly, so that JSON gives them back bit for bit.
     fn list() -> Vec<Vec3> {
-        (0..24).map(|k| [0.125 * f64::from(k), 0.5, -1.0]).collect()
+        (0..24).map(|k| [0.09375 * f64::from(k), 0.5, -1.0]).collect()
     }
 
     #[test]
@@ -159,13 +160,13 @@ mod tests {
         let error = scaled(1000.0).expect_err("millimetres").to_string();
         for part in [
             "joints.json",
-            "a body of 2300.000",
+            "a body of 2156.250",
             "are these millimetres?",
         ] {
             assert!(error.contains(part), "{error}");
         }
         let error = scaled(0.1).expect_err("a doll").to_string();
-        assert!(error.contains("a body of 0.230"), "{error}");
+        assert!(error.contains("a body of 0.216"), "{error}");
         assert!(error.contains("metres are expected"), "{error}");
         assert!(!error.contains("millimetres"), "{error}");
     }
