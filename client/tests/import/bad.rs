@@ -151,7 +151,7 @@ fn wrong_numbers_are_named_with_their_field() {
         ),
         (
             &|json| json[frame]["cam_intrinsics"] = "K".into(),
-            "frame 1: frame_000001.cam_intrinsics: text where",
+            "frame 1: frame_000001.cam_intrinsics: text instead of an array",
         ),
         (
             &|json| {
