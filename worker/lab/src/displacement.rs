@@ -9,18 +9,28 @@ use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use yoto_avatar::render::Renderer;
 use yoto_capture::camera::Pose;
+use yoto_capture::synthetic::SyntheticPerson;
 
 /// Points on each person's clothes.
 const POINTS: usize = 400;
-/// Frames of the unseen motion that are compared.
+/// Poses of each motion that are compared.
 const POSES: usize = 16;
 /// Seed of the points.
 const SEED: u64 = 1;
 
-/// Errors of a learned displacement in poses that were not filmed, millimetres, means over points,
-/// poses and people.
+/// Errors of a learned displacement, millimetres, means over points of the clothes, poses and
+/// people.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DisplacementError {
+    /// In poses that were filmed.
+    pub filmed: PoseError,
+    /// In poses that were not.
+    pub unseen: PoseError,
+}
+
+/// The error in some poses, millimetres.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct PoseError {
     /// Of the part that changes with the pose.
     pub error_mm: f64,
     /// Length of the true displacement's part that changes with the pose: the error of a field
@@ -31,10 +41,19 @@ pub struct DisplacementError {
 impl DisplacementError {
     /// The mean of several models' errors; `None` without any.
     pub(crate) fn mean(errors: &[Self]) -> Option<Self> {
-        let count = errors.len() as f64;
-        (count > 0.0).then(|| Self {
-            error_mm: errors.iter().map(|it| it.error_mm).sum::<f64>() / count,
-            still_mm: errors.iter().map(|it| it.still_mm).sum::<f64>() / count,
+        let mean = |pick: fn(&Self) -> PoseError| {
+            let count = errors.len() as f64;
+            let sum = |value: fn(&PoseError) -> f64| {
+                errors.iter().map(|it| value(&pick(it))).sum::<f64>()
+            };
+            PoseError {
+                error_mm: sum(|it| it.error_mm) / count,
+                still_mm: sum(|it| it.still_mm) / count,
+            }
+        };
+        (!errors.is_empty()).then(|| Self {
+            filmed: mean(|it| it.filmed),
+            unseen: mean(|it| it.unseen),
         })
     }
 }
@@ -45,41 +64,55 @@ pub(crate) fn measure(
     renderer: &Renderer,
     people: &[(usize, &Recording)],
 ) -> anyhow::Result<Option<DisplacementError>> {
+    let known: Vec<_> = people
+        .iter()
+        .filter_map(|(slot, recording)| Some((*slot, recording.actor.as_ref()?)))
+        .collect();
+    if known.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(DisplacementError {
+        filmed: over(renderer, &known, |actor| actor.motion(POSES))?,
+        unseen: over(renderer, &known, |actor| actor.unseen_motion(POSES))?,
+    }))
+}
+
+fn over(
+    renderer: &Renderer,
+    people: &[(usize, &SyntheticPerson)],
+    poses: fn(&SyntheticPerson) -> Vec<Pose>,
+) -> anyhow::Result<PoseError> {
     let (mut error, mut still, mut count) = (0.0, 0.0, 0usize);
-    for (slot, recording) in people {
-        let Some(actor) = &recording.actor else {
-            continue;
-        };
-        let poses: Vec<Pose> = actor.unseen_motion(POSES);
-        // A point counts when its true offset is known in every pose.
-        let known = |point: &[f64; 3]| -> Option<([f32; 3], Vec<[f64; 3]>)> {
-            let offsets = poses.iter().map(|pose| actor.offset(pose, *point));
-            Some((point.map(|v| v as f32), offsets.collect::<Option<_>>()?))
-        };
+    for (slot, actor) in people {
         let points = actor.cloth_points(POINTS, SEED);
-        let (points, truth): (Vec<_>, Vec<_>) = points.iter().filter_map(known).unzip();
-        let mut learned = vec![Vec::with_capacity(poses.len()); points.len()];
-        for pose in &poses {
-            let offsets = renderer
-                .displacements(*slot, pose, &points)
-                .with_context(|| format!("the displacement of {}", recording.name))?;
-            for (point, offset) in learned.iter_mut().zip(offsets) {
-                point.push(offset.map(f64::from));
+        let mut pairs = vec![(Vec::new(), Vec::new()); points.len()];
+        for pose in poses(actor) {
+            let carried = points.iter().map(|point| actor.carried(&pose, *point));
+            let carried: Vec<[f64; 3]> = carried
+                .collect::<Option<_>>()
+                .context("a point of the clothes is not on them")?;
+            let asked: Vec<[f32; 3]> = carried.iter().map(|c| c.map(|v| v as f32)).collect();
+            let learned = renderer
+                .displacements(*slot, &pose, &asked)
+                .with_context(|| format!("the displacement of {}", actor.name()))?;
+            let places = points.iter().zip(&carried).zip(learned);
+            for ((truth, found), ((point, carried), learned)) in pairs.iter_mut().zip(places) {
+                truth.push(std::array::from_fn(|a| point[a] - carried[a]));
+                found.push(learned.map(f64::from));
             }
         }
-        for (truth, learned) in truth.iter().zip(&learned) {
-            let (truth, learned) = (centred(truth), centred(learned));
-            for (t, l) in truth.iter().zip(&learned) {
+        for (truth, found) in &pairs {
+            for (t, l) in centred(truth).iter().zip(centred(found)) {
                 error += length(std::array::from_fn(|a| t[a] - l[a]));
                 still += length(*t);
                 count += 1;
             }
         }
     }
-    Ok((count > 0).then(|| DisplacementError {
-        error_mm: 1e3 * error / count as f64,
-        still_mm: 1e3 * still / count as f64,
-    }))
+    Ok(PoseError {
+        error_mm: 1e3 * error / count.max(1) as f64,
+        still_mm: 1e3 * still / count.max(1) as f64,
+    })
 }
 
 /// The offsets less their mean.

@@ -117,7 +117,9 @@ mod tests {
 
     /// Numbers that binary fractions hold exactly, so that JSON gives them back bit for bit.
     fn list() -> Vec<Vec3> {
-        (0..24).map(|k| [0.09375 * f64::from(k), 0.5, -1.0]).collect()
+        (0..24)
+            .map(|k| [0.09375 * f64::from(k), 0.5, -1.0])
+            .collect()
     }
 
     #[test]
