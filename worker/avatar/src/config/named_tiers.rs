@@ -25,12 +25,9 @@ impl ModelConfig {
         Ok(config)
     }
 
-    /// HumanNeRF for one person, at the sizes of its released program. Samples with a likelihood
-    /// below 1e-4 are not evaluated.
+    /// HumanNeRF for one person, as its released program has it.
     pub fn humannerf() -> Self {
-        let mut config = paper(Variant::HumanNerf);
-        config.march.epsilon = 1e-4;
-        config
+        paper(Variant::HumanNerf)
     }
 }
 
@@ -122,7 +119,7 @@ fn grid_tier(
 
 /// A foreground likelihood too small to change the f32 colour of a ray: half a unit in the last
 /// place of 1. The likelihood is an upper bound of a sample's opacity.
-const INVISIBLE: f32 = 5.960_464_5e-8;
+const INVISIBLE: f32 = f32::EPSILON / 2.0;
 
 /// The sizes and the training of the paper and of HumanNeRF, on which it builds, with all samples
 /// and all gradients (docs/paper.md lists every choice).

@@ -30,7 +30,7 @@ const PAPER_STEPS: f64 = 400_000.0;
 const WARM_START: f64 = 0.02;
 
 impl Schedule {
-    /// The paper's and HumanNeRF's (`configs/human_nerf/zju_mocap/387/adventure.yaml`): the
+    /// The paper's and HumanNeRF's (`configs/default.yaml`): the
     /// non-rigid field from iteration 10,000, whole from 50,000; rates × 0.1^(t / 500,000).
     pub fn paper() -> Self {
         Self {

@@ -19,9 +19,6 @@ use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// Bones with a rotation of their own, three numbers each, in the pose vector.
 const POSE: usize = 3 * (SMPL.len() - 1);
-/// A likelihood under this adds nothing to an opacity of 1 in f32. The released program evaluates
-/// such samples too, which are most of a frame; without them a pixel changes by less than rounding.
-const UNSEEN: f32 = f32::EPSILON / 2.0;
 /// Channels of the motion weights: the bones and the background.
 const CHANNELS: usize = SMPL.len() + 1;
 
@@ -114,7 +111,6 @@ fn config_of(tensors: &Tensors, options: &HumanNerfOptions) -> ModelConfig {
     let mut config = ModelConfig::humannerf();
     config.numerics = Numerics::Reference;
     config.canonical.activation = DensityActivation::Relu;
-    config.march.epsilon = UNSEEN;
     config.march.samples = options.samples;
     // Shares of a run that is long enough to open all bands.
     let schedule = &mut config.schedule;

@@ -13,8 +13,7 @@ pub struct HumanNerfOptions {
 }
 
 impl HumanNerfOptions {
-    /// The program's for ZJU-MoCap (`configs/default.yaml`,
-    /// `configs/human_nerf/zju_mocap/387/adventure.yaml`).
+    /// The program's for ZJU-MoCap (`configs/default.yaml`).
     pub const ZJU_MOCAP: Self = Self {
         samples: 128,
         kick_in: 10_000,

@@ -90,8 +90,8 @@ impl Rendered {
 
 /// A trained model, ready to render.
 pub struct Renderer {
-    pub(crate) config: ModelConfig,
-    pub(crate) avatar: Avatar,
+    pub(super) config: ModelConfig,
+    pub(super) avatar: Avatar,
     /// By slot.
     bodies: Vec<Option<Body>>,
     /// Occupancy grids by slot; as many as bodies.
@@ -146,12 +146,12 @@ impl Renderer {
     }
 
     /// Device of the model.
-    pub(crate) fn device(&self) -> Device {
+    pub(super) fn device(&self) -> Device {
         self.avatar.device()
     }
 
     /// Adds a body and returns its slot.
-    pub(crate) fn with_body(mut self, body: Body) -> (Self, usize) {
+    pub(super) fn with_body(mut self, body: Body) -> (Self, usize) {
         let slot = self.bodies.len();
         self.bodies.push(Some(body));
         self.occupancy.push(None);

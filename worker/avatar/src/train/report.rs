@@ -5,7 +5,6 @@ use super::options::Budget;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
-use crate::loss::Objective;
 use crate::motion::body::Body;
 use crate::render::Renderer;
 use burn::module::Module;
@@ -13,13 +12,6 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 
 impl Trainer {
-    /// Replaces the default objective.
-    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
-        self.progress.objective = objective.name();
-        self.objective = objective;
-        self
-    }
-
     /// Current progress.
     pub fn progress(&self) -> TrainProgress {
         let fraction = self.fraction();

@@ -67,6 +67,13 @@ impl Trainer {
     }
 
     /// A trainer of `people`, each of whom has a slot in `saved`.
+    /// Replaces the default objective.
+    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
+        self.progress.objective = objective.name();
+        self.objective = objective;
+        self
+    }
+
     fn assemble(
         saved: ModelState,
         options: TrainOptions,
