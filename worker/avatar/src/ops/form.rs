@@ -25,6 +25,8 @@ pub(super) enum Kind {
     Avx512,
     #[cfg(target_arch = "x86_64")]
     Avx512Bf16,
+    #[cfg(target_arch = "x86_64")]
+    Amx,
 }
 
 /// Work that is compiled for each form. `run` must be `#[inline(always)]`, and so must every
@@ -48,6 +50,9 @@ impl Form {
                 forms.push(Self(Kind::Avx512));
                 if is_x86_feature_detected!("avx512bf16") {
                     forms.push(Self(Kind::Avx512Bf16));
+                    if amx_with_bf16() {
+                        forms.push(Self(Kind::Amx));
+                    }
                 }
             }
         }
@@ -85,6 +90,8 @@ impl Form {
             Kind::Avx512 => "avx512",
             #[cfg(target_arch = "x86_64")]
             Kind::Avx512Bf16 => "avx512 bf16",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Amx => "amx",
         }
     }
 
@@ -95,9 +102,29 @@ impl Form {
             Kind::Portable => work.run::<false>(),
             // SAFETY: forms of these kinds are made only if AVX2 and FMA were detected.
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 | Kind::Avx512 | Kind::Avx512Bf16 => unsafe { with_avx2(work) },
+            Kind::Avx2 | Kind::Avx512 | Kind::Avx512Bf16 | Kind::Amx => unsafe { with_avx2(work) },
         }
     }
+}
+
+/// Whether the processor multiplies matrices of bf16 (AMX) and this process may use its tile
+/// registers, for which Linux wants to be asked once: threads that use them need 8 KiB more to be
+/// saved in.
+#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+fn amx_with_bf16() -> bool {
+    /// `ARCH_REQ_XCOMP_PERM` of `arch_prctl`, and the number of the registers' state
+    /// (Documentation/arch/x86/xstate.rst of Linux).
+    const REQUEST: libc::c_long = 0x1023;
+    const TILE_DATA: libc::c_long = 18;
+    let leaf = std::arch::x86_64::__cpuid_count(7, 0);
+    let (bf16, tiles) = (leaf.edx & 1 << 22 != 0, leaf.edx & 1 << 24 != 0);
+    // SAFETY: the call reads no memory; it fails where the kernel or the processor lacks the state.
+    bf16 && tiles && unsafe { libc::syscall(libc::SYS_arch_prctl, REQUEST, TILE_DATA) } == 0
+}
+
+#[cfg(all(target_arch = "x86_64", not(target_os = "linux")))]
+fn amx_with_bf16() -> bool {
+    false
 }
 
 #[cfg(target_arch = "x86_64")]

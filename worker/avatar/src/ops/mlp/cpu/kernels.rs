@@ -11,9 +11,11 @@ use crate::ops::form::{Form, Kind};
 pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
     match (form.kind(), precision) {
         #[cfg(target_arch = "x86_64")]
+        (Kind::Amx, Precision::Bf16) => &x86::AMX,
+        #[cfg(target_arch = "x86_64")]
         (Kind::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx512 | Kind::Avx512Bf16, Precision::F32) => &x86::avx512::KERNELS,
+        (Kind::Avx512 | Kind::Avx512Bf16 | Kind::Amx, Precision::F32) => &x86::avx512::KERNELS,
         #[cfg(target_arch = "x86_64")]
         (Kind::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
         #[cfg(target_arch = "x86_64")]
@@ -34,6 +36,11 @@ pub(super) struct Kernels {
     pub rows: usize,
     /// Number to whose multiples a factor's columns are rounded up in the gradient to a weight.
     pub block: usize,
+    /// Number of words to whose multiples a factor's columns are padded with zeros in packed
+    /// weights.
+    pub depth: usize,
+    /// Target size of a tile's buffers, bytes, and the most rows per tile.
+    pub tile: (usize, usize),
     /// Numbers per word of a factor; see [`super::arithmetic`].
     pub pair: usize,
     /// Whether packed weights are rounded to bf16 though a word holds one number.
@@ -49,6 +56,16 @@ pub(super) struct Kernels {
     /// See [`encode::encode_backward`].
     pub encode_backward: unsafe fn(&Angles, &[f32], &[f32]) -> [f32; 3],
 }
+
+impl Kernels {
+    /// Words per row and column of a packed weight for `width` numbers.
+    pub fn words(&self, width: usize) -> usize {
+        width.div_ceil(self.pair).next_multiple_of(self.depth)
+    }
+}
+
+/// [`Kernels::tile`] of vector instructions: most of a core's second-level cache.
+const VECTOR_TILE: (usize, usize) = (800 << 10, 240);
 
 /// Instances of the functions of [`product`] and [`encode`], compiled with some instructions.
 macro_rules! kernels {
@@ -85,10 +102,12 @@ macro_rules! kernels {
                 encode::encode_backward(angles, encoded, grad)
             }
 
-            pub(in super::super) static KERNELS: Kernels = Kernels {
+            pub(in super::super) const KERNELS: Kernels = Kernels {
                 panel: <$arithmetic as Arithmetic>::PANEL,
                 rows: $rows,
                 block: $block,
+                depth: 1,
+                tile: VECTOR_TILE,
                 pair: <$arithmetic as Arithmetic>::PAIR,
                 rounded: $rounded,
                 product,
@@ -106,6 +125,7 @@ kernels!(portable_rounded, Plain<Portable, true>, true, 4, 4);
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
+    use super::super::amx;
     use super::super::x86::{Avx2, Avx512};
     use super::super::x86_bf16::Bf16;
     use super::*;
@@ -115,4 +135,18 @@ mod x86 {
     kernels!(avx512, Plain<Avx512, false>, false, 12, 8, "avx512f,avx512bw");
     kernels!(avx512_rounded, Plain<Avx512, true>, true, 12, 8, "avx512f,avx512bw");
     kernels!(bf16, Bf16, true, 12, 8, "avx512f,avx512bw,avx512bf16");
+
+    /// The products of AMX; everything else is that of the bf16 form.
+    pub(super) const AMX: Kernels = Kernels {
+        rows: amx::BLOCK,
+        block: amx::BLOCK,
+        depth: amx::TILE,
+        tile: AMX_TILE,
+        product: amx::product,
+        gradient: amx::gradient,
+        ..bf16::KERNELS
+    };
+
+    /// [`Kernels::tile`] of AMX.
+    const AMX_TILE: (usize, usize) = (6400 << 10, amx::MOST_ROWS);
 }

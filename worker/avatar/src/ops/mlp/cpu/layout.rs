@@ -73,7 +73,7 @@ pub struct Packed {
 
 impl Layout {
     pub fn new(plan: &MlpPlan, kernels: &'static Kernels) -> Self {
-        let (panel, pair) = (kernels.panel, kernels.pair);
+        let panel = kernels.panel;
         let angles = match &plan.input {
             Input::Features { .. } => None,
             Input::Frequencies { bands, raw } => Some(Angles::new(bands, *raw)),
@@ -96,9 +96,9 @@ impl Layout {
                     transposed,
                     row,
                 });
-                words += part.width.div_ceil(pair);
+                words += kernels.words(part.width);
                 row += part.width.next_multiple_of(kernels.block);
-                transposed += part.width.next_multiple_of(panel) * shape.columns.div_ceil(pair);
+                transposed += part.width.next_multiple_of(panel) * kernels.words(shape.columns);
             }
             layers.push(Layer {
                 segments,
@@ -166,7 +166,7 @@ impl Layout {
             jobs.push((layer, None, own));
             rest = after;
             for segment in layer.segments.iter().filter(|_| backward) {
-                let words = self.padded(segment.width) * layer.columns.div_ceil(self.kernels.pair);
+                let words = self.padded(segment.width) * self.kernels.words(layer.columns);
                 let (own, after) = back.split_at_mut(words);
                 jobs.push((layer, Some(segment), own));
                 back = after;
@@ -202,8 +202,9 @@ impl Layout {
         for first in (0..layer.columns).step_by(panel) {
             let some = panel.min(layer.columns - first);
             for segment in &layer.segments {
-                for k in (0..segment.width).step_by(pair) {
+                for word in 0..self.kernels.words(segment.width) {
                     let row = rows.next().expect("packed words for every row");
+                    let k = word * pair;
                     let from: [&[f32]; 2] = std::array::from_fn(|i| {
                         if k + i >= segment.width {
                             return &[][..];
@@ -225,8 +226,12 @@ impl Layout {
         let mut rows = to.chunks_exact_mut(panel);
         for first in (0..segment.width).step_by(panel) {
             let some = panel.min(segment.width - first);
-            for n in (0..layer.columns).step_by(pair) {
+            for word in 0..self.kernels.words(layer.columns) {
                 let row = rows.next().expect("packed words for every row");
+                let n = word * pair;
+                if n >= layer.columns {
+                    continue;
+                }
                 for (c, word) in row[..some].iter_mut().enumerate() {
                     let source = self.source(segment, first + c);
                     let at = segment.weight + source * layer.columns + n;

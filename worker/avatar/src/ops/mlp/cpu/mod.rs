@@ -7,6 +7,8 @@
 //! parameters are summed in a number of parts that depends on the rows alone, whose sums are added
 //! in a fixed order: the result does not depend on the number of threads.
 
+#[cfg(target_arch = "x86_64")]
+mod amx;
 mod arithmetic;
 mod encode;
 mod kernels;

@@ -5,10 +5,8 @@ use super::layout::{Layer, Layout, Packed, Segment};
 use super::memory::Region;
 use super::product::{End, Factor, Fill, Gradient, Product};
 
-/// Target size of a tile's buffers, bytes: most of a core's second-level cache.
-const BUDGET: usize = 800 << 10;
-/// Fewest and most rows per tile.
-const ROWS: (usize, usize) = (48, 240);
+/// Fewest rows per tile.
+const ROWS: usize = 48;
 
 /// The rows of a tile.
 #[derive(Clone, Copy)]
@@ -82,7 +80,8 @@ impl<'a> Tiles<'a> {
             backward,
         };
         let row = 4 * tiles.buffers(1).end;
-        let rows = (BUDGET / row).clamp(ROWS.0, ROWS.1);
+        let (bytes, most) = layout.kernels.tile;
+        let rows = (bytes / row).clamp(ROWS, most);
         tiles.rows = rows.next_multiple_of(layout.kernels.rows);
         tiles
     }
@@ -151,8 +150,8 @@ impl<'a> Tiles<'a> {
                 }
             }
             Some(angles) => {
-                let mut points = [0f32; 3 * (ROWS.1 + 64)];
-                for (i, to) in points[..3 * count].chunks_exact_mut(3).enumerate() {
+                let mut points = vec![0f32; 3 * count];
+                for (i, to) in points.chunks_exact_mut(3).enumerate() {
                     if i < rows.len() {
                         let at = rows.get(i) * 3;
                         to.copy_from_slice(&self.input[at..at + 3]);
@@ -162,7 +161,7 @@ impl<'a> Tiles<'a> {
                     to[layout.input..].fill(0.0);
                 }
                 // SAFETY: the form is available on this machine.
-                unsafe { (layout.kernels.encode)(angles, &points[..3 * count], staged, stride) }
+                unsafe { (layout.kernels.encode)(angles, &points, staged, stride) }
             }
         }
         let fill = Fill {
