@@ -189,15 +189,13 @@ fn text(ablation: &Ablation) -> String {
             it.parameters as f64 / 1e6
         ));
         if let Some(error) = &it.displacement {
-            lines.push(format!(
-                "{:<18} displacement of clothes off by {:.2} mm in filmed poses (a field that never \
-                 moves: {:.2}), {:.2} mm in unseen ones ({:.2})",
-                "",
-                error.filmed.error_mm,
-                error.filmed.still_mm,
-                error.unseen.error_mm,
-                error.unseen.still_mm
-            ));
+            for (kind, error) in [("filmed", &error.filmed), ("unseen", &error.unseen)] {
+                lines.push(format!(
+                    "{:<18} clothes off by {:.2} mm in {kind} poses (by skinning alone {:.2}; by true \
+                     skinning of clothes that never move {:.2})",
+                    "", error.error_mm, error.skinned_mm, error.still_mm
+                ));
+            }
         }
         if !it.active_parts.is_empty() {
             lines.push(format!(

@@ -1,8 +1,11 @@
-//! How near a learned non-rigid field comes to the true motion of synthetic clothes.
+//! How near a model comes to the true motion of synthetic clothes.
 //!
-//! A field may be off by what is the same in every pose, for then the canonical shape is off by
-//! the opposite and nothing shows. So the error is told with each point's mean over the poses
-//! taken out of both offsets, and beside it what a field that never moves would have.
+//! The model takes a point that it observes back to the rest pose, by inverse skinning and then
+//! by the non-rigid field; the truth is known. Both parts are measured together, for skinning
+//! weights that the model learns can carry a part of what cloth does. A model may be off by
+//! what is the same in every pose, for then its canonical shape is off by the opposite and
+//! nothing shows; so each point's mean error over the poses is taken out. Beside it stand the
+//! errors of the model's skinning alone, and of true skinning under clothes that never move.
 
 use crate::captures::Recording;
 use anyhow::Context;
@@ -28,13 +31,14 @@ pub struct DisplacementError {
     pub unseen: PoseError,
 }
 
-/// The error in some poses, millimetres.
+/// The error in some poses, millimetres: of what changes with the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseError {
-    /// Of the part that changes with the pose.
+    /// Of the model.
     pub error_mm: f64,
-    /// Length of the true displacement's part that changes with the pose: the error of a field
-    /// that never moves.
+    /// Of the model's skinning, without the non-rigid field.
+    pub skinned_mm: f64,
+    /// Of true skinning of clothes that never move.
     pub still_mm: f64,
 }
 
@@ -48,6 +52,7 @@ impl DisplacementError {
             };
             PoseError {
                 error_mm: sum(|it| it.error_mm) / count,
+                skinned_mm: sum(|it| it.skinned_mm) / count,
                 still_mm: sum(|it| it.still_mm) / count,
             }
         };
@@ -82,36 +87,49 @@ fn over(
     people: &[(usize, &SyntheticPerson)],
     poses: fn(&SyntheticPerson) -> Vec<Pose>,
 ) -> anyhow::Result<PoseError> {
-    let (mut error, mut still, mut count) = (0.0, 0.0, 0usize);
+    let mut sums = [0.0; 3];
+    let mut count = 0usize;
     for (slot, actor) in people {
         let points = actor.cloth_points(POINTS, SEED);
-        let mut pairs = vec![(Vec::new(), Vec::new()); points.len()];
+        // Of each point, the errors in every pose: the model's, its skinning's, true skinning's.
+        let mut errors: Vec<[Vec<[f64; 3]>; 3]> = vec![Default::default(); points.len()];
         for pose in poses(actor) {
-            let carried = points.iter().map(|point| actor.carried(&pose, *point));
-            let carried: Vec<[f64; 3]> = carried
+            let truth = |point: &[f64; 3]| {
+                let carried = actor.carried(&pose, *point)?;
+                Some((carried, actor.observed(&pose, *point)?))
+            };
+            let truth: Vec<_> = points
+                .iter()
+                .map(truth)
                 .collect::<Option<_>>()
                 .context("a point of the clothes is not on them")?;
-            let asked: Vec<[f32; 3]> = carried.iter().map(|c| c.map(|v| v as f32)).collect();
-            let learned = renderer
-                .displacements(*slot, &pose, &asked)
-                .with_context(|| format!("the displacement of {}", actor.name()))?;
-            let places = points.iter().zip(&carried).zip(learned);
-            for ((truth, found), ((point, carried), learned)) in pairs.iter_mut().zip(places) {
-                truth.push(std::array::from_fn(|a| point[a] - carried[a]));
-                found.push(learned.map(f64::from));
+            let seen: Vec<[f32; 3]> = truth.iter().map(|(_, at)| at.map(|v| v as f32)).collect();
+            let found = renderer
+                .rest_points(*slot, &pose, &seen)
+                .with_context(|| format!("the clothes of {}", actor.name()))?;
+            for (i, errors) in errors.iter_mut().enumerate() {
+                let places = [
+                    found.moved[i].map(f64::from),
+                    found.skinned[i].map(f64::from),
+                    truth[i].0,
+                ];
+                for (errors, place) in errors.iter_mut().zip(places) {
+                    errors.push(std::array::from_fn(|a| place[a] - points[i][a]));
+                }
             }
         }
-        for (truth, found) in &pairs {
-            for (t, l) in centred(truth).iter().zip(centred(found)) {
-                error += length(std::array::from_fn(|a| t[a] - l[a]));
-                still += length(*t);
-                count += 1;
+        for errors in &errors {
+            for (sum, errors) in sums.iter_mut().zip(errors) {
+                *sum += centred(errors).into_iter().map(length).sum::<f64>();
             }
+            count += errors[0].len();
         }
     }
+    let [error_mm, skinned_mm, still_mm] = sums.map(|sum| 1e3 * sum / count.max(1) as f64);
     Ok(PoseError {
-        error_mm: 1e3 * error / count.max(1) as f64,
-        still_mm: 1e3 * still / count.max(1) as f64,
+        error_mm,
+        skinned_mm,
+        still_mm,
     })
 }
 

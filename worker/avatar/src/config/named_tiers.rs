@@ -101,7 +101,7 @@ fn grid_tier(
             patch_size: 12,
             rate: 3e-3,
             table_rate: 1e-2,
-            motion_rate: 1e-2,
+            motion_rate: 5e-2,
             slow_rate: 5e-4,
             ssim_weight: 0.02,
             backward_share: 0.25,

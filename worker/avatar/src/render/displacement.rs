@@ -1,32 +1,58 @@
-//! What the non-rigid field has learned: how far it moves points of canonical space in a pose.
+//! Where a model finds an observed point in the rest pose: what its skinning and its non-rigid
+//! field have learned together.
 
 use super::frame::{RenderError, Renderer, read};
+use crate::ops::warp;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::transform::{apply, inverse};
+
+/// The rest points of observed ones, `[n, 3]`, metres.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RestPoints {
+    /// By inverse skinning alone.
+    pub skinned: Vec<[f32; 3]>,
+    /// After the non-rigid field: where the appearance is looked up.
+    pub moved: Vec<[f32; 3]>,
+}
 
 impl Renderer {
-    /// The non-rigid offsets `[n, 3]`, metres, at the canonical `points` `[n, 3]`, metres, of the
-    /// identity in `slot` in `pose`.
+    /// Where the identity in `slot` finds the `observed` points `[n, 3]`, metres, of the world in
+    /// `pose`.
     ///
     /// # Errors
     /// When the slot is empty, or the pose is not of its skeleton.
-    pub fn displacements(
+    pub fn rest_points(
         &self,
         slot: usize,
         pose: &Pose,
-        points: &[[f32; 3]],
-    ) -> Result<Vec<[f32; 3]>, RenderError> {
+        observed: &[[f32; 3]],
+    ) -> Result<RestPoints, RenderError> {
         let body = self.body_in(slot, pose)?;
         let posed = self
             .avatar
             .pose(&self.config, body, slot, pose, self.progress);
-        let data = TensorData::new(points.as_flattened().to_vec(), [points.len(), 3]);
-        let rest = Tensor::<2>::from_data(data, &self.device());
-        let moved = self.avatar.moved(&self.config, &posed, rest);
-        let moved = read(moved)?;
-        let pairs = moved.as_chunks::<3>().0.iter().zip(points);
-        Ok(pairs
-            .map(|(moved, point)| std::array::from_fn(|a| moved[a] - point[a]))
-            .collect())
+        let n = observed.len();
+        let to_body = inverse(&body.skeleton.body_to_world(pose));
+        let in_body: Vec<f32> = observed
+            .iter()
+            .flat_map(|point| apply(&to_body, point.map(f64::from)))
+            .map(|v| v as f32)
+            .collect();
+        let data = TensorData::new(in_body, [n, 3]);
+        let points = Tensor::<2>::from_data(data, &self.device());
+        let warped = warp::warp(
+            posed.weights.clone(),
+            posed.transforms.clone(),
+            points,
+            &body.grid,
+        );
+        let skinned = warped.slice([0..n, 0..3]);
+        let moved = self.avatar.moved(&self.config, &posed, skinned.clone());
+        let [skinned, moved] = [read(skinned)?, read(moved)?];
+        Ok(RestPoints {
+            skinned: skinned.as_chunks::<3>().0.to_vec(),
+            moved: moved.as_chunks::<3>().0.to_vec(),
+        })
     }
 }

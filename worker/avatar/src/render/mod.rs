@@ -11,6 +11,7 @@ pub mod occupancy;
 mod released;
 mod settings;
 
+pub use displacement::RestPoints;
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
 pub use march::SampleCounts;
 pub use settings::RenderSettings;

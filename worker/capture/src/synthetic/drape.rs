@@ -19,9 +19,9 @@ use crate::skeleton::{Skeleton, Vec3};
 use std::f64::consts::TAU;
 
 /// Forward and backward displacement of a hem at a right angle of the thigh, metres.
-const SWING: f64 = 0.08;
+const SWING: f64 = 0.2;
 /// Outward displacement of a hem where the hip's rotation is a right angle, metres.
-const FLARE: f64 = 0.05;
+const FLARE: f64 = 0.1;
 /// Displacement of a sleeve along the arm as the elbow's [`bend`] approaches 1, metres.
 const SLIDE: f64 = 0.045;
 /// Where a sleeve's slide has faded out beyond its end, metres.
@@ -40,7 +40,7 @@ const FOLD: f64 = 0.09;
 const ROUND: f64 = 0.1;
 /// How much faster than distance itself the distance to a garment can grow, per unit of the
 /// pose's strongest movement; measured, and guarded by a test.
-const STRETCH: f64 = 0.4;
+const STRETCH: f64 = 0.45;
 
 /// Which rule moves a piece of cloth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -333,16 +333,16 @@ mod tests {
         };
         let s = drape.scale;
         let at_hem = |y, z| fall.offset(Garment::Hem, [0.0, y, z]);
-        // 8 cm times (1 + (√1.01 - 0.1) / √2) / 2, a thickness in front of the middle.
-        near(at_hem(hem.bottom, hem.radius), [0.0, 0.0, -0.065_597_1 * s]);
-        near(at_hem(hem.bottom, 0.0), [0.0, 0.0, -0.04 * s]);
+        // 20 cm times (1 + (√1.01 - 0.1) / √2) / 2, a thickness in front of the middle.
+        near(at_hem(hem.bottom, hem.radius), [0.0, 0.0, -0.163_992_8 * s]);
+        near(at_hem(hem.bottom, 0.0), [0.0, 0.0, -0.1 * s]);
         near(
             at_hem((hem.top + hem.bottom) / 2.0, 0.0),
-            [0.0, 0.0, -0.02 * s],
+            [0.0, 0.0, -0.05 * s],
         );
         near(at_hem(hem.top, hem.radius), [0.0; 3]);
         let outward = fall.offset(Garment::Hem, [hem.radius, hem.bottom, 0.0]);
-        near(outward, [-0.05 / 2.0f64.sqrt() * s, 0.0, -0.04 * s]);
+        near(outward, [-0.1 / 2.0f64.sqrt() * s, 0.0, -0.1 * s]);
 
         // At the elbow a sleeve has slid by 4.5 cm times tanh(√(π²/4 + 0.01) - 0.1) and is
         // 0.27 of that hyperbolic tangent thicker: 1.1 cm at a tenth of a metre's fifth.
@@ -403,7 +403,10 @@ mod tests {
                     };
                     let slope = sub(at(0.5), at(-0.5));
                     let change = length(sub(sub(at(1.5), at(0.5)), slope));
-                    assert!(length(slope) < 1e-3 && change < 1e-4, "{step}: {slope:?}");
+                    assert!(
+                        length(slope) < 2.5e-3 && change < 2.5e-4,
+                        "{step}: {slope:?}"
+                    );
                 }
             }
         }
