@@ -17,6 +17,9 @@ pub mod files {
     /// Occupancy of each identity's canonical space; speeds up rendering and training.
     /// Checkpoints may lack it.
     pub const OCCUPANCY: &str = "occupancy.safetensors";
+    /// Refined poses of the training frames; needed only to resume a training that refines them.
+    /// Other checkpoints lack it.
+    pub const REFINEMENT: &str = "refinement.json";
     /// Configuration, step and schedule state as JSON.
     pub const STATE: &str = "state.json";
     /// The manifest itself.

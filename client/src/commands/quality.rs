@@ -57,6 +57,10 @@ pub(super) struct Quality {
     /// Another value for a setting of the tier, such as march.epsilon=1e-3; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<Setting>,
+    /// Train on the poses of this file in each capture's folder, such as poses_noisy.json, and
+    /// measure with those of poses.json.
+    #[arg(long, value_name = "FILE")]
+    train_poses: Option<String>,
     /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -84,6 +88,7 @@ impl Quality {
             settings: self.settings,
             tier: self.tier,
             variant: self.variant,
+            train_poses: self.train_poses,
             seed: self.seed,
             pictures: self.pictures,
             lpips: self.lpips.weights()?,

@@ -59,6 +59,7 @@ pub(super) fn report(
         device: trained.device,
         objective: trained.objective,
         active_parts: trained.active_parts,
+        pose_errors: None,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
         curve: None,

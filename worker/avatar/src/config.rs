@@ -4,10 +4,12 @@
 
 mod check;
 mod named_tiers;
+mod refinement;
 mod schedule;
 mod setting;
 mod sharing;
 
+pub use refinement::RefinementConfig;
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
@@ -66,6 +68,9 @@ pub struct ModelConfig {
     pub optimise: OptimiseConfig,
     /// Start of each part of the model, and learning rates over a run.
     pub schedule: Schedule,
+    /// Refinement of the poses of training frames.
+    #[serde(default)]
+    pub refinement: RefinementConfig,
 }
 
 /// The rows of the paper's ablation (docs/paper.md).

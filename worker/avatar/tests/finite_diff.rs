@@ -193,6 +193,7 @@ impl Bench {
             body: &body,
             slot: 0,
             pose: &self.pose,
+            change: None,
             progress: 1.0,
             step: 10,
             occupancy: None,

@@ -41,9 +41,11 @@ fn options(steps: u64, used_steps: u64) -> TrainOptions {
 #[test]
 fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     let device = Device::flex();
+    let mut config = config("yoto");
+    config.refinement.rotation_rate = 1e-2;
+    config.refinement.place_rate = 1e-3;
     let (first, resumed, straight) = (tempdir(), tempdir(), tempdir());
-    let mut trainer =
-        Trainer::new(config("yoto"), options(20, 0), people(2), &device).expect("starts");
+    let mut trainer = Trainer::new(config, options(20, 0), people(2), &device).expect("starts");
     run(&mut trainer, 10);
     trainer.save(first.path()).expect("saves");
     run(&mut trainer, 10);
@@ -53,7 +55,11 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     let occupancy = |dir: &tempfile::TempDir| {
         std::fs::read(dir.path().join(files::OCCUPANCY)).expect("written")
     };
+    let poses = |dir: &tempfile::TempDir| {
+        std::fs::read(dir.path().join(files::REFINEMENT)).expect("written")
+    };
     let known = occupancy(&first);
+    let given = poses(&first);
     let mut again =
         Trainer::resume(first.path(), options(20, 10), people(2), &device).expect("resumes");
     // A checkpoint's folder may be a temporary one.
@@ -68,6 +74,8 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     }
     assert!(before != uninterrupted, "ten steps changed nothing");
     assert!(occupancy(&resumed) == occupancy(&straight));
+    assert!(poses(&resumed) == poses(&straight));
+    assert!(given != poses(&resumed), "ten steps refined nothing");
     assert!(known != occupancy(&resumed), "ten steps taught nothing");
 }
 

@@ -1,6 +1,7 @@
 //! Captures for quality measurements: training frames and held-out pictures.
 
 use crate::display::Screen;
+use crate::pose_error::{PoseErrors, joints_apart};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,8 +9,10 @@ use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
 use yoto_avatar::train::Person;
 use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_capture::{CaptureFolder, FrameImage, HeldOutView, Shard};
+use yoto_capture::{CaptureError, CaptureFolder, FrameImage, HeldOutView, Shard};
+use yoto_proto::pose_track::PoseTrack;
 
 /// The two kinds of held-out pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +58,8 @@ pub(super) struct Recording {
     pub novel_pose: Vec<View>,
     /// Who it shows, when that is known to the last fold.
     pub actor: Option<SyntheticPerson>,
+    /// Exact poses of the training frames, where training is given others.
+    pub exact: Option<Vec<Pose>>,
 }
 
 /// A held-out picture.
@@ -90,6 +95,39 @@ pub(super) fn read_all(
     Ok(recordings)
 }
 
+/// Replaces the poses of each training frame by those of the pose track `file` in the capture's
+/// folder. Held-out pictures keep the poses of `poses.json`: what a training makes of inexact poses
+/// is measured at the exact ones.
+pub(super) fn train_on_poses_of(
+    file: &str,
+    folders: &[PathBuf],
+    recordings: &mut [Recording],
+) -> anyhow::Result<()> {
+    for (folder, recording) in folders.iter().zip(recordings) {
+        let path = folder.join(file);
+        let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+        let others = PoseTrack::from_file(file, &bytes)
+            .map_err(CaptureError::Invalid)
+            .with_context(|| path.display().to_string())?;
+        let exact = recording.shard.track.frames.iter().map(Pose::from_frame);
+        recording.exact = Some(exact.collect::<Result<_, _>>()?);
+        let shard = Arc::make_mut(&mut recording.shard);
+        ensure!(
+            others.skeleton.names == shard.track.skeleton.names,
+            "{}: skeleton: its joints are not those of the capture",
+            path.display()
+        );
+        for frame in &mut shard.track.frames {
+            let other = others.frames.iter().find(|it| it.index == frame.index);
+            let other = other
+                .with_context(|| format!("{}: it has no frame {}", path.display(), frame.index))?;
+            frame.pose.clone_from(&other.pose);
+            frame.translation = other.translation;
+        }
+    }
+    Ok(())
+}
+
 fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording> {
     let folder = CaptureFolder::open(path)?;
     let view = |held_out: &HeldOutView| -> anyhow::Result<View> {
@@ -113,6 +151,7 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
             Pictures::ViewsAndPoses => views(folder.held_out_poses())?,
         },
         actor: None,
+        exact: None,
     };
     for split in Split::of(protocol) {
         let field = match split {
@@ -148,6 +187,29 @@ impl Recording {
     pub(super) fn subset(&self, split: Split, wanted: usize) -> impl Iterator<Item = &View> {
         let views = self.split(split);
         subset_of(views.len(), wanted).filter_map(|index| views.get(index))
+    }
+
+    /// How far the joints of its training poses are from the exact ones, given and `refined` (with
+    /// their places in the track); `None` where training has the exact ones.
+    pub(super) fn pose_errors(
+        &self,
+        refined: &[(usize, Pose)],
+    ) -> anyhow::Result<Option<PoseErrors>> {
+        let Some(exact) = &self.exact else {
+            return Ok(None);
+        };
+        let track = &self.shard.track;
+        let skeleton = Skeleton::from_track(&track.skeleton)?;
+        let given = track.frames.iter().map(Pose::from_frame);
+        let given = given.collect::<Result<Vec<_>, _>>()?;
+        let refined_mm = || {
+            let pairs = refined.iter().map(|(place, pose)| (pose, &exact[*place]));
+            joints_apart(&skeleton, pairs)
+        };
+        Ok(Some(PoseErrors {
+            given_mm: joints_apart(&skeleton, given.iter().zip(exact)),
+            refined_mm: (!refined.is_empty()).then(refined_mm),
+        }))
     }
 
     /// This person in `slot` of a model to be trained.

@@ -60,5 +60,6 @@ fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
         novel_view,
         novel_pose,
         actor: Some(person),
+        exact: None,
     })
 }

@@ -22,6 +22,7 @@ mod memory;
 pub mod model_dir;
 pub mod pictures;
 pub mod plot;
+pub mod pose_error;
 pub mod quality;
 pub mod report;
 pub mod tradeoff;

@@ -7,6 +7,7 @@
 use crate::captures::{self, Recording, Split, View};
 use crate::display::Screen;
 use crate::measure;
+use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use anyhow::Context;
@@ -44,6 +45,8 @@ pub struct QualityOptions {
     pub sharing: Option<Sharing>,
     /// Other settings in place of the tier's.
     pub settings: Vec<Setting>,
+    /// File in each capture's folder with other poses for its training frames.
+    pub train_poses: Option<String>,
     /// Random seed.
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
@@ -64,7 +67,10 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     }
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let mut recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    if let Some(file) = &options.train_poses {
+        captures::train_on_poses_of(file, &options.captures, &mut recordings)?;
+    }
     let picked = pick_device(screen);
     let people = recordings.iter().enumerate();
     let people = people.map(|(slot, recording)| recording.person(slot));
@@ -184,6 +190,10 @@ fn finish(
         });
     }
     display.finish(&format!("{done} held-out pictures"));
+    let errors = recordings.iter().enumerate();
+    let errors = errors.map(|(slot, it)| it.pose_errors(&trainer.refined_poses(slot)));
+    let errors: Vec<_> = errors.collect::<anyhow::Result<Vec<_>>>()?;
+    let errors: Vec<PoseErrors> = errors.into_iter().flatten().collect();
     let progress = trainer.progress();
     Ok(Report {
         mean: SplitScores::mean(&subjects),
@@ -197,6 +207,7 @@ fn finish(
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
         active_parts: progress.active_parts,
+        pose_errors: PoseErrors::mean(&errors),
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {
             tier: options.tier.clone(),

@@ -4,6 +4,7 @@
 
 pub use yoto_avatar::evaluate::Score;
 
+use crate::pose_error::PoseErrors;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -35,6 +36,9 @@ pub struct Report {
     /// Parts of the model that take part only from some moment of a run on, and did at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
+    /// Of training poses that are not the exact ones, the mean over the people.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose_errors: Option<PoseErrors>,
     /// Seconds to render a frame at the evaluated size.
     pub render_seconds_per_frame: f64,
     /// Its settings.
@@ -187,6 +191,15 @@ impl Report {
                 self.active_parts.join(", ")
             ));
         }
+        if let Some(errors) = &self.pose_errors {
+            let refined = errors.refined_mm.map_or("not refined".into(), |refined| {
+                format!("{refined:.1} mm after refinement")
+            });
+            lines.push(format!(
+                "joints of the training poses off by {:.1} mm, {refined}",
+                errors.given_mm
+            ));
+        }
         lines.join("\n")
     }
 }
@@ -230,6 +243,7 @@ mod tests {
             device: "cpu".into(),
             objective: "mse+ssim".into(),
             active_parts: vec!["pose correction".into()],
+            pose_errors: None,
             render_seconds_per_frame: 0.8,
             settings: Settings {
                 tier: "fast".into(),

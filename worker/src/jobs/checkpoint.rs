@@ -96,8 +96,9 @@ fn download(
         Err(reason) => return Ok(Err(reason)),
     };
     let folder = TempDir::new().map_err(|error| local(&error))?;
-    // A checkpoint is complete without occupancy grids: early ones have none.
-    let optional = [files::OCCUPANCY].into_iter();
+    // A checkpoint is complete without occupancy grids, for early ones have none, and without
+    // refined poses.
+    let optional = [files::OCCUPANCY, files::REFINEMENT].into_iter();
     let optional = optional.filter(|file| manifest.object(file).is_some());
     for file in wanted.iter().copied().chain(optional) {
         let Some(entry) = manifest.object(file) else {
@@ -146,8 +147,12 @@ pub(crate) fn publish(
         files::WEIGHTS,
         files::OPTIMISER,
         files::OCCUPANCY,
+        files::REFINEMENT,
         files::STATE,
     ] {
+        if file == files::REFINEMENT && !folder.join(file).exists() {
+            continue;
+        }
         let bytes = fs::read(folder.join(file)).map_err(|error| local(&error))?;
         let object = context.put(&format!("{prefix}/{file}"), bytes)?;
         objects.push(ManifestObject {

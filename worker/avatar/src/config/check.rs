@@ -121,6 +121,7 @@ impl ModelConfig {
         if !(share > 0.0 && share <= 1.0) {
             return fail("optimise.backward_share", "must be above 0 and at most 1");
         }
+        self.refinement.check()?;
         self.schedule.check()
     }
 }

@@ -3,7 +3,8 @@
 use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm,
-    NonRigidConfig, Numerics, OptimiseConfig, Precision, Schedule, Sharing, Variant,
+    NonRigidConfig, Numerics, OptimiseConfig, Precision, RefinementConfig, Schedule, Sharing,
+    Variant,
 };
 
 impl ModelConfig {
@@ -114,6 +115,7 @@ fn grid_tier(
             all_bands: 0.8,
             final_rate: 0.05,
         },
+        refinement: RefinementConfig::default(),
     }
 }
 
@@ -178,6 +180,7 @@ fn paper(variant: Variant) -> ModelConfig {
             backward_share: 1.0,
         },
         schedule: Schedule::paper(),
+        refinement: RefinementConfig::default(),
     }
 }
 

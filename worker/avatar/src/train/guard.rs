@@ -1,6 +1,7 @@
 //! Supervision of loss and gradients: steps that are not finite are skipped, and after several in
 //! a row the model returns to its last snapshot with a lower rate.
 
+use super::refinement::PoseRefinement;
 use crate::avatar::Avatar;
 use crate::render::occupancy::Occupancy;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -25,6 +26,8 @@ pub(super) struct TrainState {
     pub optimiser: ModuleOptimizer,
     /// Occupancy grids by slot. They belong to the weights that they were learned from.
     pub occupancy: Vec<Option<Occupancy>>,
+    /// Refined poses by slot; none where poses stay as they are given.
+    pub poses: Vec<Option<PoseRefinement>>,
     pub rate_scale: f64,
 }
 
@@ -34,6 +37,7 @@ impl TrainState {
             avatar: Some(avatar),
             optimiser,
             occupancy: Vec::new(),
+            poses: Vec::new(),
             rate_scale: 1.0,
         }
     }
@@ -54,6 +58,7 @@ struct Snapshot {
     avatar: Avatar,
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
+    poses: Vec<Option<PoseRefinement>>,
 }
 
 /// Supervisor of training steps.
@@ -102,6 +107,7 @@ impl Guard {
                     avatar: state.avatar().clone(),
                     optimiser: state.optimiser.clone(),
                     occupancy: state.occupancy.clone(),
+                    poses: state.poses.clone(),
                 });
             }
             let avatar = state
@@ -127,6 +133,7 @@ impl Guard {
             state.avatar = Some(snapshot.avatar.clone());
             state.optimiser = snapshot.optimiser.clone();
             state.occupancy = snapshot.occupancy.clone();
+            state.poses = snapshot.poses.clone();
         }
         state.rate_scale *= RATE_FACTOR;
         Verdict::RolledBack

@@ -10,6 +10,8 @@ mod parts;
 mod patches;
 mod people;
 mod progress;
+mod refinement;
+mod refinement_file;
 mod report;
 mod start;
 #[cfg(test)]

@@ -22,6 +22,8 @@ pub struct Person {
 
 /// A frame for training or validation.
 pub(super) struct TrainFrame {
+    /// Place in the pose track.
+    pub place: usize,
     pub pose: Pose,
     pub camera: Camera,
     pub image: FrameImage,
@@ -74,6 +76,7 @@ impl TrainSubject {
                 .collect();
             let keep_out = validation.holds_out(i, frame.index);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
+                place: i,
                 pose,
                 camera,
                 image,

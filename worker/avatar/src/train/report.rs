@@ -2,6 +2,7 @@
 
 use super::checkpoint::{self, ModelState};
 use super::options::Budget;
+use super::refinement_file;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
@@ -61,6 +62,7 @@ impl Trainer {
             )
         };
         checkpoint::save_occupancy(dir, &self.state.occupancy)?;
+        refinement_file::save(dir, &self.state.poses)?;
         checkpoint::save(dir, &state, self.state.avatar(), &self.state.optimiser)
     }
 

@@ -6,6 +6,8 @@ use super::guard::{Guard, TrainState};
 use super::optimiser::optimiser;
 use super::options::TrainOptions;
 use super::people::{Person, TrainSubject, check_people};
+use super::refinement::PoseRefinement;
+use super::refinement_file;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
@@ -61,6 +63,9 @@ impl Trainer {
             checkpoint::load_optimiser(dir, optimiser(&saved.config.optimise))?,
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
+        if saved.config.refinement.is_on() {
+            state.poses = refinement_file::load(dir, saved.joints)?;
+        }
         state.rate_scale = saved.rate_scale;
         saved.slots.resize(saved.slots.len().max(slots), None);
         Self::assemble(saved, options, &people, state, device)
@@ -90,6 +95,7 @@ impl Trainer {
         }
         let mut slots = saved.slots;
         state.occupancy.resize(slots.len(), None);
+        state.poses.resize(slots.len(), None);
         let mut subjects = Vec::with_capacity(people.len());
         for person in people {
             let subject = TrainSubject::new(
@@ -102,6 +108,14 @@ impl Trainer {
             let known = state.occupancy[person.slot].take();
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
+            if saved.config.refinement.is_on() {
+                let frames = person.shard.track.frames.len();
+                let fresh = PoseRefinement::new(&saved.config.refinement, frames, saved.joints);
+                let known = state.poses[person.slot].take();
+                // Another film of the same person starts anew.
+                let known = known.filter(|known| known.frames_fit(&fresh));
+                state.poses[person.slot] = Some(known.unwrap_or(fresh));
+            }
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
         }

@@ -168,6 +168,7 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
             body: &body,
             slot: 0,
             pose: &frame.pose,
+            change: None,
             progress: 1.0,
             step: 0,
             occupancy: None,

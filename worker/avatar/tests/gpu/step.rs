@@ -115,6 +115,7 @@ impl Sitting {
             body: &body,
             slot: 0,
             pose: &self.pose,
+            change: None,
             progress: 1.0,
             step: 10,
             occupancy: None,

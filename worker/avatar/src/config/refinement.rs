@@ -1,0 +1,81 @@
+//! Refinement of the poses of training frames.
+
+use super::ConfigError;
+use serde::{Deserialize, Serialize};
+
+/// Refinement of the poses of training frames: changes of every joint's rotation, the root's too,
+/// and of the root's place, which are learned with the model. They belong to a training, not to
+/// the model: renders take poses as they are given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct RefinementConfig {
+    /// Learning rate of rotations, radians; 0: poses stay as they are given.
+    pub rotation_rate: f64,
+    /// Learning rate of the root's place, metres.
+    pub place_rate: f64,
+    /// Start, as a share of the run.
+    pub start: f64,
+    /// Frames from one knot to the next: changes are linear in time between knots, so that a step
+    /// on one frame also teaches its neighbours.
+    pub spacing: usize,
+    /// Share by which changes shrink towards the given poses with each step on them.
+    pub decay: f64,
+}
+
+impl Default for RefinementConfig {
+    /// No refinement.
+    fn default() -> Self {
+        Self {
+            rotation_rate: 0.0,
+            place_rate: 0.0,
+            start: 0.05,
+            spacing: 4,
+            decay: 0.0,
+        }
+    }
+}
+
+impl RefinementConfig {
+    /// Whether poses are refined at all.
+    pub fn is_on(&self) -> bool {
+        self.rotation_rate > 0.0 || self.place_rate > 0.0
+    }
+
+    /// Whether poses are refined after the completed fraction `progress` of a run.
+    pub fn refines(&self, progress: f64) -> bool {
+        self.is_on() && progress >= self.start
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first one that is out of its range.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        let wrong = |field, message: &str| {
+            Err(ConfigError::Field {
+                field,
+                message: message.into(),
+            })
+        };
+        for (field, rate) in [
+            ("refinement.rotation_rate", self.rotation_rate),
+            ("refinement.place_rate", self.place_rate),
+        ] {
+            if !(rate.is_finite() && rate >= 0.0) {
+                return wrong(field, "must be 0 or more");
+            }
+        }
+        for (field, share) in [
+            ("refinement.start", self.start),
+            ("refinement.decay", self.decay),
+        ] {
+            if !(0.0..=1.0).contains(&share) {
+                return wrong(field, "must be between 0 and 1");
+            }
+        }
+        if self.spacing == 0 {
+            return wrong("refinement.spacing", "must be at least 1 frame");
+        }
+        Ok(())
+    }
+}
