@@ -85,6 +85,8 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         steps: STEPS,
         seed: 3,
         checkpoint_seconds: 0.5,
+        // A resume also needs the poses as they were refined.
+        refine_poses: true,
         ..TrainSpec::default()
     };
     let job = client.train(spec).await?.name;
@@ -168,6 +170,11 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     let Some(job_result::Kind::Train(result)) = ended.result.and_then(|result| result.kind) else {
         anyhow::bail!("no result of a training");
     };
+    let parts = &result.active_parts;
+    ensure!(
+        parts.iter().any(|part| part == "pose refinement"),
+        "{parts:?}"
+    );
     assert_eq!(
         result.steps, STEPS,
         "each step of the budget was taken once"

@@ -61,6 +61,9 @@ pub(super) struct Quality {
     /// measure with those of poses.json.
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
+    /// Refine the poses of the training frames: for poses that were estimated.
+    #[arg(long)]
+    refine_poses: bool,
     /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -89,6 +92,7 @@ impl Quality {
             tier: self.tier,
             variant: self.variant,
             train_poses: self.train_poses,
+            refine_poses: self.refine_poses,
             seed: self.seed,
             pictures: self.pictures,
             lpips: self.lpips.weights()?,

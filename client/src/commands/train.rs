@@ -47,6 +47,10 @@ pub(super) struct Train {
     /// Seconds between checkpoints.
     #[arg(long, value_parser = table::seconds, default_value = "30", value_name = "S")]
     checkpoint_seconds: f64,
+    /// Refine the poses of the training frames: for poses that were estimated, which are off by
+    /// centimetres. Exact poses need none.
+    #[arg(long)]
+    refine_poses: bool,
     /// Queue the job and return.
     #[arg(long)]
     no_wait: bool,
@@ -73,6 +77,7 @@ impl Train {
             seed: self.seed,
             image_size: self.size,
             checkpoint_seconds: self.checkpoint_seconds,
+            refine_poses: self.refine_poses,
         };
         let job = client.train(spec).await?;
         println!("{}", job.name);

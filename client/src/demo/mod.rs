@@ -207,6 +207,7 @@ async fn train(
         seed: options.seed,
         image_size: options.size,
         checkpoint_seconds: 0.0,
+        refine_poses: false,
     };
     let job = client.train(spec).await?;
     let mut display = ProgressDisplay::new("training");

@@ -47,6 +47,8 @@ pub struct QualityOptions {
     pub settings: Vec<Setting>,
     /// File in each capture's folder with other poses for its training frames.
     pub train_poses: Option<String>,
+    /// Whether the poses of the training frames are refined.
+    pub refine_poses: bool,
     /// Random seed.
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
@@ -64,6 +66,9 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let mut config = ModelConfig::named(&options.tier, &options.variant)?;
     if let Some(sharing) = options.sharing {
         config = config.shared(sharing)?;
+    }
+    if options.refine_poses {
+        config = config.refining_poses();
     }
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;

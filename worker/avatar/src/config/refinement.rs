@@ -1,6 +1,6 @@
 //! Refinement of the poses of training frames.
 
-use super::ConfigError;
+use super::{ConfigError, ModelConfig, Schedule};
 use serde::{Deserialize, Serialize};
 
 /// Refinement of the poses of training frames: changes of every joint's rotation, the root's too,
@@ -35,7 +35,27 @@ impl Default for RefinementConfig {
     }
 }
 
+impl ModelConfig {
+    /// This configuration with refined poses, in place of the network that corrects them.
+    pub fn refining_poses(mut self) -> Self {
+        self.refinement = RefinementConfig::of_estimates();
+        self.schedule.correction = Schedule::NEVER;
+        self
+    }
+}
+
 impl RefinementConfig {
+    /// For poses that were estimated (docs/refinement.md).
+    pub fn of_estimates() -> Self {
+        Self {
+            rotation_rate: 1e-2,
+            place_rate: 2e-3,
+            start: 0.05,
+            spacing: 2,
+            decay: 0.0,
+        }
+    }
+
     /// Whether poses are refined at all.
     pub fn is_on(&self) -> bool {
         self.rotation_rate > 0.0 || self.place_rate > 0.0

@@ -92,6 +92,9 @@ impl Schedule {
         Ok(())
     }
 
+    /// A start that no run reaches.
+    pub const NEVER: f64 = 2.0;
+
     /// Whether poses are corrected at `progress`.
     pub fn corrects(&self, progress: f64) -> bool {
         progress >= self.correction

@@ -50,6 +50,9 @@ pub struct TrainOptions {
     pub image_size: u32,
     /// The frames of each person that are held out.
     pub validation: Validation,
+    /// Whether the poses of the training frames are refined, also where the configuration says
+    /// nothing of it.
+    pub refine_poses: bool,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
@@ -64,6 +67,7 @@ impl Default for TrainOptions {
             seed: 7,
             image_size: 0,
             validation: Validation::NONE,
+            refine_poses: false,
             lpips: None,
         }
     }

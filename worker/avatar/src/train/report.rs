@@ -34,12 +34,20 @@ impl Trainer {
             skipped_steps: self.guard.skipped,
             rollbacks: self.guard.rollbacks,
             train_seconds: self.budget_seconds,
-            active_parts: self
-                .config
-                .schedule
-                .active_parts(self.opened(), self.config.non_rigid.bands),
+            active_parts: self.active_parts(),
             ..self.progress.clone()
         }
+    }
+
+    /// Parts that take part only from some moment of a run on, and do now.
+    fn active_parts(&self) -> Vec<String> {
+        let (config, progress) = (&self.config, self.opened());
+        let bands = config.non_rigid.bands;
+        let mut parts = config.schedule.active_parts(progress, bands);
+        if config.refinement.refines(progress) {
+            parts.push("pose refinement".to_owned());
+        }
+        parts
     }
 
     /// Writes a checkpoint into `dir`.

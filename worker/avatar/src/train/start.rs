@@ -80,13 +80,16 @@ impl Trainer {
     }
 
     fn assemble(
-        saved: ModelState,
+        mut saved: ModelState,
         options: TrainOptions,
         people: &[Person],
         mut state: TrainState,
         device: Device,
     ) -> Result<Self, TrainError> {
         check_device(saved.config.precision, &device)?;
+        if options.refine_poses && !saved.config.refinement.is_on() {
+            saved.config = saved.config.refining_poses();
+        }
         if saved.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
                 field: "numerics",

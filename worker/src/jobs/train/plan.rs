@@ -78,6 +78,7 @@ impl Plan {
             seed: self.spec.seed,
             image_size: self.spec.image_size,
             validation: Validation::Every(HOLDOUT_EVERY),
+            refine_poses: self.spec.refine_poses,
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),
