@@ -18,8 +18,6 @@ pub struct RefinementConfig {
     /// Frames from one knot to the next: changes are linear in time between knots, so that a step
     /// on one frame also teaches its neighbours.
     pub spacing: usize,
-    /// Share by which changes shrink towards the given poses with each step on them.
-    pub decay: f64,
 }
 
 impl Default for RefinementConfig {
@@ -28,9 +26,7 @@ impl Default for RefinementConfig {
         Self {
             rotation_rate: 0.0,
             place_rate: 0.0,
-            start: 0.05,
-            spacing: 4,
-            decay: 0.0,
+            ..Self::of_estimates()
         }
     }
 }
@@ -52,7 +48,6 @@ impl RefinementConfig {
             place_rate: 2e-3,
             start: 0.05,
             spacing: 2,
-            decay: 0.0,
         }
     }
 
@@ -85,13 +80,8 @@ impl RefinementConfig {
                 return wrong(field, "must be 0 or more");
             }
         }
-        for (field, share) in [
-            ("refinement.start", self.start),
-            ("refinement.decay", self.decay),
-        ] {
-            if !(0.0..=1.0).contains(&share) {
-                return wrong(field, "must be between 0 and 1");
-            }
+        if !(0.0..=1.0).contains(&self.start) {
+            return wrong("refinement.start", "must be between 0 and 1");
         }
         if self.spacing == 0 {
             return wrong("refinement.spacing", "must be at least 1 frame");

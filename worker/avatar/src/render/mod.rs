@@ -3,15 +3,15 @@
 
 mod blend;
 pub mod composite;
-mod displacement;
 mod enlarge;
 pub(crate) mod frame;
 pub mod march;
 pub mod occupancy;
 mod released;
+mod rest_points;
 mod settings;
 
-pub use displacement::RestPoints;
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
 pub use march::SampleCounts;
+pub use rest_points::RestPoints;
 pub use settings::RenderSettings;

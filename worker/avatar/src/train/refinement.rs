@@ -13,8 +13,10 @@
 use super::Trainer;
 use crate::config::RefinementConfig;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{add, after, apply, rigid, rodrigues};
+use yoto_proto::pose_track::PoseTrack;
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.99;
@@ -26,6 +28,8 @@ const EPSILON: f64 = 1e-12;
 /// Changes of a track's poses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct PoseRefinement {
+    /// Fingerprint of the poses that were given.
+    track: String,
     spacing: usize,
     knots: Vec<Knot>,
     /// Second moments, `[3 (K + 1)]`, and the steps that they were taken from.
@@ -42,8 +46,17 @@ struct Knot {
 }
 
 impl PoseRefinement {
+    /// No change yet of the poses of `track`.
+    pub fn new(config: &RefinementConfig, track: &PoseTrack) -> Self {
+        let blank = Self::blank(config, track.frames.len(), track.joints());
+        Self {
+            track: fingerprint(track),
+            ..blank
+        }
+    }
+
     /// No change yet, for `frames` frames of a skeleton with `joints` joints.
-    pub fn new(config: &RefinementConfig, frames: usize, joints: usize) -> Self {
+    fn blank(config: &RefinementConfig, frames: usize, joints: usize) -> Self {
         let width = 3 * (joints + 1);
         let zeros = Knot {
             values: vec![0.0; width],
@@ -51,6 +64,7 @@ impl PoseRefinement {
             steps: 0,
         };
         Self {
+            track: String::new(),
             spacing: config.spacing,
             knots: vec![zeros; frames.div_ceil(config.spacing) + 1],
             squares: vec![0.0; width],
@@ -68,9 +82,10 @@ impl PoseRefinement {
             && knots.clone().all(|k| whole(&k.values) && whole(&k.first))
     }
 
-    /// Whether the changes are of a track as long as that of `other`.
-    pub fn frames_fit(&self, other: &Self) -> bool {
-        self.spacing == other.spacing && self.knots.len() == other.knots.len()
+    /// Whether the changes are of the same poses as those of `other`, with the same knots.
+    pub fn continues(&self, other: &Self) -> bool {
+        let key = |it: &Self| (it.spacing, it.knots.len());
+        self.track == other.track && key(self) == key(other)
     }
 
     /// The knots beside the frame at `place` in the track, and their weights.
@@ -140,12 +155,23 @@ impl PoseRefinement {
                 knot.first[i] = first as f32;
                 let mean = first / (1.0 - BETA_1.powi(knot.steps));
                 let square = (1.0 - COMMON) * f64::from(self.squares[i]) + COMMON * common;
-                let kept = 1.0 - config.decay * f64::from(weight);
                 let step = scale * rate * mean / ((square / seen).sqrt() + EPSILON);
-                knot.values[i] = (kept * f64::from(knot.values[i]) - step) as f32;
+                knot.values[i] = (f64::from(knot.values[i]) - step) as f32;
             }
         }
     }
+}
+
+/// SHA-256 of a track's poses.
+fn fingerprint(track: &PoseTrack) -> String {
+    let mut hash = Sha256::new();
+    for frame in &track.frames {
+        for number in frame.pose.iter().chain(&frame.translation) {
+            hash.update(number.to_le_bytes());
+        }
+    }
+    let digest = hash.finalize();
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 impl Trainer {
@@ -181,7 +207,6 @@ mod tests {
         place_rate: 1e-3,
         start: 0.0,
         spacing: 3,
-        decay: 0.0,
     };
 
     fn rows(transforms: Tensor<2>) -> Vec<[f64; 12]> {
@@ -206,7 +231,7 @@ mod tests {
         let body = Body::new(skeleton, &config, &Device::flex());
         let joints = body.skeleton.joints();
         let given = person.motion(12).swap_remove(5);
-        let mut poses = PoseRefinement::new(&CONFIG, 12, joints);
+        let mut poses = PoseRefinement::blank(&CONFIG, 12, joints);
         for (k, knot) in poses.knots.iter_mut().enumerate() {
             for (i, value) in knot.values.iter_mut().enumerate() {
                 *value = 0.2 * ((7 * k + i) as f32).sin();
@@ -230,7 +255,7 @@ mod tests {
 
     #[test]
     fn a_step_moves_the_knots_beside_its_frame_and_no_others() {
-        let mut poses = PoseRefinement::new(&CONFIG, 10, 1);
+        let mut poses = PoseRefinement::blank(&CONFIG, 10, 1);
         let gradient = [1.0, -1.0, 0.0, 2.0, 0.0, 0.0];
         poses.learn(&CONFIG, 4, &gradient, 1.0);
         assert_eq!(poses.change(0), [0.0; 6]);
@@ -244,8 +269,18 @@ mod tests {
     }
 
     #[test]
+    fn another_film_of_the_same_length_starts_anew() {
+        let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(4, 32);
+        let mut other = track.clone();
+        other.frames[3].translation[1] += 1e-9;
+        let of = |track: &PoseTrack| PoseRefinement::new(&CONFIG, track);
+        assert!(of(&track).continues(&of(&track)));
+        assert!(!of(&track).continues(&of(&other)));
+    }
+
+    #[test]
     fn changes_are_linear_between_knots() {
-        let mut poses = PoseRefinement::new(&CONFIG, 7, 1);
+        let mut poses = PoseRefinement::blank(&CONFIG, 7, 1);
         poses.knots[1].values[0] = 0.3;
         let changes: Vec<f32> = (0..7).map(|place| poses.change(place)[0]).collect();
         for (found, expected) in changes.iter().zip([0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0]) {

@@ -71,7 +71,6 @@ impl Trainer {
         Self::assemble(saved, options, &people, state, device)
     }
 
-    /// A trainer of `people`, each of whom has a slot in `saved`.
     /// Replaces the default objective.
     pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
         self.progress.objective = objective.name();
@@ -79,6 +78,7 @@ impl Trainer {
         self
     }
 
+    /// A trainer of `people`, each of whom has a slot in `saved`.
     fn assemble(
         mut saved: ModelState,
         options: TrainOptions,
@@ -112,11 +112,11 @@ impl Trainer {
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
             if saved.config.refinement.is_on() {
-                let frames = person.shard.track.frames.len();
-                let fresh = PoseRefinement::new(&saved.config.refinement, frames, saved.joints);
+                let track = &person.shard.track;
+                let fresh = PoseRefinement::new(&saved.config.refinement, track);
                 let known = state.poses[person.slot].take();
                 // Another film of the same person starts anew.
-                let known = known.filter(|known| known.frames_fit(&fresh));
+                let known = known.filter(|known| known.continues(&fresh));
                 state.poses[person.slot] = Some(known.unwrap_or(fresh));
             }
             slots[person.slot] = Some(subject.body.skeleton.clone());

@@ -129,7 +129,7 @@ impl Trainer {
         self.progress.samples += counts;
         if let Some(outcome) = outcome {
             let (taken, slope) = self.descend(outcome.loss, &outcome.terms, change.as_ref())?;
-            let rate = self.config.schedule.rate(self.fraction());
+            let rate = self.config.schedule.rate(self.fraction()) * self.state.rate_scale;
             if let (true, Some(slope), Some(poses)) = (taken, slope, &mut self.state.poses[slot]) {
                 poses.learn(&self.config.refinement, frame_place, &read(slope)?, rate);
             }
