@@ -64,6 +64,9 @@ pub(super) struct Quality {
     /// Refine the poses of the training frames: for poses that were estimated.
     #[arg(long)]
     refine_poses: bool,
+    /// Also measure after a fit of the held-out pictures' poses, with the model as it is.
+    #[arg(long)]
+    fit_poses: bool,
     /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -93,6 +96,7 @@ impl Quality {
             variant: self.variant,
             train_poses: self.train_poses,
             refine_poses: self.refine_poses,
+            fit_poses: self.fit_poses,
             seed: self.seed,
             pictures: self.pictures,
             lpips: self.lpips.weights()?,

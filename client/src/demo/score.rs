@@ -60,6 +60,7 @@ pub(super) fn report(
         objective: trained.objective,
         active_parts: trained.active_parts,
         pose_errors: None,
+        fitted: None,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
         curve: None,

@@ -130,21 +130,6 @@ impl Avatar {
         pose: &Pose,
         progress: f64,
     ) -> Posed {
-        self.changed_pose(config, body, slot, pose, None, progress)
-    }
-
-    /// As [`Avatar::pose`], with the joints' rotations followed by a `change` `[K + 1, 3]`, to
-    /// which gradients flow: axis-angle vectors, radians, and the shift of the root in its own
-    /// axes, metres. Networks still see the pose that was given.
-    pub(crate) fn changed_pose(
-        &self,
-        config: &ModelConfig,
-        body: &Body,
-        slot: usize,
-        pose: &Pose,
-        change: Option<Tensor<2>>,
-        progress: f64,
-    ) -> Posed {
         let slot = match config.variant {
             Variant::NoIdentity => 0,
             _ => slot,
@@ -152,9 +137,8 @@ impl Avatar {
         let mut vector = posed::pose_vector(body, pose);
         let corrected = config.schedule.corrects(progress);
         let transforms = match config.numerics {
-            Numerics::Sound if corrected || change.is_some() => {
-                let correction = corrected.then(|| self.correction.forward(vector.clone()));
-                posed::corrected_transforms(body, pose, correction, change)
+            Numerics::Sound if corrected => {
+                posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
             }
             Numerics::Sound => posed::transforms(body, pose),
             Numerics::Reference => {

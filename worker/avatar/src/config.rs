@@ -10,6 +10,7 @@ mod setting;
 mod sharing;
 
 pub use refinement::RefinementConfig;
+pub(crate) use refinement::RefinementStage;
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;

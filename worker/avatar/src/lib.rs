@@ -4,13 +4,14 @@
 //! of [`motion`] (prior, weights, correction), [`identity`] (codes, pose condition) and [`field`]
 //! (non-rigid, canonical) → [`render`] (march, composite) → [`loss`] → [`train`] (step, guard,
 //! trainer, checkpoint) → [`evaluate`], [`tradeoff`].
-//! [`ops`] holds the tensor operations that Burn lacks, [`import`] reads HumanNeRF's checkpoints,
-//! and [`config`] describes a model as data.
+//! `fit` brings poses into agreement with pictures, [`ops`] holds the tensor operations that Burn
+//! lacks, [`import`] reads HumanNeRF's checkpoints, and [`config`] describes a model as data.
 
 pub mod avatar;
 pub mod config;
 pub mod evaluate;
 pub mod field;
+mod fit;
 mod identity;
 pub mod import;
 mod init;

@@ -193,7 +193,6 @@ impl Bench {
             body: &body,
             slot: 0,
             pose: &self.pose,
-            change: None,
             progress: 1.0,
             step: 10,
             occupancy: None,

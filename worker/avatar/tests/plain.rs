@@ -133,7 +133,6 @@ fn a_loss_and_its_gradients() {
         slot: 0,
         pose: &look.pose,
         // All scheduled parts are active.
-        change: None,
         progress: 1.0,
         step: 0,
         occupancy: None,

@@ -42,8 +42,7 @@ fn options(steps: u64, used_steps: u64) -> TrainOptions {
 fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     let device = Device::flex();
     let mut config = config("yoto");
-    config.refinement.rotation_rate = 1e-2;
-    config.refinement.place_rate = 1e-3;
+    config.refinement.enabled = true;
     let (first, resumed, straight) = (tempdir(), tempdir(), tempdir());
     let mut trainer = Trainer::new(config, options(20, 0), people(2), &device).expect("starts");
     run(&mut trainer, 10);

@@ -17,6 +17,7 @@ mod captures;
 mod cast;
 pub mod displacement;
 pub mod display;
+mod fitted;
 mod measure;
 mod memory;
 pub mod model_dir;

@@ -6,6 +6,7 @@
 
 use crate::captures::{self, Recording, Split, View};
 use crate::display::Screen;
+use crate::fitted;
 use crate::measure;
 use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
@@ -49,6 +50,8 @@ pub struct QualityOptions {
     pub train_poses: Option<String>,
     /// Whether the poses of the training frames are refined.
     pub refine_poses: bool,
+    /// Whether held-out pictures are also measured after a fit of their poses alone.
+    pub fit_poses: bool,
     /// Random seed.
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
@@ -195,6 +198,10 @@ fn finish(
         });
     }
     display.finish(&format!("{done} held-out pictures"));
+    let fitted = options
+        .fit_poses
+        .then(|| fitted::scores(trainer, &examiner, recordings, options.measured, screen))
+        .transpose()?;
     let errors = recordings.iter().enumerate();
     let errors = errors.map(|(slot, it)| it.pose_errors(&trainer.refined_poses(slot)));
     let errors: Vec<_> = errors.collect::<anyhow::Result<Vec<_>>>()?;
@@ -202,6 +209,7 @@ fn finish(
     let progress = trainer.progress();
     Ok(Report {
         mean: SplitScores::mean(&subjects),
+        fitted,
         subjects,
         steps: progress.step,
         train_seconds: progress.train_seconds,

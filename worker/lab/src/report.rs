@@ -15,6 +15,10 @@ pub struct Report {
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
     pub mean: SplitScores,
+    /// The same after a fit of the held-out pictures' poses, with the model as it is; absent if it
+    /// was not requested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fitted: Option<SplitScores>,
     /// Training steps taken.
     pub steps: u64,
     /// Seconds of training, without evaluation.
@@ -174,6 +178,9 @@ impl Report {
         if self.subjects.len() > 1 {
             lines.push(row("mean", &self.mean));
         }
+        if let Some(fitted) = &self.fitted {
+            lines.push(row("poses fitted", fitted));
+        }
         lines.push(format!(
             "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s per rendered frame",
             self.steps,
@@ -233,6 +240,7 @@ mod tests {
         let subjects = vec![subject("ada", 28.0), subject("bob", 26.0)];
         Report {
             mean: SplitScores::mean(&subjects),
+            fitted: None,
             subjects,
             steps: 1200,
             train_seconds: 150.0,

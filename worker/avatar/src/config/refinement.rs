@@ -3,62 +3,101 @@
 use super::{ConfigError, ModelConfig, Schedule};
 use serde::{Deserialize, Serialize};
 
-/// Refinement of the poses of training frames: changes of every joint's rotation, the root's too,
-/// and of the root's place, which are learned with the model. They belong to a training, not to
-/// the model: renders take poses as they are given.
+/// Refinement of the poses of training frames: before each step, the pose of its frame is fitted
+/// to the frame with the model as it is then. It belongs to a training, not to the model: renders
+/// take poses as they are given. Every value was chosen by experiment (docs/refinement.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefinementConfig {
-    /// Learning rate of rotations, radians; 0: poses stay as they are given.
-    pub rotation_rate: f64,
-    /// Learning rate of the root's place, metres.
-    pub place_rate: f64,
+    /// Whether poses are refined at all.
+    pub enabled: bool,
     /// Start, as a share of the run.
     pub start: f64,
-    /// Frames from one knot to the next: changes are linear in time between knots, so that a step
-    /// on one frame also teaches its neighbours.
-    pub spacing: usize,
+    /// End, as a share of the run: after it, the model learns from poses that stay.
+    pub end: f64,
+    /// Blur of the compared pictures at the start, as a share of the person's longer side in the
+    /// picture: a fit finds what is about as far away as pictures are blurred.
+    pub first_blur: f64,
+    /// Blur at the end.
+    pub last_blur: f64,
+    /// Frames to both sides that follow a frame's step at the start, by a Gauss curve; none from
+    /// two thirds on. Errors of neighbours are alike.
+    pub reach: f64,
+    /// Expected error of a given rotation about each axis, radians.
+    pub turn: f64,
+    /// Expected error of the root's given place along each axis, metres.
+    pub shift: f64,
+    /// Expected change of a rotation's error from the mean of its neighbours, radians.
+    pub turn_jitter: f64,
+    /// Expected change of the place's error from the mean of its neighbours, metres.
+    pub shift_jitter: f64,
+    /// Expected difference of a blurred value from the model's where the pose is right.
+    pub noise: f64,
 }
 
 impl Default for RefinementConfig {
     /// No refinement.
     fn default() -> Self {
         Self {
-            rotation_rate: 0.0,
-            place_rate: 0.0,
-            ..Self::of_estimates()
+            enabled: false,
+            start: 0.05,
+            end: 0.9,
+            first_blur: 0.04,
+            last_blur: 0.015,
+            reach: 2.0,
+            turn: 0.05,
+            shift: 0.02,
+            turn_jitter: 0.03,
+            shift_jitter: 0.01,
+            noise: 0.05,
         }
     }
+}
+
+/// How poses are refined at one point of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RefinementStage {
+    /// Blur, as a share of the person's longer side in the picture.
+    pub blur: f64,
+    /// Standard deviation of the curve by which neighbours follow, frames.
+    pub reach: f64,
+    /// Share of a fit's step that is taken.
+    pub share: f64,
 }
 
 impl ModelConfig {
     /// This configuration with refined poses, in place of the network that corrects them.
     pub fn refining_poses(mut self) -> Self {
-        self.refinement = RefinementConfig::of_estimates();
+        self.refinement.enabled = true;
         self.schedule.correction = Schedule::NEVER;
         self
     }
 }
 
 impl RefinementConfig {
-    /// For poses that were estimated (docs/refinement.md).
-    pub fn of_estimates() -> Self {
-        Self {
-            rotation_rate: 1e-2,
-            place_rate: 2e-3,
-            start: 0.05,
-            spacing: 2,
+    /// Whether training learns from refined poses after the completed fraction `progress` of a run:
+    /// those that it has found stay when it no longer changes them.
+    pub fn takes_part(&self, progress: f64) -> bool {
+        self.enabled && progress >= self.start
+    }
+
+    /// How poses are refined after the completed fraction `progress` of a run; `None` where they
+    /// are not.
+    pub(crate) fn stage(&self, progress: f64) -> Option<RefinementStage> {
+        if !self.takes_part(progress) || progress >= self.end {
+            return None;
         }
+        let passed = (progress - self.start) / (self.end - self.start);
+        Some(RefinementStage {
+            blur: self.blur(passed),
+            reach: self.reach * (1.0 - 1.5 * passed).max(0.0),
+            share: 1.0 - 0.5 * passed,
+        })
     }
 
-    /// Whether poses are refined at all.
-    pub fn is_on(&self) -> bool {
-        self.rotation_rate > 0.0 || self.place_rate > 0.0
-    }
-
-    /// Whether poses are refined after the completed fraction `progress` of a run.
-    pub fn refines(&self, progress: f64) -> bool {
-        self.is_on() && progress >= self.start
+    /// Blur after the share `passed` of a fit.
+    pub(crate) fn blur(&self, passed: f64) -> f64 {
+        self.first_blur * (self.last_blur / self.first_blur).powf(passed)
     }
 
     /// Checks every field.
@@ -72,19 +111,38 @@ impl RefinementConfig {
                 message: message.into(),
             })
         };
-        for (field, rate) in [
-            ("refinement.rotation_rate", self.rotation_rate),
-            ("refinement.place_rate", self.place_rate),
+        for (field, share) in [
+            ("refinement.start", self.start),
+            ("refinement.end", self.end),
         ] {
-            if !(rate.is_finite() && rate >= 0.0) {
-                return wrong(field, "must be 0 or more");
+            if !(0.0..=1.0).contains(&share) {
+                return wrong(field, "must be between 0 and 1");
             }
         }
-        if !(0.0..=1.0).contains(&self.start) {
-            return wrong("refinement.start", "must be between 0 and 1");
+        if self.start >= self.end {
+            return wrong("refinement.end", "must come after refinement.start");
         }
-        if self.spacing == 0 {
-            return wrong("refinement.spacing", "must be at least 1 frame");
+        for (field, blur) in [
+            ("refinement.first_blur", self.first_blur),
+            ("refinement.last_blur", self.last_blur),
+        ] {
+            if !(1e-3..=0.5).contains(&blur) {
+                return wrong(field, "must be between 0.001 and 0.5");
+            }
+        }
+        if !(0.0..=100.0).contains(&self.reach) {
+            return wrong("refinement.reach", "must be between 0 and 100 frames");
+        }
+        for (field, value) in [
+            ("refinement.turn", self.turn),
+            ("refinement.shift", self.shift),
+            ("refinement.turn_jitter", self.turn_jitter),
+            ("refinement.shift_jitter", self.shift_jitter),
+            ("refinement.noise", self.noise),
+        ] {
+            if !(1e-6..=1e3).contains(&value) {
+                return wrong(field, "must be between 1e-6 and 1000");
+            }
         }
         Ok(())
     }

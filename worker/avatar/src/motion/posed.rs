@@ -4,7 +4,6 @@
 //! translation: they move the camera instead (HumanNeRF).
 
 use super::body::Body;
-use super::rotation::rodrigues;
 use burn::tensor::{Int, Tensor, TensorData};
 use yoto_capture::camera::Pose;
 
@@ -68,15 +67,9 @@ pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
     )
 }
 
-/// As [`transforms`], with each rotation followed by a `change` `[K + 1, 3]` (axis-angle vectors,
-/// radians, and the shift of the root in its own axes, metres), and then, except the root's, by
-/// its `correction` `[K − 1, 3, 3]`. Gradients flow to both.
-pub fn corrected_transforms(
-    body: &Body,
-    pose: &Pose,
-    correction: Option<Tensor<3>>,
-    change: Option<Tensor<2>>,
-) -> Tensor<2> {
+/// As [`transforms`], with each rotation except the root's followed by its `correction`
+/// `[K − 1, 3, 3]`, to which gradients flow.
+pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let joints = body.skeleton.parents.len();
     let locals: Vec<f32> = pose.unrooted()[1..]
@@ -89,42 +82,8 @@ pub fn corrected_transforms(
         })
         .collect();
     let locals = Tensor::<3>::from_data(TensorData::new(locals, [joints - 1, 3, 3]), &device);
-    let turns = change
-        .clone()
-        .map(|change| rodrigues(change.slice([0..joints, 0..3])));
-    let mut rotations = locals;
-    if let Some(turns) = &turns {
-        rotations = rotations.matmul(turns.clone().narrow(0, 1, joints - 1));
-    }
-    if let Some(correction) = correction {
-        rotations = rotations.matmul(correction);
-    }
     // Inverse local rotations (R ΔR)ᵀ.
-    let transforms = chain(body, rotations.swap_dims(1, 2));
-    match (turns, change) {
-        (Some(turns), Some(change)) => {
-            let shift = change.slice([joints..joints + 1, 0..3]);
-            with_root(body, transforms, turns.narrow(0, 0, 1), shift)
-        }
-        _ => transforms,
-    }
-}
-
-/// `transforms` `[K, 12]` of a body whose root is turned by `turn` `[1, 3, 3]` and shifted by
-/// `shift` `[1, 3]` in its given frame. A body frame's point x is then at Rᵀ (x − j − s) + j in
-/// the frame of the changed root, whose joint is at j.
-fn with_root(body: &Body, transforms: Tensor<2>, turn: Tensor<3>, shift: Tensor<2>) -> Tensor<2> {
-    let joints = body.skeleton.parents.len();
-    let root = body.skeleton.rest[0].map(|v| v as f32);
-    let root = Tensor::<1>::from_floats(root, &transforms.device()).reshape([1, 3, 1]);
-    let back = turn.swap_dims(1, 2);
-    let moved = root.clone() - back.clone().matmul(root + shift.reshape([1, 3, 1]));
-    let transforms = transforms.reshape([joints, 3, 4]);
-    let rotation = transforms.clone().slice([0..joints, 0..3, 0..3]);
-    let place = transforms.slice([0..joints, 0..3, 3..4]);
-    let turned = rotation.clone().matmul(back.repeat_dim(0, joints));
-    let place = rotation.matmul(moved.repeat_dim(0, joints)) + place;
-    Tensor::cat(vec![turned, place], 2).reshape([joints, 12])
+    chain(body, locals.matmul(correction).swap_dims(1, 2))
 }
 
 /// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[K − 1, 3, 3]` of each local
@@ -242,7 +201,7 @@ mod tests {
             .repeat_dim(0, 4);
         let (plain, corrected) = (
             values(transforms(&body, &pose)),
-            values(corrected_transforms(&body, &pose, Some(nothing), None)),
+            values(corrected_transforms(&body, &pose, nothing)),
         );
         let worst = plain
             .iter()

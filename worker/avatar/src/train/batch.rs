@@ -43,8 +43,6 @@ pub struct Scene<'a> {
     pub slot: usize,
     /// Its pose.
     pub pose: &'a Pose,
-    /// Change of the pose that is being learned, `[K + 1, 3]` ([`super::refinement`]).
-    pub change: Option<Tensor<2>>,
     /// Completed fraction of the run, which determines the active parts of the model.
     pub progress: f64,
     /// Number of the step, which selects the empty cells that are probed.
@@ -84,14 +82,7 @@ pub fn outcome(
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
     let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
-        let posed = avatar.changed_pose(
-            config,
-            body,
-            scene.slot,
-            scene.pose,
-            scene.change.clone(),
-            scene.progress,
-        );
+        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
         let weights = read(posed.weights.clone())?;
         let transforms = read(posed.transforms.clone())?;
         Ok::<_, RenderError>((posed, weights, transforms))

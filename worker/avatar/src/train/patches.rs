@@ -5,6 +5,7 @@ use super::people::TrainFrame;
 use crate::motion::body::Body;
 use rand::RngExt;
 use yoto_capture::body_box::BodyView;
+use yoto_capture::camera::Pose;
 
 /// Share of the patches that are centred on the person; the others are in the box around.
 const ON_PERSON: f64 = 0.8;
@@ -12,17 +13,18 @@ const ON_PERSON: f64 = 0.8;
 /// hundredth of the image almost surely. If none is found, the patch is centred on the person.
 const TRIES: usize = 1024;
 
-/// Draws `count` patches of `size`² pixels inside the image, and a random background, by which the
+/// Draws `count` patches of `size`² pixels inside the image of a body in `pose`, and a random background, by which the
 /// model distinguishes dark cloth from empty space.
 pub(super) fn draw(
     frame: &TrainFrame,
+    pose: &Pose,
     body: &Body,
     count: usize,
     size: usize,
     rng: &mut impl RngExt,
 ) -> Batch {
     let (width, height) = (frame.image.width, frame.image.height);
-    let sight = BodyView::new(&body.skeleton, &frame.pose, &frame.camera);
+    let sight = BodyView::new(&body.skeleton, pose, &frame.camera);
     let ray = |x: usize, y: usize| sight.ray(x as f64 + 0.5, y as f64 + 0.5);
     let background: [f32; 3] = std::array::from_fn(|_| rng.random());
     let mut batch = Batch {

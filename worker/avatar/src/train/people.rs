@@ -67,13 +67,7 @@ impl TrainSubject {
                 .map_err(view)?
                 .scaled_to(image_size);
             let image = person.shard.image(i).resized(image_size);
-            let covered = image
-                .mask
-                .iter()
-                .enumerate()
-                .filter(|(_, m)| **m > 0)
-                .map(|(p, _)| p as u32)
-                .collect();
+            let covered = covered(&image);
             let keep_out = validation.holds_out(i, frame.index);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
                 place: i,
@@ -96,6 +90,14 @@ impl TrainSubject {
             held_out,
         })
     }
+}
+
+/// Indices of the pixels of `image` that show the person.
+pub(super) fn covered(image: &FrameImage) -> Vec<u32> {
+    (0..)
+        .zip(&image.mask)
+        .filter_map(|(pixel, mask)| (*mask > 0).then_some(pixel))
+        .collect()
 }
 
 /// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number

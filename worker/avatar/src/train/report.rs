@@ -44,7 +44,7 @@ impl Trainer {
         let (config, progress) = (&self.config, self.opened());
         let bands = config.non_rigid.bands;
         let mut parts = config.schedule.active_parts(progress, bands);
-        if config.refinement.refines(progress) {
+        if config.refinement.takes_part(progress) {
             parts.push("pose refinement".to_owned());
         }
         parts

@@ -63,7 +63,7 @@ impl Trainer {
             checkpoint::load_optimiser(dir, optimiser(&saved.config.optimise))?,
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
-        if saved.config.refinement.is_on() {
+        if saved.config.refinement.enabled {
             state.poses = refinement_file::load(dir, saved.joints)?;
         }
         state.rate_scale = saved.rate_scale;
@@ -87,7 +87,7 @@ impl Trainer {
         device: Device,
     ) -> Result<Self, TrainError> {
         check_device(saved.config.precision, &device)?;
-        if options.refine_poses && !saved.config.refinement.is_on() {
+        if options.refine_poses && !saved.config.refinement.enabled {
             saved.config = saved.config.refining_poses();
         }
         if saved.config.numerics == Numerics::Reference {
@@ -111,9 +111,9 @@ impl Trainer {
             let known = state.occupancy[person.slot].take();
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
-            if saved.config.refinement.is_on() {
+            if saved.config.refinement.enabled {
                 let track = &person.shard.track;
-                let fresh = PoseRefinement::new(&saved.config.refinement, track);
+                let fresh = PoseRefinement::new(track);
                 let known = state.poses[person.slot].take();
                 // Another film of the same person starts anew.
                 let known = known.filter(|known| known.continues(&fresh));

@@ -138,7 +138,7 @@ fn four_patches_in_five_are_centred_on_the_person() {
     let frame = &subject.frames[1];
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     // Patches of one pixel are their centres; pixels off the person have the background's colour.
-    let batch = patches::draw(frame, &subject.body, 4000, 1, &mut rng);
+    let batch = patches::draw(frame, &frame.pose, &subject.body, 4000, 1, &mut rng);
     let background = batch.background;
     let off = batch
         .truth
@@ -160,7 +160,7 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
         let subject = &trainer.subjects[0];
         let frame = &subject.frames[1];
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let batch = patches::draw(frame, &subject.body, 2, 12, &mut rng);
+        let batch = patches::draw(frame, &frame.pose, &subject.body, 2, 12, &mut rng);
         let avatar = Avatar::new(&config, 1, 24, 3, &device);
         let body = Body::new(subject.body.skeleton.clone(), &config, &device);
         let scene = Scene {
@@ -168,7 +168,6 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
             body: &body,
             slot: 0,
             pose: &frame.pose,
-            change: None,
             progress: 1.0,
             step: 0,
             occupancy: None,

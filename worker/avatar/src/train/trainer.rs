@@ -12,7 +12,7 @@ use crate::loss::{LossTerm, Objective};
 use crate::render::SampleCounts;
 use crate::render::frame::read;
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -77,35 +77,26 @@ impl Trainer {
         let start = Instant::now();
         let mut rng = step_stream(self.options.seed, self.step);
         let place = self.order.place(self.step);
+        self.fit_pose(place, &mut rng)?;
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
+        let pose = self.pose(place);
         let batch = trace_span!("draw").in_scope(|| {
             patches::draw(
                 frame,
+                &pose,
                 &subject.body,
                 self.config.optimise.patches,
                 self.patch_size,
                 &mut rng,
             )
         });
-        let frame_place = frame.place;
-        let progress = self.opened();
-        let change = self.state.poses[subject.slot]
-            .as_ref()
-            .filter(|_| self.config.refinement.refines(progress))
-            .map(|poses| {
-                let change = poses.change(frame_place);
-                let shape = [change.len() / 3, 3];
-                let change = TensorData::new(change, shape);
-                Tensor::<2>::from_data(change, &self.device).require_grad()
-            });
         let scene = Scene {
             config: &self.config,
             body: &subject.body,
             slot: subject.slot,
-            pose: &frame.pose,
-            change: change.clone(),
-            progress,
+            pose: &pose,
+            progress: self.opened(),
             step: self.step,
             occupancy: self.state.occupancy[subject.slot].as_ref(),
         };
@@ -128,11 +119,7 @@ impl Trainer {
         );
         self.progress.samples += counts;
         if let Some(outcome) = outcome {
-            let (taken, slope) = self.descend(outcome.loss, &outcome.terms, change.as_ref())?;
-            let rate = self.config.schedule.rate(self.fraction()) * self.state.rate_scale;
-            if let (true, Some(slope), Some(poses)) = (taken, slope, &mut self.state.poses[slot]) {
-                poses.learn(&self.config.refinement, frame_place, &read(slope)?, rate);
-            }
+            let taken = self.descend(outcome.loss, &outcome.terms)?;
             if let (true, Some(seen), Some(grid)) =
                 (taken, outcome.observations, &mut self.state.occupancy[slot])
             {
@@ -151,26 +138,16 @@ impl Trainer {
         Ok(())
     }
 
-    /// Updates the model. Returns whether the step was taken, and the gradient to the `change` of
-    /// the frame's pose.
-    fn descend(
-        &mut self,
-        loss: Tensor<1>,
-        terms: &[LossTerm],
-        change: Option<&Tensor<2>>,
-    ) -> Result<(bool, Option<Tensor<2>>), TrainError> {
+    /// Updates the model, and returns whether the step was taken.
+    fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<bool, TrainError> {
         // Read together, since each read waits for the device.
         let mut values = vec![loss.clone()];
         values.extend(terms.iter().map(|term| term.value.clone()));
         let values = read(Tensor::cat(values, 0))?;
         let (value, values) = values.split_first().ok_or(TrainError::NoLoss)?;
         let value = *value;
-        let (grads, slope) = trace_span!("backward").in_scope(|| {
-            let grads = loss.backward();
-            let slope = change.and_then(|change| change.grad(&grads));
-            let grads = GradientsParams::from_grads(grads, self.state.avatar());
-            (grads, slope)
-        });
+        let grads = trace_span!("backward")
+            .in_scope(|| GradientsParams::from_grads(loss.backward(), self.state.avatar()));
         let rate = self.config.schedule.rate(self.fraction());
         let verdict = self
             .guard
@@ -199,7 +176,7 @@ impl Trainer {
                 });
             }
         }
-        Ok((verdict == Verdict::Taken, slope))
+        Ok(verdict == Verdict::Taken)
     }
 }
 

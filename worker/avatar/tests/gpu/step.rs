@@ -115,7 +115,6 @@ impl Sitting {
             body: &body,
             slot: 0,
             pose: &self.pose,
-            change: None,
             progress: 1.0,
             step: 10,
             occupancy: None,

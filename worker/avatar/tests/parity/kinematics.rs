@@ -27,7 +27,7 @@ fn bone_transforms() {
     let body = Body::new(case.skeleton(), &small::config(small::FOURIER), &device);
     let pose = case.pose();
     let vectors = case.tensor::<2>("vectors", &device).require_grad();
-    let corrected = corrected_transforms(&body, &pose, Some(rodrigues(vectors.clone())), None);
+    let corrected = corrected_transforms(&body, &pose, rodrigues(vectors.clone()));
     let grads = case.towards("corrected", corrected.clone()).backward();
     let mut check = Check::new(&case);
     check.value("transforms", transforms(&body, &pose));

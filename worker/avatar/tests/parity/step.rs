@@ -60,7 +60,6 @@ fn step(case: Case, encoding: Encoding) {
         body: &body,
         slot: 0,
         pose: &pose,
-        change: None,
         progress: small::PROGRESS,
         step: 0,
         occupancy: None,

@@ -56,7 +56,7 @@ impl WarpOps for Flex {
 }
 
 /// Checks that there is a volume for every bone, and whole points.
-fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
+pub(super) fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
     let voxels = grid.resolution.pow(3);
     assert!(
         transforms.len().is_multiple_of(12) && points.len().is_multiple_of(3),
@@ -130,21 +130,21 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
 }
 
 /// A point where a bone has a weight.
-struct Visit {
-    point: u32,
+pub(super) struct Visit {
+    pub point: u32,
     /// The point as the bone carries it, canonical metres.
-    at: [f32; 3],
+    pub at: [f32; 3],
     /// Share of the bone in the canonical point.
-    share: f32,
+    pub share: f32,
     /// Gradient to the bone's weight.
-    to_weight: f32,
+    pub to_weight: f32,
 }
 
 /// The visits of a block of points, bone by bone.
-struct Visits {
-    all: Vec<Visit>,
+pub(super) struct Visits {
+    pub all: Vec<Visit>,
     /// `[bones + 1]`: the visits of bone k are numbers `starts[k]..starts[k + 1]`.
-    starts: Vec<usize>,
+    pub starts: Vec<usize>,
 }
 
 /// Gradients to weights (same shape) and transforms `[K, 12]`, from `grad` `[N, 4]`.
@@ -207,7 +207,7 @@ pub fn backward(
 
 /// The visits of the points numbered `active`, at most a block of them.
 #[allow(clippy::too_many_arguments)]
-fn visits(
+pub(super) fn visits(
     block: &mut Block,
     weights: &[f32],
     transforms: &[f32],

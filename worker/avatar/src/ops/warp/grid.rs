@@ -170,6 +170,17 @@ impl Cell {
         slope
     }
 
+    /// The volume's derivatives with respect to the offset along x, y, z.
+    pub fn slope(&self, volume: &[f32], d: i32) -> [f32; 3] {
+        let mut slope = [0f32; 3];
+        self.taps(d, |index, _, by_offset| {
+            for a in 0..3 {
+                slope[a] += by_offset[a] * volume[index];
+            }
+        });
+        slope
+    }
+
     /// The volume's value here; nodes outside the box count as zero.
     #[inline(always)]
     pub fn sample(&self, volume: &[f32], d: i32) -> f32 {

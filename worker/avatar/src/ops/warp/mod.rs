@@ -11,6 +11,7 @@ mod grid;
 #[cfg(feature = "gpu")]
 mod lattice;
 pub mod likelihood;
+pub mod pulls;
 pub mod reference;
 mod visits;
 

@@ -1,0 +1,108 @@
+use super::*;
+use crate::avatar::Avatar;
+use crate::config::ModelConfig;
+
+use crate::fit::{Picture, PixelGrid, PoseFitter, SEEN, truth};
+use crate::ops::warp::cpu::forward;
+use burn::module::Module;
+use burn::tensor::Device;
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::transform::{after, apply, compose, rigid, rodrigues};
+use yoto_capture::synthetic::SyntheticPerson;
+
+/// Rays of the untrained model, their gradients by [`rows`], and what they show after a small
+/// change of one number of the pose.
+#[test]
+fn rays_change_as_the_rows_say() {
+    let device = Device::flex().autodiff();
+    let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    // No sample comes or goes with the change.
+    config.march.epsilon = 0.0;
+    config.march.occupancy_cells = 0;
+    let (track, frames) = SyntheticPerson::cast(1, 7)[0].capture(4, 48);
+    let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
+    let body = Body::new(skeleton, &config, &device);
+    let joints = body.skeleton.joints();
+    let avatar = Avatar::new(&config, 1, joints, 5, &device).no_grad();
+    let frame = &track.frames[2];
+    let pose = Pose::from_frame(frame).expect("a pose");
+    let camera =
+        yoto_capture::camera::Camera::from_frame(frame, track.image_size).expect("a camera");
+    let image = &frames[2];
+    let pixels = (0..).zip(&image.mask);
+    let covered: Vec<u32> = pixels
+        .filter(|(_, mask)| **mask > 0)
+        .map(|(p, _)| p)
+        .collect();
+    let fitter = PoseFitter {
+        avatar: &avatar,
+        config: &config,
+        body: &body,
+        slot: 0,
+        progress: 0.0,
+        occupancy: None,
+        device: &device,
+    };
+    let picture = Picture {
+        image,
+        camera: &camera,
+        covered: &covered,
+    };
+    let grid = PixelGrid::new(image, &covered, 0.2, [0.0; 2]).expect("a person");
+    let posed = avatar.pose(&config, &body, 0, &pose, 0.0);
+    let host = HostPose::new(&body, &pose, &posed).expect("reads");
+    let mut samples = fitter.samples(&pose, &picture, &grid, &host);
+    assert!(truth(image, covered[0] as usize, SEEN[0]) > 0.0);
+
+    let width = 3 * (joints + 1);
+    let size = 1e-3;
+    for weights in SEEN {
+        let (_, to_warped) = fitter.seen(&posed, &samples, weights).expect("renders");
+        let rows = rows(&body, &host, &samples, &to_warped);
+        let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let (mut off, mut all) = (0.0, 0.0);
+        for parameter in (0..width).step_by(5).chain(width - 3..width) {
+            let mut shown = [-size, size].map(|by| {
+                let mut changed = pose.clone();
+                let (joint, axis) = (parameter / 3, parameter % 3);
+                let mut moved = samples.points.clone();
+                let mut turn = [0.0; 3];
+                turn[axis] = by;
+                if joint > 0 && joint < joints {
+                    let given = changed.rotations[joint].map(f64::from);
+                    changed.rotations[joint] = after(given, turn).map(|v| v as f32);
+                } else {
+                    // The root moves the points the other way: Rᵀ (x − j − s) + j.
+                    let root = body.skeleton.root();
+                    let back = if joint == 0 {
+                        let there = rigid(rodrigues(turn.map(|v| -v)), root);
+                        compose(&there, &rigid(rodrigues([0.0; 3]), root.map(|v| -v)))
+                    } else {
+                        rigid(rodrigues([0.0; 3]), turn.map(|v| -v))
+                    };
+                    for point in moved.as_chunks_mut::<3>().0 {
+                        *point = apply(&back, point.map(f64::from)).map(|v| v as f32);
+                    }
+                }
+                let transforms = crate::motion::posed::transforms(&body, &changed);
+                let transforms = read(transforms).expect("reads");
+                let warped = forward(&host.weights, &transforms, &moved, &body.grid);
+                let (warped, _) = warped.as_chunks::<4>();
+                samples.canonical = warped.iter().flat_map(|w| [w[0], w[1], w[2]]).collect();
+                samples.likelihoods = warped.iter().map(|w| w[3]).collect();
+                fitter.seen(&posed, &samples, weights).expect("renders").0
+            });
+            let [less, more] = &mut shown;
+            for (ray, row) in rows.chunks_exact(width).enumerate() {
+                let slope = f64::from(more[ray] - less[ray]) / (2.0 * size);
+                off += (slope - row[parameter]).powi(2);
+                all += slope * slope;
+            }
+        }
+        let relative = (off / all).sqrt();
+        assert!(
+            relative < 0.05 && largest > 1e-3,
+            "{relative} off, up to {largest}"
+        );
+    }
+}

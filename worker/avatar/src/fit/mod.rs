@@ -1,0 +1,206 @@
+//! Fit of a pose to a picture, with the model as it is: Gauss–Newton steps on opacity and
+//! brightness, which are compared where both pictures are blurred.
+
+mod change;
+mod grid;
+mod jacobian;
+mod normal;
+
+use crate::avatar::{Avatar, Posed};
+use crate::config::ModelConfig;
+use crate::motion::body::Body;
+use crate::render::RenderError;
+use crate::render::composite::composite;
+use crate::render::frame::read;
+use crate::render::march::{Samples, Volume, march};
+use crate::render::occupancy::Occupancy;
+use burn::tensor::{Device, Tensor, TensorData};
+pub(crate) use change::PoseChange;
+use grid::PixelGrid;
+use jacobian::HostPose;
+use normal::Normal;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use yoto_capture::FrameImage;
+use yoto_capture::body_box::BodyView;
+use yoto_capture::camera::{Camera, Pose};
+
+/// What a fit compares, as weights of red, green, blue and opacity: the opacity, and the
+/// brightness over black.
+const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], [0.577, 0.577, 0.577, 0.0]];
+/// A difference that counts half, of values up to 1: what neither pose nor model explain, such as
+/// another object, should not pull.
+const ROBUST: f64 = 0.3;
+/// Longest turn of a joint in a step, radians: beyond it, a step's linear picture of the pose does
+/// not hold.
+const MAX_TURN: f64 = 0.3;
+
+/// A person of a model whose pose is fitted. No gradient flows to the model, whose parameters
+/// must not be tracked.
+pub(crate) struct PoseFitter<'a> {
+    pub avatar: &'a Avatar,
+    pub config: &'a ModelConfig,
+    pub body: &'a Body,
+    pub slot: usize,
+    /// Completed fraction of the run.
+    pub progress: f64,
+    pub occupancy: Option<&'a Occupancy>,
+    /// A device that differentiates.
+    pub device: &'a Device,
+}
+
+/// A picture to fit to.
+pub(crate) struct Picture<'a> {
+    pub image: &'a FrameImage,
+    pub camera: &'a Camera,
+    /// Indices of the pixels that show the person.
+    pub covered: &'a [u32],
+}
+
+/// A step that a parameter should take, apart from what the picture says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Wish {
+    pub step: f64,
+    /// One over its variance.
+    pub precision: f64,
+}
+
+impl PoseFitter<'_> {
+    /// The step `[3 (K + 1)]` from `pose` that fits best to `picture` and to the `wishes` for each
+    /// parameter: rotations of the joints in their own posed axes, radians, and the shift of the
+    /// root in its own axes, metres. Pictures are blurred by the share `blur` of the person's
+    /// longer side; `noise` is the expected difference of their values. `None` where the picture
+    /// does not show the person, or the model shows nothing.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn step(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        wishes: &[Wish],
+        blur: f64,
+        noise: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<Vec<f64>>, RenderError> {
+        let offset = std::array::from_fn(|_| rng.random());
+        let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
+            return Ok(None);
+        };
+        let Self { config, body, .. } = *self;
+        let posed = self
+            .avatar
+            .pose(config, body, self.slot, pose, self.progress);
+        let host = HostPose::new(body, pose, &posed)?;
+        let samples = self.samples(pose, picture, &grid, &host);
+        if samples.live() == 0 {
+            return Ok(None);
+        }
+        let width = wishes.len();
+        let mut normal = Normal::new(width);
+        for weights in SEEN {
+            let (shown, to_warped) = self.seen(&posed, &samples, weights)?;
+            let rows = jacobian::rows(body, &host, &samples, &to_warped);
+            let differences: Vec<f64> = (grid.pixels.iter().zip(&shown))
+                .map(|(pixel, shown)| f64::from(truth(picture.image, *pixel, weights) - shown))
+                .collect();
+            let rows = grid.blur(&rows, width);
+            let differences = grid.blur(&differences, 1);
+            for (row, difference) in rows.chunks_exact(width).zip(differences) {
+                let trust = 1.0 / (1.0 + (difference / ROBUST).powi(2));
+                normal.ask(row, difference, grid.independent() * trust / noise.powi(2));
+            }
+        }
+        for (i, wish) in wishes.iter().enumerate() {
+            normal.hold(i, wish.step, wish.precision);
+        }
+        Ok(normal.solve().map(limited))
+    }
+
+    /// The live samples of the rays through the pixels of `grid`.
+    fn samples(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        grid: &PixelGrid,
+        host: &HostPose,
+    ) -> Samples {
+        let sight = BodyView::new(&self.body.skeleton, pose, picture.camera);
+        let width = picture.image.width;
+        let rays: Vec<_> = (grid.pixels.iter())
+            .map(|p| sight.ray((p % width) as f64 + 0.5, (p / width) as f64 + 0.5))
+            .collect();
+        let volume = Volume {
+            weights: &host.weights,
+            transforms: &host.transforms,
+            grid: &self.body.grid,
+            occupancy: self.occupancy,
+            step: None,
+        };
+        march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume)
+    }
+
+    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity: `[R]`,
+    /// and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
+    fn seen(
+        &self,
+        posed: &Posed,
+        samples: &Samples,
+        weights: [f32; 4],
+    ) -> Result<(Vec<f32>, Vec<f32>), RenderError> {
+        let n = samples.live();
+        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
+        let points = Tensor::<2>::from_data(points, self.device).require_grad();
+        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
+        let likelihood = Tensor::<1>::from_data(likelihood, self.device).require_grad();
+        let values = self
+            .avatar
+            .fields(self.config, self.body, posed, points.clone());
+        let seen = composite(
+            samples,
+            self.config.march.min_transmittance,
+            None,
+            values.rgb,
+            values.density,
+            likelihood.clone(),
+        );
+        let seen = Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1);
+        let weights = Tensor::<1>::from_floats(weights, self.device).unsqueeze::<2>();
+        let seen = (seen * weights).sum_dim(1);
+        let shown = read(seen.clone().detach())?;
+        let grads = seen.sum().backward();
+        let none = |width: usize| vec![0.0; n * width];
+        let to_points = points.grad(&grads).map_or_else(|| Ok(none(3)), read)?;
+        let to_likelihood = likelihood.grad(&grads).map_or_else(|| Ok(none(1)), read)?;
+        let (to_points, _) = to_points.as_chunks::<3>();
+        let to_warped = (to_points.iter().zip(to_likelihood))
+            .flat_map(|([x, y, z], likelihood)| [*x, *y, *z, likelihood])
+            .collect();
+        Ok((shown, to_warped))
+    }
+}
+
+/// What a pixel shows, by the `weights` of red, green, blue and opacity.
+fn truth(image: &FrameImage, pixel: usize, weights: [f32; 4]) -> f32 {
+    let rgb = &image.rgb[3 * pixel..3 * pixel + 3];
+    let values = rgb.iter().chain([&image.mask[pixel]]);
+    let sum = values
+        .zip(weights)
+        .map(|(value, by)| f32::from(*value) * by);
+    sum.sum::<f32>() / 255.0
+}
+
+/// `step`, shortened if a joint turns too far.
+fn limited(mut step: Vec<f64>) -> Vec<f64> {
+    let turns = step.len() - 3;
+    let longest = step[..turns]
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .map(|turn| turn.iter().map(|v| v * v).sum::<f64>().sqrt())
+        .fold(0.0, f64::max);
+    if longest > MAX_TURN {
+        step.iter_mut().for_each(|v| *v *= MAX_TURN / longest);
+    }
+    step
+}

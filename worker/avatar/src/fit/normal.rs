@@ -1,0 +1,107 @@
+//! Normal equations of a least-squares problem.
+
+/// `H x = b`, of which the lower half of the symmetric `H` `[n, n]` is kept.
+pub(super) struct Normal {
+    h: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl Normal {
+    /// No equations yet, for `n` unknowns.
+    pub fn new(n: usize) -> Self {
+        Self {
+            h: vec![0.0; n * n],
+            b: vec![0.0; n],
+        }
+    }
+
+    /// Asks for `row` · x = `value`, with a weight.
+    pub fn ask(&mut self, row: &[f64], value: f64, weight: f64) {
+        let n = self.b.len();
+        for (i, &by) in row.iter().enumerate() {
+            if by == 0.0 {
+                continue;
+            }
+            let by = weight * by;
+            self.b[i] += by * value;
+            for (h, other) in self.h[i * n..=i * n + i].iter_mut().zip(row) {
+                *h += by * other;
+            }
+        }
+    }
+
+    /// Asks for x of `i` = `value`, with a weight.
+    pub fn hold(&mut self, i: usize, value: f64, weight: f64) {
+        self.h[i * (self.b.len() + 1)] += weight;
+        self.b[i] += weight * value;
+    }
+
+    /// The solution, by Cholesky's factors; `None` if `H` is not positive definite or a number is
+    /// not finite.
+    pub fn solve(self) -> Option<Vec<f64>> {
+        let Self { h: mut l, b: mut x } = self;
+        let n = x.len();
+        for i in 0..n {
+            for j in 0..=i {
+                let before: f64 = (0..j).map(|k| l[i * n + k] * l[j * n + k]).sum();
+                let rest = l[i * n + j] - before;
+                if i > j {
+                    l[i * n + j] = rest / l[j * n + j];
+                } else if rest > 0.0 && rest.is_finite() {
+                    l[i * n + i] = rest.sqrt();
+                } else {
+                    return None;
+                }
+            }
+        }
+        for i in 0..n {
+            let before: f64 = (0..i).map(|k| l[i * n + k] * x[k]).sum();
+            x[i] = (x[i] - before) / l[i * n + i];
+        }
+        for i in (0..n).rev() {
+            let after: f64 = (i + 1..n).map(|k| l[k * n + i] * x[k]).sum();
+            x[i] = (x[i] - after) / l[i * n + i];
+        }
+        x.iter().all(|v| v.is_finite()).then_some(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equations_that_agree_are_solved() {
+        let x = [0.5, -2.0, 3.0];
+        let mut normal = Normal::new(3);
+        for row in [
+            [1.0, 2.0, 0.0],
+            [0.0, -1.0, 4.0],
+            [2.0, 0.0, 1.0],
+            [1.0, 1.0, 1.0],
+        ] {
+            let value = row.iter().zip(x).map(|(a, b)| a * b).sum();
+            normal.ask(&row, value, 3.0);
+        }
+        let found = normal.solve().expect("definite");
+        for (found, x) in found.iter().zip(x) {
+            assert!((found - x).abs() < 1e-12, "{found} for {x}");
+        }
+    }
+
+    #[test]
+    fn unknowns_without_an_equation_need_a_wish() {
+        let asked = || {
+            let mut normal = Normal::new(2);
+            normal.ask(&[2.0, 0.0], 2.0, 1.0);
+            normal
+        };
+        assert_eq!(asked().solve(), None);
+        let mut normal = asked();
+        normal.hold(1, 7.0, 1e-6);
+        assert_eq!(normal.solve(), Some(vec![1.0, 7.0]));
+        let mut normal = asked();
+        normal.hold(1, f64::NAN, 1.0);
+        assert_eq!(normal.solve(), None);
+    }
+}
