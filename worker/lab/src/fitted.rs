@@ -1,5 +1,5 @@
-//! Scores of held-out pictures after a fit of their poses alone: what is left of the difference
-//! when pictures need not stand exactly where the given poses put them.
+//! Scores of held-out pictures after a fit of their poses alone: the difference that
+//! remains once the model may stand where each picture shows the person.
 
 use crate::captures::{Recording, Split};
 use crate::display::Screen;

@@ -1,7 +1,6 @@
 use super::*;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
-
 use crate::fit::{Picture, PixelGrid, PoseFitter, SEEN, truth};
 use crate::ops::warp::cpu::forward;
 use burn::module::Module;

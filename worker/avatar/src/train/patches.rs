@@ -13,8 +13,8 @@ const ON_PERSON: f64 = 0.8;
 /// hundredth of the image almost surely. If none is found, the patch is centred on the person.
 const TRIES: usize = 1024;
 
-/// Draws `count` patches of `size`² pixels inside the image of a body in `pose`, and a random background, by which the
-/// model distinguishes dark cloth from empty space.
+/// Draws `count` patches of `size`² pixels inside the image of a body in `pose`, and a random
+/// background, by which the model distinguishes dark cloth from empty space.
 pub(super) fn draw(
     frame: &TrainFrame,
     pose: &Pose,

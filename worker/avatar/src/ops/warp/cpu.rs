@@ -56,7 +56,7 @@ impl WarpOps for Flex {
 }
 
 /// Checks that there is a volume for every bone, and whole points.
-pub(super) fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
+fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
     let voxels = grid.resolution.pow(3);
     assert!(
         transforms.len().is_multiple_of(12) && points.len().is_multiple_of(3),
@@ -158,25 +158,12 @@ pub fn backward(
     grad: &[f32],
     grid: &WarpGrid,
 ) -> (Vec<f32>, Vec<f32>) {
-    check(weights, transforms, points, grid);
-    assert_eq!(grad.len() / 4, points.len() / 3, "rows of the gradient");
+    let blocks = all_visits(weights, transforms, points, grad, grid);
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let bones = transforms.len() / 12;
     let (min, scale) = (grid.min, grid.scale());
-    let supports = supports(weights, bones, grid);
     let (points, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<4>().0);
-    let active: Vec<u32> = (0..points.len() as u32)
-        .filter(|&i| grad[i as usize] != [0.0; 4])
-        .collect();
-    let blocks: Vec<Visits> = active
-        .par_chunks(BLOCK)
-        .map_init(Block::new, |block, active| {
-            visits(
-                block, weights, transforms, points, grad, grid, &supports, active,
-            )
-        })
-        .collect();
 
     let mut to_weights = vec![0f32; weights.len()];
     let mut to_transforms = vec![0f32; bones * 12];
@@ -205,9 +192,37 @@ pub fn backward(
     (to_weights, to_transforms)
 }
 
+/// The visits of all points with a gradient, block by block.
+///
+/// # Panics
+/// If the sizes do not match the grid or each other.
+pub(super) fn all_visits(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    grad: &[f32],
+    grid: &WarpGrid,
+) -> Vec<Visits> {
+    check(weights, transforms, points, grid);
+    assert_eq!(grad.len() / 4, points.len() / 3, "rows of the gradient");
+    let supports = supports(weights, transforms.len() / 12, grid);
+    let (points, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<4>().0);
+    let active: Vec<u32> = (0..points.len() as u32)
+        .filter(|&i| grad[i as usize] != [0.0; 4])
+        .collect();
+    active
+        .par_chunks(BLOCK)
+        .map_init(Block::new, |block, active| {
+            visits(
+                block, weights, transforms, points, grad, grid, &supports, active,
+            )
+        })
+        .collect()
+}
+
 /// The visits of the points numbered `active`, at most a block of them.
 #[allow(clippy::too_many_arguments)]
-pub(super) fn visits(
+fn visits(
     block: &mut Block,
     weights: &[f32],
     transforms: &[f32],

@@ -2,9 +2,8 @@
 //! before it sums over points. A fit of a pose needs these sums per ray.
 
 use super::WarpGrid;
-use super::cpu::{check, visits};
-use super::grid::{Cell, supports};
-use super::visits::{BLOCK, Block};
+use super::cpu::all_visits;
+use super::grid::Cell;
 use rayon::prelude::*;
 
 /// Gradient to one point as one bone carries it.
@@ -30,28 +29,19 @@ pub fn pulls(
     grad: &[f32],
     grid: &WarpGrid,
 ) -> Vec<Pull> {
-    check(weights, transforms, points, grid);
-    assert_eq!(grad.len() / 4, points.len() / 3, "rows of the gradient");
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
-    let bones = transforms.len() / 12;
-    let (min, scale) = (grid.min, grid.scale());
-    let supports = supports(weights, bones, grid);
-    let (points, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<4>().0);
-    let active: Vec<u32> = (0..points.len() as u32)
-        .filter(|&i| grad[i as usize] != [0.0; 4])
-        .collect();
-    let blocks: Vec<Vec<Pull>> = active
-        .par_chunks(BLOCK)
-        .map_init(Block::new, |block, active| {
-            let found = visits(
-                block, weights, transforms, points, grad, grid, &supports, active,
-            );
-            let mut pulls = Vec::with_capacity(found.all.len());
-            for bone in 0..bones {
-                let volume = &weights[bone * voxels..(bone + 1) * voxels];
-                for visit in &found.all[found.starts[bone]..found.starts[bone + 1]] {
-                    let Some(cell) = Cell::of(visit.at, min, scale, d) else {
+    let scale = grid.scale();
+    let (grad, _) = grad.as_chunks::<4>();
+    let blocks = all_visits(weights, transforms, points, grad.as_flattened(), grid);
+    let pulls: Vec<Vec<Pull>> = blocks
+        .par_iter()
+        .map(|block| {
+            let mut pulls = Vec::with_capacity(block.all.len());
+            let bones = block.starts.windows(2).zip(weights.chunks_exact(voxels));
+            for (bone, (range, volume)) in (0..).zip(bones) {
+                for visit in &block.all[range[0]..range[1]] {
+                    let Some(cell) = Cell::of(visit.at, grid.min, scale, d) else {
                         continue;
                     };
                     let slope = cell.slope(volume, d);
@@ -61,7 +51,7 @@ pub fn pulls(
                     });
                     pulls.push(Pull {
                         point: visit.point,
-                        bone: bone as u32,
+                        bone,
                         force,
                     });
                 }
@@ -69,5 +59,5 @@ pub fn pulls(
             pulls
         })
         .collect();
-    blocks.concat()
+    pulls.concat()
 }
