@@ -20,6 +20,19 @@ pub mod files {
     /// Refined poses of the training frames; needed only to resume a training that refines them.
     /// Other checkpoints lack it.
     pub const REFINEMENT: &str = "refinement.json";
+    /// Pose track of the person in `slot` with the poses that training has refined, in protocol
+    /// buffers; absent where their poses stay as given.
+    pub fn refined_poses(slot: usize) -> String {
+        format!("poses-{slot}.pb")
+    }
+
+    /// Whether `file` is one of [`refined_poses`].
+    pub fn is_refined_poses(file: &str) -> bool {
+        let slot = file.strip_prefix("poses-");
+        let slot = slot.and_then(|rest| rest.strip_suffix(".pb"));
+        slot.is_some_and(|slot| slot.parse::<usize>().is_ok())
+    }
+
     /// Configuration, step and schedule state as JSON.
     pub const STATE: &str = "state.json";
     /// The manifest itself.
@@ -63,6 +76,14 @@ pub struct ManifestObject {
 }
 
 impl Manifest {
+    /// Reads a `manifest.json`.
+    ///
+    /// # Errors
+    /// Something else than a manifest.
+    pub fn from_json(bytes: &[u8]) -> serde_json::Result<Self> {
+        serde_json::from_slice(bytes)
+    }
+
     /// The object of `file`, if the checkpoint has it.
     pub fn object(&self, file: &str) -> Option<&ManifestObject> {
         self.objects.iter().find(|object| object.file == file)

@@ -77,7 +77,11 @@ fn with_frames(camera: &Camera, frames: &[u32]) -> Value {
     value
 }
 
-fn write_json(path: &Path, value: &Value) -> anyhow::Result<()> {
+/// Writes `value` as the file at `path`.
+///
+/// # Errors
+/// When the file can't be written.
+pub fn write_json(path: &Path, value: &Value) -> anyhow::Result<()> {
     std::fs::write(path, serde_json::to_vec(value)?).with_context(|| path.display().to_string())
 }
 

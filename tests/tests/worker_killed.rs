@@ -9,7 +9,8 @@ use yoto_client::api::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
-    CompleteJobRequest, HeartbeatRequest, Job, PublishCheckpointRequest, TrainSpec, job_result,
+    CompleteJobRequest, HeartbeatRequest, Job, PoseRefinement, PublishCheckpointRequest, TrainSpec,
+    job_result,
 };
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};
@@ -86,7 +87,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         seed: 3,
         checkpoint_seconds: 0.5,
         // A resume also needs the poses as they were refined.
-        refine_poses: true,
+        refine_poses: PoseRefinement::Always.into(),
         ..TrainSpec::default()
     };
     let job = client.train(spec).await?.name;

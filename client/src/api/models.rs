@@ -1,10 +1,11 @@
 //! Models: shared networks, and the identity slots of the people in them.
 
 use super::{ClientError, YotoClient, request_id};
+use yoto_proto::pose_track::{PoseTrack, describe};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
-    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, GetTradeoffRequest,
-    IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
+    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
+    GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
 };
 
 impl YotoClient {
@@ -114,6 +115,34 @@ impl YotoClient {
             )))?
             .into_inner()
             .checkpoints)
+    }
+
+    /// The pose track of `subject` (`subjects/{id}`) as the newest training of `model`
+    /// (`models/{id}`) has refined it.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. where their poses stay as given; [`ClientError::Contract`] when
+    /// what arrives is not a pose track.
+    pub async fn refined_poses(
+        &self,
+        model: &str,
+        subject: &str,
+    ) -> Result<PoseTrack, ClientError> {
+        let doing = format!("fetching the refined poses of {subject} in {model}");
+        let request = GetRefinedPosesRequest {
+            model: model.to_owned(),
+            subject: subject.to_owned(),
+        };
+        let answer = self.model_service().get_refined_poses(request).await;
+        let mut stream = answer.map_err(ClientError::refused(&doing))?.into_inner();
+        let mut bytes = Vec::new();
+        while let Some(part) = (stream.message().await).map_err(ClientError::refused(&doing))? {
+            bytes.extend_from_slice(&part.chunk);
+        }
+        PoseTrack::from_binary(&bytes).map_err(|found| {
+            let found: Vec<String> = found.iter().map(describe).collect();
+            ClientError::Contract(format!("{doing}: {}", found.join("; ")))
+        })
     }
 
     /// The measured trade-off of time and fidelity of `checkpoint`

@@ -4,15 +4,16 @@
 //! so that both give the same report.
 
 mod canvas;
+mod refined;
 mod sheet;
 mod text;
 mod tiles;
 
-use crate::api::FileSource;
-use crate::capture_dir::{CaptureDir, CaptureOptions};
+pub use refined::refined_sheet;
+
+use crate::capture_dir::{CaptureOptions, DecodedCapture};
 use crate::progress::ProgressDisplay;
-use anyhow::Context;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::check::{Checker, Grade, Report};
@@ -39,25 +40,11 @@ pub fn check(
     options: &CaptureOptions,
     ffmpeg: Option<&Path>,
 ) -> anyhow::Result<Checked> {
-    let found = CaptureDir::open_with(path, options)?;
-    let name = path.file_name().unwrap_or(path.as_os_str());
-    let name = name.to_string_lossy().into_owned();
-    // The plan and the track are in memory, but the reader needs them on disk.
-    let written = tempfile::tempdir().context("making a temporary folder")?;
-    let mut files = BTreeMap::new();
-    for (number, file) in found.files.into_iter().enumerate() {
-        let disk = match file.source {
-            FileSource::Disk(path) => path,
-            FileSource::Memory(bytes) => {
-                let path = written.path().join(number.to_string());
-                std::fs::write(&path, bytes)
-                    .with_context(|| format!("writing {}", path.display()))?;
-                path
-            }
-        };
-        files.insert(file.path, disk);
-    }
-    let capture = LocalCapture::open(&files, ffmpeg)?;
+    let DecodedCapture {
+        name,
+        plan,
+        capture,
+    } = DecodedCapture::open(path, options, ffmpeg)?;
     let mut checker = Checker::new(capture.track().clone())?;
     let wanted = checker.wanted().to_vec();
     let mut display = ProgressDisplay::new("check");
@@ -70,7 +57,7 @@ pub fn check(
     display.clear();
     Ok(Checked {
         report: checker.finish(),
-        asked: found.plan.correction,
+        asked: plan.correction,
         capture,
         name,
     })

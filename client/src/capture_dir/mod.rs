@@ -17,9 +17,11 @@
 //! DIR/media.json            how to read them, where names are not enough
 //! ```
 
+mod decoded;
 mod listing;
 mod options;
 
+pub use decoded::DecodedCapture;
 pub use options::{CaptureOptions, Prefer};
 
 use crate::api::{ClientError, FileSource, UploadFile};

@@ -31,6 +31,7 @@ mod motion;
 mod paper_table;
 #[cfg(feature = "embedded")]
 mod quality;
+mod refine_poses;
 mod render;
 #[cfg(feature = "embedded")]
 mod render_frame;
@@ -39,6 +40,7 @@ mod scores;
 #[cfg(feature = "embedded")]
 mod serve;
 mod subject;
+mod subject_poses;
 mod table;
 #[cfg(feature = "embedded")]
 mod tradeoff;

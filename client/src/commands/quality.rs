@@ -1,26 +1,39 @@
 //! `yoto quality`: quality of a model on given captures, without a service.
 
+use super::ffmpeg_arg::FfmpegArg;
 use super::model::{tier_help, variant_help};
+use super::refine_poses::RefinePoses;
 use super::table;
-use crate::progress::Terminal;
+use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use crate::progress::{ProgressDisplay, Terminal};
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
-use yoto_avatar::config::{Setting, Sharing};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use yoto_avatar::config::{Refine, Setting, Sharing};
 use yoto_avatar::train::Budget;
+use yoto_capture::CaptureFolder;
+use yoto_lab::captures::Film;
+use yoto_lab::one_camera::OneCamera;
 use yoto_lab::quality::{QualityOptions, run};
 
 const AFTER_HELP: &str = "\
-Trains one model on all the captures and measures it on held-out pictures: held-out
-cameras (eval/) and held-out poses (eval_pose/). Evaluation time does not count as training.
+Trains one model on all the captures and measures it on held-out pictures. Evaluation time does
+not count as training.
 
-Layout of a capture folder:
+A capture of one camera is a folder or an archive as `yoto subject add` takes it, video or
+pictures. One frame in 20 (--hold-out) is not trained on, and is measured as a held-out pose.
+
+A capture with pictures from other cameras or of other poses is a folder with
   poses.json             with eval {camera: {K, E, frames}} and eval_pose {frames, cams}
   train/frames, train/masks
   eval/CAMERA/frames, eval/CAMERA/masks
   eval_pose/CAMERA/frames, eval_pose/CAMERA/masks
+and is trained on all of train/.
 
 Examples:
+  yoto quality --capture captures/me --out report.json
+  yoto quality --capture captures/me --refine-poses --fit-poses --out report.json
   yoto quality --capture data/ada --capture data/bob --out report.json
   yoto quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
 
@@ -28,9 +41,12 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Quality {
-    /// Capture folder; may be repeated, once per person.
-    #[arg(long = "capture", value_name = "DIR", required = true, num_args = 1..)]
+    /// Capture; may be repeated, once per person.
+    #[arg(long = "capture", value_name = "CAPTURE", required = true, num_args = 1..)]
     captures: Vec<PathBuf>,
+    /// Hold out one in N frames of a capture without held-out pictures of its own.
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(2..))]
+    hold_out: u32,
     /// Longest side of the pictures, pixels.
     #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
@@ -61,9 +77,10 @@ pub(super) struct Quality {
     /// measure with those of poses.json.
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
-    /// Refine the poses of the training frames: for poses that were estimated.
-    #[arg(long)]
-    refine_poses: bool,
+    /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
+    /// wander off their masks [default: by the tier: auto, never for the tiers of the paper].
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
+    refine_poses: Option<RefinePoses>,
     /// Also measure after a fit of the held-out pictures' poses, with the model as it is.
     #[arg(long)]
     fit_poses: bool,
@@ -77,13 +94,17 @@ pub(super) struct Quality {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
+    ffmpeg: FfmpegArg,
+    #[command(flatten)]
     lpips: super::lpips_args::LpipsArgs,
 }
 
 impl Quality {
     pub(super) fn run(self) -> anyhow::Result<()> {
+        let films = self.captures.iter().map(|path| film(path, &self.ffmpeg));
         let options = QualityOptions {
-            captures: self.captures,
+            captures: films.collect::<anyhow::Result<_>>()?,
+            hold_out: self.hold_out as usize,
             size: self.size,
             budget: match self.steps {
                 Some(steps) => Budget::Steps(steps),
@@ -95,7 +116,11 @@ impl Quality {
             tier: self.tier,
             variant: self.variant,
             train_poses: self.train_poses,
-            refine_poses: self.refine_poses,
+            refine_poses: self.refine_poses.map(|when| match when {
+                RefinePoses::Always => Refine::Always,
+                RefinePoses::Never => Refine::Never,
+                RefinePoses::Auto => Refine::Auto,
+            }),
             fit_poses: self.fit_poses,
             seed: self.seed,
             pictures: self.pictures,
@@ -109,4 +134,21 @@ impl Quality {
         println!("report: {}", self.out.display());
         Ok(())
     }
+}
+
+/// The capture at `path`, read whole if it has no held-out pictures.
+fn film(path: &Path, ffmpeg: &FfmpegArg) -> anyhow::Result<Film> {
+    let read = || -> anyhow::Result<Film> {
+        if CaptureFolder::has_held_out(path)? {
+            return Ok(Film::Studio(path.to_owned()));
+        }
+        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg.program())?;
+        let mut display = ProgressDisplay::new(&*decoded.name);
+        let frames = decoded.capture.track().frames.len();
+        let shard = Arc::new(decoded.shard(|done| display.count("frame", done, frames))?);
+        display.clear();
+        let name = decoded.name;
+        Ok(Film::OneCamera(path.to_owned(), OneCamera { name, shard }))
+    };
+    read().with_context(|| format!("the capture {}", path.display()))
 }

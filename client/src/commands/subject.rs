@@ -1,6 +1,7 @@
 //! `yoto subject`: people and the captures of them.
 
 use super::import::ImportOptions;
+use super::subject_poses::SubjectPoses;
 use super::{Server, correction::CorrectionArgs, media_args::MediaArgs, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
@@ -36,7 +37,7 @@ const LIST_HELP: &str = "\
 Example:
   yoto subject list";
 
-/// Add and list people.
+/// Add and list people, and fetch their refined poses.
 #[derive(Debug, Args)]
 pub(super) struct SubjectCommand {
     #[command(subcommand)]
@@ -54,6 +55,8 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Write the poses of a person as a training has refined them.
+    Poses(Box<SubjectPoses>),
 }
 
 #[derive(Debug, Args)]
@@ -90,6 +93,7 @@ impl SubjectCommand {
         match self.action {
             Action::Add(add) => add.run().await,
             Action::List { server } => list(&server).await,
+            Action::Poses(poses) => poses.run().await,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Server;
 use super::model::{create_with, tier_help, variant_help};
+use super::refine_poses::RefinePoses;
 use super::{model, table};
 use crate::progress::{ProgressDisplay, duration};
 use clap::Args;
@@ -47,10 +48,11 @@ pub(super) struct Train {
     /// Seconds between checkpoints.
     #[arg(long, value_parser = table::seconds, default_value = "30", value_name = "S")]
     checkpoint_seconds: f64,
-    /// Refine the poses of the training frames: for poses that were estimated, which are off by
-    /// centimetres. Exact poses need none.
-    #[arg(long)]
-    refine_poses: bool,
+    /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
+    /// wander off their masks, as estimated poses do [default: as before, or by the tier: auto,
+    /// never for the tiers of the paper].
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
+    refine_poses: Option<RefinePoses>,
     /// Queue the job and return.
     #[arg(long)]
     no_wait: bool,
@@ -77,7 +79,7 @@ impl Train {
             seed: self.seed,
             image_size: self.size,
             checkpoint_seconds: self.checkpoint_seconds,
-            refine_poses: self.refine_poses,
+            refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
         };
         let job = client.train(spec).await?;
         println!("{}", job.name);
@@ -89,7 +91,12 @@ impl Train {
             .wait_for_job(&job.name, |job| display.job(job))
             .await?;
         match job.result.and_then(|result| result.kind) {
-            Some(job_result::Kind::Train(result)) => display.finish(&summary(&result)),
+            Some(job_result::Kind::Train(result)) => {
+                display.finish(&summary(&result));
+                for note in &result.notes {
+                    println!("{note}");
+                }
+            }
             _ => display.finish("done"),
         }
         Ok(())

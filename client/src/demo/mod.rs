@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_lab::report::{Report, Settings};
-use yoto_proto::v1::{Model, Subject, TrainResult, TrainSpec, job_result};
+use yoto_proto::v1::{Model, PoseRefinement, Subject, TrainResult, TrainSpec, job_result};
 
 /// Quality tier and variant of the demo's model.
 const TIER: &str = "fast";
@@ -207,7 +207,7 @@ async fn train(
         seed: options.seed,
         image_size: options.size,
         checkpoint_seconds: 0.0,
-        refine_poses: false,
+        refine_poses: PoseRefinement::Unspecified.into(),
     };
     let job = client.train(spec).await?;
     let mut display = ProgressDisplay::new("training");

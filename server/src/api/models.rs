@@ -2,16 +2,18 @@
 
 use super::{fields, paging};
 use crate::{context::Context, error::RequestError, store::NewModel};
-use futures::TryStreamExt;
+use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::{
+    manifest::{Manifest, files},
     names::{self, Collection},
     tiers,
     v1::{
-        AddIdentityRequest, CreateModelRequest, GetModelRequest, GetTradeoffRequest, IdentitySlot,
-        ListCheckpointsRequest, ListCheckpointsResponse, ListModelsRequest, ListModelsResponse,
-        Model, Tradeoff, model_service_server::ModelService,
+        AddIdentityRequest, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
+        GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
+        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef, Tradeoff,
+        model_service_server::ModelService,
     },
 };
 
@@ -106,15 +108,67 @@ impl ModelService for ModelApi {
             .ok_or_else(|| RequestError::NotFound {
                 name: format!("a measured trade-off of {name}"),
             })?;
-        let bytes = self.context.objects.get(&object).await;
-        let parts: Vec<_> = bytes
-            .map_err(RequestError::from)?
-            .try_collect()
-            .await
-            .map_err(RequestError::from)?;
         Ok(Response::new(Tradeoff {
             checkpoint: name.clone(),
-            json: parts.concat(),
+            json: self.read(&object).await?,
         }))
+    }
+
+    type GetRefinedPosesStream = BoxStream<'static, Result<GetRefinedPosesResponse, Status>>;
+
+    async fn get_refined_poses(
+        &self,
+        request: Request<GetRefinedPosesRequest>,
+    ) -> Result<Response<Self::GetRefinedPosesStream>, Status> {
+        let GetRefinedPosesRequest { model, subject } = request.get_ref();
+        let id = fields::id(Collection::Models, "model", model)?;
+        let known = self.context.store.model(&id).await;
+        let slots = known.map_err(RequestError::from)?.slots;
+        let missing = |what: &str| RequestError::NotFound {
+            name: format!("{what} of {subject} in {model}"),
+        };
+        let slot = slots.iter().find(|it| it.subject == *subject);
+        let slot = slot.ok_or_else(|| missing("a slot"))?;
+        let newest = self.context.store.checkpoints(&id, 1).await;
+        let newest = newest.map_err(RequestError::from)?;
+        let manifest = newest.into_iter().next().and_then(|it| it.manifest);
+        let manifest = manifest.ok_or_else(|| missing("a checkpoint"))?;
+        let manifest: Manifest =
+            Manifest::from_json(&self.read(&manifest).await?).map_err(|error| {
+                let message = format!("the newest checkpoint's manifest: {error}");
+                RequestError::precondition("CHECKPOINT_TORN", message)
+            })?;
+        let file = files::refined_poses(slot.slot as usize);
+        let object = manifest.object(&file);
+        let object = object.ok_or_else(|| missing("refined poses"))?;
+        let object = ObjectRef {
+            key: object.key.clone(),
+            bytes: object.bytes,
+            sha256: object.sha256.clone(),
+        };
+        let bytes = self.context.objects.get(&object).await;
+        let answers = bytes.map_err(RequestError::from)?.map_ok(|chunk| {
+            let chunk = chunk.to_vec();
+            GetRefinedPosesResponse { chunk }
+        });
+        Ok(Response::new(
+            answers
+                .map_err(|error| RequestError::from(error).into())
+                .boxed(),
+        ))
+    }
+}
+
+impl ModelApi {
+    /// The whole of a small object.
+    async fn read(&self, object: &ObjectRef) -> Result<Vec<u8>, RequestError> {
+        let parts: Vec<_> = self
+            .context
+            .objects
+            .get(object)
+            .await?
+            .try_collect()
+            .await?;
+        Ok(parts.concat())
     }
 }

@@ -9,8 +9,8 @@ mod schedule;
 mod setting;
 mod sharing;
 
-pub use refinement::RefinementConfig;
 pub(crate) use refinement::RefinementStage;
+pub use refinement::{Refine, RefinementConfig};
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;

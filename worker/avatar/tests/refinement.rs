@@ -6,7 +6,7 @@ mod support;
 use burn::tensor::Device;
 use std::sync::Arc;
 use support::{options, run};
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::train::{Person, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
@@ -71,7 +71,8 @@ fn pixels_off(track: &PoseTrack, found: &[(usize, Pose)]) -> f64 {
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.optimise.patches = 4;
-    config.refining_poses()
+    config.refinement.who = Refine::Always;
+    config
 }
 
 #[test]
@@ -99,7 +100,7 @@ fn a_picture_that_was_not_trained_on_finds_its_pose() {
     let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(16, 64);
     let given = estimated(&track, 0.1);
     let mut plain = config();
-    plain.refinement.enabled = false;
+    plain.refinement.who = Refine::Never;
     let person = vec![filmed(track.clone(), &images)];
     let mut trainer = Trainer::new(plain, options(200), person, &Device::flex()).expect("starts");
     run(&mut trainer, 200);

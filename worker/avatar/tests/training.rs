@@ -5,7 +5,7 @@ mod support;
 
 use burn::tensor::Device;
 use support::{run, tempdir, weights};
-use yoto_avatar::config::{ModelConfig, Precision};
+use yoto_avatar::config::{ModelConfig, Precision, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::{Person, TrainError, TrainOptions, Trainer, Validation};
@@ -42,7 +42,7 @@ fn options(steps: u64, used_steps: u64) -> TrainOptions {
 fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     let device = Device::flex();
     let mut config = config("yoto");
-    config.refinement.enabled = true;
+    config.refinement.who = Refine::Always;
     let (first, resumed, straight) = (tempdir(), tempdir(), tempdir());
     let mut trainer = Trainer::new(config, options(20, 0), people(2), &device).expect("starts");
     run(&mut trainer, 10);

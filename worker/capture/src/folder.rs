@@ -83,6 +83,19 @@ impl CaptureFolder {
         Ok(folder)
     }
 
+    /// Whether `dir` is a folder whose `poses.json` describes held-out pictures.
+    ///
+    /// # Errors
+    /// A `poses.json` that can't be read, or whose held-out parts can't.
+    pub fn has_held_out(dir: impl AsRef<Path>) -> Result<bool, CaptureError> {
+        let path = dir.as_ref().join(pose_track::FILE);
+        if !path.is_file() {
+            return Ok(false);
+        }
+        let bytes = read_file(&path, pose_track::FILE, None)?;
+        Ok(!HeldOut::from_json(&bytes)?.is_empty())
+    }
+
     /// Skeleton, poses and cameras of the training frames.
     pub fn track(&self) -> &PoseTrack {
         &self.track
@@ -257,6 +270,7 @@ mod tests {
         assert_eq!(shard.image(1).rgb[0], 20);
         assert!(folder.read(2).is_err());
         assert!(folder.held_out_views().is_empty() && folder.held_out_poses().is_empty());
+        assert!(!CaptureFolder::has_held_out(&scratch.0).expect("reads"));
     }
 
     #[test]
@@ -277,6 +291,7 @@ mod tests {
         }
         scratch.images("eval/cam00/", 1, 30);
         let folder = CaptureFolder::open(&scratch.0).expect("opens");
+        assert!(CaptureFolder::has_held_out(&scratch.0).expect("reads"));
         let upload = &folder.files()[1];
         assert_eq!(upload.relative, "frames/000000.png");
         assert_eq!(upload.path, scratch.0.join("train/frames/000000.png"));
@@ -308,7 +323,9 @@ mod tests {
             Err(error) => error.to_string(),
         };
         assert_eq!(fault(), "poses.json: there is no such file");
+        assert!(!CaptureFolder::has_held_out(&scratch.0).expect("no file"));
         scratch.write("poses.json", "{");
+        assert!(CaptureFolder::has_held_out(&scratch.0).is_err());
         assert!(fault().starts_with("poses.json: line 1"), "{}", fault());
         scratch.write("poses.json", poses().to_string());
         scratch.images("", 0, 1);

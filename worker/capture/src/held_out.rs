@@ -120,6 +120,11 @@ impl HeldOut {
         Ok(read)
     }
 
+    /// Whether it describes no picture.
+    pub(super) fn is_empty(&self) -> bool {
+        self.eval.is_empty() && self.eval_pose.cams.is_empty()
+    }
+
     /// How the person stands in `frame`, trained on or not, and what the camera called `name`
     /// sees of it. The camera of the training frames is `train`.
     pub(super) fn find(

@@ -1,6 +1,8 @@
 //! Captures for quality measurements: training frames and held-out pictures.
 
+use crate::alignment::Alignment;
 use crate::display::Screen;
+use crate::one_camera::{self, OneCamera};
 use crate::pose_error::{PoseErrors, joints_apart};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
@@ -72,6 +74,24 @@ pub(super) struct View {
     pub truth: FrameImage,
 }
 
+/// A capture to measure on.
+#[derive(Debug, Clone)]
+pub enum Film {
+    /// A folder with pictures from other cameras or of other poses.
+    Studio(PathBuf),
+    /// One camera's frames, some of which are held out.
+    OneCamera(PathBuf, OneCamera),
+}
+
+impl Film {
+    /// Its folder or archive.
+    pub(super) fn path(&self) -> &Path {
+        match self {
+            Self::Studio(path) | Self::OneCamera(path, _) => path,
+        }
+    }
+}
+
 /// Reads the captures in `folders`, with the held-out pictures of `protocol` scaled to its size,
 /// or to `size` pixels if it has none.
 pub(super) fn read_all(
@@ -80,11 +100,30 @@ pub(super) fn read_all(
     protocol: &Protocol,
     screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
+    let films: Vec<Film> = folders.iter().cloned().map(Film::Studio).collect();
+    read_films(&films, size, 0, protocol, screen)
+}
+
+/// The same for `films`; of those of one camera, every `hold_out`-th frame is held out.
+pub(super) fn read_films(
+    films: &[Film],
+    size: u32,
+    hold_out: usize,
+    protocol: &Protocol,
+    screen: &dyn Screen,
+) -> anyhow::Result<Vec<Recording>> {
     let mut recordings: Vec<Recording> = Vec::new();
-    for folder in folders {
-        screen.note(&format!("reading {}", folder.display()));
-        let recording = read(folder, protocol.size(size), protocol)
-            .with_context(|| format!("the capture {}", folder.display()))?;
+    for film in films {
+        let path = film.path();
+        let size = protocol.size(size);
+        let recording = match film {
+            Film::Studio(folder) => {
+                screen.note(&format!("reading {}", folder.display()));
+                read(folder, size, protocol)
+            }
+            Film::OneCamera(_, film) => one_camera::recording(film, hold_out, size),
+        };
+        let recording = recording.with_context(|| format!("the capture {}", path.display()))?;
         ensure!(
             recordings.iter().all(|other| other.name != recording.name),
             "two captures are called {}; people need distinct names",
@@ -100,11 +139,11 @@ pub(super) fn read_all(
 /// is measured at the exact ones.
 pub(super) fn train_on_poses_of(
     file: &str,
-    folders: &[PathBuf],
+    films: &[Film],
     recordings: &mut [Recording],
 ) -> anyhow::Result<()> {
-    for (folder, recording) in folders.iter().zip(recordings) {
-        let path = folder.join(file);
+    for (film, recording) in films.iter().zip(recordings) {
+        let path = film.path().join(file);
         let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
         let others = PoseTrack::from_file(file, &bytes)
             .map_err(CaptureError::Invalid)
@@ -200,8 +239,7 @@ impl Recording {
         };
         let track = &self.shard.track;
         let skeleton = Skeleton::from_track(&track.skeleton)?;
-        let given = track.frames.iter().map(Pose::from_frame);
-        let given = given.collect::<Result<Vec<_>, _>>()?;
+        let given = self.given_poses()?;
         let refined_mm = || {
             let pairs = refined.iter().map(|(place, pose)| (pose, &exact[*place]));
             joints_apart(&skeleton, pairs)
@@ -210,6 +248,23 @@ impl Recording {
             given_mm: joints_apart(&skeleton, given.iter().zip(exact)),
             refined_mm: (!refined.is_empty()).then(refined_mm),
         }))
+    }
+
+    /// The gauge of a model that was learned from its training poses as `refined`, with their
+    /// places in the track, or as given where none are; `None` where training has the exact ones.
+    pub(super) fn alignment(&self, refined: &[(usize, Pose)]) -> anyhow::Result<Option<Alignment>> {
+        let Some(exact) = &self.exact else {
+            return Ok(None);
+        };
+        let given = self.given_poses()?;
+        let refined = refined.iter().map(|(place, pose)| (&exact[*place], pose));
+        let refined = Alignment::between(refined);
+        Ok(refined.or_else(|| Alignment::between(exact.iter().zip(&given))))
+    }
+
+    fn given_poses(&self) -> anyhow::Result<Vec<Pose>> {
+        let poses = self.shard.track.frames.iter().map(Pose::from_frame);
+        Ok(poses.collect::<Result<_, _>>()?)
     }
 
     /// This person in `slot` of a model to be trained.

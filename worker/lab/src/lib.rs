@@ -1,6 +1,7 @@
 //! Experiments: models trained and measured in one process, without a service.
 //!
 //! - [`quality`]: quality of a model on held-out pictures of given captures.
+//! - [`captures`], [`one_camera`]: films and their held-out pictures.
 //! - [`ablation`]: the paper's four variants on the same captures.
 //! - [`displacement`]: how near learned motion of clothes comes to the truth.
 //! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
@@ -12,15 +13,17 @@
 //! Nothing here prints: the caller passes a [`display::Screen`].
 
 pub mod ablation;
+mod alignment;
 pub mod bench;
-mod captures;
+pub mod captures;
 mod cast;
 pub mod displacement;
 pub mod display;
-mod fitted;
 mod measure;
 mod memory;
 pub mod model_dir;
+pub mod one_camera;
+mod other_poses;
 pub mod pictures;
 pub mod plot;
 pub mod pose_error;

@@ -69,13 +69,14 @@ pub(super) fn subject(
         })
     };
     let (novel_view, novel_pose) = (score(Split::NovelView)?, score(Split::NovelPose)?);
+    let scores = SplitScores {
+        novel_view,
+        novel_pose,
+    };
     Ok(SubjectScore {
         name: recording.name.clone(),
-        scores: SplitScores {
-            novel_view,
-            novel_pose,
-        },
-        black_image_psnr: novel_view.black_psnr,
+        scores,
+        black_image_psnr: scores.black_psnr(),
     })
 }
 

@@ -4,19 +4,20 @@
 //! This is the reference measurement of the model's quality: the same captures, size, seconds and
 //! seed give comparable figures between versions.
 
-use crate::captures::{self, Recording, Split, View};
+use crate::alignment::Alignment;
+use crate::captures::{self, Film, Recording, Split, View};
 use crate::display::Screen;
-use crate::fitted;
 use crate::measure;
+use crate::other_poses;
 use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use anyhow::Context;
 use std::path::PathBuf;
-use yoto_avatar::config::{ModelConfig, Setting, Sharing};
+use yoto_avatar::config::{ModelConfig, Refine, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, Trainer};
+use yoto_avatar::train::{Budget, TrainOptions, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::v1::Progress;
@@ -30,8 +31,10 @@ const CURVE_PICTURES: usize = 6;
 /// Settings of a measurement.
 #[derive(Debug, Clone)]
 pub struct QualityOptions {
-    /// Capture folders, one per person.
-    pub captures: Vec<PathBuf>,
+    /// Captures, one per person.
+    pub captures: Vec<Film>,
+    /// Every so many frames of a capture of one camera, one is held out.
+    pub hold_out: usize,
     /// Longest side of the pictures, pixels.
     pub size: u32,
     /// Training budget.
@@ -48,8 +51,8 @@ pub struct QualityOptions {
     pub settings: Vec<Setting>,
     /// File in each capture's folder with other poses for its training frames.
     pub train_poses: Option<String>,
-    /// Whether the poses of the training frames are refined.
-    pub refine_poses: bool,
+    /// Whose poses of training frames are refined, in place of the tier's choice.
+    pub refine_poses: Option<Refine>,
     /// Whether held-out pictures are also measured after a fit of their poses alone.
     pub fit_poses: bool,
     /// Random seed.
@@ -70,24 +73,30 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     if let Some(sharing) = options.sharing {
         config = config.shared(sharing)?;
     }
-    if options.refine_poses {
-        config = config.refining_poses();
-    }
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
-    let mut recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let mut recordings = captures::read_films(
+        &options.captures,
+        options.size,
+        options.hold_out,
+        protocol,
+        screen,
+    )?;
     if let Some(file) = &options.train_poses {
         captures::train_on_poses_of(file, &options.captures, &mut recordings)?;
     }
     let picked = pick_device(screen);
     let people = recordings.iter().enumerate();
     let people = people.map(|(slot, recording)| recording.person(slot));
-    let train_options = training::options(
-        options.budget,
-        options.size,
-        options.seed,
-        options.lpips.as_ref(),
-    );
+    let train_options = TrainOptions {
+        refine_poses: options.refine_poses,
+        ..training::options(
+            options.budget,
+            options.size,
+            options.seed,
+            options.lpips.as_ref(),
+        )
+    };
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
     let curve = train(&mut trainer, &recordings, protocol, screen)?;
     finish(
@@ -117,23 +126,24 @@ fn train(
     while !trainer.finished() {
         trainer.step().context("a training step")?;
         let progress = trainer.progress();
-        let psnr = curve.novel_view.last().map(|point| point.psnr);
+        let newest = curve.novel_view.last().or(curve.novel_pose.last());
+        let psnr = newest.map(|point| point.psnr);
         display.progress(&shown(&progress, "training", psnr));
         if progress.fraction >= next_point || trainer.finished() {
             display.progress(&shown(&progress, "evaluating", psnr));
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
-            let point = |split| -> anyhow::Result<CurvePoint> {
+            let point = |split| -> anyhow::Result<Option<CurvePoint>> {
                 let score = measure::subset(&examiner, recordings, split, CURVE_PICTURES)?;
-                Ok(CurvePoint {
+                Ok((score.pictures > 0).then_some(CurvePoint {
                     seconds: progress.train_seconds,
                     step: progress.step,
                     psnr: score.psnr,
                     psnr_mask_box: score.psnr_mask_box,
                     ssim: score.ssim,
-                })
+                }))
             };
-            curve.novel_view.push(point(Split::NovelView)?);
-            curve.novel_pose.push(point(Split::NovelPose)?);
+            curve.novel_view.extend(point(Split::NovelView)?);
+            curve.novel_pose.extend(point(Split::NovelPose)?);
             next_point = ((progress.fraction * CURVE_POINTS).floor() + 1.0) / CURVE_POINTS;
         }
     }
@@ -188,19 +198,27 @@ fn finish(
             )
         };
         let (novel_view, novel_pose) = (examine(Split::NovelView)?, examine(Split::NovelPose)?);
+        let scores = SplitScores {
+            novel_view,
+            novel_pose,
+        };
         subjects.push(SubjectScore {
             name: recording.name.clone(),
-            scores: SplitScores {
-                novel_view,
-                novel_pose,
-            },
-            black_image_psnr: novel_view.black_psnr,
+            scores,
+            black_image_psnr: scores.black_psnr(),
         });
     }
     display.finish(&format!("{done} held-out pictures"));
     let fitted = options
         .fit_poses
-        .then(|| fitted::scores(trainer, &examiner, recordings, options.measured, screen))
+        .then(|| other_poses::fitted(trainer, &examiner, recordings, options.measured, screen))
+        .transpose()?;
+    let alignments = recordings.iter().enumerate();
+    let alignments = alignments.map(|(slot, it)| it.alignment(&trainer.refined_poses(slot)));
+    let alignments: Vec<_> = alignments.collect::<anyhow::Result<_>>()?;
+    let alignments: Option<Vec<Alignment>> = alignments.into_iter().collect();
+    let aligned = alignments
+        .map(|it| other_poses::aligned(&it, &examiner, recordings, options.measured, screen))
         .transpose()?;
     let errors = recordings.iter().enumerate();
     let errors = errors.map(|(slot, it)| it.pose_errors(&trainer.refined_poses(slot)));
@@ -210,6 +228,7 @@ fn finish(
     Ok(Report {
         mean: SplitScores::mean(&subjects),
         fitted,
+        aligned,
         subjects,
         steps: progress.step,
         train_seconds: progress.train_seconds,
@@ -220,6 +239,7 @@ fn finish(
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
         active_parts: progress.active_parts,
+        notes: progress.notes,
         pose_errors: PoseErrors::mean(&errors),
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {

@@ -19,6 +19,10 @@ pub struct Report {
     /// was not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<SplitScores>,
+    /// The same with the held-out poses moved by the mean change from exact training poses to those
+    /// that the model was learned from; absent where it was learned from exact ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aligned: Option<SplitScores>,
     /// Training steps taken.
     pub steps: u64,
     /// Seconds of training, without evaluation.
@@ -40,6 +44,9 @@ pub struct Report {
     /// Parts of the model that take part only from some moment of a run on, and did at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
+    /// Decisions at the start of the training.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Of training poses that are not the exact ones, the mean over the people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<PoseErrors>,
@@ -79,7 +86,8 @@ pub struct SubjectScore {
     /// Figures of both splits.
     #[serde(flatten)]
     pub scores: SplitScores,
-    /// PSNR of an all-black picture against the novel views, dB: the baseline.
+    /// PSNR of an all-black picture against the novel views, or the novel poses without any view,
+    /// dB: the baseline.
     pub black_image_psnr: f64,
 }
 
@@ -119,6 +127,15 @@ pub struct CurvePoint {
 }
 
 impl SplitScores {
+    /// PSNR of an all-black picture against the novel views, or the novel poses without any view.
+    pub fn black_psnr(&self) -> f64 {
+        if self.novel_view.pictures > 0 {
+            self.novel_view.black_psnr
+        } else {
+            self.novel_pose.black_psnr
+        }
+    }
+
     /// The mean over people, with equal weights.
     pub fn mean(subjects: &[SubjectScore]) -> Self {
         let mean = |split: fn(&SplitScores) -> &Score| {
@@ -155,8 +172,12 @@ impl Report {
                     psnr_mask_box,
                     ssim,
                     black_psnr,
+                    pictures,
                     ..
                 } = score;
+                if *pictures == 0 {
+                    return format!("{:^33}", "no pictures");
+                }
                 format!("{psnr:>8.2} {psnr_mask_box:>8.2} {ssim:>7.4} {black_psnr:>7.2}")
             };
             format!(
@@ -181,6 +202,9 @@ impl Report {
         if let Some(fitted) = &self.fitted {
             lines.push(row("poses fitted", fitted));
         }
+        if let Some(aligned) = &self.aligned {
+            lines.push(row("aligned", aligned));
+        }
         lines.push(format!(
             "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s per rendered frame",
             self.steps,
@@ -198,6 +222,7 @@ impl Report {
                 self.active_parts.join(", ")
             ));
         }
+        lines.extend(self.notes.iter().cloned());
         if let Some(errors) = &self.pose_errors {
             let refined = errors.refined_mm.map_or("not refined".into(), |refined| {
                 format!("{refined:.1} mm after refinement")
@@ -241,6 +266,7 @@ mod tests {
         Report {
             mean: SplitScores::mean(&subjects),
             fitted: None,
+            aligned: None,
             subjects,
             steps: 1200,
             train_seconds: 150.0,
@@ -251,6 +277,7 @@ mod tests {
             device: "cpu".into(),
             objective: "mse+ssim".into(),
             active_parts: vec!["pose correction".into()],
+            notes: Vec::new(),
             pose_errors: None,
             render_seconds_per_frame: 0.8,
             settings: Settings {

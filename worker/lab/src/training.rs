@@ -37,7 +37,7 @@ pub(crate) fn options(
     lpips: Option<&LpipsWeights>,
 ) -> TrainOptions {
     TrainOptions {
-        refine_poses: false,
+        refine_poses: None,
         budget,
         used_seconds: 0.0,
         used_steps: 0,

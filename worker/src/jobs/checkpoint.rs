@@ -89,7 +89,7 @@ fn download(
         return Ok(Err("it has no manifest".into()));
     };
     let manifest: Manifest = match fetch(context, object)? {
-        Ok(bytes) => match serde_json::from_slice(&bytes) {
+        Ok(bytes) => match Manifest::from_json(&bytes) {
             Ok(manifest) => manifest,
             Err(error) => return Ok(Err(format!("{}: {error}", object.key))),
         },
@@ -98,8 +98,10 @@ fn download(
     let folder = TempDir::new().map_err(|error| local(&error))?;
     // A checkpoint is complete without occupancy grids, for early ones have none, and without
     // refined poses.
-    let optional = [files::OCCUPANCY, files::REFINEMENT].into_iter();
-    let optional = optional.filter(|file| manifest.object(file).is_some());
+    let optional = manifest.objects.iter().map(|it| &*it.file);
+    let optional = optional.filter(|file| {
+        [files::OCCUPANCY, files::REFINEMENT].contains(file) || files::is_refined_poses(file)
+    });
     for file in wanted.iter().copied().chain(optional) {
         let Some(entry) = manifest.object(file) else {
             return Ok(Err(format!("its manifest names no {file}")));
@@ -143,20 +145,18 @@ pub(crate) fn publish(
     let model_id = id(Collection::Models, saved.model)?;
     let prefix = keys::checkpoint(model_id, context.job_id()?, context.token, saved.step);
     let mut objects = Vec::new();
-    for file in [
+    let always = [
         files::WEIGHTS,
         files::OPTIMISER,
         files::OCCUPANCY,
-        files::REFINEMENT,
         files::STATE,
-    ] {
-        if file == files::REFINEMENT && !folder.join(file).exists() {
-            continue;
-        }
-        let bytes = fs::read(folder.join(file)).map_err(|error| local(&error))?;
+    ];
+    let refined = refinement_files(folder).map_err(|error| local(&error))?;
+    for file in always.map(str::to_owned).into_iter().chain(refined) {
+        let bytes = fs::read(folder.join(&file)).map_err(|error| local(&error))?;
         let object = context.put(&format!("{prefix}/{file}"), bytes)?;
         objects.push(ManifestObject {
-            file: file.into(),
+            file,
             key: object.key,
             bytes: object.bytes,
             sha256: object.sha256,
@@ -184,6 +184,19 @@ pub(crate) fn publish(
         ..Checkpoint::default()
     })?;
     Ok(manifest.bytes())
+}
+
+/// Files in `folder` that only checkpoints with refined poses have.
+fn refinement_files(folder: &Path) -> std::io::Result<Vec<String>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if name == files::REFINEMENT || files::is_refined_poses(&name) {
+            found.push(name);
+        }
+    }
+    found.sort_unstable();
+    Ok(found)
 }
 
 fn local(error: &std::io::Error) -> JobFailure {

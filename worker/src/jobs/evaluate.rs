@@ -6,6 +6,7 @@
 
 mod tradeoff;
 
+use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
 use yoto_avatar::{
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
@@ -44,7 +45,13 @@ pub fn run(
     let mut pictures = Vec::new();
     for slot in &slots {
         context.check()?;
-        pictures.push(Pictures::fetch(context, inputs, slot, spec.image_size)?);
+        pictures.push(Pictures::fetch(
+            context,
+            inputs,
+            &found,
+            slot,
+            spec.image_size,
+        )?);
     }
     let scores = measure(context, &examiner, &pictures)?;
     let tradeoff = match &spec.tradeoff {
@@ -125,10 +132,12 @@ impl Pictures {
     fn fetch(
         context: &JobContext,
         inputs: &Inputs,
+        found: &Downloaded,
         slot: &IdentitySlot,
         size: u32,
     ) -> Result<Self, JobFailure> {
-        let (display_name, shard) = shard::fetch(context, inputs, &slot.subject)?;
+        let subject = &slot.subject;
+        let (display_name, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
         let frames = held_out(&shard, size)?;
         if frames.is_empty() {
             return Err(JobFailure::Failed {

@@ -9,6 +9,7 @@ mod request;
 mod truth;
 mod views;
 
+use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure, checkpoint, shard};
 use crate::media::{animation::Animation, picture};
 use quality::Promise;
@@ -36,7 +37,7 @@ pub fn run(
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) =
         checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "render")?;
-    let (views, truths) = expand(context, &request, &renderer, inputs)?;
+    let (views, truths) = expand(context, &request, &renderer, &found, inputs)?;
     let promise = match &spec.quality {
         Some(quality) => {
             let promise = Promise::make(context, quality, &found.checkpoint, &renderer, &views)?;
@@ -62,6 +63,7 @@ fn expand(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
+    found: &Downloaded,
     inputs: &Inputs,
 ) -> Result<(Vec<RenderView>, Truths), JobFailure> {
     let skeleton = renderer
@@ -81,15 +83,18 @@ fn expand(
     let views = match request.what {
         What::Views(list) => stage.listed(list)?,
         What::Orbit(orbit) => {
-            let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
+            let subject = &request.spec.subject;
+            let (_, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
             orbit::views(&stage, orbit, &shard.track)?
         }
         What::Clip(clip) => {
-            let (_, shard) = shard::fetch(context, inputs, &request.spec.subject)?;
+            let subject = &request.spec.subject;
+            let (_, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
             clip::views(&stage, clip, &shard.track, skeleton)?
         }
         What::Motion(transfer) => {
-            let (_, shard) = shard::fetch(context, inputs, &transfer.driver)?;
+            let driver = &transfer.driver;
+            let (_, shard) = shard::with_refined_poses(context, inputs, found, driver)?;
             let views = motion::views(&stage, transfer, &shard.track, skeleton)?;
             let truths = Truths::of_motion(request, transfer, shard, skeleton)?;
             return Ok((views, truths));

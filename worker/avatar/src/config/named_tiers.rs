@@ -3,8 +3,8 @@
 use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm,
-    NonRigidConfig, Numerics, OptimiseConfig, Precision, RefinementConfig, Schedule, Sharing,
-    Variant,
+    NonRigidConfig, Numerics, OptimiseConfig, Precision, Refine, RefinementConfig, Schedule,
+    Sharing, Variant,
 };
 
 impl ModelConfig {
@@ -115,7 +115,10 @@ fn grid_tier(
             all_bands: 0.8,
             final_rate: 0.05,
         },
-        refinement: RefinementConfig::default(),
+        refinement: RefinementConfig {
+            who: Refine::Auto,
+            ..RefinementConfig::default()
+        },
     }
 }
 

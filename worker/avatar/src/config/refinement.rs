@@ -1,7 +1,21 @@
 //! Refinement of the poses of training frames.
 
-use super::{ConfigError, ModelConfig, Schedule};
+use super::ConfigError;
 use serde::{Deserialize, Serialize};
+
+/// Whose poses a training refines.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Refine {
+    /// Nobody's.
+    #[default]
+    Never,
+    /// Those of people whose bodies wander off their masks
+    /// ([`PRECISE`](yoto_capture::check::PRECISE)).
+    Auto,
+    /// Everybody's.
+    Always,
+}
 
 /// Refinement of the poses of training frames: before each step, the pose of its frame is fitted
 /// to the frame with the model as it is then. It belongs to a training, not to the model: renders
@@ -9,12 +23,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefinementConfig {
-    /// Whether poses are refined at all.
-    pub enabled: bool,
+    /// Whose poses are refined.
+    pub who: Refine,
     /// Start, as a share of the run.
     pub start: f64,
     /// End, as a share of the run: after it, the model learns from poses that stay.
     pub end: f64,
+    /// Share of the steps before which a pose is fitted.
+    pub share: f64,
     /// Blur of the compared pictures at the start, as a share of the person's longer side in the
     /// picture: a fit finds what is about as far away as pictures are blurred.
     pub first_blur: f64,
@@ -39,9 +55,10 @@ impl Default for RefinementConfig {
     /// No refinement.
     fn default() -> Self {
         Self {
-            enabled: false,
+            who: Refine::Never,
             start: 0.05,
             end: 0.9,
+            share: 1.0,
             first_blur: 0.04,
             last_blur: 0.015,
             reach: 2.0,
@@ -49,7 +66,7 @@ impl Default for RefinementConfig {
             shift: 0.02,
             turn_jitter: 0.03,
             shift_jitter: 0.01,
-            noise: 0.05,
+            noise: 0.1,
         }
     }
 }
@@ -65,20 +82,11 @@ pub(crate) struct RefinementStage {
     pub share: f64,
 }
 
-impl ModelConfig {
-    /// This configuration with refined poses, in place of the network that corrects them.
-    pub fn refining_poses(mut self) -> Self {
-        self.refinement.enabled = true;
-        self.schedule.correction = Schedule::NEVER;
-        self
-    }
-}
-
 impl RefinementConfig {
     /// Whether training learns from refined poses after the completed fraction `progress` of a run:
     /// those that it has found stay when it no longer changes them.
     pub fn takes_part(&self, progress: f64) -> bool {
-        self.enabled && progress >= self.start
+        progress >= self.start
     }
 
     /// How poses are refined after the completed fraction `progress` of a run; `None` where they
@@ -93,6 +101,12 @@ impl RefinementConfig {
             reach: self.reach * (1.0 - 1.5 * passed).max(0.0),
             share: 1.0 - 0.5 * passed,
         })
+    }
+
+    /// Whether a pose is fitted before the step that follows `step` others.
+    pub(crate) fn fits_before(&self, step: u64) -> bool {
+        let fits = |steps: u64| (steps as f64 * self.share).floor();
+        fits(step + 1) > fits(step)
     }
 
     /// Blur after the share `passed` of a fit.
@@ -114,6 +128,7 @@ impl RefinementConfig {
         for (field, share) in [
             ("refinement.start", self.start),
             ("refinement.end", self.end),
+            ("refinement.share", self.share),
         ] {
             if !(0.0..=1.0).contains(&share) {
                 return wrong(field, "must be between 0 and 1");

@@ -150,11 +150,12 @@ impl Mean {
 }
 
 impl Score {
-    /// The mean of people's scores with equal weights, whatever their numbers of pictures; all zero
-    /// if there are none.
+    /// The mean of people's scores with equal weights, whatever their numbers of pictures. People
+    /// without pictures don't count; all zero if nobody has any.
     pub fn mean(scores: &[Self]) -> Self {
+        let scores: Vec<&Self> = scores.iter().filter(|it| it.pictures > 0).collect();
         let count = scores.len().max(1) as f64;
-        let over = |value: fn(&Self) -> f64| scores.iter().map(value).sum::<f64>() / count;
+        let over = |value: fn(&Self) -> f64| scores.iter().map(|it| value(it)).sum::<f64>() / count;
         let lpips: Option<Vec<f64>> = scores.iter().map(|score| score.lpips).collect();
         Self {
             psnr: over(|score| score.psnr),

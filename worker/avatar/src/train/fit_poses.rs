@@ -11,6 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
+use yoto_proto::pose_track::PoseTrack;
 
 /// Steps of the fit of a picture that is not trained on.
 const FIT_STEPS: u32 = 10;
@@ -25,6 +26,9 @@ impl Trainer {
         let Some(stage) = self.config.refinement.stage(self.opened()) else {
             return Ok(());
         };
+        if !self.config.refinement.fits_before(self.step) {
+            return Ok(());
+        }
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         let Some(poses) = &self.state.poses[subject.slot] else {
@@ -109,6 +113,34 @@ impl Trainer {
             Some(poses) => poses.refined(frame.place, &frame.pose),
             None => frame.pose.clone(),
         }
+    }
+
+    /// The pose track of `subject` as training has refined it: poses of held-out frames change as
+    /// their neighbours' do. `None` where poses stay as they are given.
+    pub(super) fn refined_track(
+        &self,
+        subject: &TrainSubject,
+    ) -> Result<Option<PoseTrack>, TrainError> {
+        let Some(poses) = &self.state.poses[subject.slot] else {
+            return Ok(None);
+        };
+        let mut track = subject.track.clone();
+        let trained = subject.frames.iter().map(|it| (it, true));
+        for (frame, trained) in trained.chain(subject.held_out.iter().map(|it| (it, false))) {
+            let pose = match trained {
+                true => poses.refined(frame.place, &frame.pose),
+                false => poses.as_neighbours(frame.place, &frame.pose),
+            };
+            let to = &mut track.frames[frame.place];
+            to.pose = pose
+                .rotations
+                .iter()
+                .flatten()
+                .map(|v| f64::from(*v))
+                .collect();
+            to.translation = pose.translation.map(f64::from);
+        }
+        Ok(Some(track))
     }
 
     /// The pose of each training frame of the person in `slot` as training has refined it, with the

@@ -19,6 +19,7 @@ mod start;
 mod tests;
 mod trainer;
 mod validate;
+mod whose_poses;
 
 pub use checkpoint::ModelState;
 pub(crate) use checkpoint::save_model;

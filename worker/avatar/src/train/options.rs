@@ -1,5 +1,6 @@
 //! Budget and data of a training.
 
+use crate::config::Refine;
 use crate::loss::lpips::LpipsWeights;
 use std::collections::BTreeSet;
 
@@ -50,9 +51,8 @@ pub struct TrainOptions {
     pub image_size: u32,
     /// The frames of each person that are held out.
     pub validation: Validation,
-    /// Whether the poses of the training frames are refined, also where the configuration says
-    /// nothing of it.
-    pub refine_poses: bool,
+    /// Whose poses are refined, in place of what the configuration says.
+    pub refine_poses: Option<Refine>,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
@@ -67,7 +67,7 @@ impl Default for TrainOptions {
             seed: 7,
             image_size: 0,
             validation: Validation::NONE,
-            refine_poses: false,
+            refine_poses: None,
             lpips: None,
         }
     }

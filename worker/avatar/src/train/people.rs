@@ -8,6 +8,7 @@ use std::sync::Arc;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{FrameImage, Shard};
+use yoto_proto::pose_track::PoseTrack;
 
 /// One identity's training data.
 #[derive(Clone)]
@@ -35,6 +36,8 @@ pub(super) struct TrainFrame {
 pub(super) struct TrainSubject {
     pub slot: usize,
     pub body: Body,
+    /// The poses as given, with their cameras.
+    pub track: PoseTrack,
     pub frames: Vec<TrainFrame>,
     /// Frames for validation.
     pub held_out: Vec<TrainFrame>,
@@ -86,6 +89,7 @@ impl TrainSubject {
         Ok(Self {
             slot: person.slot,
             body: Body::new(skeleton, config, device),
+            track: track.clone(),
             frames,
             held_out,
         })

@@ -34,6 +34,8 @@ pub struct TrainProgress {
     pub samples: SampleCounts,
     /// Scheduled parts of the model that are active.
     pub active_parts: Vec<String>,
+    /// Decisions at the start, for people.
+    pub notes: Vec<String>,
     /// Name of the objective, e.g. "mse+ssim".
     pub objective: &'static str,
     /// Seconds of this budget spent in steps.

@@ -44,13 +44,30 @@ impl PoseRefinement {
         self.changes[place].of(pose)
     }
 
+    /// `pose` of the frame at `place`, which is not trained on, changed as its neighbours are.
+    pub fn as_neighbours(&self, place: usize, pose: &Pose) -> Pose {
+        let beside = self.beside(place);
+        let mut mean = PoseChange(vec![0.0; self.changes[place].0.len()]);
+        for change in &beside {
+            for (mean, value) in mean.0.iter_mut().zip(&change.0) {
+                *mean += value / beside.len() as f32;
+            }
+        }
+        mean.of(pose)
+    }
+
+    /// The changes of the frames beside the one at `place`.
+    fn beside(&self, place: usize) -> Vec<&PoseChange> {
+        let beside = [place.checked_sub(1), place.checked_add(1)];
+        (beside.into_iter().flatten())
+            .filter_map(|place| self.changes.get(place))
+            .collect()
+    }
+
     /// What the frame at `place` should do without its picture: return to its given pose, and be
     /// changed as its neighbours are.
     pub fn wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
-        let beside = [place.checked_sub(1), place.checked_add(1)];
-        let beside: Vec<&PoseChange> = (beside.into_iter().flatten())
-            .filter_map(|place| self.changes.get(place))
-            .collect();
+        let beside = self.beside(place);
         let precision = |error: f64| error.powi(-2);
         let mut wishes = self.changes[place].wishes(config);
         let turns = wishes.len() - 3;
@@ -159,7 +176,11 @@ mod tests {
         // Neighbours pull to 0.3 four times as strongly as the given pose to 0.
         let wish = poses.wishes(&config, 4)[0];
         assert!((wish.step - (0.24 - 0.1)).abs() < 1e-7 && (wish.precision - 5.0).abs() < 1e-12);
+        let frame = Pose::rest(track().joints());
+        let mean = f64::from(poses.as_neighbours(4, &frame).rotations[0][0]);
+        assert!((mean - 0.3).abs() < 1e-6, "{mean}");
         poses.changes.truncate(1);
+        assert_eq!(poses.as_neighbours(0, &frame), frame);
         assert_eq!(poses.wishes(&config, 0)[0].precision, 1.0, "no neighbours");
     }
 

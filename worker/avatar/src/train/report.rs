@@ -44,7 +44,8 @@ impl Trainer {
         let (config, progress) = (&self.config, self.opened());
         let bands = config.non_rigid.bands;
         let mut parts = config.schedule.active_parts(progress, bands);
-        if config.refinement.takes_part(progress) {
+        let refined = self.state.poses.iter().any(Option::is_some);
+        if refined && config.refinement.takes_part(progress) {
             parts.push("pose refinement".to_owned());
         }
         parts
@@ -71,6 +72,11 @@ impl Trainer {
         };
         checkpoint::save_occupancy(dir, &self.state.occupancy)?;
         refinement_file::save(dir, &self.state.poses)?;
+        for subject in &self.subjects {
+            if let Some(track) = self.refined_track(subject)? {
+                refinement_file::save_track(dir, subject.slot, &track)?;
+            }
+        }
         checkpoint::save(dir, &state, self.state.avatar(), &self.state.optimiser)
     }
 

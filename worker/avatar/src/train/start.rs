@@ -9,9 +9,9 @@ use super::people::{Person, TrainSubject, check_people};
 use super::refinement::PoseRefinement;
 use super::refinement_file;
 use super::trainer::Trainer;
-use super::{TrainError, TrainProgress};
+use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, ModelConfig, Numerics};
+use crate::config::{ConfigError, ModelConfig, Numerics, Refine, Schedule};
 use crate::loss::{Objective, PatchObjective};
 use crate::ops::mlp::check_device;
 use crate::render::occupancy::Occupancy;
@@ -63,7 +63,7 @@ impl Trainer {
             checkpoint::load_optimiser(dir, optimiser(&saved.config.optimise))?,
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
-        if saved.config.refinement.enabled {
+        if saved.config.refinement.who != Refine::Never {
             state.poses = refinement_file::load(dir, saved.joints)?;
         }
         state.rate_scale = saved.rate_scale;
@@ -87,8 +87,8 @@ impl Trainer {
         device: Device,
     ) -> Result<Self, TrainError> {
         check_device(saved.config.precision, &device)?;
-        if options.refine_poses && !saved.config.refinement.enabled {
-            saved.config = saved.config.refining_poses();
+        if let Some(who) = options.refine_poses {
+            saved.config.refinement.who = who;
         }
         if saved.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
@@ -100,6 +100,7 @@ impl Trainer {
         state.occupancy.resize(slots.len(), None);
         state.poses.resize(slots.len(), None);
         let mut subjects = Vec::with_capacity(people.len());
+        let mut notes = Vec::new();
         for person in people {
             let subject = TrainSubject::new(
                 person,
@@ -111,16 +112,21 @@ impl Trainer {
             let known = state.occupancy[person.slot].take();
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
-            if saved.config.refinement.enabled {
-                let track = &person.shard.track;
-                let fresh = PoseRefinement::new(track);
-                let known = state.poses[person.slot].take();
+            let known = state.poses[person.slot].take();
+            let decision = whose_poses::decide(saved.config.refinement.who, person)?;
+            notes.extend(decision.why);
+            if decision.refine {
+                let fresh = PoseRefinement::new(&person.shard.track);
                 // Another film of the same person starts anew.
                 let known = known.filter(|known| known.continues(&fresh));
                 state.poses[person.slot] = Some(known.unwrap_or(fresh));
             }
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
+        }
+        // Refinement takes the place of the network that corrects poses.
+        if state.poses.iter().any(Option::is_some) {
+            saved.config.schedule.correction = Schedule::NEVER;
         }
         // Patches are no larger than any frame.
         let patch_size = subjects
@@ -136,6 +142,7 @@ impl Trainer {
         )?;
         let progress = TrainProgress {
             objective: objective.name(),
+            notes,
             ..TrainProgress::default()
         };
         let counts: Vec<usize> = subjects.iter().map(|it| it.frames.len()).collect();

@@ -185,7 +185,7 @@ fn masks_and_rates() {
             *group *= rate;
         }
         let options = TrainOptions {
-            refine_poses: false,
+            refine_poses: None,
             budget: Budget::Steps(60),
             used_seconds: 0.0,
             used_steps: 0,

@@ -175,7 +175,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
                 seed: 11,
                 image_size: 0,
                 validation: Validation::Every(3),
-                refine_poses: false,
+                refine_poses: None,
                 lpips: None,
             };
             let mut trainer =

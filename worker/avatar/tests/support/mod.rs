@@ -43,7 +43,7 @@ pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<Person> {
 /// A training of `steps` steps on all frames at their own size, without LPIPS.
 pub fn options(steps: u64) -> TrainOptions {
     TrainOptions {
-        refine_poses: false,
+        refine_poses: None,
         budget: Budget::Steps(steps),
         used_seconds: 0.0,
         used_steps: 0,

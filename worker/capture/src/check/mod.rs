@@ -22,6 +22,7 @@ mod silhouette;
 mod timing;
 
 pub use drawing::Drawing;
+pub use precision::{PRECISE, precision};
 pub use report::{Cause, Grade, Kind, Measure, Report, Tried};
 
 use crate::FrameImage;

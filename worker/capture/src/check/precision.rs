@@ -5,19 +5,45 @@
 //! wander, smooth as they may be.
 
 use super::figure::Figure;
-use super::fit::view;
+use super::fit::{Fitter, view};
 use super::observe::Observation;
 use super::plan::spread;
 use super::silhouette::{Canvas, Grid, Thumb};
-use crate::skeleton::Skeleton;
+use crate::Shard;
 use crate::skeleton::transform::dot;
+use crate::skeleton::{Skeleton, SkeletonError};
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Frames measured, at most.
 const MOST: usize = 100;
+/// Frames from which the body's thickness is told, at most.
+const SAMPLE: usize = 32;
 /// Frames from which a scatter is told, at least.
 const ENOUGH: usize = 8;
+
+/// Poses that wander farther than this are imprecise, metres: rendered captures with exact poses
+/// have up to 11 mm, with an estimator's noise 20.
+pub const PRECISE: f64 = 0.0125;
+
+/// How far the bodies of a capture wander off the masks of its frames, metres in the plane of the
+/// image; none with too few frames that show a whole person.
+///
+/// # Errors
+/// Invalid skeleton.
+pub fn precision(shard: &Shard) -> Result<Option<f64>, SkeletonError> {
+    let track = &shard.track;
+    Skeleton::from_track(&track.skeleton)?;
+    let places: Vec<usize> = (0..shard.frames()).collect();
+    let seen = spread(&places, MOST).into_iter();
+    let seen: Vec<Observation> = seen
+        .map(|place| Observation::of(place, &shard.image(place)))
+        .collect();
+    let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+    let reading = Correction::default();
+    let fit = Fitter::new(track, spread(&people, SAMPLE)).fit(&reading);
+    Ok(fit.and_then(|fit| scatter(track, &reading, fit.fatness, &seen)))
+}
 
 /// Root mean square of the offsets about their mean, metres in the plane of the image; none
 /// with too few frames. `track` is read as `reading` says.

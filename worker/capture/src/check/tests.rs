@@ -295,6 +295,16 @@ fn poses_that_wander_are_less_precise() {
     };
     let (exact, wandering) = (value(&exact), value(&wandering));
     assert!(wandering > 1.5 * exact, "{exact} {wandering}");
+
+    let (track, images) = film();
+    let mut shard = crate::ShardBuilder::new(track);
+    for image in &images {
+        shard.push(image).expect("fits");
+    }
+    let shard = shard.finish().expect("a shard");
+    let alone = precision(&shard).expect("a skeleton").expect("frames");
+    assert!((alone / exact - 1.0).abs() < 0.2, "{alone} {exact}");
+    assert!(alone < PRECISE, "{alone}");
 }
 
 #[test]

@@ -214,7 +214,7 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
 
 fn training(options: &BenchOptions) -> TrainOptions {
     TrainOptions {
-        refine_poses: false,
+        refine_poses: None,
         budget: Budget::Steps(options.settle + options.steps),
         used_seconds: 0.0,
         used_steps: 0,

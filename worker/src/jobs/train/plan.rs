@@ -2,12 +2,13 @@
 
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
+use yoto_avatar::config::Refine;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Validation};
 use yoto_proto::{
     manifest::Manifest,
     pose_track::{MAX_SIDE, violation},
-    v1::{Inputs, Model, TrainSpec, Violation},
+    v1::{Inputs, Model, PoseRefinement, TrainSpec, Violation},
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
@@ -78,7 +79,12 @@ impl Plan {
             seed: self.spec.seed,
             image_size: self.spec.image_size,
             validation: Validation::Every(HOLDOUT_EVERY),
-            refine_poses: self.spec.refine_poses,
+            refine_poses: match self.spec.refine_poses() {
+                PoseRefinement::Unspecified => None,
+                PoseRefinement::Always => Some(Refine::Always),
+                PoseRefinement::Never => Some(Refine::Never),
+                PoseRefinement::Auto => Some(Refine::Auto),
+            },
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),
@@ -115,6 +121,7 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
         seconds,
         image_size,
         checkpoint_seconds,
+        refine_poses,
         ..
     } = *spec;
     if !(0.0..=MAX_SECONDS).contains(&seconds) {
@@ -133,6 +140,12 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
         add(
             "checkpoint_seconds",
             format!("{checkpoint_seconds} is not between 0 and {MAX_SECONDS}"),
+        );
+    }
+    if PoseRefinement::try_from(refine_poses).is_err() {
+        add(
+            "refine_poses",
+            format!("{refine_poses} is not a value of PoseRefinement"),
         );
     }
     found
@@ -184,6 +197,13 @@ mod tests {
                     ..good.clone()
                 },
                 "checkpoint_seconds",
+            ),
+            (
+                TrainSpec {
+                    refine_poses: 9,
+                    ..good.clone()
+                },
+                "refine_poses",
             ),
         ] {
             let fields: Vec<String> = check(&spec).into_iter().map(|v| v.field).collect();

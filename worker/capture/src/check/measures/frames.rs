@@ -3,6 +3,7 @@
 use super::super::agreement::duplicates;
 use super::super::motion::Motion;
 use super::super::observe::Observation;
+use super::super::precision::PRECISE;
 use super::super::report::{Grade, Kind, Measure};
 use super::NAMED;
 use super::grading::{at_least, at_most, measure, median, percent};
@@ -137,8 +138,7 @@ pub(super) fn wander(value: Option<f64>) -> Measure {
     };
     let mut it = measure(
         Kind::Precision,
-        // Captures with exact poses have up to 11 mm, with an estimator's noise 20.
-        at_most(value, 0.015, 0.1),
+        at_most(value, PRECISE, 0.1),
         Some(value),
         format!("{:.1} mm", 1000.0 * value),
         meaning,

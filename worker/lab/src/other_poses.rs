@@ -1,0 +1,90 @@
+//! Scores of held-out pictures at other poses than those that came with them.
+//!
+//! After a fit of each pose alone, the difference remains that is not in where the model stands;
+//! after an alignment of all of them, the one that is not in its gauge.
+
+use crate::alignment::Alignment;
+use crate::captures::{Recording, Split, View};
+use crate::display::Screen;
+use crate::report::SplitScores;
+use anyhow::Context;
+use yoto_avatar::evaluate::{Examiner, Mean, Score, Truth};
+use yoto_avatar::train::Trainer;
+use yoto_capture::camera::Pose;
+use yoto_proto::v1::Progress;
+
+/// After a fit of each picture's pose: means over all people, at most `count` pictures of each and
+/// of each split.
+pub(super) fn fitted(
+    trainer: &Trainer,
+    examiner: &Examiner,
+    recordings: &[Recording],
+    count: usize,
+    screen: &dyn Screen,
+) -> anyhow::Result<SplitScores> {
+    scores(
+        examiner,
+        recordings,
+        count,
+        screen,
+        "fitting",
+        |slot, it| {
+            trainer
+                .fitted_pose(slot, &it.pose, &it.camera, &it.truth)
+                .with_context(|| format!("fitting the pose of {}", it.label))
+        },
+    )
+}
+
+/// With the poses of each person moved by their alignment: the same means.
+pub(super) fn aligned(
+    alignments: &[Alignment],
+    examiner: &Examiner,
+    recordings: &[Recording],
+    count: usize,
+    screen: &dyn Screen,
+) -> anyhow::Result<SplitScores> {
+    let pose = |slot: usize, it: &View| Ok(alignments[slot].of(&it.pose));
+    scores(examiner, recordings, count, screen, "aligned poses", pose)
+}
+
+fn scores(
+    examiner: &Examiner,
+    recordings: &[Recording],
+    count: usize,
+    screen: &dyn Screen,
+    title: &str,
+    pose: impl Fn(usize, &View) -> anyhow::Result<Pose>,
+) -> anyhow::Result<SplitScores> {
+    let mut display = screen.begin(title);
+    let mut done = 0;
+    let mut mean = |split: Split| -> anyhow::Result<Score> {
+        let mut mean = Mean::default();
+        for (slot, recording) in recordings.iter().enumerate() {
+            for view in recording.subset(split, count) {
+                let pose = pose(slot, view)?;
+                let truth = Truth {
+                    pose: &pose,
+                    camera: &view.camera,
+                    image: &view.truth,
+                };
+                let examined = examiner
+                    .examine(slot, &truth)
+                    .with_context(|| format!("measuring {}", view.label))?;
+                mean.add(&examined.score);
+                done += 1;
+                display.progress(&Progress {
+                    phase: format!("{}, picture {done}", recording.name),
+                    ..Progress::default()
+                });
+            }
+        }
+        Ok(mean.score())
+    };
+    let scores = SplitScores {
+        novel_view: mean(Split::NovelView)?,
+        novel_pose: mean(Split::NovelPose)?,
+    };
+    display.finish(&format!("{done} pictures"));
+    Ok(scores)
+}
