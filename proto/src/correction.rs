@@ -321,7 +321,10 @@ impl fmt::Display for Correction {
 }
 
 /// For each joint the one across the body's middle (x of the root), itself for a joint on it.
-fn other_sides(skeleton: &Skeleton) -> Result<Vec<usize>, CorrectionError> {
+///
+/// # Errors
+/// [`CorrectionError::NotSymmetric`].
+pub fn other_sides(skeleton: &Skeleton) -> Result<Vec<usize>, CorrectionError> {
     let rest = &skeleton.rest_joints;
     let middle = rest.first().map_or(0.0, |root| root[0]);
     let distance = |a: [f64; 3], b: [f64; 3]| -> f64 {

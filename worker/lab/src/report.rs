@@ -44,7 +44,7 @@ pub struct Report {
     /// Parts of the model that take part only from some moment of a run on, and did at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
-    /// Decisions at the start of the training.
+    /// Whose poses are refined and why, and what became of single frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Of training poses that are not the exact ones, the mean over the people.

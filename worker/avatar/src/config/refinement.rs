@@ -11,7 +11,7 @@ pub enum Refine {
     #[default]
     Never,
     /// Those of people whose bodies wander off their masks
-    /// ([`PRECISE`](yoto_capture::check::PRECISE)).
+    /// ([`PRECISE`](yoto_capture::check::PRECISE)), or jump as none can.
     Auto,
     /// Everybody's.
     Always,
@@ -60,7 +60,7 @@ impl Default for RefinementConfig {
             end: 0.9,
             share: 1.0,
             first_blur: 0.04,
-            last_blur: 0.015,
+            last_blur: 0.007,
             reach: 2.0,
             turn: 0.05,
             shift: 0.02,
@@ -80,6 +80,8 @@ pub(crate) struct RefinementStage {
     pub reach: f64,
     /// Share of a fit's step that is taken.
     pub share: f64,
+    /// Passed share of the refinement.
+    pub passed: f64,
 }
 
 impl RefinementConfig {
@@ -100,6 +102,7 @@ impl RefinementConfig {
             blur: self.blur(passed),
             reach: self.reach * (1.0 - 1.5 * passed).max(0.0),
             share: 1.0 - 0.5 * passed,
+            passed,
         })
     }
 

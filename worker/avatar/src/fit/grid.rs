@@ -7,7 +7,7 @@ use yoto_capture::FrameImage;
 
 /// Number of pixels that a grid has at most, about: enough for the parameters of a pose many times
 /// over.
-const PIXELS: f64 = 1200.0;
+const PIXELS: f64 = 600.0;
 
 /// A grid of pixels, row by row.
 pub(super) struct PixelGrid {

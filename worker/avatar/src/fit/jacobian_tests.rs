@@ -50,13 +50,13 @@ fn rays_change_as_the_rows_say() {
     let grid = PixelGrid::new(image, &covered, 0.2, [0.0; 2]).expect("a person");
     let posed = avatar.pose(&config, &body, 0, &pose, 0.0);
     let host = HostPose::new(&body, &pose, &posed).expect("reads");
-    let mut samples = fitter.samples(&pose, &picture, &grid, &host);
+    let mut samples = fitter.samples(&pose, &picture, &grid.pixels, &host);
     assert!(truth(image, covered[0] as usize, SEEN[0]) > 0.0);
 
     let width = 3 * (joints + 1);
     let size = 1e-3;
-    for weights in SEEN {
-        let (_, to_warped) = fitter.seen(&posed, &samples, weights).expect("renders");
+    for weights in SEEN.map(|weights| vec![weights; samples.rays]) {
+        let (_, to_warped) = fitter.seen(&posed, &samples, &weights).expect("renders");
         let rows = rows(&body, &host, &samples, &to_warped);
         let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let (mut off, mut all) = (0.0, 0.0);
@@ -89,7 +89,7 @@ fn rays_change_as_the_rows_say() {
                 let (warped, _) = warped.as_chunks::<4>();
                 samples.canonical = warped.iter().flat_map(|w| [w[0], w[1], w[2]]).collect();
                 samples.likelihoods = warped.iter().map(|w| w[3]).collect();
-                fitter.seen(&posed, &samples, weights).expect("renders").0
+                fitter.seen(&posed, &samples, &weights).expect("renders").0
             });
             let [less, more] = &mut shown;
             for (ray, row) in rows.chunks_exact(width).enumerate() {

@@ -65,8 +65,16 @@ pub(crate) struct Wish {
     pub precision: f64,
 }
 
+/// A step that fits best, and how far the pose before it was from the picture.
+pub(crate) struct Fit {
+    /// `[3 (K + 1)]`.
+    pub step: Vec<f64>,
+    /// As [`PoseFitter::misfit`].
+    pub misfit: f64,
+}
+
 impl PoseFitter<'_> {
-    /// The step `[3 (K + 1)]` from `pose` that fits best to `picture` and to the `wishes` for each
+    /// The step from `pose` that fits best to `picture` and to the `wishes` for each
     /// parameter: rotations of the joints in their own posed axes, radians, and the shift of the
     /// root in its own axes, metres. Pictures are blurred by the share `blur` of the person's
     /// longer side; `noise` is the expected difference of their values. `None` where the picture
@@ -82,30 +90,42 @@ impl PoseFitter<'_> {
         blur: f64,
         noise: f64,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Option<Vec<f64>>, RenderError> {
-        let offset = std::array::from_fn(|_| rng.random());
-        let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
-            return Ok(None);
-        };
+    ) -> Result<Option<Fit>, RenderError> {
+        // Each pixel shows one of both, so that one pass through the model gives all gradients.
+        let mut grids = Vec::with_capacity(SEEN.len());
+        for weights in SEEN {
+            let offset = std::array::from_fn(|_| rng.random());
+            let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
+                return Ok(None);
+            };
+            grids.push((grid, weights));
+        }
+        let pixels: Vec<usize> = (grids.iter())
+            .flat_map(|(grid, _)| grid.pixels.iter().copied())
+            .collect();
+        let weights: Vec<[f32; 4]> = (grids.iter())
+            .flat_map(|(grid, weights)| grid.pixels.iter().map(|_| *weights))
+            .collect();
         let Self { config, body, .. } = *self;
         let posed = self
             .avatar
             .pose(config, body, self.slot, pose, self.progress);
         let host = HostPose::new(body, pose, &posed)?;
-        let samples = self.samples(pose, picture, &grid, &host);
+        let samples = self.samples(pose, picture, &pixels, &host);
         if samples.live() == 0 {
             return Ok(None);
         }
         let width = wishes.len();
         let mut normal = Normal::new(width);
-        for weights in SEEN {
-            let (shown, to_warped) = self.seen(&posed, &samples, weights)?;
-            let rows = jacobian::rows(body, &host, &samples, &to_warped);
-            let differences: Vec<f64> = (grid.pixels.iter().zip(&shown))
-                .map(|(pixel, shown)| f64::from(truth(picture.image, *pixel, weights) - shown))
-                .collect();
-            let rows = grid.blur(&rows, width);
-            let differences = grid.blur(&differences, 1);
+        let mut misfit = Misfit::default();
+        let (shown, to_warped) = self.seen(&posed, &samples, &weights)?;
+        let rows = jacobian::rows(body, &host, &samples, &to_warped);
+        let mut first = 0;
+        for (grid, weights) in &grids {
+            let here = first..first + grid.pixels.len();
+            first = here.end;
+            let differences = misfit.add(grid, picture.image, *weights, &shown[here.clone()]);
+            let rows = grid.blur(&rows[width * here.start..width * here.end], width);
             for (row, difference) in rows.chunks_exact(width).zip(differences) {
                 let trust = 1.0 / (1.0 + (difference / ROBUST).powi(2));
                 normal.ask(row, difference, grid.independent() * trust / noise.powi(2));
@@ -114,20 +134,78 @@ impl PoseFitter<'_> {
         for (i, wish) in wishes.iter().enumerate() {
             normal.hold(i, wish.step, wish.precision);
         }
-        Ok(normal.solve().map(limited))
+        Ok(normal.solve().map(|step| Fit {
+            step: limited(step),
+            misfit: misfit.share(),
+        }))
     }
 
-    /// The live samples of the rays through the pixels of `grid`.
+    /// How far what the model shows in `pose` is from `picture`, both blurred as by
+    /// [`Self::step`]: the square of the difference as a share of the picture's square; `None` where
+    /// the picture does not show the person. `offset` in [0, 1)² shifts the compared pixels within a
+    /// cell.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn misfit(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        blur: f64,
+        offset: [f64; 2],
+    ) -> Result<Option<f64>, RenderError> {
+        let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
+            return Ok(None);
+        };
+        let Self { config, body, .. } = *self;
+        let posed = self
+            .avatar
+            .pose(config, body, self.slot, pose, self.progress);
+        let host = HostPose::new(body, pose, &posed)?;
+        let samples = self.samples(pose, picture, &grid.pixels, &host);
+        if samples.live() == 0 {
+            return Ok(Some(1.0));
+        }
+        let n = samples.live();
+        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
+        let points = Tensor::<2>::from_data(points, self.device);
+        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
+        let likelihood = Tensor::<1>::from_data(likelihood, self.device);
+        let values = self.avatar.fields(config, body, &posed, points);
+        let seen = composite(
+            &samples,
+            config.march.min_transmittance,
+            None,
+            values.rgb,
+            values.density,
+            likelihood,
+        );
+        let (rgb, alpha) = (read(seen.rgb)?, read(seen.alpha)?);
+        let mut misfit = Misfit::default();
+        for channel in 0..4 {
+            let shown: Vec<f32> = match channel {
+                3 => alpha.clone(),
+                _ => rgb.iter().skip(channel).step_by(3).copied().collect(),
+            };
+            let mut weights = [0.0; 4];
+            weights[channel] = if channel == 3 { 1.0 } else { THIRD };
+            let shown: Vec<f32> = shown.iter().map(|v| weights[channel] * v).collect();
+            misfit.add(&grid, picture.image, weights, &shown);
+        }
+        Ok(Some(misfit.share()))
+    }
+
+    /// The live samples of the rays through `pixels`.
     fn samples(
         &self,
         pose: &Pose,
         picture: &Picture,
-        grid: &PixelGrid,
+        pixels: &[usize],
         host: &HostPose,
     ) -> Samples {
         let sight = BodyView::new(&self.body.skeleton, pose, picture.camera);
         let width = picture.image.width;
-        let rays: Vec<_> = (grid.pixels.iter())
+        let rays: Vec<_> = (pixels.iter())
             .map(|p| sight.ray((p % width) as f64 + 0.5, (p / width) as f64 + 0.5))
             .collect();
         let volume = Volume {
@@ -140,13 +218,13 @@ impl PoseFitter<'_> {
         march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume)
     }
 
-    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity: `[R]`,
-    /// and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
+    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
+    /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
     fn seen(
         &self,
         posed: &Posed,
         samples: &Samples,
-        weights: [f32; 4],
+        weights: &[[f32; 4]],
     ) -> Result<(Vec<f32>, Vec<f32>), RenderError> {
         let n = samples.live();
         let points = TensorData::new(samples.canonical.clone(), [n, 3]);
@@ -165,7 +243,8 @@ impl PoseFitter<'_> {
             likelihood.clone(),
         );
         let seen = Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1);
-        let weights = Tensor::<1>::from_floats(weights, self.device).unsqueeze::<2>();
+        let weights = TensorData::new(weights.concat(), [weights.len(), 4]);
+        let weights = Tensor::<2>::from_data(weights, self.device);
         let seen = (seen * weights).sum_dim(1);
         let shown = read(seen.clone().detach())?;
         let grads = seen.sum().backward();
@@ -177,6 +256,47 @@ impl PoseFitter<'_> {
             .flat_map(|([x, y, z], likelihood)| [*x, *y, *z, likelihood])
             .collect();
         Ok((shown, to_warped))
+    }
+}
+
+/// Weight of a colour beside the opacity: the three together count as much.
+const THIRD: f32 = 0.577;
+
+/// Squares of blurred differences, and of what is blurred.
+#[derive(Default)]
+struct Misfit {
+    differences: f64,
+    truth: f64,
+}
+
+impl Misfit {
+    /// Adds what the pixels of `grid` show by the `weights` of red, green, blue and opacity, and
+    /// returns the blurred differences from `image`.
+    fn add(
+        &mut self,
+        grid: &PixelGrid,
+        image: &FrameImage,
+        weights: [f32; 4],
+        shown: &[f32],
+    ) -> Vec<f64> {
+        let wanted = grid
+            .pixels
+            .iter()
+            .map(|pixel| truth(image, *pixel, weights));
+        let wanted: Vec<f64> = wanted.map(f64::from).collect();
+        let differences: Vec<f64> = (wanted.iter().zip(shown))
+            .map(|(wanted, shown)| wanted - f64::from(*shown))
+            .collect();
+        let (differences, wanted) = (grid.blur(&differences, 1), grid.blur(&wanted, 1));
+        let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+        self.differences += squares(&differences);
+        self.truth += squares(&wanted);
+        differences
+    }
+
+    /// The differences as a share of the truth.
+    fn share(&self) -> f64 {
+        self.differences / self.truth.max(f64::MIN_POSITIVE)
     }
 }
 

@@ -8,11 +8,17 @@ use crate::fit::{Picture, PoseChange, PoseFitter};
 use burn::module::Module;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 use tracing::trace_span;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::readings::{Reading, between};
 use yoto_proto::pose_track::PoseTrack;
 
+/// Misfit of another reading, relative to the one so far, below which it replaces it.
+const CLEARLY: f64 = 0.6;
+/// Frames listed by number.
+const LISTED: usize = 20;
 /// Steps of the fit of a picture that is not trained on.
 const FIT_STEPS: u32 = 10;
 
@@ -45,12 +51,115 @@ impl Trainer {
         let pose = poses.refined(frame.place, &frame.pose);
         let config = &self.config.refinement;
         let wishes = poses.wishes(config, frame.place);
-        let step = fitter.step(&pose, &picture, &wishes, stage.blur, config.noise, rng)?;
-        let (slot, frame) = (subject.slot, frame.place);
-        if let (Some(step), Some(poses)) = (step, &mut self.state.poses[slot]) {
-            poses.take(frame, &step, &stage);
+        let fit = fitter.step(&pose, &picture, &wishes, stage.blur, config.noise, rng)?;
+        let Some(fit) = fit else {
+            return Ok(());
+        };
+        let (slot, at) = (subject.slot, frame.place);
+        let suspect = poses.suspects(at, stage.passed);
+        let other = match suspect {
+            true => {
+                Some(self.other_reading(subject, place.frame, &fitter, &picture, stage.blur)?)
+            }
+            false => None,
+        };
+        let Some(poses) = &mut self.state.poses[slot] else {
+            return Ok(());
+        };
+        let reread = matches!(other, Some(Some(_)));
+        if let Some(found) = other {
+            poses.tried(at, stage.passed, found);
+        }
+        if !reread {
+            poses.note(at, fit.misfit);
+            poses.take(at, &fit.step, &stage);
         }
         Ok(())
+    }
+
+    /// The reading of the training frame `frame` of `subject` that fits its `picture` clearly better
+    /// than its refined pose; `None` if none does.
+    fn other_reading(
+        &self,
+        subject: &TrainSubject,
+        frame: usize,
+        fitter: &PoseFitter,
+        picture: &Picture,
+        blur: f64,
+    ) -> Result<Option<(Reading, Pose)>, TrainError> {
+        let frame = &subject.frames[frame];
+        let Some(poses) = &self.state.poses[subject.slot] else {
+            return Ok(None);
+        };
+        let misfit = |pose: &Pose| fitter.misfit(pose, picture, blur, [0.5; 2]);
+        let now = misfit(&poses.refined(frame.place, &frame.pose))?;
+        let mut readings = vec![(Reading::Given, frame.pose.clone())];
+        if let Some(sides) = &subject.sides {
+            readings.extend(sides.readings(&frame.pose, &frame.camera));
+        }
+        let frames = &subject.frames;
+        let refined = |place: usize| {
+            let found = frames.iter().find(|it| it.place == place);
+            found.map(|it| poses.refined(place, &it.pose))
+        };
+        if let Some([before, after]) = poses.fitting_around(frame.place)
+            && let (Some(a), Some(b)) = (refined(before), refined(after))
+        {
+            let at = (frame.place - before) as f64 / (after - before) as f64;
+            readings.push((Reading::Between, between(&a, &b, at)));
+        }
+        let mut best: Option<(Reading, Pose, f64)> = None;
+        for (reading, pose) in readings {
+            let least = best.as_ref().map(|(_, _, least)| *least);
+            let enough = least
+                .or(now.map(|now| CLEARLY * now))
+                .unwrap_or(f64::INFINITY);
+            if let Some(found) = misfit(&pose)?.filter(|found| *found < enough) {
+                best = Some((reading, pose, found));
+            }
+        }
+        Ok(best.map(|(reading, pose, _)| (reading, pose)))
+    }
+
+    /// How much the frame at `place` counts in training, 0 to 1.
+    pub(super) fn weight(&self, place: FramePlace) -> f64 {
+        let subject = &self.subjects[place.subject];
+        let frame = subject.frames[place.frame].place;
+        let poses = self.state.poses[subject.slot].as_ref();
+        poses.map_or(1.0, |poses| poses.weight(frame))
+    }
+
+    /// Frames that are not trained on as they were given, for people.
+    pub(super) fn doubts(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for subject in &self.subjects {
+            let Some(poses) = &self.state.poses[subject.slot] else {
+                continue;
+            };
+            let (mut readings, left_out) = poses.doubts();
+            readings.retain(|(place, _)| !left_out.contains(place));
+            let mut by_reading: BTreeMap<Reading, Vec<u32>> = BTreeMap::new();
+            let index = |place: usize| subject.track.frames[place].index;
+            for (place, reading) in readings {
+                by_reading.entry(reading).or_default().push(index(place));
+            }
+            for (reading, frames) in by_reading {
+                notes.push(format!(
+                    "{}: read {reading}: {}",
+                    subject.name,
+                    listed(&frames)
+                ));
+            }
+            if !left_out.is_empty() {
+                let frames: Vec<u32> = left_out.into_iter().map(index).collect();
+                notes.push(format!(
+                    "{}: left out, no reading fits: {}",
+                    subject.name,
+                    listed(&frames)
+                ));
+            }
+        }
+        notes
     }
 
     /// `pose` of the person in `slot` after a fit to the picture `image` by `camera`, with the
@@ -84,10 +193,10 @@ impl Trainer {
             let (wishes, blur) = (change.wishes(config), config.blur(passed));
             let pose = change.of(pose);
             let step = fitter.step(&pose, &picture, &wishes, blur, config.noise, &mut rng)?;
-            let Some(step) = step else {
+            let Some(fit) = step else {
                 break;
             };
-            change.take(&step, 1.0);
+            change.take(&fit.step, 1.0);
         }
         Ok(change.of(pose))
     }
@@ -156,4 +265,18 @@ impl Trainer {
             .map(|frame| (frame.place, poses.refined(frame.place, &frame.pose)))
             .collect()
     }
+}
+
+/// `frames 3, 4, 12`, a few of them by number.
+fn listed(frames: &[u32]) -> String {
+    let shown = frames.iter().take(LISTED).map(u32::to_string);
+    let shown: Vec<String> = shown.collect();
+    let more = frames.len().saturating_sub(LISTED);
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    let noun = if frames.len() == 1 { "frame" } else { "frames" };
+    format!("{noun} {}{more}", shown.join(", "))
 }

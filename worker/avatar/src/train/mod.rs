@@ -1,5 +1,7 @@
 //! Training: batches of patches, steps, their supervision, and checkpoints.
 
+#[cfg(test)]
+mod bad_frames_tests;
 pub mod batch;
 mod checkpoint;
 mod fit_poses;

@@ -7,7 +7,9 @@ use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::readings::Sides;
 use yoto_capture::{FrameImage, Shard};
+use yoto_proto::correction::other_sides;
 use yoto_proto::pose_track::PoseTrack;
 
 /// One identity's training data.
@@ -36,8 +38,12 @@ pub(super) struct TrainFrame {
 pub(super) struct TrainSubject {
     pub slot: usize,
     pub body: Body,
+    /// Name of the person.
+    pub name: String,
     /// The poses as given, with their cameras.
     pub track: PoseTrack,
+    /// The joints' other sides, if the body is symmetric.
+    pub sides: Option<Sides>,
     pub frames: Vec<TrainFrame>,
     /// Frames for validation.
     pub held_out: Vec<TrainFrame>,
@@ -86,8 +92,12 @@ impl TrainSubject {
                 person.name
             )));
         }
+        let other = other_sides(&track.skeleton).ok();
+        let sides = other.map(|other| Sides::new(other, &skeleton.parents));
         Ok(Self {
             slot: person.slot,
+            name: person.name.clone(),
+            sides,
             body: Body::new(skeleton, config, device),
             track: track.clone(),
             frames,

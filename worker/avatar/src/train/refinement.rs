@@ -7,16 +7,33 @@ use crate::config::{RefinementConfig, RefinementStage};
 use crate::fit::{PoseChange, Wish};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::readings::Reading;
 use yoto_proto::pose_track::PoseTrack;
 
-/// Changes of a track's poses.
+/// Misfit relative to the median at which a frame counts half.
+const DOUBTFUL: f64 = 4.0;
+/// Misfit relative to the median above which other readings are tried.
+const SUSPECT: f64 = 1.5;
+/// Shares of the refinement after which other readings are tried.
+const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
+/// Farthest frames between which a lost one is placed.
+const FAR: usize = 10;
+
+/// Changes of a track's poses, and how well they fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct PoseRefinement {
     /// Fingerprint of the poses that were given.
     track: String,
     /// Of each frame of the track.
     changes: Vec<PoseChange>,
+    /// Latest misfit of each frame, once it was fitted.
+    misfits: Vec<Option<f32>>,
+    /// How often other readings of each frame were tried.
+    tried: Vec<u8>,
+    /// Frames that are not read as they were given, and their poses before the change.
+    readings: BTreeMap<usize, (Reading, Pose)>,
 }
 
 impl PoseRefinement {
@@ -25,13 +42,20 @@ impl PoseRefinement {
         Self {
             track: fingerprint(track),
             changes: vec![PoseChange::none(track.joints()); track.frames.len()],
+            misfits: vec![None; track.frames.len()],
+            tried: vec![0; track.frames.len()],
+            readings: BTreeMap::new(),
         }
     }
 
     /// Whether the changes are of a skeleton with `joints` joints, and finite.
     pub fn fits(&self, joints: usize) -> bool {
-        (self.changes.iter())
-            .all(|it| it.0.len() == 3 * (joints + 1) && it.0.iter().all(|v| v.is_finite()))
+        let frames = self.changes.len();
+        (self.misfits.len(), self.tried.len()) == (frames, frames)
+            && (self.readings.iter())
+                .all(|(place, (_, pose))| *place < frames && pose.rotations.len() == joints)
+            && (self.changes.iter())
+                .all(|it| it.0.len() == 3 * (joints + 1) && it.0.iter().all(|v| v.is_finite()))
     }
 
     /// Whether the changes are of the same poses as those of `other`.
@@ -39,9 +63,77 @@ impl PoseRefinement {
         self.track == other.track && self.changes.len() == other.changes.len()
     }
 
-    /// `pose` of the frame at `place` in the track with its change.
+    /// The given `pose` of the frame at `place` in the track as it is read, with its change.
     pub fn refined(&self, place: usize, pose: &Pose) -> Pose {
-        self.changes[place].of(pose)
+        let read = self.readings.get(&place).map_or(pose, |(_, pose)| pose);
+        self.changes[place].of(read)
+    }
+
+    /// Notes how far the frame at `place` was from its picture.
+    pub fn note(&mut self, place: usize, misfit: f64) {
+        self.misfits[place] = Some(misfit as f32);
+    }
+
+    /// The misfit of each frame relative to the median of all; 1 while it is unknown.
+    fn relative_misfits(&self) -> Vec<f64> {
+        let mut known: Vec<f32> = self.misfits.iter().flatten().copied().collect();
+        known.sort_unstable_by(f32::total_cmp);
+        let median = known.get(known.len() / 2).copied().map_or(0.0, f64::from);
+        let relative = |misfit: &Option<f32>| match misfit {
+            Some(misfit) if median > 0.0 => f64::from(*misfit) / median,
+            _ => 1.0,
+        };
+        self.misfits.iter().map(relative).collect()
+    }
+
+    /// How much the frame at `place` counts in training, 0 to 1: frames that fit far worse than
+    /// others show something else, or the person elsewhere.
+    pub fn weight(&self, place: usize) -> f64 {
+        counts(self.relative_misfits()[place])
+    }
+
+    /// Whether other readings of the frame at `place` should be tried now, after the share `passed`
+    /// of the refinement.
+    pub fn suspects(&self, place: usize, passed: f64) -> bool {
+        let due = TRIALS.iter().filter(|at| passed >= **at).count();
+        usize::from(self.tried[place]) < due && self.relative_misfits()[place] > SUSPECT
+    }
+
+    /// Notes that other readings of the frame at `place` were tried after the share `passed` of the
+    /// refinement, and that `found` fits, if any does.
+    pub fn tried(&mut self, place: usize, passed: f64, found: Option<(Reading, Pose)>) {
+        self.tried[place] = TRIALS.iter().filter(|at| passed >= **at).count() as u8;
+        let Some((reading, pose)) = found else {
+            return;
+        };
+        self.misfits[place] = None;
+        self.changes[place].0.fill(0.0);
+        match reading {
+            Reading::Given => self.readings.remove(&place),
+            reading => self.readings.insert(place, (reading, pose)),
+        };
+    }
+
+    /// The places nearest to `place` on both sides, up to [`FAR`] frames away, whose frames fit.
+    pub fn fitting_around(&self, place: usize) -> Option<[usize; 2]> {
+        let misfits = self.relative_misfits();
+        let fits = |place: &usize| self.misfits[*place].is_some() && misfits[*place] < SUSPECT;
+        let before = (place.saturating_sub(FAR)..place).rev().find(fits)?;
+        let after = (place + 1..self.changes.len().min(place + FAR + 1)).find(fits)?;
+        Some([before, after])
+    }
+
+    /// Places that are not read as given, and places that hardly count, rising.
+    pub fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
+        let readings = self.readings.iter();
+        let misfits = self.relative_misfits();
+        let left_out = (0..self.changes.len()).filter(|place| counts(misfits[*place]) < 0.1);
+        (
+            readings
+                .map(|(place, (reading, _))| (*place, *reading))
+                .collect(),
+            left_out.collect(),
+        )
     }
 
     /// `pose` of the frame at `place`, which is not trained on, changed as its neighbours are.
@@ -120,6 +212,11 @@ impl PoseRefinement {
     }
 }
 
+/// How much a frame counts whose misfit is `relative` to the median, 0 to 1.
+fn counts(relative: f64) -> f64 {
+    1.0 / (1.0 + (relative / DOUBTFUL).powi(4))
+}
+
 /// SHA-256 of a track's poses.
 fn fingerprint(track: &PoseTrack) -> String {
     let mut hash = Sha256::new();
@@ -150,6 +247,7 @@ mod tests {
             blur: 0.02,
             reach: 1.0,
             share: 0.5,
+            passed: 0.0,
         };
         poses.take(2, &step, &stage);
         let changes: Vec<f64> = (poses.changes.iter())

@@ -35,6 +35,7 @@ impl Trainer {
             rollbacks: self.guard.rollbacks,
             train_seconds: self.budget_seconds,
             active_parts: self.active_parts(),
+            notes: [self.progress.notes.clone(), self.doubts()].concat(),
             ..self.progress.clone()
         }
     }

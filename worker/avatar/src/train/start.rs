@@ -124,8 +124,9 @@ impl Trainer {
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
         }
-        // Refinement takes the place of the network that corrects poses.
-        if state.poses.iter().any(Option::is_some) {
+        // Refinement takes the place of the network that corrects poses; precise poses lose by either
+        // (docs/refinement.md).
+        if saved.config.refinement.who != Refine::Never {
             saved.config.schedule.correction = Schedule::NEVER;
         }
         // Patches are no larger than any frame.

@@ -119,7 +119,12 @@ impl Trainer {
         );
         self.progress.samples += counts;
         if let Some(outcome) = outcome {
-            let taken = self.descend(outcome.loss, &outcome.terms)?;
+            let weight = self.weight(place);
+            let loss = match weight < 1.0 {
+                true => outcome.loss * weight,
+                false => outcome.loss,
+            };
+            let taken = self.descend(loss, &outcome.terms)?;
             if let (true, Some(seen), Some(grid)) =
                 (taken, outcome.observations, &mut self.state.occupancy[slot])
             {

@@ -30,6 +30,16 @@ use crate::skeleton::{Skeleton, SkeletonError};
 use observe::Observation;
 use yoto_proto::pose_track::PoseTrack;
 
+/// Indices of frames before which a joint jumps as no body can: the tracker lost hold, or the film was
+/// cut.
+///
+/// # Errors
+/// Invalid skeleton.
+pub fn jumps(track: &PoseTrack) -> Result<Vec<u32>, SkeletonError> {
+    let skeleton = Skeleton::from_track(&track.skeleton)?;
+    Ok(motion::Motion::of(track, &skeleton).jumps)
+}
+
 /// Takes the frames of a capture one by one and reports on all of them.
 pub struct Checker {
     track: PoseTrack,

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::camera::Camera;
-use crate::synthetic::SyntheticPerson;
+use crate::synthetic::{Estimator, SyntheticPerson};
 use std::sync::OnceLock;
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror};
 
@@ -305,6 +305,36 @@ fn poses_that_wander_are_less_precise() {
     let alone = precision(&shard).expect("a skeleton").expect("frames");
     assert!((alone / exact - 1.0).abs() < 0.2, "{alone} {exact}");
     assert!(alone < PRECISE, "{alone}");
+}
+
+#[test]
+fn estimated_poses_are_told_from_exact_ones() {
+    let value = |report: &Report| {
+        let measure = report.measure(Kind::Precision).expect("measured");
+        measure.value.expect("enough frames")
+    };
+    let exact = value(&broken(|_, _| {}));
+    for seed in 0..4 {
+        let found = value(&broken(|track, _| {
+            let estimator = Estimator {
+                mistakes: 0.0,
+                ..Estimator::default()
+            };
+            let estimate = estimator.estimate(track, seed);
+            *track = estimate.expect("an estimate").track;
+        }));
+        println!(
+            "{:.1} mm exact, {:.1} mm estimated",
+            1e3 * exact,
+            1e3 * found
+        );
+        assert!(exact < PRECISE && found > PRECISE, "{exact} {found}");
+    }
+    assert!(jumps(&film().0).expect("a skeleton").is_empty());
+    let (mut lost, _) = film();
+    lost.frames[20].translation[0] += 1.0;
+    let index = |at: usize| lost.frames[at].index;
+    assert_eq!(jumps(&lost).expect("a skeleton"), [index(20), index(21)]);
 }
 
 #[test]

@@ -6,6 +6,7 @@
 mod bounds;
 pub mod kinematics;
 mod pose;
+pub mod readings;
 mod retarget;
 pub mod smpl;
 pub mod transform;

@@ -11,9 +11,12 @@ mod build;
 mod cast;
 mod cloth;
 mod drape;
+mod estimator;
 mod motion;
 mod outfit;
 mod raycast;
+
+pub use estimator::{Estimate, Estimator, Mistake};
 
 use crate::FrameImage;
 use crate::camera::Camera;
