@@ -5,7 +5,7 @@ use super::canvas::Colour;
 use super::text;
 use super::tiles::{self, CAPTION, SIDE};
 use crate::capture_dir::DecodedCapture;
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use image::{GenericImage, Rgb, RgbImage};
 use std::collections::HashMap;
 use yoto_capture::check::Drawing;
@@ -49,11 +49,11 @@ pub fn refined_sheet(capture: &DecodedCapture, refined: &PoseTrack) -> anyhow::R
         let y = GAP + at * row;
         text::write(&mut page, GAP, y, SCALE, INK, title);
         for (column, place) in (0..).zip(&places) {
-            let Some(picture) = pictures.get(place) else {
-                continue;
-            };
+            let index = track.frames[*place].index;
+            let picture = pictures.get(place);
+            let picture = picture.with_context(|| format!("frame {index} has no picture"))?;
             let drawing = Drawing::of(track, *place)?;
-            let tile = tiles::tile(picture, &drawing, track.frames[*place].index);
+            let tile = tiles::tile(picture, &drawing, index);
             // The page has room for all columns of both rows.
             page.copy_from(&tile, GAP + column * (SIDE + GAP), y + LINE)?;
         }

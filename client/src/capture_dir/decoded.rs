@@ -32,7 +32,9 @@ impl DecodedCapture {
         ffmpeg: Option<&Path>,
     ) -> anyhow::Result<Self> {
         let found = CaptureDir::open_with(path, options)?;
-        let name = path.file_name().unwrap_or(path.as_os_str());
+        let full = path.canonicalize();
+        let full = full.with_context(|| format!("finding {}", path.display()))?;
+        let name = full.file_name().unwrap_or(path.as_os_str());
         let name = name.to_string_lossy().into_owned();
         // The plan and the track are in memory, but the reader needs them on disk.
         let written = tempfile::tempdir().context("making a temporary folder")?;

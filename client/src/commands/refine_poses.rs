@@ -10,7 +10,7 @@ pub(super) enum RefinePoses {
     Always,
     /// Nobody's.
     Never,
-    /// Those of people whose bodies wander off their masks.
+    /// Those of people whose bodies wander off their masks or jump.
     Auto,
 }
 

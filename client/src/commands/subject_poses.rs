@@ -1,10 +1,12 @@
 //! `yoto subject poses`: the poses of a person as a training has refined them.
 
 use super::Server;
+use super::correction::CorrectionArgs;
 use super::ffmpeg_arg::FfmpegArg;
+use super::media_args::MediaArgs;
 use crate::api::YotoClient;
 use crate::capture_check::refined_sheet;
-use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use crate::capture_dir::DecodedCapture;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::ImageFormat;
@@ -14,7 +16,7 @@ use yoto_proto::v1::{Model, Subject};
 const AFTER_HELP: &str = "\
 A training refines the poses of people whose bodies wander off their masks (`yoto train --help`).
 Renders of their own frames and of their motion use the refined poses. The file that this command
-writes is a poses.json: put in place of the capture's, it starts the next training from there.
+writes is a poses.json of the frames that were trained on, with all corrections applied.
 
 Examples:
   yoto subject poses ada --refined ada/refined.json
@@ -35,9 +37,13 @@ pub(super) struct SubjectPoses {
     /// Also draw both skeletons on frames of --capture.
     #[arg(long, value_name = "PNG", requires = "capture")]
     sheet: Option<PathBuf>,
-    /// The capture that was added.
+    /// The capture that was added, read with the same options.
     #[arg(long, value_name = "CAPTURE", requires = "sheet")]
     capture: Option<PathBuf>,
+    #[command(flatten)]
+    media: MediaArgs,
+    #[command(flatten)]
+    correction: CorrectionArgs,
     #[command(flatten)]
     ffmpeg: FfmpegArg,
     #[command(flatten)]
@@ -54,7 +60,7 @@ impl SubjectPoses {
         write(&self.refined, &json)?;
         println!("poses: {}", self.refined.display());
         if let (Some(sheet), Some(capture)) = (&self.sheet, &self.capture) {
-            let options = CaptureOptions::default();
+            let options = self.media.options(self.correction.correction());
             let decoded = DecodedCapture::open(capture, &options, self.ffmpeg.program())?;
             let mut png = std::io::Cursor::new(Vec::new());
             refined_sheet(&decoded, &track)?

@@ -239,7 +239,7 @@ fn finish(
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
         active_parts: progress.active_parts,
-        notes: progress.notes,
+        notes: trainer.notes(),
         pose_errors: PoseErrors::mean(&errors),
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {

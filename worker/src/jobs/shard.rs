@@ -3,9 +3,8 @@
 use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure};
 use std::sync::Arc;
+use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
-use yoto_proto::manifest::files;
-use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::{Inputs, SubjectShard};
 
 /// The shard of `subject`, with its display name.
@@ -48,27 +47,12 @@ pub(crate) fn with_refined_poses(
     let Some(slot) = slots.into_iter().find(|it| it.subject == subject) else {
         return Ok((name, shard));
     };
-    let file = files::refined_poses(slot.slot as usize);
-    let path = found.folder.path().join(&file);
-    if !path.exists() {
-        return Ok((name, shard));
-    }
-    let bytes = std::fs::read(path)
-        .map_err(|error| JobFailure::failed("INTERNAL", "the worker's temporary folder", &error))?;
-    let refined = PoseTrack::from_binary(&bytes).map_err(JobFailure::Invalid)?;
-    // A person may have been filmed anew since.
-    if same_film(&refined, &shard.track) {
+    let refined = refined_track(found.folder.path(), slot.slot as usize, &shard.track)
+        .map_err(|error| JobFailure::failed("INTERNAL", "the refined poses", &error))?;
+    if let Some(refined) = refined {
         Arc::make_mut(&mut shard).track = refined;
     }
     Ok((name, shard))
-}
-
-/// Whether two tracks are of the same frames and cameras.
-fn same_film(a: &PoseTrack, b: &PoseTrack) -> bool {
-    a.skeleton == b.skeleton
-        && a.image_size == b.image_size
-        && a.frames.len() == b.frames.len()
-        && (a.frames.iter().zip(&b.frames)).all(|(a, b)| (a.index, a.k, a.e) == (b.index, b.k, b.e))
 }
 
 fn missing(subject: &str) -> JobFailure {

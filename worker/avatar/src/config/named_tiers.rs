@@ -110,7 +110,8 @@ fn grid_tier(
         schedule: Schedule {
             steps: 5000,
             warm_up: 0.02,
-            correction: 0.3,
+            // Refinement takes its place, and precise poses lose by it (docs/refinement.md).
+            correction: Schedule::NEVER,
             non_rigid: 0.3,
             all_bands: 0.8,
             final_rate: 0.05,

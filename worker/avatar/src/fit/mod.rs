@@ -25,9 +25,11 @@ use yoto_capture::FrameImage;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 
+/// Weight of a colour beside the opacity, 1 / √3: the three together count as much.
+const COLOUR: f32 = 0.577;
 /// What a fit compares, as weights of red, green, blue and opacity: the opacity, and the
 /// brightness over black.
-const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], [0.577, 0.577, 0.577, 0.0]];
+const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], [COLOUR, COLOUR, COLOUR, 0.0]];
 /// A difference that counts half, of values up to 1: what neither pose nor model explain, such as
 /// another object, should not pull.
 const ROBUST: f64 = 0.3;
@@ -69,7 +71,8 @@ pub(crate) struct Wish {
 pub(crate) struct Fit {
     /// `[3 (K + 1)]`.
     pub step: Vec<f64>,
-    /// As [`PoseFitter::misfit`].
+    /// The square of the difference from the picture as a share of the picture's square, both
+    /// blurred.
     pub misfit: f64,
 }
 
@@ -77,8 +80,8 @@ impl PoseFitter<'_> {
     /// The step from `pose` that fits best to `picture` and to the `wishes` for each
     /// parameter: rotations of the joints in their own posed axes, radians, and the shift of the
     /// root in its own axes, metres. Pictures are blurred by the share `blur` of the person's
-    /// longer side; `noise` is the expected difference of their values. `None` where the picture
-    /// does not show the person, or the model shows nothing.
+    /// longer side; `noise` is the expected difference of their values. No step where the model shows
+    /// nothing; `None` where the picture does not show the person.
     ///
     /// # Errors
     /// If the device fails.
@@ -112,10 +115,11 @@ impl PoseFitter<'_> {
             .pose(config, body, self.slot, pose, self.progress);
         let host = HostPose::new(body, pose, &posed)?;
         let samples = self.samples(pose, picture, &pixels, &host);
-        if samples.live() == 0 {
-            return Ok(None);
-        }
         let width = wishes.len();
+        if samples.live() == 0 {
+            let step = vec![0.0; width];
+            return Ok(Some(Fit { step, misfit: 1.0 }));
+        }
         let mut normal = Normal::new(width);
         let mut misfit = Misfit::default();
         let (shown, to_warped) = self.seen(&posed, &samples, &weights)?;
@@ -134,10 +138,8 @@ impl PoseFitter<'_> {
         for (i, wish) in wishes.iter().enumerate() {
             normal.hold(i, wish.step, wish.precision);
         }
-        Ok(normal.solve().map(|step| Fit {
-            step: limited(step),
-            misfit: misfit.share(),
-        }))
+        let found = normal.solve().map(limited).zip(misfit.share());
+        Ok(found.map(|(step, misfit)| Fit { step, misfit }))
     }
 
     /// How far what the model shows in `pose` is from `picture`, both blurred as by
@@ -188,11 +190,11 @@ impl PoseFitter<'_> {
                 _ => rgb.iter().skip(channel).step_by(3).copied().collect(),
             };
             let mut weights = [0.0; 4];
-            weights[channel] = if channel == 3 { 1.0 } else { THIRD };
+            weights[channel] = if channel == 3 { 1.0 } else { COLOUR };
             let shown: Vec<f32> = shown.iter().map(|v| weights[channel] * v).collect();
             misfit.add(&grid, picture.image, weights, &shown);
         }
-        Ok(Some(misfit.share()))
+        Ok(misfit.share())
     }
 
     /// The live samples of the rays through `pixels`.
@@ -259,9 +261,6 @@ impl PoseFitter<'_> {
     }
 }
 
-/// Weight of a colour beside the opacity: the three together count as much.
-const THIRD: f32 = 0.577;
-
 /// Squares of blurred differences, and of what is blurred.
 #[derive(Default)]
 struct Misfit {
@@ -294,9 +293,9 @@ impl Misfit {
         differences
     }
 
-    /// The differences as a share of the truth.
-    fn share(&self) -> f64 {
-        self.differences / self.truth.max(f64::MIN_POSITIVE)
+    /// The differences as a share of the truth; `None` if the truth is nothing.
+    fn share(&self) -> Option<f64> {
+        (self.truth > 0.0).then(|| self.differences / self.truth)
     }
 }
 

@@ -29,12 +29,13 @@ impl Trainer {
         place: FramePlace,
         rng: &mut ChaCha8Rng,
     ) -> Result<(), TrainError> {
-        let Some(stage) = self.config.refinement.stage(self.opened()) else {
+        let (opened, fraction) = (self.opened(), self.fraction());
+        let config = &self.config.refinement;
+        let poses = self.state.poses[self.subjects[place.subject].slot].as_mut();
+        let stage = poses.and_then(|poses| poses.stage(config, opened, fraction));
+        let Some(stage) = stage.filter(|_| config.fits_before(self.step)) else {
             return Ok(());
         };
-        if !self.config.refinement.fits_before(self.step) {
-            return Ok(());
-        }
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         let Some(poses) = &self.state.poses[subject.slot] else {
@@ -86,7 +87,7 @@ impl Trainer {
         fitter: &PoseFitter,
         picture: &Picture,
         blur: f64,
-    ) -> Result<Option<(Reading, Pose)>, TrainError> {
+    ) -> Result<Option<(Reading, Pose, PoseChange)>, TrainError> {
         let frame = &subject.frames[frame];
         let Some(poses) = &self.state.poses[subject.slot] else {
             return Ok(None);
@@ -97,28 +98,33 @@ impl Trainer {
         if let Some(sides) = &subject.sides {
             readings.extend(sides.readings(&frame.pose, &frame.camera));
         }
+        let none = PoseChange::none(self.joints);
+        let mut readings: Vec<(Reading, Pose, PoseChange)> = (readings.into_iter())
+            .map(|(reading, pose)| (reading, pose, none.clone()))
+            .collect();
         let frames = &subject.frames;
-        let refined = |place: usize| {
+        let read = |place: usize| {
             let found = frames.iter().find(|it| it.place == place);
-            found.map(|it| poses.refined(place, &it.pose))
+            found.map(|it| poses.read(place, &it.pose))
         };
         if let Some([before, after]) = poses.fitting_around(frame.place)
-            && let (Some(a), Some(b)) = (refined(before), refined(after))
+            && let (Some(a), Some(b)) = (read(before), read(after))
         {
             let at = (frame.place - before) as f64 / (after - before) as f64;
-            readings.push((Reading::Between, between(&a, &b, at)));
+            let change = poses.change_between([before, after], at);
+            readings.push((Reading::Between, between(&a, &b, at), change));
         }
-        let mut best: Option<(Reading, Pose, f64)> = None;
-        for (reading, pose) in readings {
-            let least = best.as_ref().map(|(_, _, least)| *least);
+        let mut best: Option<((Reading, Pose, PoseChange), f64)> = None;
+        for (reading, pose, change) in readings {
+            let least = best.as_ref().map(|(_, least)| *least);
             let enough = least
                 .or(now.map(|now| CLEARLY * now))
                 .unwrap_or(f64::INFINITY);
-            if let Some(found) = misfit(&pose)?.filter(|found| *found < enough) {
-                best = Some((reading, pose, found));
+            if let Some(found) = misfit(&change.of(&pose))?.filter(|found| *found < enough) {
+                best = Some(((reading, pose, change), found));
             }
         }
-        Ok(best.map(|(reading, pose, _)| (reading, pose)))
+        Ok(best.map(|(found, _)| found))
     }
 
     /// How much the frame at `place` counts in training, 0 to 1.
@@ -136,8 +142,8 @@ impl Trainer {
             let Some(poses) = &self.state.poses[subject.slot] else {
                 continue;
             };
-            let (mut readings, left_out) = poses.doubts();
-            readings.retain(|(place, _)| !left_out.contains(place));
+            let (mut readings, hardly) = poses.doubts();
+            readings.retain(|(place, _)| !hardly.contains(place));
             let mut by_reading: BTreeMap<Reading, Vec<u32>> = BTreeMap::new();
             let index = |place: usize| subject.track.frames[place].index;
             for (place, reading) in readings {
@@ -150,12 +156,12 @@ impl Trainer {
                     listed(&frames)
                 ));
             }
-            if !left_out.is_empty() {
-                let frames: Vec<u32> = left_out.into_iter().map(index).collect();
+            if !hardly.is_empty() {
+                let frames: Vec<u32> = hardly.into_iter().map(index).collect();
+                let name = &subject.name;
+                let frames = listed(&frames);
                 notes.push(format!(
-                    "{}: left out, no reading fits: {}",
-                    subject.name,
-                    listed(&frames)
+                    "{name}: hardly counted, as no reading fits: {frames}"
                 ));
             }
         }

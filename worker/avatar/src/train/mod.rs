@@ -30,6 +30,7 @@ pub use options::{Budget, TrainOptions, Validation};
 pub use parts::read_parts;
 pub use people::Person;
 pub use progress::TrainProgress;
+pub use refinement_file::refined_track;
 pub use trainer::Trainer;
 
 use crate::config::ConfigError;

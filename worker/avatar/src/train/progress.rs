@@ -34,7 +34,7 @@ pub struct TrainProgress {
     pub samples: SampleCounts,
     /// Scheduled parts of the model that are active.
     pub active_parts: Vec<String>,
-    /// Whose poses are refined and why, and what became of single frames, for people.
+    /// Whose poses are refined and why, for people.
     pub notes: Vec<String>,
     /// Name of the objective, e.g. "mse+ssim".
     pub objective: &'static str,

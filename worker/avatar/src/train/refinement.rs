@@ -1,7 +1,8 @@
 //! Refined poses of training frames: a change per frame.
 //!
 //! The mean of all changes stays zero, since a change that all frames share is a change of the
-//! canonical body as well.
+//! canonical body as well. So do the mean shift of the root along the view and its mean turn out of
+//! the picture's plane, of which one camera shows nothing.
 
 use crate::config::{RefinementConfig, RefinementStage};
 use crate::fit::{PoseChange, Wish};
@@ -10,12 +11,17 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::readings::Reading;
-use yoto_proto::pose_track::PoseTrack;
+use yoto_capture::skeleton::transform::{
+    Mat34, Vec3, add, compose, inverse, rigid, rodrigues, rotate,
+};
+use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// Misfit relative to the median at which a frame counts half.
+/// Misfit, relative to that of other frames at that time, at which a frame counts half.
 const DOUBTFUL: f64 = 4.0;
-/// Misfit relative to the median above which other readings are tried.
+/// Relative misfit above which other readings are tried.
 const SUSPECT: f64 = 1.5;
+/// Weight of the newest misfit in the typical one.
+const SMOOTHING: f32 = 0.03;
 /// Shares of the refinement after which other readings are tried.
 const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
 /// Farthest frames between which a lost one is placed.
@@ -28,24 +34,43 @@ pub(super) struct PoseRefinement {
     track: String,
     /// Of each frame of the track.
     changes: Vec<PoseChange>,
-    /// Latest misfit of each frame, once it was fitted.
+    /// Whether they are found over one run of a model whose own refinement was over.
+    late: bool,
+    /// Whether they change no more.
+    done: bool,
+    /// Latest misfit of each frame relative to the typical one then, once it was fitted.
     misfits: Vec<Option<f32>>,
-    /// How often other readings of each frame were tried.
+    /// Logarithm of the typical misfit: a moving mean over the frames that were fitted last.
+    typical: Option<f32>,
+    /// Number of [`TRIALS`] of each frame that are past.
     tried: Vec<u8>,
     /// Frames that are not read as they were given, and their poses before the change.
     readings: BTreeMap<usize, (Reading, Pose)>,
+    /// From the axes of each frame's given root to those of its camera: across, down, along the view.
+    #[serde(skip)]
+    views: Vec<Mat34>,
 }
 
 impl PoseRefinement {
-    /// No change yet of the poses of `track`.
-    pub fn new(track: &PoseTrack) -> Self {
+    /// No change yet of the poses of `track`; `late` if the model's own refinement is over.
+    pub fn new(track: &PoseTrack, late: bool) -> Self {
         Self {
             track: fingerprint(track),
+            late,
+            done: false,
+            typical: None,
             changes: vec![PoseChange::none(track.joints()); track.frames.len()],
             misfits: vec![None; track.frames.len()],
             tried: vec![0; track.frames.len()],
             readings: BTreeMap::new(),
+            views: track.frames.iter().map(view).collect(),
         }
+    }
+
+    /// The same after it was read from a file, which has nothing of the `track` itself.
+    pub fn seen_in(mut self, track: &PoseTrack) -> Self {
+        self.views = track.frames.iter().map(view).collect();
+        self
     }
 
     /// Whether the changes are of a skeleton with `joints` joints, and finite.
@@ -58,81 +83,119 @@ impl PoseRefinement {
                 .all(|it| it.0.len() == 3 * (joints + 1) && it.0.iter().all(|v| v.is_finite()))
     }
 
-    /// Whether the changes are of the same poses as those of `other`.
-    pub fn continues(&self, other: &Self) -> bool {
-        self.track == other.track && self.changes.len() == other.changes.len()
+    /// Whether the changes are of the poses of `track`.
+    pub fn is_of(&self, track: &PoseTrack) -> bool {
+        self.track == fingerprint(track) && self.changes.len() == track.frames.len()
     }
 
-    /// The given `pose` of the frame at `place` in the track as it is read, with its change.
-    pub fn refined(&self, place: usize, pose: &Pose) -> Pose {
+    /// How poses are refined now, after the completed fraction `opened` of the model's first run
+    /// and `fraction` of this one; `None` where they are not.
+    pub fn stage(
+        &mut self,
+        config: &RefinementConfig,
+        opened: f64,
+        fraction: f64,
+    ) -> Option<RefinementStage> {
+        let progress = if self.late { fraction } else { opened };
+        self.done |= progress >= config.end;
+        match self.done {
+            true => None,
+            false => config.stage(progress),
+        }
+    }
+
+    /// The given `pose` of the frame at `place` in the track as it is read, without its change.
+    pub fn read(&self, place: usize, pose: &Pose) -> Pose {
         let read = self.readings.get(&place).map_or(pose, |(_, pose)| pose);
-        self.changes[place].of(read)
+        read.clone()
+    }
+
+    /// The same with its change.
+    pub fn refined(&self, place: usize, pose: &Pose) -> Pose {
+        self.changes[place].of(&self.read(place, pose))
+    }
+
+    /// The change at the share `at` of the way from that of one frame to that of another.
+    pub fn change_between(&self, [from, to]: [usize; 2], at: f64) -> PoseChange {
+        let (from, to) = (&self.changes[from].0, &self.changes[to].0);
+        let pairs = from.iter().zip(to);
+        PoseChange(pairs.map(|(a, b)| a + at as f32 * (b - a)).collect())
     }
 
     /// Notes how far the frame at `place` was from its picture.
     pub fn note(&mut self, place: usize, misfit: f64) {
-        self.misfits[place] = Some(misfit as f32);
+        let log = (misfit as f32).max(f32::MIN_POSITIVE).ln();
+        if !log.is_finite() {
+            return;
+        }
+        let typical = self.typical.get_or_insert(log);
+        self.misfits[place] = Some((log - *typical).exp());
+        // A few frames that are altogether wrong hardly move it.
+        *typical += SMOOTHING * (log - *typical).clamp(-1.0, 1.0);
     }
 
-    /// The misfit of each frame relative to the median of all; 1 while it is unknown.
-    fn relative_misfits(&self) -> Vec<f64> {
-        let mut known: Vec<f32> = self.misfits.iter().flatten().copied().collect();
-        known.sort_unstable_by(f32::total_cmp);
-        let median = known.get(known.len() / 2).copied().map_or(0.0, f64::from);
-        let relative = |misfit: &Option<f32>| match misfit {
-            Some(misfit) if median > 0.0 => f64::from(*misfit) / median,
-            _ => 1.0,
-        };
-        self.misfits.iter().map(relative).collect()
+    /// The latest misfit of the frame at `place` relative to the typical one; 1 while it is unknown.
+    fn misfit(&self, place: usize) -> f64 {
+        self.misfits[place].map_or(1.0, f64::from)
     }
 
     /// How much the frame at `place` counts in training, 0 to 1: frames that fit far worse than
     /// others show something else, or the person elsewhere.
     pub fn weight(&self, place: usize) -> f64 {
-        counts(self.relative_misfits()[place])
+        1.0 / (1.0 + (self.misfit(place) / DOUBTFUL).powi(4))
     }
 
     /// Whether other readings of the frame at `place` should be tried now, after the share `passed`
     /// of the refinement.
     pub fn suspects(&self, place: usize, passed: f64) -> bool {
         let due = TRIALS.iter().filter(|at| passed >= **at).count();
-        usize::from(self.tried[place]) < due && self.relative_misfits()[place] > SUSPECT
+        usize::from(self.tried[place]) < due && self.misfit(place) > SUSPECT
     }
 
     /// Notes that other readings of the frame at `place` were tried after the share `passed` of the
-    /// refinement, and that `found` fits, if any does.
-    pub fn tried(&mut self, place: usize, passed: f64, found: Option<(Reading, Pose)>) {
+    /// refinement, and that `found` fits, with its change, if any does.
+    pub fn tried(&mut self, place: usize, passed: f64, found: Option<(Reading, Pose, PoseChange)>) {
         self.tried[place] = TRIALS.iter().filter(|at| passed >= **at).count() as u8;
-        let Some((reading, pose)) = found else {
+        let Some((reading, pose, change)) = found else {
             return;
         };
         self.misfits[place] = None;
-        self.changes[place].0.fill(0.0);
+        self.changes[place] = change;
         match reading {
             Reading::Given => self.readings.remove(&place),
             reading => self.readings.insert(place, (reading, pose)),
         };
     }
 
+    /// Whether the axes of the frame's joints are those of its neighbours: they are not where sides
+    /// are exchanged.
+    fn has_usual_axes(&self, place: usize) -> bool {
+        let reading = self.readings.get(&place).map(|(reading, _)| *reading);
+        matches!(reading, None | Some(Reading::Between))
+    }
+
     /// The places nearest to `place` on both sides, up to [`FAR`] frames away, whose frames fit.
     pub fn fitting_around(&self, place: usize) -> Option<[usize; 2]> {
-        let misfits = self.relative_misfits();
-        let fits = |place: &usize| self.misfits[*place].is_some() && misfits[*place] < SUSPECT;
+        let fits = |place: &usize| {
+            self.misfits[*place].is_some_and(|misfit| f64::from(misfit) < SUSPECT)
+                && self.has_usual_axes(*place)
+        };
         let before = (place.saturating_sub(FAR)..place).rev().find(fits)?;
         let after = (place + 1..self.changes.len().min(place + FAR + 1)).find(fits)?;
         Some([before, after])
     }
 
-    /// Places that are not read as given, and places that hardly count, rising.
+    /// Places that are not read as given, and places that hardly count though other readings were
+    /// tried, rising.
     pub fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
         let readings = self.readings.iter();
-        let misfits = self.relative_misfits();
-        let left_out = (0..self.changes.len()).filter(|place| counts(misfits[*place]) < 0.1);
+        let places = 0..self.changes.len();
+        let hardly = places.filter(|place| self.tried[*place] > 0 && self.weight(*place) < 0.1);
         (
             readings
                 .map(|(place, (reading, _))| (*place, *reading))
                 .collect(),
-            left_out.collect(),
+            hardly.collect(),
         )
     }
 
@@ -148,10 +211,14 @@ impl PoseRefinement {
         mean.of(pose)
     }
 
-    /// The changes of the frames beside the one at `place`.
+    /// The changes of the frames beside the one at `place`, in the same axes.
     fn beside(&self, place: usize) -> Vec<&PoseChange> {
+        if !self.has_usual_axes(place) {
+            return Vec::new();
+        }
         let beside = [place.checked_sub(1), place.checked_add(1)];
         (beside.into_iter().flatten())
+            .filter(|place| self.has_usual_axes(*place))
             .filter_map(|place| self.changes.get(place))
             .collect()
     }
@@ -186,35 +253,68 @@ impl PoseRefinement {
     /// Neighbours follow.
     pub fn take(&mut self, place: usize, step: &[f64], stage: &RefinementStage) {
         self.changes[place].take(step, stage.share);
+        if !self.has_usual_axes(place) {
+            return;
+        }
         // Beyond 2.5 standard deviations nothing follows noticeably.
         for distance in 1..=(2.5 * stage.reach) as usize {
             let by = stage.share * (-0.5 * (distance as f64 / stage.reach).powi(2)).exp();
             let beside = [place.checked_sub(distance), place.checked_add(distance)];
             for place in beside.into_iter().flatten() {
-                if let Some(change) = self.changes.get_mut(place) {
-                    change.take(step, by);
+                if place < self.changes.len() && self.has_usual_axes(place) {
+                    self.changes[place].take(step, by);
                 }
             }
         }
         self.centre();
     }
 
-    /// Subtracts the mean of all changes.
+    /// Subtracts the mean of all changes in the usual axes.
     fn centre(&mut self) {
-        let frames = self.changes.len() as f64;
+        let places = 0..self.changes.len();
+        let usual: Vec<usize> = places.filter(|it| self.has_usual_axes(*it)).collect();
         for i in 0..self.changes.first().map_or(0, |it| it.0.len()) {
-            let sum: f64 = self.changes.iter().map(|it| f64::from(it.0[i])).sum();
-            let mean = (sum / frames) as f32;
-            for change in &mut self.changes {
-                change.0[i] -= mean;
+            let sum: f64 = (usual.iter())
+                .map(|place| f64::from(self.changes[*place].0[i]))
+                .sum();
+            let mean = (sum / usual.len().max(1) as f64) as f32;
+            for place in &usual {
+                self.changes[*place].0[i] -= mean;
+            }
+        }
+        self.centre_unseen(&usual);
+    }
+
+    /// Subtracts, of the changes at `places`, the mean shift of the root along the view and its mean
+    /// turn out of the picture's plane.
+    fn centre_unseen(&mut self, places: &[usize]) {
+        let Some(shift) = self.changes.first().map(|it| it.0.len() - 3) else {
+            return;
+        };
+        for (first, unseen) in [(0, [1.0, 1.0, 0.0]), (shift, [0.0, 0.0, 1.0])] {
+            let part = |change: &PoseChange| -> Vec3 {
+                std::array::from_fn(|axis| f64::from(change.0[first + axis]))
+            };
+            let in_view = |place: &usize| rotate(&self.views[*place], part(&self.changes[*place]));
+            let sum = places.iter().map(in_view).fold([0.0; 3], add);
+            let count = places.len().max(1) as f64;
+            let mean: Vec3 = std::array::from_fn(|axis| unseen[axis] * sum[axis] / count);
+            for place in places {
+                let back = rotate(&inverse(&self.views[*place]), mean);
+                for (axis, by) in back.into_iter().enumerate() {
+                    self.changes[*place].0[first + axis] -= by as f32;
+                }
             }
         }
     }
 }
 
-/// How much a frame counts whose misfit is `relative` to the median, 0 to 1.
-fn counts(relative: f64) -> f64 {
-    1.0 / (1.0 + (relative / DOUBTFUL).powi(4))
+/// From the axes of a frame's root to those of its camera.
+fn view(frame: &Frame) -> Mat34 {
+    let root = frame.pose.first_chunk::<3>().copied().unwrap_or_default();
+    let [x, y, z, _] = frame.e;
+    let camera = [x, y, z].map(|[x, y, z, _]| [x, y, z, 0.0]);
+    compose(&camera, &rigid(rodrigues(root), [0.0; 3]))
 }
 
 /// SHA-256 of a track's poses.
@@ -240,7 +340,7 @@ mod tests {
 
     #[test]
     fn neighbours_follow_and_the_mean_stays() {
-        let mut poses = PoseRefinement::new(&track());
+        let mut poses = PoseRefinement::new(&track(), false);
         let mut step = vec![0.0; 3 * (track().joints() + 1)];
         step[4] = 0.1;
         let stage = RefinementStage {
@@ -267,7 +367,7 @@ mod tests {
             turn_jitter: 0.5,
             ..RefinementConfig::default()
         };
-        let mut poses = PoseRefinement::new(&track());
+        let mut poses = PoseRefinement::new(&track(), false);
         poses.changes[3].0[0] = 0.4;
         poses.changes[5].0[0] = 0.2;
         poses.changes[4].0[0] = 0.1;
@@ -287,8 +387,101 @@ mod tests {
         let track = track();
         let mut other = track.clone();
         other.frames[3].translation[1] += 1e-9;
-        let of = |track: &PoseTrack| PoseRefinement::new(track);
-        assert!(of(&track).continues(&of(&track)));
-        assert!(!of(&track).continues(&of(&other)));
+        let poses = PoseRefinement::new(&track, false);
+        assert!(poses.is_of(&track) && !poses.is_of(&other));
+    }
+
+    #[test]
+    fn a_frame_that_fits_far_worse_than_others_hardly_counts() {
+        let mut poses = PoseRefinement::new(&track(), false);
+        assert_eq!(poses.fitting_around(3), None, "nothing is known");
+        // Misfits fall over a run, and are told from those of their time.
+        for visit in 0..40 {
+            let usual = 0.1 * 0.95_f64.powi(visit);
+            for place in 0..8 {
+                poses.note(place, if place == 3 { 12.0 * usual } else { usual });
+            }
+        }
+        assert!(
+            poses.weight(3) < 0.1 && poses.weight(4) > 0.95,
+            "{}",
+            poses.weight(3)
+        );
+        assert!(poses.suspects(3, 0.5) && !poses.suspects(3, 0.0) && !poses.suspects(4, 0.5));
+        assert_eq!(poses.fitting_around(3), Some([2, 4]));
+        assert_eq!(poses.doubts(), (vec![], vec![]), "no reading was tried");
+        poses.tried(3, 0.5, None);
+        assert_eq!(poses.doubts(), (vec![], vec![3]));
+        assert!(!poses.suspects(3, 0.5) && poses.suspects(3, 0.7));
+        poses.note(4, f64::NAN);
+        assert!(poses.weight(4) > 0.95, "nothing is learned from no number");
+    }
+
+    #[test]
+    fn frames_with_exchanged_sides_keep_to_themselves() {
+        let track = track();
+        let mut poses = PoseRefinement::new(&track, false);
+        let (pose, none) = (Pose::rest(track.joints()), PoseChange::none(track.joints()));
+        poses.tried(4, 0.5, Some((Reading::Limbs, pose.clone(), none)));
+        let mut step = vec![0.0; 3 * (track.joints() + 1)];
+        step[0] = 0.1;
+        let stage = RefinementStage {
+            blur: 0.02,
+            reach: 1.0,
+            share: 1.0,
+            passed: 0.5,
+        };
+        poses.take(3, &step, &stage);
+        assert_eq!(poses.changes[4].0[0], 0.0);
+        assert!(poses.beside(4).is_empty() && poses.beside(3).len() == 1);
+        assert_eq!(poses.read(4, &pose), pose);
+        assert_eq!(poses.doubts().0, [(4, Reading::Limbs)]);
+    }
+
+    #[test]
+    fn the_root_does_not_drift_along_the_view() {
+        let track = track();
+        let mut poses = PoseRefinement::new(&track, false);
+        let width = poses.changes[0].0.len();
+        // The same shift in the camera's axes, and the same lean, of bodies that turn.
+        let camera = [0.01, 0.02, 0.03];
+        for (change, view) in poses.changes.iter_mut().zip(&poses.views) {
+            for first in [0, width - 3] {
+                let own = rotate(&inverse(view), camera);
+                for (to, by) in change.0[first..first + 3].iter_mut().zip(own) {
+                    *to += by as f32;
+                }
+            }
+        }
+        let places: Vec<usize> = (0..8).collect();
+        poses.centre_unseen(&places);
+        for (change, view) in poses.changes.iter().zip(&poses.views) {
+            let part = |first: usize| -> Vec3 {
+                rotate(
+                    view,
+                    std::array::from_fn(|i| f64::from(change.0[first + i])),
+                )
+            };
+            let (turn, shift) = (part(0), part(width - 3));
+            let near = |a: Vec3, b: Vec3| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+            assert!(near(turn, [0.0, 0.0, 0.03]), "{turn:?}");
+            assert!(near(shift, [0.01, 0.02, 0.0]), "{shift:?}");
+        }
+    }
+
+    #[test]
+    fn a_person_who_comes_late_is_refined_over_that_run() {
+        let config = RefinementConfig::default();
+        let stage = |late, opened, fraction| {
+            PoseRefinement::new(&track(), late).stage(&config, opened, fraction)
+        };
+        assert!(stage(false, 0.5, 0.5).is_some() && stage(false, 1.0, 0.5).is_none());
+        assert!(stage(true, 1.0, 0.5).is_some() && stage(true, 1.0, 0.95).is_none());
+        let mut poses = PoseRefinement::new(&track(), true);
+        assert!(poses.stage(&config, 1.0, 1.0).is_none());
+        assert!(
+            poses.stage(&config, 1.0, 0.5).is_none(),
+            "the next run leaves them"
+        );
     }
 }

@@ -1,10 +1,11 @@
-//! The refined poses of a checkpoint, which only a training that goes on needs.
+//! The refined poses of a checkpoint: changes, for a training that goes on, and pose tracks, for
+//! renders.
 
 use super::TrainError;
 use super::refinement::PoseRefinement;
 use std::path::Path;
 use yoto_proto::manifest::files;
-use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::pose_track::{PoseTrack, describe};
 
 fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
     TrainError::File {
@@ -48,4 +49,32 @@ pub(super) fn load(dir: &Path, joints: usize) -> Result<Vec<Option<PoseRefinemen
         }
     }
     Ok(poses)
+}
+
+/// The pose track `given` of the person in `slot` as the training of the checkpoint in `dir` refined
+/// it; `None` if it refined nobody's poses there, or those of another film.
+///
+/// # Errors
+/// A file that can't be read.
+pub fn refined_track(
+    dir: &Path,
+    slot: usize,
+    given: &PoseTrack,
+) -> Result<Option<PoseTrack>, TrainError> {
+    let known = load(dir, given.joints())?;
+    let of_this_film = |it: &PoseRefinement| it.is_of(given);
+    if !known
+        .get(slot)
+        .and_then(Option::as_ref)
+        .is_some_and(of_this_film)
+    {
+        return Ok(None);
+    }
+    let path = dir.join(files::refined_poses(slot));
+    let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
+    let track = PoseTrack::from_binary(&bytes).map_err(|found| {
+        let found: Vec<String> = found.iter().map(describe).collect();
+        failed(&path, found.join("; "))
+    })?;
+    Ok(Some(track))
 }

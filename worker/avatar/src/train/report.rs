@@ -35,9 +35,13 @@ impl Trainer {
             rollbacks: self.guard.rollbacks,
             train_seconds: self.budget_seconds,
             active_parts: self.active_parts(),
-            notes: [self.progress.notes.clone(), self.doubts()].concat(),
             ..self.progress.clone()
         }
+    }
+
+    /// Whose poses are refined and why, and what became of single frames, for people.
+    pub fn notes(&self) -> Vec<String> {
+        [self.progress.notes.clone(), self.doubts()].concat()
     }
 
     /// Parts that take part only from some moment of a run on, and do now.

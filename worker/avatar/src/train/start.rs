@@ -11,7 +11,7 @@ use super::refinement_file;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, ModelConfig, Numerics, Refine, Schedule};
+use crate::config::{ConfigError, ModelConfig, Numerics, Refine};
 use crate::loss::{Objective, PatchObjective};
 use crate::ops::mlp::check_device;
 use crate::render::occupancy::Occupancy;
@@ -116,18 +116,16 @@ impl Trainer {
             let decision = whose_poses::decide(saved.config.refinement.who, person)?;
             notes.extend(decision.why);
             if decision.refine {
-                let fresh = PoseRefinement::new(&person.shard.track);
+                let track = &person.shard.track;
                 // Another film of the same person starts anew.
-                let known = known.filter(|known| known.continues(&fresh));
-                state.poses[person.slot] = Some(known.unwrap_or(fresh));
+                let known = known.filter(|known| known.is_of(track));
+                let known = known.map(|known| known.seen_in(track));
+                let late = saved.progress >= saved.config.refinement.end;
+                let fresh = || PoseRefinement::new(track, late);
+                state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
-        }
-        // Refinement takes the place of the network that corrects poses; precise poses lose by either
-        // (docs/refinement.md).
-        if saved.config.refinement.who != Refine::Never {
-            saved.config.schedule.correction = Schedule::NEVER;
         }
         // Patches are no larger than any frame.
         let patch_size = subjects

@@ -323,11 +323,6 @@ fn estimated_poses_are_told_from_exact_ones() {
             let estimate = estimator.estimate(track, seed);
             *track = estimate.expect("an estimate").track;
         }));
-        println!(
-            "{:.1} mm exact, {:.1} mm estimated",
-            1e3 * exact,
-            1e3 * found
-        );
         assert!(exact < PRECISE && found > PRECISE, "{exact} {found}");
     }
     assert!(jumps(&film().0).expect("a skeleton").is_empty());

@@ -103,7 +103,7 @@ impl<'a> Session<'a> {
             device: self.context.device.info.adapter.clone(),
             objective: progress.objective.into(),
             active_parts: progress.active_parts,
-            notes: progress.notes,
+            notes: self.trainer.notes(),
         })
     }
 
