@@ -1,8 +1,7 @@
 //! Refined poses of training frames: a change per frame.
 //!
 //! The mean of all changes stays zero, since a change that all frames share is a change of the
-//! canonical body as well. So do the mean shift of the root along the view and its mean turn out of
-//! the picture's plane, of which one camera shows nothing.
+//! canonical body as well.
 
 use crate::config::{RefinementConfig, RefinementStage};
 use crate::fit::{PoseChange, Wish};
@@ -11,10 +10,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::readings::Reading;
-use yoto_capture::skeleton::transform::{
-    Mat34, Vec3, add, compose, inverse, rigid, rodrigues, rotate,
-};
-use yoto_proto::pose_track::{Frame, PoseTrack};
+use yoto_proto::pose_track::PoseTrack;
 
 /// Misfit, relative to that of other frames at that time, at which a frame counts half.
 const DOUBTFUL: f64 = 4.0;
@@ -46,9 +42,6 @@ pub(super) struct PoseRefinement {
     tried: Vec<u8>,
     /// Frames that are not read as they were given, and their poses before the change.
     readings: BTreeMap<usize, (Reading, Pose)>,
-    /// From the axes of each frame's given root to those of its camera: across, down, along the view.
-    #[serde(skip)]
-    views: Vec<Mat34>,
 }
 
 impl PoseRefinement {
@@ -63,14 +56,7 @@ impl PoseRefinement {
             misfits: vec![None; track.frames.len()],
             tried: vec![0; track.frames.len()],
             readings: BTreeMap::new(),
-            views: track.frames.iter().map(view).collect(),
         }
-    }
-
-    /// The same after it was read from a file, which has nothing of the `track` itself.
-    pub fn seen_in(mut self, track: &PoseTrack) -> Self {
-        self.views = track.frames.iter().map(view).collect();
-        self
     }
 
     /// Whether the changes are of a skeleton with `joints` joints, and finite.
@@ -282,39 +268,7 @@ impl PoseRefinement {
                 self.changes[*place].0[i] -= mean;
             }
         }
-        self.centre_unseen(&usual);
     }
-
-    /// Subtracts, of the changes at `places`, the mean shift of the root along the view and its mean
-    /// turn out of the picture's plane.
-    fn centre_unseen(&mut self, places: &[usize]) {
-        let Some(shift) = self.changes.first().map(|it| it.0.len() - 3) else {
-            return;
-        };
-        for (first, unseen) in [(0, [1.0, 1.0, 0.0]), (shift, [0.0, 0.0, 1.0])] {
-            let part = |change: &PoseChange| -> Vec3 {
-                std::array::from_fn(|axis| f64::from(change.0[first + axis]))
-            };
-            let in_view = |place: &usize| rotate(&self.views[*place], part(&self.changes[*place]));
-            let sum = places.iter().map(in_view).fold([0.0; 3], add);
-            let count = places.len().max(1) as f64;
-            let mean: Vec3 = std::array::from_fn(|axis| unseen[axis] * sum[axis] / count);
-            for place in places {
-                let back = rotate(&inverse(&self.views[*place]), mean);
-                for (axis, by) in back.into_iter().enumerate() {
-                    self.changes[*place].0[first + axis] -= by as f32;
-                }
-            }
-        }
-    }
-}
-
-/// From the axes of a frame's root to those of its camera.
-fn view(frame: &Frame) -> Mat34 {
-    let root = frame.pose.first_chunk::<3>().copied().unwrap_or_default();
-    let [x, y, z, _] = frame.e;
-    let camera = [x, y, z].map(|[x, y, z, _]| [x, y, z, 0.0]);
-    compose(&camera, &rigid(rodrigues(root), [0.0; 3]))
 }
 
 /// SHA-256 of a track's poses.
@@ -436,37 +390,6 @@ mod tests {
         assert!(poses.beside(4).is_empty() && poses.beside(3).len() == 1);
         assert_eq!(poses.read(4, &pose), pose);
         assert_eq!(poses.doubts().0, [(4, Reading::Limbs)]);
-    }
-
-    #[test]
-    fn the_root_does_not_drift_along_the_view() {
-        let track = track();
-        let mut poses = PoseRefinement::new(&track, false);
-        let width = poses.changes[0].0.len();
-        // The same shift in the camera's axes, and the same lean, of bodies that turn.
-        let camera = [0.01, 0.02, 0.03];
-        for (change, view) in poses.changes.iter_mut().zip(&poses.views) {
-            for first in [0, width - 3] {
-                let own = rotate(&inverse(view), camera);
-                for (to, by) in change.0[first..first + 3].iter_mut().zip(own) {
-                    *to += by as f32;
-                }
-            }
-        }
-        let places: Vec<usize> = (0..8).collect();
-        poses.centre_unseen(&places);
-        for (change, view) in poses.changes.iter().zip(&poses.views) {
-            let part = |first: usize| -> Vec3 {
-                rotate(
-                    view,
-                    std::array::from_fn(|i| f64::from(change.0[first + i])),
-                )
-            };
-            let (turn, shift) = (part(0), part(width - 3));
-            let near = |a: Vec3, b: Vec3| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
-            assert!(near(turn, [0.0, 0.0, 0.03]), "{turn:?}");
-            assert!(near(shift, [0.01, 0.02, 0.0]), "{shift:?}");
-        }
     }
 
     #[test]

@@ -119,7 +119,6 @@ impl Trainer {
                 let track = &person.shard.track;
                 // Another film of the same person starts anew.
                 let known = known.filter(|known| known.is_of(track));
-                let known = known.map(|known| known.seen_in(track));
                 let late = saved.progress >= saved.config.refinement.end;
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
