@@ -37,7 +37,7 @@ Examples:
   yoto quality --capture data/ada --capture data/bob --out report.json
   yoto quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
 
-/// Train on capture folders and measure quality on held-out views and poses.
+/// Train on captures and measure quality on held-out views and poses.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Quality {
