@@ -1,7 +1,5 @@
 //! Training: batches of patches, steps, their supervision, and checkpoints.
 
-#[cfg(test)]
-mod bad_frames_tests;
 pub mod batch;
 mod checkpoint;
 mod fit_poses;
@@ -22,6 +20,7 @@ mod tests;
 mod trainer;
 mod validate;
 mod whose_poses;
+mod wrong_frames;
 
 pub use checkpoint::ModelState;
 pub(crate) use checkpoint::save_model;

@@ -23,7 +23,7 @@ const BESIDE: f64 = 0.4;
 /// Frames of a run of mistakes, at most.
 const RUN: usize = 3;
 
-/// Sizes of an estimator's errors; each 0 is none.
+/// Sizes of an estimator's errors; 0 turns an error off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimator {
     /// Turn of a joint that changes over the film, root mean square, radians.
@@ -226,7 +226,7 @@ impl Estimator {
     }
 }
 
-/// Puts another `reading` of its pose into `frame`; `None` where there is none.
+/// Puts another `reading` of its pose into `frame`; `None` if the frame has no such reading.
 fn read(
     frame: &mut Frame,
     sides: &Sides,

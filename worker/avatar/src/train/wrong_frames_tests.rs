@@ -1,8 +1,8 @@
 //! Frames whose poses are wrong, not just imprecise: found, and read otherwise or left out.
 
-use super::options::{Budget, TrainOptions};
-use super::people::Person;
-use super::trainer::Trainer;
+use super::super::options::{Budget, TrainOptions};
+use super::super::people::Person;
+use super::super::trainer::Trainer;
 use crate::config::{ModelConfig, Refine};
 use burn::tensor::Device;
 use std::collections::BTreeSet;

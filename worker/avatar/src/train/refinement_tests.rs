@@ -1,0 +1,122 @@
+use super::*;
+use yoto_capture::synthetic::SyntheticPerson;
+
+fn track() -> PoseTrack {
+    SyntheticPerson::cast(1, 7)[0].capture(8, 32).0
+}
+
+#[test]
+fn neighbours_follow_and_the_mean_stays() {
+    let mut poses = PoseRefinement::new(&track(), false);
+    let mut step = vec![0.0; 3 * (track().joints() + 1)];
+    step[4] = 0.1;
+    let stage = RefinementStage {
+        blur: 0.02,
+        reach: 1.0,
+        share: 0.5,
+        passed: 0.0,
+    };
+    poses.take(2, &step, &stage);
+    let changes: Vec<f64> = (poses.changes.iter())
+        .map(|it| f64::from(it.0[4]))
+        .collect();
+    assert!(changes.iter().sum::<f64>().abs() < 1e-7);
+    assert!((changes[2] - changes[7] - 0.05).abs() < 1e-7, "{changes:?}");
+    let (near, far) = (changes[1] - changes[7], changes[4] - changes[7]);
+    assert!((near - 0.05 * (-0.5_f64).exp()).abs() < 1e-7, "{changes:?}");
+    assert!((far - 0.05 * (-2.0_f64).exp()).abs() < 1e-7, "{changes:?}");
+}
+
+#[test]
+fn wishes_lead_to_the_given_pose_and_the_neighbours() {
+    let config = RefinementConfig {
+        turn: 1.0,
+        turn_jitter: 0.5,
+        ..RefinementConfig::default()
+    };
+    let mut poses = PoseRefinement::new(&track(), false);
+    poses.changes[3].0[0] = 0.4;
+    poses.changes[5].0[0] = 0.2;
+    poses.changes[4].0[0] = 0.1;
+    // Neighbours pull to 0.3 four times as strongly as the given pose to 0.
+    let wish = poses.wishes(&config, 4)[0];
+    assert!((wish.step - (0.24 - 0.1)).abs() < 1e-7 && (wish.precision - 5.0).abs() < 1e-12);
+    let frame = Pose::rest(track().joints());
+    let mean = f64::from(poses.as_neighbours(4, &frame).rotations[0][0]);
+    assert!((mean - 0.3).abs() < 1e-6, "{mean}");
+    poses.changes.truncate(1);
+    assert_eq!(poses.as_neighbours(0, &frame), frame);
+    assert_eq!(poses.wishes(&config, 0)[0].precision, 1.0, "no neighbours");
+}
+
+#[test]
+fn another_film_of_the_same_length_starts_anew() {
+    let track = track();
+    let mut other = track.clone();
+    other.frames[3].translation[1] += 1e-9;
+    let poses = PoseRefinement::new(&track, false);
+    assert!(poses.is_of(&track) && !poses.is_of(&other));
+}
+
+#[test]
+fn a_frame_that_fits_far_worse_than_others_hardly_counts() {
+    let mut poses = PoseRefinement::new(&track(), false);
+    assert_eq!(poses.fitting_around(3), None, "nothing is known");
+    // Misfits fall over a run, and are told from those of their time.
+    for visit in 0..40 {
+        let usual = 0.1 * 0.95_f64.powi(visit);
+        for place in 0..8 {
+            poses.note(place, if place == 3 { 12.0 * usual } else { usual });
+        }
+    }
+    assert!(
+        poses.weight(3) < 0.1 && poses.weight(4) > 0.95,
+        "{}",
+        poses.weight(3)
+    );
+    assert!(poses.suspects(3, 0.5) && !poses.suspects(3, 0.0) && !poses.suspects(4, 0.5));
+    assert_eq!(poses.fitting_around(3), Some([2, 4]));
+    assert_eq!(poses.doubts(), (vec![], vec![]), "no reading was tried");
+    poses.tried(3, 0.5, None);
+    assert_eq!(poses.doubts(), (vec![], vec![3]));
+    assert!(!poses.suspects(3, 0.5) && poses.suspects(3, 0.7));
+    poses.note(4, f64::NAN);
+    assert!(poses.weight(4) > 0.95, "nothing is learned from no number");
+}
+
+#[test]
+fn frames_with_exchanged_sides_keep_to_themselves() {
+    let track = track();
+    let mut poses = PoseRefinement::new(&track, false);
+    let (pose, none) = (Pose::rest(track.joints()), PoseChange::none(track.joints()));
+    poses.tried(4, 0.5, Some((Reading::Limbs, pose.clone(), none)));
+    let mut step = vec![0.0; 3 * (track.joints() + 1)];
+    step[0] = 0.1;
+    let stage = RefinementStage {
+        blur: 0.02,
+        reach: 1.0,
+        share: 1.0,
+        passed: 0.5,
+    };
+    poses.take(3, &step, &stage);
+    assert_eq!(poses.changes[4].0[0], 0.0);
+    assert!(poses.beside(4).is_empty() && poses.beside(3).len() == 1);
+    assert_eq!(poses.read(4, &pose), pose);
+    assert_eq!(poses.doubts().0, [(4, Reading::Limbs)]);
+}
+
+#[test]
+fn a_person_who_comes_late_is_refined_over_that_run() {
+    let config = RefinementConfig::default();
+    let stage = |late, opened, fraction| {
+        PoseRefinement::new(&track(), late).stage(&config, opened, fraction)
+    };
+    assert!(stage(false, 0.5, 0.5).is_some() && stage(false, 1.0, 0.5).is_none());
+    assert!(stage(true, 1.0, 0.5).is_some() && stage(true, 1.0, 0.95).is_none());
+    let mut poses = PoseRefinement::new(&track(), true);
+    assert!(poses.stage(&config, 1.0, 1.0).is_none());
+    assert!(
+        poses.stage(&config, 1.0, 0.5).is_none(),
+        "the next run leaves them"
+    );
+}
