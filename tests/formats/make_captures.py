@@ -11,6 +11,7 @@ import scipy.sparse
 from PIL import Image
 
 import body as b
+import bvh_dialects
 import python2
 
 HERE = Path(__file__).resolve().parent
@@ -352,6 +353,7 @@ def main():
     snapshot_and_instant_avatar()
     amass()
     bvh()
+    bvh_dialects.write()
     rounded = json.loads(json.dumps(EXPECTED), parse_float=lambda text: round(float(text), 7))
     (OUT / "expected.json").write_text(json.dumps(rounded))
 

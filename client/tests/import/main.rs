@@ -3,6 +3,7 @@
 
 mod bad;
 mod captures;
+mod dialects;
 mod motions;
 mod projected;
 mod written;

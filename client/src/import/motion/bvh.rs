@@ -2,17 +2,18 @@
 //!
 //! Joints are matched by name ([`JointMap`]); those between matched ones are folded into them, so
 //! that no motion is lost. A BVH file's rest pose is arbitrary, while a person's is a T-pose facing
-//! +z: rotations are converted so that limbs have the file's directions, by (with global rotations G of the file, and D the rotation that takes a limb of a
-//! T-pose to the file's limb at rest) G' = G · D, local rotation = (G'_parent)ᵀ · G'.
+//! +z: rotations are converted so that limbs have the file's directions. With global rotations G of
+//! the file from a pose that stands ([`standing`]), and D the rotation that takes a limb of a T-pose to
+//! the limb of that pose, G' = G · D, and the local rotation is (G'_parent)ᵀ · G'.
 
 use super::super::geometry::{
     IDENTITY, Mat3, Vec3, about_axis, add, apply, axis_angle, between, mul, sub, transpose,
 };
 use super::super::source::Source;
+use super::standing::{self, Fallen, Reference};
 use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
 use crate::api::ClientError;
-use std::f64::consts::FRAC_PI_2;
-use yoto_formats::bvh::{self, Bvh, Channel};
+use yoto_formats::bvh::{self, Bvh, Channel, Joint};
 use yoto_proto::pose_track::Skeleton;
 
 /// Limbs, from one joint to the next, and their directions in a T-pose.
@@ -44,26 +45,37 @@ pub(super) fn read(
     let names: Vec<String> = file.joints.iter().map(|joint| joint.name.clone()).collect();
     let map = JointMap::open(options.joint_map.as_deref())?;
     let kept = Kept::new(&file, map.matches(&names));
-    if kept.source.first() != Some(&0) {
+    if !kept.is_one_tree() {
         let message = format!(
-            "its root '{}' matches no joint of a person: name it in a joint map (--joint-map)",
+            "its root '{}' matches no joint of a person, nor is there a joint that matches the pelvis \
+             and has all other matched joints below it: name it in a joint map (--joint-map)",
             names.first().map_or("", String::as_str)
         );
         return Err(source.fault("NO_MATCH", name, None, "ROOT", message));
     }
-    let upright = match options.up {
-        Some(Up::Z) => about_axis(0, -FRAC_PI_2),
-        Some(Up::Y) | None => IDENTITY,
-    };
-    let rest = kept.rest(&file, &upright);
+    let reference = standing::reference(&file, &kept, options.up).map_err(|fallen| {
+        let message = match fallen {
+            Fallen::NeverStands => {
+                "the rest pose is not a standing person, and no frame shows one: a frame that stands \
+                 with straight legs is needed to tell how the bones lie in a body"
+            }
+            Fallen::NeverUpright => {
+                "the spine is upright in no frame: give the axis that is up (--up), if the person lies"
+            }
+        };
+        source.fault("NOT_STANDING", name, None, "MOTION", message)
+    })?;
+    let upright = reference.up.to_y();
+    let rest = kept.places(&reference.placed, &upright);
     let facing = facing(&kept, &rest);
     let rest: Vec<Vec3> = rest.iter().map(|place| apply(&facing, *place)).collect();
     let turns = kept.turns(&rest);
     let frames = file.frames.iter().map(|row| {
-        let (rotations, root) = world(&file, row);
-        // From the turned rest pose to the upright world.
+        let placed = Placed::of(&file, &kept, row);
+        // From the turned reference to the upright world.
         let turned = |at: &usize| {
-            let rotation = rotations.get(*at).copied().unwrap_or(IDENTITY);
+            let of = |placed: &Placed| placed.rotations.get(*at).copied().unwrap_or(IDENTITY);
+            let rotation = mul(&of(&placed), &transpose(&of(&reference.placed)));
             let standing = mul(&mul(&upright, &rotation), &transpose(&upright));
             mul(&standing, &transpose(&facing))
         };
@@ -75,7 +87,7 @@ pub(super) fn read(
             .collect();
         MotionFrame {
             rotations: kept.local(&global),
-            root: apply(&upright, root),
+            root: apply(&upright, kept.root(&placed)),
         }
     });
     let pair = |(joint, at): (&String, &usize)| {
@@ -89,7 +101,7 @@ pub(super) fn read(
         fps: 1.0 / file.frame_time,
         matched: kept.names.iter().zip(&kept.source).map(pair).collect(),
         unmatched: unmatched.map(|(_, name)| name.clone()).collect(),
-        notes: Vec::new(),
+        notes: notes(&reference, options.up),
         skeleton: Skeleton {
             rest_joints: kept.t_pose(&rest, &turns),
             parents: kept
@@ -103,12 +115,15 @@ pub(super) fn read(
 }
 
 /// The matched joints of a file, in the file's order.
-struct Kept {
+pub(super) struct Kept {
     names: Vec<String>,
     /// Indices in the file.
-    source: Vec<usize>,
+    pub source: Vec<usize>,
     /// Nearest matched ancestor, as an index among the kept joints.
     parents: Vec<Option<usize>>,
+    /// Joints of the file from its root to the first kept one, whose positions move the person.
+    /// Those of others only stretch the person.
+    moving: Vec<usize>,
 }
 
 impl Kept {
@@ -126,25 +141,37 @@ impl Kept {
             }
             None
         };
+        let first = source.first().copied();
         Self {
+            moving: std::iter::successors(first, |at| above(*at)).collect(),
             parents: source.iter().map(parent).collect(),
             names,
             source,
         }
     }
 
-    fn find(&self, name: &str) -> Option<usize> {
+    /// Place of the first kept joint.
+    fn root(&self, placed: &Placed) -> Vec3 {
+        let place = self.source.first().and_then(|at| placed.places.get(*at));
+        place.copied().unwrap_or_default()
+    }
+
+    /// Whether all kept joints are below the first one, and that one is the file's root or the
+    /// pelvis. Some files have a root on the ground, above the hips.
+    fn is_one_tree(&self) -> bool {
+        let roots = self.parents.iter().filter(|parent| parent.is_none());
+        let is_root = self.source.first() == Some(&0);
+        let is_pelvis = self.names.first().is_some_and(|name| name == "pelvis");
+        roots.count() == 1 && (is_root || is_pelvis)
+    }
+
+    pub fn find(&self, name: &str) -> Option<usize> {
         self.names.iter().position(|other| other == name)
     }
 
-    /// Positions of the joints at rest, y up.
-    fn rest(&self, file: &Bvh, upright: &Mat3) -> Vec<Vec3> {
-        let mut places: Vec<Vec3> = Vec::with_capacity(file.joints.len());
-        for joint in &file.joints {
-            let above = joint.parent.and_then(|parent| places.get(parent)).copied();
-            places.push(add(above.unwrap_or_default(), joint.offset));
-        }
-        let place = |at: &usize| places.get(*at).copied().unwrap_or_default();
+    /// Positions of the joints, y up.
+    fn places(&self, placed: &Placed, upright: &Mat3) -> Vec<Vec3> {
+        let place = |at: &usize| placed.places.get(*at).copied().unwrap_or_default();
         self.source
             .iter()
             .map(|at| apply(upright, place(at)))
@@ -212,27 +239,62 @@ fn facing(kept: &Kept, rest: &[Vec3]) -> Mat3 {
     }
 }
 
-/// Global rotations of a frame, in the file's axes, and the root's position.
-fn world(file: &Bvh, row: &[f64]) -> (Vec<Mat3>, Vec3) {
-    let mut values = row.iter().copied();
-    let mut rotations: Vec<Mat3> = Vec::with_capacity(file.joints.len());
-    let mut root = file.joints.first().map_or([0.0; 3], |joint| joint.offset);
-    for (at, joint) in file.joints.iter().enumerate() {
-        let mut local = IDENTITY;
-        for channel in &joint.channels {
-            let value = values.next().unwrap_or_default();
-            match channel {
-                Channel::Rotation(axis) => local = mul(&local, &about_axis(*axis, value)),
-                // Other joints' positions only stretch them.
-                Channel::Position(axis) if at == 0 => root[*axis] = value,
-                Channel::Position(_) => {}
-            }
-        }
-        let above = joint.parent.and_then(|parent| rotations.get(parent));
-        rotations.push(match above {
-            Some(above) => mul(above, &local),
-            None => local,
-        });
+/// A file's joints in a pose, in the file's axes.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    /// Global rotations.
+    pub rotations: Vec<Mat3>,
+    pub places: Vec<Vec3>,
+}
+
+impl Placed {
+    /// The rest pose: all rotations zero, each joint where its offset says.
+    pub fn rest(file: &Bvh) -> Self {
+        Self::with(file, |_, joint| (joint.offset, IDENTITY))
     }
-    (rotations, root)
+
+    /// The frame with the channel values `row`.
+    pub fn of(file: &Bvh, kept: &Kept, row: &[f64]) -> Self {
+        let mut values = row.iter().copied();
+        Self::with(file, |at, joint| {
+            let (mut place, mut local) = (joint.offset, IDENTITY);
+            for channel in &joint.channels {
+                let value = values.next().unwrap_or_default();
+                match channel {
+                    Channel::Rotation(axis) => local = mul(&local, &about_axis(*axis, value)),
+                    Channel::Position(axis) if kept.moving.contains(&at) => place[*axis] = value,
+                    Channel::Position(_) => {}
+                }
+            }
+            (place, local)
+        })
+    }
+
+    /// Every joint with the position and rotation from its parent that `local` gives.
+    fn with(file: &Bvh, mut local: impl FnMut(usize, &Joint) -> (Vec3, Mat3)) -> Self {
+        let count = file.joints.len();
+        let (mut rotations, mut places) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (at, joint) in file.joints.iter().enumerate() {
+            let (place, rotation) = local(at, joint);
+            let above = |parent: usize| Some((*rotations.get(parent)?, *places.get(parent)?));
+            let (turn, from) = (joint.parent.and_then(above)).unwrap_or((IDENTITY, [0.0; 3]));
+            places.push(add(from, apply(&turn, place)));
+            rotations.push(mul(&turn, &rotation));
+        }
+        Self { rotations, places }
+    }
+}
+
+/// What was assumed of a file.
+fn notes(reference: &Reference, asked: Option<Up>) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some(frame) = reference.frame {
+        notes.push(format!(
+            "the rest pose is not a standing person: frame {frame}, which is, serves in its place"
+        ));
+    }
+    if reference.up == Up::Z && asked.is_none() {
+        notes.push("z is up: the spine is, in the motion (--up)".into());
+    }
+    notes
 }

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 /// The default map: names of CMU's conversions, Mixamo,
-/// MotionBuilder, Poser, Unreal and SMPL itself. `yoto motion --write-map` writes it for
+/// MotionBuilder, Poser, Unreal, Bandai-Namco and SMPL itself. `yoto motion --write-map` writes it for
 /// editing.
 pub const DEFAULT: &str = include_str!("joint_map.json");
 

@@ -7,13 +7,15 @@
 mod bvh;
 mod joint_map;
 mod smpl;
+mod standing;
 
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 
 use super::BodyModel;
-use super::geometry::{Vec3, sub};
+use super::geometry::{IDENTITY, Mat3, Vec3, about_axis, sub};
 use super::source::Source;
 use crate::api::ClientError;
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton};
 use yoto_proto::v1;
@@ -25,6 +27,16 @@ pub enum Up {
     Y,
     /// z, as in AMASS.
     Z,
+}
+
+impl Up {
+    /// The rotation of positions with this axis up to those with y up.
+    fn to_y(self) -> Mat3 {
+        match self {
+            Self::Y => IDENTITY,
+            Self::Z => about_axis(0, -FRAC_PI_2),
+        }
+    }
 }
 
 /// Inputs that a motion's file lacks.

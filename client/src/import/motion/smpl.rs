@@ -5,13 +5,12 @@
 //! the same fields are supported as well. The first 22 joints of both models are the same; hands do
 //! not move.
 
-use super::super::geometry::{Mat3, Vec3, about_axis, add, apply, axis_angle, mul, rotation};
+use super::super::geometry::{Vec3, add, apply, axis_angle, mul, rotation};
 use super::super::instant_avatar::{Poses, read_poses};
 use super::super::source::{Data, Part, Source};
 use super::super::track::{SmplPose, smpl_skeleton};
 use super::{Motion, MotionFrame, MotionOptions, Up};
 use crate::api::ClientError;
-use std::f64::consts::FRAC_PI_2;
 
 /// Joints that SMPL and SMPL with hands share, times 3.
 const SHARED: usize = 66;
@@ -55,10 +54,7 @@ pub(super) fn read(
     }
     let pelvis = rest.as_ref().and_then(|rest| rest.first().copied());
     let pelvis = pelvis.unwrap_or_default();
-    let upright: Mat3 = match up {
-        Up::Y => rotation([0.0; 3]),
-        Up::Z => about_axis(0, -FRAC_PI_2),
-    };
+    let upright = up.to_y();
     let frame = |(pose, translation): (&SmplPose, &Vec3)| {
         let mut rotations = pose.as_chunks::<3>().0.to_vec();
         if let Some(root) = rotations.first_mut() {
