@@ -137,16 +137,17 @@ fn refinement_stays_finite_at_the_extremes() {
         }
         track
     };
-    let far = |track: &PoseTrack| {
+    // As large in the picture from that many times as far.
+    let far = |track: &PoseTrack, by: f64| {
         let mut track = track.clone();
         for frame in &mut track.frames {
-            // Twenty times as far, and as large in the picture.
-            frame.e[2][3] *= 20.0;
-            frame.k[0][0] *= 20.0;
-            frame.k[1][1] *= 20.0;
+            frame.e[2][3] *= by;
+            frame.k[0][0] *= by;
+            frame.k[1][1] *= by;
         }
         track
     };
+    let focal = 1e5 / track.frames[0].k[0][0];
     let empty: Vec<FrameImage> = images
         .iter()
         .map(|image| FrameImage {
@@ -158,7 +159,12 @@ fn refinement_stays_finite_at_the_extremes() {
     for (name, track, images) in [
         ("one frame", alone(&track), &images[..1]),
         ("a joint at π", bent(&track), &images[..]),
-        ("far away", far(&track), &images[..]),
+        ("50 metres away", far(&track, 50.0 / 3.0), &images[..]),
+        (
+            "a focal length of 10⁵ pixels",
+            far(&track, focal),
+            &images[..],
+        ),
         ("empty masks", track.clone(), &empty[..]),
         ("poses far off", estimated(&track, 2.0), &images[..]),
     ] {

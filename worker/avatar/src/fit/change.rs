@@ -38,12 +38,17 @@ impl PoseChange {
         }
     }
 
-    /// How each parameter returns to the given pose, whose expected errors `config` has.
-    pub fn wishes(&self, config: &RefinementConfig) -> Vec<Wish> {
+    /// How each parameter returns to the given pose, whose expected errors `config` has, times
+    /// `scale`: that of rotations, and of the place.
+    pub fn wishes(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<Wish> {
         let turns = self.0.len() - 3;
         (self.0.iter().enumerate())
             .map(|(i, now)| {
-                let error = if i < turns { config.turn } else { config.shift };
+                let error = if i < turns {
+                    scale[0] * config.turn
+                } else {
+                    scale[1] * config.shift
+                };
                 Wish {
                     step: -f64::from(*now),
                     precision: error.powi(-2),

@@ -10,6 +10,7 @@ use crate::ops::warp::pulls::pulls;
 use crate::render::RenderError;
 use crate::render::frame::read;
 use crate::render::march::Samples;
+use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{Mat34, Vec3, add, cross, inverse, position, rotate, sub};
 
@@ -51,44 +52,59 @@ impl Wrench {
 /// posed axes, radians, and to the shift of the root in its own axes, metres. `to_warped` `[n, 4]`
 /// are the gradients to the samples' canonical points and likelihoods.
 pub(super) fn rows(body: &Body, pose: &HostPose, samples: &Samples, to_warped: &[f32]) -> Vec<f64> {
-    let joints = pose.joints.len();
-    let mut wrenches = vec![Wrench::default(); samples.rays * joints];
-    let (points, _) = samples.points.as_chunks::<3>();
     let HostPose {
         weights,
         transforms,
-        ..
+        joints,
     } = pose;
-    for pull in pulls(weights, transforms, &samples.points, to_warped, &body.grid) {
-        let (point, bone) = (pull.point as usize, pull.bone as usize);
-        let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
-        let force = std::array::from_fn(|c| {
-            let along = carry.iter().zip(pull.force);
-            along.map(|(row, f)| f64::from(row[c]) * f64::from(f)).sum()
-        });
-        let ray = samples.places[point] as usize / samples.per_ray;
-        wrenches[ray * joints + bone].add(Wrench {
-            force,
-            moment: cross(points[point].map(f64::from), force),
-        });
+    let bones = joints.len();
+    let (points, _) = samples.points.as_chunks::<3>();
+    let ray = |point: u32| samples.places[point as usize] as usize / samples.per_ray;
+    let blocks = pulls(weights, transforms, &samples.points, to_warped, &body.grid);
+    let blocks: Vec<(usize, Vec<Wrench>)> = (blocks.par_iter())
+        .filter(|block| !block.is_empty())
+        .map(|block| {
+            let rays = block.iter().map(|pull| ray(pull.point));
+            let (first, last) = rays.fold((usize::MAX, 0), |(a, b), it| (a.min(it), b.max(it)));
+            let mut wrenches = vec![Wrench::default(); (last + 1 - first) * bones];
+            for pull in block {
+                let (point, bone) = (pull.point as usize, pull.bone as usize);
+                let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
+                let force = std::array::from_fn(|c| {
+                    let along = carry.iter().zip(pull.force);
+                    along.map(|(row, f)| f64::from(row[c]) * f64::from(f)).sum()
+                });
+                wrenches[(ray(pull.point) - first) * bones + bone].add(Wrench {
+                    force,
+                    moment: cross(points[point].map(f64::from), force),
+                });
+            }
+            (first, wrenches)
+        })
+        .collect();
+    let mut wrenches = vec![Wrench::default(); samples.rays * bones];
+    for (first, block) in blocks {
+        for (sum, wrench) in wrenches[first * bones..].iter_mut().zip(block) {
+            sum.add(wrench);
+        }
     }
-    let width = 3 * (joints + 1);
+    let width = 3 * (bones + 1);
     let mut rows = vec![0.0; samples.rays * width];
-    let rays = wrenches.chunks_exact_mut(joints);
-    for (wrenches, row) in rays.zip(rows.chunks_exact_mut(width)) {
+    let rays = wrenches.par_chunks_exact_mut(bones);
+    let rays = rays.zip(rows.par_chunks_exact_mut(width));
+    rays.for_each(|(wrenches, row)| {
         // Parents come before their children.
-        for joint in (0..joints).rev() {
+        for (joint, place) in joints.iter().enumerate().rev() {
             let below = wrenches[joint];
             if let Some(parent) = body.skeleton.parents[joint] {
                 wrenches[parent].add(below);
             }
-            let place = &pose.joints[joint];
             let about = sub(below.moment, cross(position(place), below.force));
             let turn = rotate(&inverse(place), about).map(|v| -v);
             row[3 * joint..3 * joint + 3].copy_from_slice(&turn);
         }
-        row[3 * joints..].copy_from_slice(&wrenches[0].force.map(|v| -v));
-    }
+        row[3 * bones..].copy_from_slice(&wrenches[0].force.map(|v| -v));
+    });
     rows
 }
 

@@ -56,7 +56,9 @@ fn rays_change_as_the_rows_say() {
     let width = 3 * (joints + 1);
     let size = 1e-3;
     for weights in SEEN.map(|weights| vec![weights; samples.rays]) {
-        let (_, to_warped) = fitter.seen(&posed, &samples, &weights).expect("renders");
+        let (_, to_warped) = fitter
+            .gradients(&posed, &samples, &weights)
+            .expect("renders");
         let rows = rows(&body, &host, &samples, &to_warped);
         let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let (mut off, mut all) = (0.0, 0.0);
@@ -89,7 +91,10 @@ fn rays_change_as_the_rows_say() {
                 let (warped, _) = warped.as_chunks::<4>();
                 samples.canonical = warped.iter().flat_map(|w| [w[0], w[1], w[2]]).collect();
                 samples.likelihoods = warped.iter().map(|w| w[3]).collect();
-                fitter.seen(&posed, &samples, &weights).expect("renders").0
+                fitter
+                    .gradients(&posed, &samples, &weights)
+                    .expect("renders")
+                    .0
             });
             let [less, more] = &mut shown;
             for (ray, row) in rows.chunks_exact(width).enumerate() {

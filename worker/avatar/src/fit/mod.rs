@@ -21,6 +21,7 @@ use jacobian::HostPose;
 use normal::Normal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use tracing::trace_span;
 use yoto_capture::FrameImage;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
@@ -67,6 +68,14 @@ pub(crate) struct Wish {
     pub precision: f64,
 }
 
+/// What every parameter should do without a picture.
+pub(crate) struct Wishes {
+    /// Return to the given pose.
+    pub given: Vec<Wish>,
+    /// The same, and agree with neighbours.
+    pub all: Vec<Wish>,
+}
+
 /// A step that fits best, and how far the pose before it was from the picture.
 pub(crate) struct Fit {
     /// `[3 (K + 1)]`.
@@ -74,6 +83,19 @@ pub(crate) struct Fit {
     /// The square of the difference from the picture as a share of the picture's square, both
     /// blurred.
     pub misfit: f64,
+    /// What the picture alone says of the expected errors of rotations, and of the place.
+    pub evidence: [Evidence; 2],
+}
+
+/// How well expected errors agree with what a fit finds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evidence {
+    /// Sum of the squared changes of the parameters from their given values, in units of the
+    /// expected errors.
+    pub squares: f64,
+    /// Number of parameters that the picture determines: the sum that is to be expected (the
+    /// effective number of parameters of MacKay's evidence framework, Neural Computation 4, 1992).
+    pub determined: f64,
 }
 
 impl PoseFitter<'_> {
@@ -89,7 +111,7 @@ impl PoseFitter<'_> {
         &self,
         pose: &Pose,
         picture: &Picture,
-        wishes: &[Wish],
+        wishes: &Wishes,
         blur: f64,
         noise: f64,
         rng: &mut ChaCha8Rng,
@@ -110,20 +132,30 @@ impl PoseFitter<'_> {
             .flat_map(|(grid, weights)| grid.pixels.iter().map(|_| *weights))
             .collect();
         let Self { config, body, .. } = *self;
-        let posed = self
-            .avatar
-            .pose(config, body, self.slot, pose, self.progress);
-        let host = HostPose::new(body, pose, &posed)?;
-        let samples = self.samples(pose, picture, &pixels, &host);
-        let width = wishes.len();
+        let (posed, host) = trace_span!("fit: pose").in_scope(|| {
+            let posed = self
+                .avatar
+                .pose(config, body, self.slot, pose, self.progress);
+            HostPose::new(body, pose, &posed).map(|host| (posed, host))
+        })?;
+        let samples =
+            trace_span!("fit: march").in_scope(|| self.samples(pose, picture, &pixels, &host));
+        let width = wishes.all.len();
         if samples.live() == 0 {
             let step = vec![0.0; width];
-            return Ok(Some(Fit { step, misfit: 1.0 }));
+            return Ok(Some(Fit {
+                step,
+                misfit: 1.0,
+                evidence: [Evidence::default(); 2],
+            }));
         }
         let mut normal = Normal::new(width);
         let mut misfit = Misfit::default();
-        let (shown, to_warped) = self.seen(&posed, &samples, &weights)?;
-        let rows = jacobian::rows(body, &host, &samples, &to_warped);
+        let (shown, to_warped) = trace_span!("fit: gradients")
+            .in_scope(|| self.gradients(&posed, &samples, &weights))?;
+        let rows = trace_span!("fit: joints")
+            .in_scope(|| jacobian::rows(body, &host, &samples, &to_warped));
+        let _solve = trace_span!("fit: solve").entered();
         let mut first = 0;
         for (grid, weights) in &grids {
             let here = first..first + grid.pixels.len();
@@ -135,11 +167,16 @@ impl PoseFitter<'_> {
                 normal.ask(row, difference, grid.independent() * trust / noise.powi(2));
             }
         }
-        for (i, wish) in wishes.iter().enumerate() {
+        let evidence = evidence(normal.clone(), &wishes.given);
+        for (i, wish) in wishes.all.iter().enumerate() {
             normal.hold(i, wish.step, wish.precision);
         }
         let found = normal.solve().map(limited).zip(misfit.share());
-        Ok(found.map(|(step, misfit)| Fit { step, misfit }))
+        Ok(found.map(|(step, misfit)| Fit {
+            step,
+            misfit,
+            evidence,
+        }))
     }
 
     /// How far what the model shows in `pose` is from `picture`, both blurred as by
@@ -168,30 +205,14 @@ impl PoseFitter<'_> {
         if samples.live() == 0 {
             return Ok(Some(1.0));
         }
-        let n = samples.live();
-        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
-        let points = Tensor::<2>::from_data(points, self.device);
-        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
-        let likelihood = Tensor::<1>::from_data(likelihood, self.device);
-        let values = self.avatar.fields(config, body, &posed, points);
-        let seen = composite(
-            &samples,
-            config.march.min_transmittance,
-            None,
-            values.rgb,
-            values.density,
-            likelihood,
-        );
-        let (rgb, alpha) = (read(seen.rgb)?, read(seen.alpha)?);
+        let (points, likelihood) = self.warped(&samples);
+        let seen = read(self.seen(&posed, &samples, points, likelihood))?;
         let mut misfit = Misfit::default();
         for channel in 0..4 {
-            let shown: Vec<f32> = match channel {
-                3 => alpha.clone(),
-                _ => rgb.iter().skip(channel).step_by(3).copied().collect(),
-            };
             let mut weights = [0.0; 4];
             weights[channel] = if channel == 3 { 1.0 } else { COLOUR };
-            let shown: Vec<f32> = shown.iter().map(|v| weights[channel] * v).collect();
+            let shown = seen.iter().skip(channel).step_by(4);
+            let shown: Vec<f32> = shown.map(|v| weights[channel] * v).collect();
             misfit.add(&grid, picture.image, weights, &shown);
         }
         Ok(misfit.share())
@@ -220,31 +241,49 @@ impl PoseFitter<'_> {
         march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume)
     }
 
-    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
-    /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
+    /// The canonical points `[n, 3]` and the likelihoods `[n]` of `samples`.
+    fn warped(&self, samples: &Samples) -> (Tensor<2>, Tensor<1>) {
+        let n = samples.live();
+        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
+        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
+        (
+            Tensor::from_data(points, self.device),
+            Tensor::from_data(likelihood, self.device),
+        )
+    }
+
+    /// Red, green, blue and opacity of the rays of `samples`, `[R, 4]`.
     fn seen(
         &self,
         posed: &Posed,
         samples: &Samples,
-        weights: &[[f32; 4]],
-    ) -> Result<(Vec<f32>, Vec<f32>), RenderError> {
-        let n = samples.live();
-        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
-        let points = Tensor::<2>::from_data(points, self.device).require_grad();
-        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
-        let likelihood = Tensor::<1>::from_data(likelihood, self.device).require_grad();
-        let values = self
-            .avatar
-            .fields(self.config, self.body, posed, points.clone());
+        points: Tensor<2>,
+        likelihood: Tensor<1>,
+    ) -> Tensor<2> {
+        let values = self.avatar.fields(self.config, self.body, posed, points);
         let seen = composite(
             samples,
             self.config.march.min_transmittance,
             None,
             values.rgb,
             values.density,
-            likelihood.clone(),
+            likelihood,
         );
-        let seen = Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1);
+        Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1)
+    }
+
+    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
+    /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
+    fn gradients(
+        &self,
+        posed: &Posed,
+        samples: &Samples,
+        weights: &[[f32; 4]],
+    ) -> Result<(Vec<f32>, Vec<f32>), RenderError> {
+        let n = samples.live();
+        let (points, likelihood) = self.warped(samples);
+        let (points, likelihood) = (points.require_grad(), likelihood.require_grad());
+        let seen = self.seen(posed, samples, points.clone(), likelihood.clone());
         let weights = TensorData::new(weights.concat(), [weights.len(), 4]);
         let weights = Tensor::<2>::from_data(weights, self.device);
         let seen = (seen * weights).sum_dim(1);
@@ -259,6 +298,24 @@ impl PoseFitter<'_> {
             .collect();
         Ok((shown, to_warped))
     }
+}
+
+/// What the equations of a picture say of the expected errors in the wishes for the `given` pose.
+fn evidence(mut normal: Normal, given: &[Wish]) -> [Evidence; 2] {
+    let mut evidence = [Evidence::default(); 2];
+    for (i, wish) in given.iter().enumerate() {
+        normal.hold(i, wish.step, wish.precision);
+    }
+    let Some((step, variances)) = normal.solve_with_variances() else {
+        return evidence;
+    };
+    let turns = given.len() - 3;
+    for (i, wish) in given.iter().enumerate() {
+        let of = &mut evidence[usize::from(i >= turns)];
+        of.squares += wish.precision * (step[i] - wish.step).powi(2);
+        of.determined += 1.0 - wish.precision * variances[i];
+    }
+    evidence
 }
 
 /// Squares of blurred differences, and of what is blurred.

@@ -1,6 +1,7 @@
 //! Normal equations of a least-squares problem.
 
 /// `H x = b`, of which the lower half of the symmetric `H` `[n, n]` is kept.
+#[derive(Clone)]
 pub(super) struct Normal {
     h: Vec<f64>,
     b: Vec<f64>,
@@ -39,6 +40,11 @@ impl Normal {
     /// The solution, by Cholesky's factors; `None` if `H` is not positive definite or a number is
     /// not finite.
     pub fn solve(self) -> Option<Vec<f64>> {
+        Some(self.solve_with_variances()?.0)
+    }
+
+    /// The solution, and the diagonal of H⁻¹.
+    pub fn solve_with_variances(self) -> Option<(Vec<f64>, Vec<f64>)> {
         let Self { h: mut l, b: mut x } = self;
         let n = x.len();
         for i in 0..n {
@@ -62,8 +68,23 @@ impl Normal {
             let after: f64 = (i + 1..n).map(|k| l[k * n + i] * x[k]).sum();
             x[i] = (x[i] - after) / l[i * n + i];
         }
-        x.iter().all(|v| v.is_finite()).then_some(x)
+        let finite = x.iter().all(|v| v.is_finite());
+        finite.then(|| (x, variances(&l, n)))
     }
+}
+
+/// The diagonal of (L Lᵀ)⁻¹: the squared columns of L⁻¹.
+fn variances(l: &[f64], n: usize) -> Vec<f64> {
+    let column = |at: usize| {
+        let mut inverse = vec![0.0; n];
+        for i in at..n {
+            let one = if i == at { 1.0 } else { 0.0 };
+            let before: f64 = (at..i).map(|k| l[i * n + k] * inverse[k]).sum();
+            inverse[i] = (one - before) / l[i * n + i];
+        }
+        inverse.iter().map(|v| v * v).sum()
+    };
+    (0..n).map(column).collect()
 }
 
 #[cfg(test)]
@@ -87,6 +108,19 @@ mod tests {
         for (found, x) in found.iter().zip(x) {
             assert!((found - x).abs() < 1e-12, "{found} for {x}");
         }
+    }
+
+    #[test]
+    fn variances_are_those_of_the_inverse() {
+        let mut normal = Normal::new(2);
+        normal.ask(&[2.0, 1.0], 0.0, 1.0);
+        normal.ask(&[0.0, 1.0], 0.0, 1.0);
+        // H = [4 2; 2 2], so that H⁻¹ = [0.5 -0.5; -0.5 1].
+        let (_, found) = normal.solve_with_variances().expect("definite");
+        assert!(
+            (found[0] - 0.5).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-12,
+            "{found:?}"
+        );
     }
 
     #[test]

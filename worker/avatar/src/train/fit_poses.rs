@@ -4,7 +4,7 @@ use super::frame_order::FramePlace;
 use super::people::{TrainSubject, covered};
 use super::{TrainError, Trainer};
 use crate::avatar::Avatar;
-use crate::fit::{Picture, PoseChange, PoseFitter};
+use crate::fit::{Picture, PoseChange, PoseFitter, Wishes};
 use burn::module::Module;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -45,7 +45,10 @@ impl Trainer {
         };
         let pose = poses.refined(frame.place, &frame.pose);
         let config = &self.config.refinement;
-        let wishes = poses.wishes(config, frame.place);
+        let wishes = Wishes {
+            given: poses.given_wishes(config, frame.place),
+            all: poses.wishes(config, frame.place),
+        };
         let fit = fitter.step(&pose, &picture, &wishes, stage.blur, config.noise, rng)?;
         let Some(fit) = fit else {
             return Ok(());
@@ -67,6 +70,7 @@ impl Trainer {
         }
         if !reread {
             poses.note(at, fit.misfit);
+            poses.learn(at, &fit.evidence, stage.passed);
             poses.take(at, &fit.step, &stage);
         }
         Ok(())
@@ -100,7 +104,9 @@ impl Trainer {
         let mut change = PoseChange::none(self.joints);
         for step in 0..FIT_STEPS {
             let passed = f64::from(step) / f64::from(FIT_STEPS - 1);
-            let (wishes, blur) = (change.wishes(config), config.blur(passed));
+            let given = change.wishes(config, [1.0; 2]);
+            let (all, blur) = (given.clone(), config.blur(passed));
+            let wishes = Wishes { given, all };
             let pose = change.of(pose);
             let step = fitter.step(&pose, &picture, &wishes, blur, config.noise, &mut rng)?;
             let Some(fit) = step else {

@@ -2,6 +2,7 @@
 
 pub mod batch;
 mod checkpoint;
+mod expected_errors;
 mod fit_poses;
 mod frame_order;
 mod guard;

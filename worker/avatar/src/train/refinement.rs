@@ -3,8 +3,9 @@
 //! The mean of all changes stays zero, since a change that all frames share is a change of the
 //! canonical body as well.
 
+use super::expected_errors::ExpectedErrors;
 use crate::config::{RefinementConfig, RefinementStage};
-use crate::fit::{PoseChange, Wish};
+use crate::fit::{Evidence, PoseChange, Wish};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -40,6 +41,8 @@ pub(super) struct PoseRefinement {
     typical: Option<f32>,
     /// Number of [`TRIALS`] of each frame that are past.
     tried: Vec<u8>,
+    #[serde(default = "ExpectedErrors::configured")]
+    errors: ExpectedErrors,
     /// Frames that are not read as they were given, and their poses before the change.
     readings: BTreeMap<usize, (Reading, Pose)>,
 }
@@ -52,6 +55,7 @@ impl PoseRefinement {
             late,
             done: false,
             typical: None,
+            errors: ExpectedErrors::configured(),
             changes: vec![PoseChange::none(track.joints()); track.frames.len()],
             misfits: vec![None; track.frames.len()],
             tried: vec![0; track.frames.len()],
@@ -63,6 +67,7 @@ impl PoseRefinement {
     pub fn fits(&self, joints: usize) -> bool {
         let frames = self.changes.len();
         (self.misfits.len(), self.tried.len()) == (frames, frames)
+            && self.errors.are_valid()
             && (self.readings.iter())
                 .all(|(place, (_, pose))| *place < frames && pose.rotations.len() == joints)
             && (self.changes.iter())
@@ -209,21 +214,42 @@ impl PoseRefinement {
             .collect()
     }
 
+    /// The return of the frame at `place` to its given pose.
+    pub fn given_wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
+        self.changes[place].wishes(config, self.errors.factors())
+    }
+
+    /// Learns from a fit of the frame at `place`, after the share `passed` of the refinement, how far
+    /// given poses are off.
+    pub fn learn(&mut self, place: usize, evidence: &[Evidence; 2], passed: f64) {
+        let weight = self.weight(place);
+        self.errors.learn(evidence, weight, passed);
+    }
+
+    /// How far given poses are off: rotations about each axis, radians, and places along each,
+    /// metres; `None` until fits have found it.
+    pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
+        let [turn, shift] = self.errors.factors();
+        let learned = self.errors != ExpectedErrors::configured();
+        learned.then_some([turn * config.turn, shift * config.shift])
+    }
+
     /// What the frame at `place` should do without its picture: return to its given pose, and be
     /// changed as its neighbours are.
     pub fn wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
         let beside = self.beside(place);
         let precision = |error: f64| error.powi(-2);
-        let mut wishes = self.changes[place].wishes(config);
+        let mut wishes = self.given_wishes(config, place);
         let turns = wishes.len() - 3;
+        let [turn, shift] = self.errors.factors();
         if beside.is_empty() {
             return wishes;
         }
         for (i, wish) in wishes.iter_mut().enumerate() {
             let jitter = if i < turns {
-                config.turn_jitter
+                turn * config.turn_jitter
             } else {
-                config.shift_jitter
+                shift * config.shift_jitter
             };
             let sum: f64 = beside.iter().map(|it| f64::from(it.0[i])).sum();
             let mean = sum / beside.len() as f64;

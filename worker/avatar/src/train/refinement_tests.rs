@@ -50,6 +50,17 @@ fn wishes_lead_to_the_given_pose_and_the_neighbours() {
 }
 
 #[test]
+fn files_without_expected_errors_are_read() {
+    let poses = PoseRefinement::new(&track(), false);
+    let mut file = serde_json::to_value(&poses).expect("JSON");
+    let removed = file.as_object_mut().and_then(|it| it.remove("errors"));
+    assert!(removed.is_some());
+    let read: PoseRefinement = serde_json::from_value(file).expect("an earlier version's file");
+    assert_eq!(read, poses);
+    assert_eq!(read.errors(&RefinementConfig::default()), None);
+}
+
+#[test]
 fn another_film_of_the_same_length_starts_anew() {
     let track = track();
     let mut other = track.clone();

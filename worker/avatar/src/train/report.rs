@@ -13,6 +13,12 @@ use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 
 impl Trainer {
+    /// Slots of the people whom the model knows: those of this training and of earlier ones.
+    pub fn known_slots(&self) -> impl Iterator<Item = usize> {
+        let slots = self.slots.iter().enumerate();
+        slots.filter_map(|(slot, skeleton)| skeleton.as_ref().map(|_| slot))
+    }
+
     /// Current progress.
     pub fn progress(&self) -> TrainProgress {
         let fraction = self.fraction();

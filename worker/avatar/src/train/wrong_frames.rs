@@ -69,13 +69,22 @@ impl Trainer {
         poses.map_or(1.0, |poses| poses.weight(frame))
     }
 
-    /// Frames that are not trained on as they were given, for people.
+    /// How far given poses are off, and frames that are not trained on as they were given, for people.
     pub(super) fn doubts(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for subject in &self.subjects {
             let Some(poses) = &self.state.poses[subject.slot] else {
                 continue;
             };
+            if let Some([turn, shift]) = poses.errors(&self.config.refinement) {
+                notes.push(format!(
+                    "{}: given poses are off by about {:.1} degrees about each axis of a joint and \
+                     {:.0} mm, as far as pictures show it",
+                    subject.name,
+                    turn.to_degrees(),
+                    1e3 * shift
+                ));
+            }
             let (mut readings, hardly) = poses.doubts();
             readings.retain(|(place, _)| !hardly.contains(place));
             let mut by_reading: BTreeMap<Reading, Vec<u32>> = BTreeMap::new();

@@ -17,7 +17,7 @@ pub struct Pull {
     pub force: [f32; 3],
 }
 
-/// The gradients to the carried points, from `grad` `[N, 4]` to the result of [`super::warp`].
+/// The gradients to the carried points, in blocks of points that follow each other, from `grad` `[N, 4]` to the result of [`super::warp`].
 /// Points without a gradient, and bones without a weight, have none.
 ///
 /// # Panics
@@ -28,14 +28,13 @@ pub fn pulls(
     points: &[f32],
     grad: &[f32],
     grid: &WarpGrid,
-) -> Vec<Pull> {
+) -> Vec<Vec<Pull>> {
     let d = grid.resolution as i32;
     let voxels = grid.resolution.pow(3);
     let scale = grid.scale();
     let (grad, _) = grad.as_chunks::<4>();
     let blocks = all_visits(weights, transforms, points, grad.as_flattened(), grid);
-    let pulls: Vec<Vec<Pull>> = blocks
-        .par_iter()
+    (blocks.par_iter())
         .map(|block| {
             let mut pulls = Vec::with_capacity(block.all.len());
             let bones = block.starts.windows(2).zip(weights.chunks_exact(voxels));
@@ -58,6 +57,5 @@ pub fn pulls(
             }
             pulls
         })
-        .collect();
-    pulls.concat()
+        .collect()
 }
