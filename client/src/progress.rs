@@ -80,6 +80,15 @@ impl ProgressDisplay {
 
     /// Shows bytes sent of all bytes, their rate, and the remaining time.
     pub fn bytes(&mut self, sent: u64, of: u64) {
+        self.moved("uploading", sent, of);
+    }
+
+    /// The same of bytes received.
+    pub fn received(&mut self, received: u64, of: u64) {
+        self.moved("fetching", received, of);
+    }
+
+    fn moved(&mut self, doing: &str, sent: u64, of: u64) {
         let fraction = if of == 0 {
             1.0
         } else {
@@ -88,7 +97,7 @@ impl ProgressDisplay {
         self.rate.at(Instant::now(), sent);
         let rate = self.rate.a_second().filter(|rate| *rate > 0.0);
         let left = rate.map(|rate| of.saturating_sub(sent) as f64 / rate);
-        let what = format!("uploading {} of {}", DecimalBytes(sent), DecimalBytes(of));
+        let what = format!("{doing} {} of {}", DecimalBytes(sent), DecimalBytes(of));
         self.show(fraction, &with_rate(what, rate, left));
     }
 
@@ -109,6 +118,15 @@ impl ProgressDisplay {
     pub fn count(&mut self, what: &str, done: usize, of: usize) {
         let text = format!("{what} {done} of {of}");
         self.show(done as f64 / of.max(1) as f64, &text);
+    }
+
+    /// Writes a line above the bar.
+    pub fn note(&self, text: &str) {
+        let line = format!("{}: {text}", self.label);
+        match &self.bar {
+            Some(bar) => bar.println(line),
+            None => eprintln!("{line}"),
+        }
     }
 
     /// Removes the bar.

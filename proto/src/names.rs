@@ -89,6 +89,22 @@ pub fn parse_checkpoint(name: &str) -> Result<(&str, u64), NameError> {
         .ok_or_else(error)
 }
 
+/// `{parent}/objects/{file}`.
+pub fn object(parent: &str, file: &str) -> String {
+    format!("{parent}/objects/{file}")
+}
+
+/// Parent and file in `{parent}/objects/{file}`. Neither is checked.
+///
+/// # Errors
+/// When `name` is not of that form.
+pub fn parse_object(name: &str) -> Result<(&str, &str), NameError> {
+    name.split_once("/objects/").ok_or_else(|| NameError {
+        collection: "{parent}/objects",
+        name: name.chars().take(80).collect(),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

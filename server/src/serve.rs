@@ -1,7 +1,7 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
 use crate::{
-    api::{JobApi, ModelApi, RenderApi, SubjectApi, WorkerApi},
+    api::{JobApi, ModelApi, ObjectApi, RenderApi, SubjectApi, WorkerApi},
     config::MAX_MESSAGE_BYTES,
     context::Context,
     error::ServerError,
@@ -17,8 +17,8 @@ use tonic::{
 use tonic_health::{ServingStatus, server::HealthReporter};
 use yoto_proto::v1::{
     job_service_server::JobServiceServer, model_service_server::ModelServiceServer,
-    render_service_server::RenderServiceServer, subject_service_server::SubjectServiceServer,
-    worker_service_server::WorkerServiceServer,
+    object_service_server::ObjectServiceServer, render_service_server::RenderServiceServer,
+    subject_service_server::SubjectServiceServer, worker_service_server::WorkerServiceServer,
 };
 
 /// Interval of keep-alive pings on idle connections.
@@ -42,31 +42,39 @@ async fn routes(
     reporter.set_serving::<ModelServiceServer<ModelApi>>().await;
     reporter.set_serving::<JobServiceServer<JobApi>>().await;
     reporter
+        .set_serving::<ObjectServiceServer<ObjectApi>>()
+        .await;
+    reporter
         .set_serving::<RenderServiceServer<RenderApi>>()
         .await;
     reporter
         .set_serving::<WorkerServiceServer<WorkerApi>>()
         .await;
-    let reflection = tonic_reflection::server::Builder::configure()
-        .register_encoded_file_descriptor_set(yoto_proto::DESCRIPTORS)
-        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-        .build_v1()?;
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(yoto_proto::DESCRIPTORS)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
     let subjects = SubjectServiceServer::new(SubjectApi { context: context() });
     let models = ModelServiceServer::new(ModelApi { context: context() });
     let jobs = JobServiceServer::new(JobApi {
         context: context(),
         drain: drain(),
     });
+    let objects = ObjectServiceServer::new(ObjectApi { context: context() });
     let renders = RenderServiceServer::new(RenderApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
     });
     let routes = Routes::new(health)
-        .add_service(reflection)
+        .add_service(reflection().build_v1()?)
+        // Clients in Python know only this version.
+        .add_service(reflection().build_v1alpha()?)
         .add_service(subjects.max_decoding_message_size(limit))
         .add_service(models.max_decoding_message_size(limit))
         .add_service(jobs.max_decoding_message_size(limit))
+        .add_service(objects.max_decoding_message_size(limit))
         .add_service(renders.max_decoding_message_size(limit))
         .add_service(workers.max_decoding_message_size(limit));
     Ok((routes, reporter))

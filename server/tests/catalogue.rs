@@ -7,8 +7,8 @@ use tonic::Code;
 use yoto_proto::v1::{
     AddIdentityRequest, CreateJobRequest, CreateModelRequest, CreateRenderRequest,
     CreateSubjectRequest, GetModelRequest, GetSubjectRequest, IngestSpec, JobSpec,
-    ListCheckpointsRequest, ListJobsRequest, ListSubjectsRequest, Orbit, RenderSpec, TrainSpec,
-    job_spec, render_spec::What,
+    ListCheckpointsRequest, ListJobsRequest, ListSubjectsRequest, Orbit, RemoveIdentityRequest,
+    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec, render_spec::What,
 };
 
 #[tokio::test]
@@ -327,4 +327,52 @@ async fn fifty_writers_at_once_all_get_through_and_a_shared_request_id_creates_o
         .expect("lists")
         .into_inner();
     assert_eq!(listed.subjects.len(), 26);
+}
+
+#[tokio::test]
+async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let bob = service.ready_subject("Bob").await;
+    let model = service.model_of(&ada).await;
+    assert!(!model.slots[0].trained, "nobody is yet");
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    let published = service.publish(&training, 1).await.expect("publishes");
+    let join = AddIdentityRequest {
+        model: model.name.clone(),
+        subject: bob.name.clone(),
+    };
+    let slot = service.models().add_identity(join.clone()).await;
+    assert_eq!(slot.expect("joins").into_inner().slot, 1);
+    let remove = |subject: &Subject| {
+        let request = RemoveIdentityRequest {
+            model: model.name.clone(),
+            subject: subject.name.clone(),
+        };
+        let mut client = service.models();
+        async move { client.remove_identity(request).await }
+    };
+    // A training may be about to publish what it knows of them.
+    assert_refused(remove(&bob).await, Code::FailedPrecondition, "MODEL_BUSY");
+    let result = TrainResult {
+        checkpoint: published.name,
+        ..<_>::default()
+    };
+    service
+        .complete(&training, job_result::Kind::Train(result))
+        .await
+        .expect("completes");
+    assert_refused(remove(&ada).await, Code::FailedPrecondition, "SLOT_TRAINED");
+    let left = remove(&bob).await.expect("leaves").into_inner();
+    assert_eq!(left.slots.len(), 1);
+    assert!(left.slots[0].trained);
+    assert_refused(remove(&bob).await, Code::NotFound, "NOT_FOUND");
+    let again = service
+        .models()
+        .add_identity(join)
+        .await
+        .expect("joins again");
+    assert_eq!(again.into_inner().slot, 2, "numbers are not used again");
 }

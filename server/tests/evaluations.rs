@@ -4,9 +4,10 @@ mod support;
 
 use support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
+use yoto_proto::names;
 use yoto_proto::v1::{
-    EvaluateResult, EvaluateSpec, Job, Lease, Model, Scores, Subject, SubjectScores, job,
-    job_result, job_spec,
+    EvaluateResult, EvaluateSpec, Job, Lease, ListCheckpointsRequest, Model, Scores, Subject,
+    SubjectScores, job, job_result, job_spec,
 };
 
 fn spec(model: &Model, subjects: &[&Subject]) -> job_spec::Kind {
@@ -34,6 +35,7 @@ fn result(checkpoint: &str, subject: &Subject) -> EvaluateResult {
         mean: scores,
         device: "cpu".into(),
         tradeoff: None,
+        notes: Vec::new(),
     }
 }
 
@@ -138,4 +140,43 @@ async fn figures_that_can_not_be_are_refused() {
     }
     let answer = service.complete(&lease, job_result::Kind::Evaluate(good));
     answer.await.expect("is good");
+}
+
+#[tokio::test]
+async fn the_best_checkpoint_is_measured_unless_another_is_asked_for() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let worker = service.worker(&["train", "evaluate"]).await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    for (step, psnr) in [(10, 29.0), (20, 31.0), (30, 30.5)] {
+        let published = service.publish_with(&training, step, psnr).await;
+        published.expect("publishes");
+    }
+    let steps = |lease: Lease| -> Vec<u64> {
+        let inputs = lease.inputs.expect("has inputs");
+        inputs.checkpoints.iter().map(|it| it.step).collect()
+    };
+    let (_, lease) = queued(&service, &model, &worker).await;
+    assert_eq!(steps(lease), [20, 30, 10]);
+    let named = |step| {
+        job_spec::Kind::Evaluate(EvaluateSpec {
+            model: model.name.clone(),
+            checkpoint: names::checkpoint(&model.name, step),
+            ..<_>::default()
+        })
+    };
+    service.create_job(named(10)).await.expect("queued");
+    let lease = service.lease(&worker).await.expect("the evaluation waits");
+    assert_eq!(steps(lease), [10]);
+    let unknown = service.create_job(named(11)).await;
+    assert_invalid(unknown, "spec.evaluate.checkpoint");
+    let request = ListCheckpointsRequest {
+        model: model.name.clone(),
+    };
+    let listed = service.models().list_checkpoints(request).await;
+    let listed = listed.expect("lists").into_inner().checkpoints;
+    let best: Vec<bool> = listed.iter().map(|it| it.best).collect();
+    assert_eq!(best, [false, true, false]);
 }

@@ -6,10 +6,10 @@ use futures::TryStreamExt;
 use support::{Service, assert_invalid, assert_refused, id, job_name};
 use tonic::{Code, Status};
 use yoto_proto::{
-    keys,
+    keys, names,
     v1::{
-        DownloadRenderRequest, IngestResult, ObjectRef, Orbit, RenderResult, RenderSpec,
-        RenderedFile, capture, job_result, job_spec, render_spec::What,
+        DownloadObjectRequest, IngestResult, ListObjectsRequest, ObjectRef, Orbit, RenderResult,
+        RenderSpec, RenderedFile, capture, job_result, job_spec, render_spec::What,
     },
 };
 
@@ -82,18 +82,20 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
         .create_job(job_spec::Kind::Render(spec))
         .await
         .expect("is queued");
-    let download = |file: &str| {
-        let request = DownloadRenderRequest {
-            job: job.name.clone(),
-            file: file.into(),
+    let range = |file: &str, offset, length| {
+        let request = DownloadObjectRequest {
+            name: names::object(&job.name, file),
+            offset,
+            length,
         };
-        let mut client = service.renders();
+        let mut client = service.objects();
         async move {
-            let answers = client.download_render(request).await?.into_inner();
+            let answers = client.download_object(request).await?.into_inner();
             let chunks: Vec<_> = answers.map_ok(|answer| answer.chunk).try_collect().await?;
             Ok::<_, Status>(chunks.concat())
         }
     };
+    let download = |file: &str| range(file, 0, 0);
     let early = download("000000.png").await;
     assert_refused(early, Code::FailedPrecondition, "NOT_SUCCEEDED");
     let lease = service.lease(&worker).await.expect("the render waits");
@@ -116,6 +118,32 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
         .complete(&lease, job_result::Kind::Render(result))
         .await
         .expect("completes");
+    let list = |parent: &str| {
+        let request = ListObjectsRequest {
+            parent: parent.to_owned(),
+        };
+        let mut client = service.objects();
+        async move { Ok::<_, Status>(client.list_objects(request).await?.into_inner().objects) }
+    };
+    let listed = list(&job.name).await.expect("lists");
+    assert_eq!(listed.len(), 1);
+    assert_eq!(listed[0].name, names::object(&job.name, "000000.png"));
+    assert_eq!((&*listed[0].file, listed[0].bytes), ("000000.png", 100_000));
+    assert_invalid(list("subjects/1").await, "parent");
     assert_eq!(download("000000.png").await.expect("downloads"), picture);
+    let png = "000000.png";
+    assert_eq!(
+        range(png, 70_000, 0).await.expect("a range"),
+        picture[70_000..]
+    );
+    assert_eq!(range(png, 3, 5).await.expect("a range"), picture[3..8]);
+    assert_eq!(range(png, 0, u64::MAX).await.expect("a range"), picture);
+    assert!(
+        range(png, 100_000, 0)
+            .await
+            .expect("nothing is left")
+            .is_empty()
+    );
+    assert_invalid(range(png, 100_001, 0).await, "offset");
     assert_refused(download("../yoto.db").await, Code::NotFound, "NOT_FOUND");
 }

@@ -291,17 +291,26 @@ fn wrong_numbers_and_late_masks_are_mended_in_films_and_archives_too() -> anyhow
     let out = out.to_str().context("a plain path")?;
     for capture in [&ada, &packed] {
         let capture = capture.to_str().context("a plain path")?;
-        let said = fail(YOTO, &["capture", "check", capture, "--out", out])?;
+        let said = fail(
+            YOTO,
+            &["capture", "check", capture, "--out", out, "--force"],
+        )?;
         assert!(said.contains("measures failed"), "{said}");
         let report = std::fs::read_to_string(dir.path().join("check/report.json"))?;
         assert!(report.contains("--units camera=mm"), "{report}");
-        let mut mended = vec!["capture", "check", capture, "--out", out];
+        let mut mended = vec!["capture", "check", capture, "--out", out, "--force"];
         mended.extend(right);
         let checked = output(YOTO, &mended)?;
         let said = String::from_utf8_lossy(&checked.stdout).into_owned();
         assert!(said.contains("pass  reading of the numbers"), "{said}");
         assert!(said.contains("pass  joints in the mask"), "{said}");
     }
+    let folder = ada.to_str().context("a plain path")?;
+    let said = fail(YOTO, &["capture", "check", folder, "--out", out])?;
+    assert!(
+        said.contains("is there already, of") && said.contains("ada.tar"),
+        "{said}"
+    );
 
     // A capture's own plan applies without options, in archives and in folders.
     let plan = r#"{"correction": {"units": {"camera": "mm"}, "mask_shift": 1}}"#;

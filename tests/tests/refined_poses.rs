@@ -6,7 +6,7 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::api::YotoClient;
 use yoto_proto::pose_track::{Frame, PoseTrack};
-use yoto_proto::v1::{MotionTransfer, RenderSpec, View, ViewList, job_result, render_spec::What};
+use yoto_proto::v1::{MotionTransfer, RenderSpec, View, ViewList, render_spec::What};
 use yoto_tests::people::{write_capture, write_json};
 use yoto_tests::process::{Service, fail, succeed};
 
@@ -26,11 +26,9 @@ async fn rendered(client: &YotoClient, what: What) -> anyhow::Result<Vec<u8>> {
     };
     let job = client.create_render(spec).await?.name;
     let job = client.wait_for_job(&job, |_| ()).await?;
-    let Some(job_result::Kind::Render(result)) = job.result.and_then(|it| it.kind) else {
-        anyhow::bail!("no result of a render");
-    };
-    let file = result.files.first().context("a picture")?;
-    Ok(client.download(&job.name, file).await?.bytes)
+    let files = client.list_objects(&job.name).await?;
+    let file = files.first().context("a picture")?;
+    Ok(client.object(file).await?)
 }
 
 /// The frame at `place` of `track`, as a view.

@@ -80,7 +80,8 @@ fn renders_say_what_they_want_once_a_model_is_measured() -> anyhow::Result<()> {
         "--frames",
         "0..6:2",
     ];
-    let to = ["--size", "32", "--out", text(&pictures)?];
+    // Each render replaces the one before.
+    let to = ["--size", "32", "--force", "--out", text(&pictures)?];
     let wish = |wanted: [&'static str; 2]| [&wanted[..], &to].concat();
     let said = with(&own_motion, &wish(["--quality", "fast"]), fail)?;
     assert!(said.contains("yoto tradeoff --model solo"), "{said}");

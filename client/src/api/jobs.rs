@@ -124,6 +124,14 @@ impl YotoClient {
             on_change(&job);
             last = Some(job);
         }
+        Self::succeeded(name, last)
+    }
+
+    /// The `last` state of the job `name` that was seen, if it is a success.
+    ///
+    /// # Errors
+    /// [`ClientError::JobEnded`] when it failed or was cancelled.
+    pub fn succeeded(name: &str, last: Option<Job>) -> Result<Job, ClientError> {
         let job =
             last.ok_or_else(|| ClientError::Contract(format!("watching {name} showed no job")))?;
         if job.state() == job::State::Succeeded {

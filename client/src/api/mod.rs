@@ -8,6 +8,7 @@
 mod error;
 mod jobs;
 mod models;
+mod objects;
 mod renders;
 mod resolve;
 mod subjects;
@@ -15,7 +16,6 @@ mod upload;
 mod watch;
 
 pub use error::{ClientError, Refusal};
-pub use renders::Downloaded;
 pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};
 pub use watch::JobWatch;

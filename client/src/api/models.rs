@@ -6,6 +6,7 @@ use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
     AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
     GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
+    RemoveIdentityRequest,
 };
 
 impl YotoClient {
@@ -100,6 +101,20 @@ impl YotoClient {
             .into_inner())
     }
 
+    /// Takes the slot of a subject away that no checkpoint knows yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. once the model was trained with them.
+    pub async fn remove_identity(&self, model: &str, subject: &str) -> Result<Model, ClientError> {
+        let request = RemoveIdentityRequest {
+            model: model.to_owned(),
+            subject: subject.to_owned(),
+        };
+        let answer = self.model_service().remove_identity(request).await;
+        let doing = format!("removing {subject} from {model}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+
     /// The model's checkpoints, newest first.
     ///
     /// # Errors
@@ -117,7 +132,7 @@ impl YotoClient {
             .checkpoints)
     }
 
-    /// The pose track of `subject` (`subjects/{id}`) as the newest training of `model`
+    /// The pose track of `subject` (`subjects/{id}`) as the training of the best checkpoint of `model`
     /// (`models/{id}`) has refined it.
     ///
     /// # Errors

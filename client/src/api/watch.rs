@@ -8,9 +8,9 @@ use tonic::{Code, Status, Streaming};
 use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
 
 /// Time limit of reconnection attempts.
-const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
-const FIRST_PAUSE: Duration = Duration::from_millis(100);
-const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+pub(super) const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
+pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(100);
+pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
 /// The changes of one job, each delivered once and in order.
 #[derive(Debug)]
@@ -96,7 +96,7 @@ fn is_terminal(state: job::State) -> bool {
 }
 
 /// Whether the connection is at fault rather than the request.
-fn is_transport(status: &Status) -> bool {
+pub(super) fn is_transport(status: &Status) -> bool {
     // A broken connection arrives as any of these, depending on how far the answer came.
     matches!(
         status.code(),

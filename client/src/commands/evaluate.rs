@@ -3,11 +3,13 @@
 use super::Server;
 use super::scores::scores_table;
 use super::table;
+use super::waiting::wait_for_new;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::Args;
 #[cfg(feature = "embedded")]
 use std::path::PathBuf;
+use yoto_proto::names;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateResult, EvaluateSpec, Scores, job_result};
 
@@ -38,6 +40,10 @@ pub(super) struct Evaluate {
     /// Pictures to compare, and the method.
     #[arg(long, default_value = HELD_OUT, value_parser = table::protocol, long_help = protocol_help())]
     protocol: String,
+    /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP", requires = "model")]
+    #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
+    checkpoint: Option<u64>,
     /// Longest side of compared pictures, pixels; 0 keeps the captures' size.
     #[arg(long, value_name = "PX", default_value_t = 0, value_parser = size)]
     size: u32,
@@ -97,22 +103,27 @@ impl Evaluate {
         for subject in &self.subjects {
             subjects.push(client.find_subject(subject).await?.name);
         }
+        let checkpoint = self
+            .checkpoint
+            .map(|step| names::checkpoint(&model.name, step));
         let spec = EvaluateSpec {
             model: model.name.clone(),
             subjects,
             protocol: self.protocol.clone(),
             image_size: self.size,
             tradeoff: None,
+            checkpoint: checkpoint.unwrap_or_default(),
         };
         let job = client.evaluate(spec).await?;
         let mut display = ProgressDisplay::new(model.display_name.clone());
-        let job = client
-            .wait_for_job(&job.name, |job| display.job(job))
-            .await?;
+        let job = wait_for_new(&client, &job.name, &mut display).await?;
         let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
             anyhow::bail!("{} has no figures", job.name);
         };
         display.finish(&summary(&result));
+        for note in &result.notes {
+            eprintln!("note: {note}");
+        }
         println!("{} by {}\n", result.checkpoint, result.protocol);
         println!("{}", scores_table(&rows(&result)));
         #[cfg(feature = "embedded")]
@@ -157,7 +168,7 @@ impl Evaluate {
     }
 }
 
-fn rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
+pub(super) fn rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
     let people = result.subjects.iter().filter_map(|it| {
         let scores = it.scores?;
         Some((it.display_name.clone(), scores))

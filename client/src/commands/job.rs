@@ -1,6 +1,8 @@
-//! `yoto job`: list, watch and cancel jobs.
+//! `yoto job`: list, watch, fetch and cancel jobs.
 
-use super::{Server, evaluate, table, train};
+use super::out_folder::OutFolder;
+use super::waiting::wait;
+use super::{Server, evaluate, job_fetch, table, train};
 use crate::progress::{ProgressDisplay, describe};
 use clap::{Args, Subcommand};
 use yoto_proto::v1::{Job, job, job_result, job_spec};
@@ -14,13 +16,19 @@ succeeds.
 
 Example:
   yoto job watch jobs/0198c1f2";
+const FETCH_HELP: &str = "\
+A render has its pictures, an evaluation scores.json and the plots of a trade-off, a training its last
+checkpoint (`yoto model export` writes the best one).
+
+Example:
+  yoto job fetch jobs/0198c1f2 --out out/ada";
 const CANCEL_HELP: &str = "\
 A queued job ends at once, a running job after its worker's next heartbeat.
 
 Example:
   yoto job cancel jobs/0198c1f2";
 
-/// List, watch and cancel jobs.
+/// List, watch, fetch and cancel jobs.
 #[derive(Debug, Args)]
 pub(super) struct JobCommand {
     #[command(subcommand)]
@@ -38,6 +46,14 @@ enum Action {
     /// Follow a job to its end.
     #[command(after_help = WATCH_HELP)]
     Watch(Which),
+    /// Wait for a job and write its files: pictures, figures, or the checkpoint of a training.
+    #[command(after_help = FETCH_HELP)]
+    Fetch {
+        #[command(flatten)]
+        which: Which,
+        #[command(flatten)]
+        folder: OutFolder,
+    },
     /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
     Cancel(Which),
@@ -66,6 +82,13 @@ impl JobCommand {
         match self.action {
             Action::List { server } => list(&server).await,
             Action::Watch(which) => watch(&which).await,
+            Action::Fetch { which, folder } => {
+                let client = which.server.connect().await?;
+                for path in job_fetch::fetch(&client, &which.name(), &folder).await? {
+                    println!("{}", path.display());
+                }
+                Ok(())
+            }
             Action::Cancel(which) => {
                 let job = which
                     .server
@@ -89,7 +112,7 @@ async fn watch(which: &Which) -> anyhow::Result<()> {
     let client = which.server.connect().await?;
     let name = which.name();
     let mut display = ProgressDisplay::new(name.clone());
-    let job = client.wait_for_job(&name, |job| display.job(job)).await?;
+    let job = wait(&client, &name, &mut display).await?;
     display.finish(&outcome(&job));
     Ok(())
 }

@@ -17,16 +17,19 @@ mod import;
 #[cfg(feature = "embedded")]
 mod ingest_args;
 mod job;
+mod job_fetch;
 mod logs;
 #[cfg(feature = "embedded")]
 mod lpips_args;
 mod media_args;
 mod model;
+mod model_export;
 #[cfg(feature = "embedded")]
 mod model_import;
 #[cfg(feature = "embedded")]
 mod model_info;
 mod motion;
+mod out_folder;
 #[cfg(feature = "embedded")]
 mod paper_table;
 #[cfg(feature = "embedded")]
@@ -45,6 +48,7 @@ mod table;
 #[cfg(feature = "embedded")]
 mod tradeoff;
 mod train;
+mod waiting;
 #[cfg(feature = "embedded")]
 mod worker;
 
@@ -244,18 +248,25 @@ mod tests {
             "yoto subject list --server http://127.0.0.1:1",
             "yoto model create duo --subjects ada,bob --tier fast --variant yoto",
             "yoto model list",
+            "yoto model add-person duo cleo",
+            "yoto model remove-person duo cleo",
             "yoto train duo --seconds 60 --seed 1 --size 128",
             "yoto train duo --subjects ada,bob --steps 500 --no-wait",
             "yoto job list",
             "yoto job watch jobs/1",
             "yoto job cancel 1",
+            "yoto job fetch 1 --out o --force",
+            "yoto model export duo --checkpoint 200 --out o",
             "yoto evaluate duo",
             "yoto evaluate duo --subjects ada,bob --protocol held-out --size 128",
+            "yoto evaluate duo --checkpoint 40",
+            "yoto render duo --subject ada --orbit 3 --checkpoint 40 --out o",
             "yoto render duo --subject ada --orbit 3 --views 12 --out o --animate",
             "yoto render duo --subject ada --orbit 3 --max-seconds-per-frame 0.2 --out o",
             "yoto render duo --subject ada --orbit 3 --min-psnr 30 --out o",
             "yoto render duo --subject ada --orbit 3 --quality fast --out o",
             "yoto render duo --subject ada --motion bob --frames 0..60:2 --out o",
+            "yoto render duo --subject ada --motion bob --animate --fps 29.97 --out o --force",
             "yoto render duo --subject ada --view-list v.json --size 256 --out o",
         ];
         let in_process = in_process
@@ -302,6 +313,8 @@ mod tests {
             "yoto tradeoff --capture a --tiers draft,ultra --out o",
             "yoto render duo --subject ada --orbit 3 --quality ultra --out o",
             "yoto render duo --subject ada --orbit 3 --min-psnr nan --out o",
+            "yoto render duo --subject ada --orbit 3 --animate --fps 0 --out o",
+            "yoto render duo --subject ada --orbit 3 --fps 20 --out o",
             "yoto render duo --subject ada --orbit 3 --min-psnr 30 --quality fast --out o",
             "yoto ablation --capture a --out o --seconds 5 --steps 5",
         ] {

@@ -2,20 +2,32 @@
 
 use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
+use anyhow::Context;
 use clap::{Args, Subcommand};
 use yoto_proto::tiers;
-use yoto_proto::v1::{Model, subject};
+use yoto_proto::v1::{Model, Subject, subject};
 
 const CREATE_HELP: &str = "\
 Examples:
   yoto model create duo --subjects ada,bob
   yoto model create solo --subjects ada --tier draft --variant humannerf";
 
+const ADD_HELP: &str = "\
+The person can be rendered once the model was trained again; everybody else as before until then.
+
+Example:
+  yoto model add-person duo cleo
+  yoto train duo --seconds 300";
+
+const REMOVE_HELP: &str = "\
+Example:
+  yoto model remove-person duo cleo";
+
 const LIST_HELP: &str = "\
 Example:
   yoto model list";
 
-/// Create and list models.
+/// Create, list and export models, and add people to them.
 #[derive(Debug, Args)]
 pub(super) struct ModelCommand {
     #[command(subcommand)]
@@ -33,6 +45,15 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Add a person to a model.
+    #[command(name = "add-person", after_help = ADD_HELP)]
+    AddPerson(ModelPerson),
+    /// Remove a person with whom a model was not trained yet.
+    #[command(name = "remove-person", after_help = REMOVE_HELP)]
+    RemovePerson(ModelPerson),
+    /// Write the files of a checkpoint to a folder.
+    #[command(after_help = super::model_export::AFTER_HELP)]
+    Export(super::model_export::Export),
     /// Print a model's parts with their parameters and bytes.
     #[cfg(feature = "embedded")]
     #[command(after_help = super::model_info::AFTER_HELP)]
@@ -54,6 +75,52 @@ struct Create {
     shape: Shape,
     #[command(flatten)]
     server: Server,
+}
+
+#[derive(Debug, Args)]
+struct ModelPerson {
+    /// The model, by name.
+    model: String,
+    /// The person, by name.
+    subject: String,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl ModelPerson {
+    async fn add(self) -> anyhow::Result<()> {
+        let (client, model, subject) = self.find().await?;
+        let has = model.slots.iter().any(|slot| slot.subject == subject.name);
+        let (person, name) = (&subject.display_name, &model.display_name);
+        anyhow::ensure!(!has, "{person} is in {name} already");
+        let slot = client.add_identity(&model.name, &subject.name).await?;
+        println!(
+            "{person} has slot {} of {name}, untrained: `yoto train {name}` trains it",
+            slot.slot
+        );
+        Ok(())
+    }
+
+    async fn remove(self) -> anyhow::Result<()> {
+        let (client, model, subject) = self.find().await?;
+        let (person, name) = (&subject.display_name, &model.display_name);
+        let slot = model.slots.iter().find(|slot| slot.subject == subject.name);
+        let slot = slot.with_context(|| format!("{person} is not in {name}"))?;
+        anyhow::ensure!(
+            !slot.trained,
+            "{name} was trained with {person}: only a person whom it does not know yet can be removed"
+        );
+        client.remove_identity(&model.name, &subject.name).await?;
+        println!("{person} is no longer in {name}");
+        Ok(())
+    }
+
+    async fn find(&self) -> Result<(YotoClient, Model, Subject), ClientError> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        let subject = client.find_subject(&self.subject).await?;
+        Ok((client, model, subject))
+    }
 }
 
 /// Configuration of a new model.
@@ -92,6 +159,9 @@ impl ModelCommand {
                 Ok(())
             }
             Action::List { server } => list(&server.connect().await?).await,
+            Action::AddPerson(person) => person.add().await,
+            Action::RemovePerson(person) => person.remove().await,
+            Action::Export(export) => export.run().await,
             #[cfg(feature = "embedded")]
             Action::Info(info) => info.run().await,
             #[cfg(feature = "embedded")]
@@ -115,7 +185,9 @@ pub(super) async fn create_with(
         .any(|model| model.display_name == name)
     {
         return Err(ClientError::Name(format!(
-            "there is a model called '{name}' already"
+            "there is a model called '{name}' already: `yoto model add-person {name} {}` adds a \
+             person to it, `yoto train {name}` continues its training",
+            subjects.first().map_or("NAME", String::as_str)
         )));
     }
     let mut people = Vec::new();
@@ -146,19 +218,24 @@ async fn list(client: &YotoClient) -> anyhow::Result<()> {
     };
     let mut rows = Vec::new();
     for model in client.list_models().await? {
-        let newest = client
-            .list_checkpoints(&model.name)
-            .await?
-            .into_iter()
-            .next();
+        let checkpoints = client.list_checkpoints(&model.name).await?;
+        let newest = checkpoints.first();
         let people: Vec<String> = model
             .slots
             .iter()
-            .map(|slot| person(&slot.subject))
+            .map(|slot| match (slot.trained, newest) {
+                (false, Some(_)) => format!("{} (untrained)", person(&slot.subject)),
+                _ => person(&slot.subject),
+            })
             .collect();
         let checkpoint = newest.map_or_else(
             || "-".to_owned(),
-            |checkpoint| format!("step {}", checkpoint.step),
+            |newest| match checkpoints.iter().find(|it| it.best) {
+                Some(best) if best.step != newest.step => {
+                    format!("step {}, step {} is better", newest.step, best.step)
+                }
+                _ => format!("step {}", newest.step),
+            },
         );
         rows.push(vec![
             model.name,

@@ -45,9 +45,15 @@ impl Info {
                 Some(_) => ", trade-off measured",
                 None => "",
             };
+            let psnr = checkpoint
+                .psnr
+                .map(|psnr| format!(", {psnr:.2} dB held out"));
+            let best = if checkpoint.best { ", the best" } else { "" };
             println!(
-                "checkpoint  step {}, {} bytes{measured}",
-                checkpoint.step, checkpoint.bytes
+                "checkpoint  step {}, {} bytes{}{best}{measured}",
+                checkpoint.step,
+                checkpoint.bytes,
+                psnr.unwrap_or_default()
             );
         }
         let slots = model.slots.len().max(1);

@@ -39,7 +39,8 @@ pub(super) struct MotionArgs {
     /// Your copy of SMPL's body model (.npz or .pkl), for the legs' length in .npz motions.
     #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
     smpl: Option<PathBuf>,
-    /// Up axis of a motion file [default: z for AMASS's files, y for others].
+    /// Up axis of a motion file [default: z for AMASS's files; y for others, or z for a BVH file
+    /// whose spine is upright only then].
     #[arg(long, value_name = "AXIS")]
     up: Option<Up>,
 }

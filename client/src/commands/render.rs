@@ -1,13 +1,16 @@
 //! `yoto render`: pictures of a person, rendered by a trained model.
 
 use super::motion::MotionArgs;
+use super::out_folder::{OutFolder, is_rendered};
 use super::render_what::{FrameRange, read_views};
+use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
+use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
     MotionClip, MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderSpec, job_result,
@@ -27,6 +30,14 @@ Examples:
 
 /// Fastest animation of the service, frames per second.
 const MAX_FPS: f64 = 120.0;
+
+/// Parses a frame rate.
+fn fps(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(fps) if fps > 0.0 && f64::from(fps) <= MAX_FPS => Ok(fps),
+        _ => Err(format!("a number above 0, at most {MAX_FPS}")),
+    }
+}
 
 fn quality_help() -> String {
     let tiers: Vec<(&str, &str)> = RENDER_TIERS.iter().map(|it| (it.name, it.about)).collect();
@@ -70,12 +81,18 @@ pub(super) struct Render {
     /// Poses and cameras from a JSON file.
     #[arg(long, value_name = "FILE")]
     view_list: Option<PathBuf>,
+    /// Step of the checkpoint to render with [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP")]
+    checkpoint: Option<u64>,
     /// Longest side of the pictures, pixels; a view list has its own.
     #[arg(long, default_value_t = 256, value_name = "PX")]
     size: u32,
     /// Also write one animated PNG, for browsers.
     #[arg(long)]
     animate: bool,
+    /// Frames per second of the animation [default: the speed of the motion; 15 for others].
+    #[arg(long, requires = "animate", value_name = "N", value_parser = fps)]
+    fps: Option<f32>,
     /// Background colour as red, green, blue from 0 to 1.
     #[arg(
         long,
@@ -93,9 +110,8 @@ pub(super) struct Render {
     /// Choose a named point on the curve measured by `yoto tradeoff`.
     #[arg(long, value_name = "NAME", value_parser = table::render_tier, group = "wish", long_help = quality_help())]
     quality: Option<String>,
-    /// Folder for the pictures.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    folder: OutFolder,
     #[command(flatten)]
     server: Server,
 }
@@ -106,11 +122,16 @@ impl Render {
             self.background.len() == 3,
             "--background takes three numbers, e.g. 1,1,1"
         );
+        self.folder.ensure_free(is_rendered)?;
         let (clip, fps) = self.clip()?;
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
         let subject = client.find_subject(&self.subject).await?;
+        let checkpoint = self
+            .checkpoint
+            .map(|step| names::checkpoint(&model.name, step));
         let spec = RenderSpec {
+            checkpoint: checkpoint.unwrap_or_default(),
             model: model.name,
             subject: subject.name,
             what: Some(match clip {
@@ -119,7 +140,7 @@ impl Render {
             }),
             background: self.background.clone(),
             animate: self.animate,
-            fps,
+            fps: self.fps.unwrap_or(fps),
             quality: self.wish(),
         };
         let job = client.create_render(spec).await?;
@@ -127,17 +148,23 @@ impl Render {
             "{} by {}",
             subject.display_name, model.display_name
         ));
-        let job = client
-            .wait_for_job(&job.name, |job| display.job(job))
-            .await?;
-        let choice = match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-            Some(job_result::Kind::Render(result)) => result.choice.clone(),
-            _ => None,
+        let job = wait_for_new(&client, &job.name, &mut display).await?;
+        let (choice, device) = match job.result.as_ref().and_then(|it| it.kind.as_ref()) {
+            Some(job_result::Kind::Render(it)) => (it.choice.clone(), it.device.clone()),
+            _ => (None, String::new()),
         };
-        let paths = client.download_all(&job, &self.out).await?;
-        display.finish(&format!("{} files in {}", paths.len(), self.out.display()));
+        let out = &self.folder.out;
+        let paths = client.fetch_objects(&job.name, out, &mut |_| ()).await?;
+        self.folder.remove_others(is_rendered, &paths)?;
+        display.finish(&format!("{} files in {}", paths.len(), out.display()));
         if let Some(choice) = &choice {
             eprintln!("{}", kept(choice));
+            if let Some(over) = self
+                .max_seconds_per_frame
+                .and_then(|it| over(it, choice, &device))
+            {
+                eprintln!("{over}");
+            }
         }
         for path in paths {
             println!("{}", path.display());
@@ -178,10 +205,15 @@ impl Render {
             motion.frames.len()
         );
         clip.camera_frame = self.start;
-        // Faster than the service allows: use its default.
         let fps = motion.fps / f64::from(range.step);
-        let fps = if fps <= MAX_FPS { fps as f32 } else { 0.0 };
-        Ok((Some(clip), fps))
+        if fps > MAX_FPS && self.animate && self.fps.is_none() {
+            let step = (motion.fps / MAX_FPS).ceil();
+            eprintln!(
+                "note: {fps:.0} frames per second are more than {MAX_FPS:.0}: the animation is slow; \
+                 with --frames A..B:{step:.0} it is not"
+            );
+        }
+        Ok((Some(clip), fps.min(MAX_FPS) as f32))
     }
 
     async fn what(&self, client: &YotoClient) -> anyhow::Result<render_spec::What> {
@@ -236,4 +268,52 @@ fn kept(choice: &RenderChoice) -> String {
         choice.measured_on,
         choice.seconds_per_frame,
     )
+}
+
+/// A note that a frame took longer than the `limit` in seconds, and a likely reason; `device` has
+/// rendered it.
+fn over(limit: f64, choice: &RenderChoice, device: &str) -> Option<String> {
+    let taken = choice.seconds_per_frame;
+    let reason = if choice.measured_on != device {
+        format!(
+            "the trade-off was measured on {}, this was rendered on {device}: measure it there with \
+             `yoto tradeoff`",
+            choice.measured_on
+        )
+    } else {
+        "the machine was busier than at the measurement, or these pictures show more of the person; \
+         a lower limit leaves room for that"
+            .to_owned()
+    };
+    (taken > limit).then(|| {
+        format!(
+            "over your limit of {limit} s by {:.4} s: {reason}",
+            taken - limit
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_was_not_kept_is_admitted() {
+        let choice = |seconds| RenderChoice {
+            measured_on: "a CPU".into(),
+            seconds_per_frame: seconds,
+            ..RenderChoice::default()
+        };
+        assert_eq!(over(0.1, &choice(0.1), "a CPU"), None);
+        let said = over(0.1, &choice(0.144), "a CPU").expect("over");
+        assert!(
+            said.starts_with("over your limit of 0.1 s by 0.0440 s: the machine"),
+            "{said}"
+        );
+        let said = over(0.1, &choice(0.144), "a GPU").expect("over");
+        assert!(
+            said.contains("measured on a CPU, this was rendered on a GPU"),
+            "{said}"
+        );
+    }
 }

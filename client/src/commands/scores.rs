@@ -47,6 +47,23 @@ pub(super) fn thousandfold(lpips: Option<f64>) -> String {
     lpips.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", 1000.0 * value))
 }
 
+/// The rows for programs: PSNR in dB, LPIPS where it was measured.
+pub(super) fn scores_json(rows: &[(String, Scores)]) -> serde_json::Value {
+    let row = |(of, it): &(String, Scores)| {
+        serde_json::json!({
+            "of": of,
+            "pictures": it.pictures,
+            "psnr": it.psnr,
+            "psnr_mask_box": it.psnr_mask_box,
+            "ssim": it.ssim,
+            "ssim_uniform": it.ssim_uniform,
+            "lpips": it.lpips,
+            "black_psnr": it.black_psnr,
+        })
+    };
+    rows.iter().map(row).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,6 +2,7 @@
 
 use super::import::ImportOptions;
 use super::subject_poses::SubjectPoses;
+use super::waiting::wait_for_new;
 use super::{Server, correction::CorrectionArgs, media_args::MediaArgs, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
@@ -161,9 +162,7 @@ impl Add {
             println!("{}", subject.name);
             return Ok(());
         }
-        let job = client
-            .wait_for_job(&uploaded.ingest_job, |job| display.job(job))
-            .await;
+        let job = wait_for_new(&client, &uploaded.ingest_job, &mut display).await;
         let job =
             job.with_context(|| format!("the capture {} was not accepted", place.display()))?;
         match job.result.and_then(|result| result.kind) {

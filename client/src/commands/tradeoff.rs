@@ -1,6 +1,8 @@
 //! `yoto tradeoff`: quality over time, in training and in rendering.
 
+use super::waiting::wait_for_new;
 use super::{Server, table};
+use crate::api::YotoClient;
 use crate::progress::{ProgressDisplay, Terminal};
 use anyhow::Context;
 use clap::Args;
@@ -8,12 +10,13 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::tradeoff::Curve;
 use yoto_lab::tradeoff::{Tradeoff, TradeoffOptions, run, summary};
+use yoto_proto::names;
 use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 
 const AFTER_HELP: &str = "\
 With --model the service renders held-out frames of a trained model with many settings
 (samples per ray, resolution, likelihood bound, early stop, precision) and stores time and PSNR
-with the model's newest checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and
+with the model's checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and
 `--quality` use these figures. With --capture this process trains every tier with every budget,
 measures each on held-out views and poses, and sweeps over render settings of the longest
 trained model of each tier. `yoto quality --help` shows the layout of captures.
@@ -36,6 +39,9 @@ pub(super) struct TradeoffCommand {
         conflicts_with = "captures"
     )]
     model: Option<String>,
+    /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP", requires = "model")]
+    checkpoint: Option<u64>,
     /// Capture folder, for a measurement in this process; may be repeated, once per person.
     #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
     captures: Vec<PathBuf>,
@@ -117,7 +123,11 @@ impl TradeoffCommand {
     async fn of_model(&self, name: &str) -> anyhow::Result<Tradeoff> {
         let client = self.server.connect().await?;
         let model = client.find_model(name).await?;
+        let checkpoint = self
+            .checkpoint
+            .map(|step| names::checkpoint(&model.name, step));
         let spec = EvaluateSpec {
+            checkpoint: checkpoint.unwrap_or_default(),
             model: model.name,
             image_size: self.size.unwrap_or(0),
             tradeoff: Some(TradeoffSpec {
@@ -128,16 +138,24 @@ impl TradeoffCommand {
         };
         let job = client.evaluate(spec).await?;
         let mut display = ProgressDisplay::new(model.display_name.clone());
-        let job = client
-            .wait_for_job(&job.name, |job| display.job(job))
-            .await?;
+        let job = wait_for_new(&client, &job.name, &mut display).await?;
         let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
             anyhow::bail!("{} has no figures", job.name);
         };
         display.finish(&format!("kept with {}", result.checkpoint));
         let json = client.get_tradeoff(&result.checkpoint).await?;
-        let curve = Curve::from_json(&json)
-            .with_context(|| format!("the trade-off of {}", result.checkpoint))?;
-        Ok(Tradeoff::of_model(&model.display_name, curve))
+        read(&client, &result.checkpoint, &json).await
     }
+}
+
+/// The measured curve of `checkpoint` in `json`.
+pub(super) async fn read(
+    client: &YotoClient,
+    checkpoint: &str,
+    json: &[u8],
+) -> anyhow::Result<Tradeoff> {
+    let curve = Curve::from_json(json).with_context(|| format!("the trade-off of {checkpoint}"))?;
+    let model = checkpoint.split("/checkpoints/").next();
+    let model = client.get_model(model.unwrap_or(checkpoint)).await?;
+    Ok(Tradeoff::of_model(&model.display_name, curve))
 }

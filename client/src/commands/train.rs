@@ -3,6 +3,7 @@
 use super::Server;
 use super::model::{create_with, tier_help, variant_help};
 use super::refine_poses::RefinePoses;
+use super::waiting::wait_for_new;
 use super::{model, table};
 use crate::progress::{ProgressDisplay, duration};
 use clap::Args;
@@ -87,9 +88,7 @@ impl Train {
             return Ok(());
         }
         let mut display = ProgressDisplay::new(model.display_name);
-        let job = client
-            .wait_for_job(&job.name, |job| display.job(job))
-            .await?;
+        let job = wait_for_new(&client, &job.name, &mut display).await?;
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Train(result)) => {
                 display.finish(&summary(&result));

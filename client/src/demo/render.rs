@@ -154,6 +154,7 @@ impl Studio<'_> {
             animate: animation.is_some(),
             fps: FPS,
             quality: None,
+            checkpoint: String::new(),
         };
         let queued = self.client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(label);
@@ -167,7 +168,10 @@ impl Studio<'_> {
             bail!("{} succeeded without a render result", job.name);
         };
         let seconds_per_frame = result.seconds_per_frame;
-        let mut frames = self.client.download_all(&job, folder).await?;
+        let mut frames = self
+            .client
+            .fetch_objects(&job.name, folder, &mut |_| ())
+            .await?;
         if let Some(target) = animation {
             let is_animation =
                 |path: &PathBuf| path.file_name().is_some_and(|name| name == ANIMATION);

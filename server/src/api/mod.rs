@@ -4,6 +4,7 @@
 mod fields;
 mod jobs;
 mod models;
+mod objects;
 mod paging;
 mod renders;
 mod status;
@@ -12,6 +13,7 @@ mod workers;
 
 pub use jobs::JobApi;
 pub use models::ModelApi;
+pub use objects::ObjectApi;
 pub use renders::RenderApi;
 pub use subjects::SubjectApi;
 pub use workers::WorkerApi;

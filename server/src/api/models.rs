@@ -1,7 +1,7 @@
 //! `yoto.v1.ModelService`.
 
 use super::{fields, paging};
-use crate::{context::Context, error::RequestError, store::NewModel};
+use crate::{context::Context, error::RequestError, jobs::best::best_first, store::NewModel};
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -12,8 +12,8 @@ use yoto_proto::{
     v1::{
         AddIdentityRequest, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
         GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
-        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef, Tradeoff,
-        model_service_server::ModelService,
+        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
+        RemoveIdentityRequest, Tradeoff, model_service_server::ModelService,
     },
 };
 
@@ -82,13 +82,28 @@ impl ModelService for ModelApi {
         Ok(Response::new(slot.map_err(RequestError::from)?))
     }
 
+    async fn remove_identity(
+        &self,
+        request: Request<RemoveIdentityRequest>,
+    ) -> Result<Response<Model>, Status> {
+        let request = request.get_ref();
+        let model = fields::id(Collection::Models, "model", &request.model)?;
+        let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
+        let model = self.context.store.remove_identity(&model, &subject).await;
+        Ok(Response::new(model.map_err(RequestError::from)?))
+    }
+
     async fn list_checkpoints(
         &self,
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
         let model = fields::id(Collection::Models, "model", &request.get_ref().model)?;
         let checkpoints = self.context.store.checkpoints(&model, u32::MAX).await;
-        let checkpoints = checkpoints.map_err(RequestError::from)?;
+        let mut checkpoints = checkpoints.map_err(RequestError::from)?;
+        let best = best_first(checkpoints.clone()).into_iter().next();
+        for checkpoint in &mut checkpoints {
+            checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
+        }
         Ok(Response::new(ListCheckpointsResponse { checkpoints }))
     }
 
@@ -129,13 +144,15 @@ impl ModelService for ModelApi {
         };
         let slot = slots.iter().find(|it| it.subject == *subject);
         let slot = slot.ok_or_else(|| missing("a slot"))?;
-        let newest = self.context.store.checkpoints(&id, 1).await;
-        let newest = newest.map_err(RequestError::from)?;
-        let manifest = newest.into_iter().next().and_then(|it| it.manifest);
+        let all = self.context.store.checkpoints(&id, u32::MAX).await;
+        let used = best_first(all.map_err(RequestError::from)?)
+            .into_iter()
+            .next();
+        let manifest = used.and_then(|it| it.manifest);
         let manifest = manifest.ok_or_else(|| missing("a checkpoint"))?;
         let manifest: Manifest =
             Manifest::from_json(&self.read(&manifest).await?).map_err(|error| {
-                let message = format!("the newest checkpoint's manifest: {error}");
+                let message = format!("the checkpoint's manifest: {error}");
                 RequestError::precondition("CHECKPOINT_TORN", message)
             })?;
         let file = files::refined_poses(slot.slot as usize);

@@ -1,5 +1,6 @@
 //! Inputs of a leased job, resolved from the catalogue: a worker needs no other calls.
 
+use super::best::best_first;
 use crate::{context::Context, error::RequestError, objects::upload, store::StoreError};
 use yoto_proto::{
     names::{Collection, NameError},
@@ -9,7 +10,7 @@ use yoto_proto::{
     },
 };
 
-/// Number of checkpoints in a lease: the newest, and older ones in case it is damaged.
+/// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
 const CHECKPOINTS: usize = 8;
 
 /// The inputs of a job.
@@ -17,7 +18,7 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
     match &spec.kind {
         Some(job_spec::Kind::Ingest(ingest)) => ingest_inputs(context, ingest).await,
         Some(job_spec::Kind::Train(train)) => {
-            of_model(context, &train.model, everybody, newest).await
+            of_model(context, &train.model, everybody, |all| all).await
         }
         Some(job_spec::Kind::Render(render)) => {
             let people = |_: &Model| {
@@ -29,9 +30,11 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
                 }
                 people
             };
-            let kept = match render.quality {
-                Some(_) => newest_measured,
-                None => newest,
+            let kept = |all| {
+                let mut all = chosen(all, &render.checkpoint);
+                // Predicted figures do not apply to a checkpoint without a measured trade-off.
+                all.retain(|it| render.quality.is_none() || it.tradeoff.is_some());
+                all
             };
             of_model(context, &render.model, people, kept).await
         }
@@ -41,7 +44,8 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
                     |it: &String| evaluate.subjects.is_empty() || evaluate.subjects.contains(it);
                 everybody(model).into_iter().filter(asked).collect()
             };
-            of_model(context, &evaluate.model, people, newest).await
+            let kept = |all| chosen(all, &evaluate.checkpoint);
+            of_model(context, &evaluate.model, people, kept).await
         }
         None => Err(unreadable("the job has no kind").into()),
     }
@@ -66,7 +70,7 @@ async fn of_model(
     context: &Context,
     name: &str,
     people: impl FnOnce(&Model) -> Vec<String>,
-    kept: fn(Vec<Checkpoint>) -> Vec<Checkpoint>,
+    kept: impl FnOnce(Vec<Checkpoint>) -> Vec<Checkpoint>,
 ) -> Result<Inputs, RequestError> {
     let id = parse(Collection::Models, name)?;
     let model = context.store.model(id).await?;
@@ -74,11 +78,12 @@ async fn of_model(
     for subject in people(&model) {
         shards.push(shard(context, &subject).await?);
     }
-    let checkpoints = context.store.checkpoints(id, u32::MAX).await?;
+    let mut checkpoints = kept(context.store.checkpoints(id, u32::MAX).await?);
+    checkpoints.truncate(CHECKPOINTS);
     Ok(Inputs {
         model: Some(model),
         shards,
-        checkpoints: kept(checkpoints),
+        checkpoints,
         ..Inputs::default()
     })
 }
@@ -87,16 +92,13 @@ fn everybody(model: &Model) -> Vec<String> {
     model.slots.iter().map(|it| it.subject.clone()).collect()
 }
 
-fn newest(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
-    checkpoints.truncate(CHECKPOINTS);
-    checkpoints
-}
-
-/// A render by quality has predicted figures, which do not apply to a later checkpoint without
-/// a measured trade-off.
-fn newest_measured(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
-    checkpoints.retain(|it| it.tradeoff.is_some());
-    newest(checkpoints)
+/// The checkpoint called `wanted`, or all of them, the best first.
+fn chosen(mut all: Vec<Checkpoint>, wanted: &str) -> Vec<Checkpoint> {
+    if wanted.is_empty() {
+        return best_first(all);
+    }
+    all.retain(|it| it.name == wanted);
+    all
 }
 
 async fn shard(context: &Context, subject: &str) -> Result<SubjectShard, RequestError> {

@@ -1,9 +1,10 @@
 //! Queues and cancels jobs.
 //!
 //! A job that the catalogue can't serve is refused now instead of failing later. The checked
-//! entries (slots, shards, checkpoints) are never removed, so the checks still hold when the
-//! job is leased.
+//! entries (shards, checkpoints, and slots while a job of their model waits) are never removed, so
+//! the checks still hold when the job is leased.
 
+use super::best::best_first;
 use super::spec;
 use crate::{
     context::Context,
@@ -81,12 +82,12 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     if let Some(What::Motion(motion)) = &render.what {
         require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
     }
-    let newest = require_checkpoint(context, "spec.render.model", &model).await?;
-    if render.quality.is_some() && newest.tradeoff.is_none() {
+    let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
+    if render.quality.is_some() && used.tradeoff.is_none() {
         let message = format!(
-            "no trade-off was measured with {}, the newest checkpoint of '{}'; measure it \
-             first: yoto tradeoff --model {} --out DIR",
-            newest.name, model.display_name, model.display_name
+            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
+             tradeoff --model {} --checkpoint {} --out DIR",
+            used.name, model.display_name, used.step
         );
         return Err(RequestError::precondition("NO_TRADEOFF", message));
     }
@@ -105,7 +106,7 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
             require_shard(context, "spec.evaluate.model", &slot.subject).await?;
         }
     }
-    require_checkpoint(context, "spec.evaluate.model", &model).await?;
+    require_checkpoint(context, "spec.evaluate", &model, &evaluate.checkpoint).await?;
     Ok(())
 }
 
@@ -117,15 +118,24 @@ fn require_slot(model: &Model, subject: &str) -> Result<(), RequestError> {
     Err(RequestError::precondition("NO_SLOT", message))
 }
 
-/// The model's newest checkpoint.
+/// The model's checkpoint called `wanted`, or its best one, for the specification at `field`.
 async fn require_checkpoint(
     context: &Context,
     field: &str,
     model: &Model,
+    wanted: &str,
 ) -> Result<Checkpoint, RequestError> {
-    let id = parse(Collection::Models, field, &model.name)?;
-    let newest = context.store.checkpoints(id, 1).await?.pop();
-    newest.ok_or_else(|| {
+    let id = parse(Collection::Models, &format!("{field}.model"), &model.name)?;
+    let all = context.store.checkpoints(id, u32::MAX).await?;
+    if !wanted.is_empty() {
+        let found = all.into_iter().find(|it| it.name == wanted);
+        return found.ok_or_else(|| {
+            let shown: String = wanted.chars().take(200).collect();
+            let message = format!("{} has no checkpoint '{shown}'", model.name);
+            RequestError::invalid(format!("{field}.checkpoint"), message)
+        });
+    }
+    best_first(all).into_iter().next().ok_or_else(|| {
         let message = format!("{} has no checkpoint; train it first", model.name);
         RequestError::precondition("NO_CHECKPOINT", message)
     })

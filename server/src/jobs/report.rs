@@ -63,6 +63,13 @@ pub async fn publish(
         return Err(RequestError::invalid("checkpoint.psnr", "is not finite"));
     }
     let model_id = parse(Collection::Models, "job", &train.model)?;
+    let model = context.store.model(model_id).await?;
+    let known = |slot: &u32| model.slots.iter().any(|it| it.slot == *slot);
+    let slots = &checkpoint.slots;
+    if !slots.is_sorted_by(|a, b| a < b) || !slots.iter().all(known) {
+        let message = format!("{slots:?} are not rising slots of {}", train.model);
+        return Err(RequestError::invalid("checkpoint.slots", message));
+    }
     let folder = keys::checkpoint(model_id, &lease.job_id, lease.token, step);
     let in_folder = |key: &str| key.starts_with(&format!("{folder}/"));
     require(

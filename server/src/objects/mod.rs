@@ -6,7 +6,8 @@ pub mod upload;
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use object_store::{
-    ObjectStore, ObjectStoreExt, WriteMultipart, local::LocalFileSystem, path::Path as Key,
+    GetOptions, GetRange, ObjectStore, ObjectStoreExt, WriteMultipart, local::LocalFileSystem,
+    path::Path as Key,
 };
 use std::{path::PathBuf, sync::Arc};
 use thiserror::Error;
@@ -137,8 +138,26 @@ impl Objects {
         &self,
         object: &ObjectRef,
     ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
+        self.get_from(object, 0).await
+    }
+
+    /// Streams an object from the byte `offset` on.
+    ///
+    /// # Errors
+    /// As [`Self::get`]; when the object has no such byte.
+    pub async fn get_from(
+        &self,
+        object: &ObjectRef,
+        offset: u64,
+    ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
         let key = object.key.clone();
-        let found = self.store.get(&parse(&key)?).await;
+        // An empty range is an error to some stores, also of an empty object.
+        let range = (offset > 0).then_some(GetRange::Offset(offset));
+        let options = GetOptions {
+            range,
+            ..GetOptions::default()
+        };
+        let found = self.store.get_opts(&parse(&key)?, options).await;
         let found = found.map_err(|cause| failed("reading", &key, cause))?;
         same_size(object, found.meta.size)?;
         Ok(found

@@ -65,6 +65,8 @@ pub trait Store: Send + Sync + 'static {
         model_id: &str,
         subject_id: &str,
     ) -> Result<IdentitySlot, StoreError>;
+    /// Takes a subject's slot away, which no checkpoint knows yet.
+    async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError>;
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
 

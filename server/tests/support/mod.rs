@@ -27,8 +27,8 @@ use yoto_proto::{
         ObjectRef, PublishCheckpointRequest, RegisterWorkerRequest, Subject, TrainSpec,
         UploadCaptureResponse, WorkerDevice, job_result, job_service_client::JobServiceClient,
         job_spec, model_service_client::ModelServiceClient,
-        render_service_client::RenderServiceClient, subject_service_client::SubjectServiceClient,
-        worker_service_client::WorkerServiceClient,
+        object_service_client::ObjectServiceClient, render_service_client::RenderServiceClient,
+        subject_service_client::SubjectServiceClient, worker_service_client::WorkerServiceClient,
     },
 };
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
@@ -85,6 +85,10 @@ impl Service {
 
     pub fn jobs(&self) -> JobServiceClient<Channel> {
         JobServiceClient::new(self.channel.clone())
+    }
+
+    pub fn objects(&self) -> ObjectServiceClient<Channel> {
+        ObjectServiceClient::new(self.channel.clone())
     }
 
     pub fn renders(&self) -> RenderServiceClient<Channel> {
@@ -309,6 +313,16 @@ impl Service {
 
     /// Publishes a checkpoint of a leased train job.
     pub async fn publish(&self, lease: &Lease, step: u64) -> Result<Checkpoint, Status> {
+        self.publish_with(lease, step, 25.0).await
+    }
+
+    /// The same with a held-out PSNR.
+    pub async fn publish_with(
+        &self,
+        lease: &Lease,
+        step: u64,
+        psnr: f64,
+    ) -> Result<Checkpoint, Status> {
         let model = lease
             .inputs
             .clone()
@@ -321,7 +335,8 @@ impl Service {
             step,
             manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}").await),
             bytes: 2,
-            psnr: Some(25.0),
+            psnr: Some(psnr),
+            slots: model.slots.iter().map(|slot| slot.slot).collect(),
             ..<_>::default()
         };
         let token = lease.token;

@@ -32,6 +32,10 @@ pub(crate) struct Saved<'a> {
     pub(crate) job_steps: u64,
     /// Held-out, dB.
     pub(crate) psnr: Option<f64>,
+    /// Slots of the people whom it knows.
+    pub(crate) slots: Vec<u32>,
+    /// Longest side of the training images, pixels; 0: the captures' own.
+    pub(crate) image_size: u32,
 }
 
 /// Downloads `wanted` of the first complete one of `checkpoints` (newest first).
@@ -181,6 +185,8 @@ pub(crate) fn publish(
         manifest: Some(object),
         bytes: manifest.bytes(),
         psnr: saved.psnr,
+        slots: saved.slots.clone(),
+        image_size: saved.image_size,
         ..Checkpoint::default()
     })?;
     Ok(manifest.bytes())

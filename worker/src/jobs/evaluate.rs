@@ -41,6 +41,9 @@ pub fn run(
         .map(|weights| LpipsMetric::load(weights, &context.device.device))
         .transpose()
         .map_err(|error| JobFailure::failed("LPIPS", "loading the weights of LPIPS", &error))?;
+    let knows = |slot: &IdentitySlot| renderer.skeleton(slot.slot as usize).is_some();
+    let (slots, unknown): (Vec<_>, Vec<_>) = slots.into_iter().partition(|slot| knows(slot));
+    let notes = left_out(spec, inputs, &unknown)?;
     let examiner = Examiner::new(renderer, protocol, lpips);
     let mut pictures = Vec::new();
     for slot in &slots {
@@ -79,7 +82,31 @@ pub fn run(
         mean: Some((&Score::mean(&scores)).into()),
         device: context.device.info.adapter.clone(),
         tradeoff,
+        notes,
     })
+}
+
+/// Notes on the people with the `unknown` slots, who came after the checkpoint. It is a
+/// fault if they were asked for by name, or nobody else is left.
+fn left_out(
+    spec: &EvaluateSpec,
+    inputs: &Inputs,
+    unknown: &[&IdentitySlot],
+) -> Result<Vec<String>, JobFailure> {
+    let notes = unknown.iter().map(|slot| {
+        let shard = inputs.shards.iter().find(|it| it.subject == slot.subject);
+        let name = shard.map_or(&slot.subject, |it| &it.display_name);
+        format!("{name} is left out: the checkpoint was trained before they joined the model")
+    });
+    let notes: Vec<String> = notes.collect();
+    let known = inputs.model.iter().flat_map(|it| &it.slots).count() > unknown.len();
+    if !notes.is_empty() && (!spec.subjects.is_empty() || !known) {
+        return Err(JobFailure::Failed {
+            code: "NOT_TRAINED",
+            message: notes.join("; "),
+        });
+    }
+    Ok(notes)
 }
 
 /// The protocol of the request, if captures of one camera are enough for it.
@@ -225,6 +252,7 @@ mod tests {
         let slot = |slot, subject: &str| IdentitySlot {
             slot,
             subject: subject.into(),
+            trained: true,
         };
         let model = Model {
             name: "models/m".into(),
@@ -254,6 +282,32 @@ mod tests {
             panic!("a stranger is refused");
         };
         assert!(found[0].message.ends_with("for: subjects/x"), "{found:?}");
+    }
+
+    #[test]
+    fn a_person_who_came_after_the_training_is_left_out_unless_asked_for() {
+        let inputs = inputs();
+        let slots: Vec<_> = inputs.model.iter().flat_map(|model| &model.slots).collect();
+        let spec = |subjects: &[&str]| EvaluateSpec {
+            subjects: subjects.iter().map(|&name| name.into()).collect(),
+            ..EvaluateSpec::default()
+        };
+        let everybody = spec(&[]);
+        assert!(left_out(&everybody, &inputs, &[]).expect("all").is_empty());
+        let notes = left_out(&everybody, &inputs, &slots[1..]).expect("one is left");
+        assert!(notes[0].starts_with("subjects/b is left out"), "{notes:?}");
+        let refused = |spec: &EvaluateSpec, unknown: &[&IdentitySlot]| {
+            let found = left_out(spec, &inputs, unknown);
+            matches!(
+                found,
+                Err(JobFailure::Failed {
+                    code: "NOT_TRAINED",
+                    ..
+                })
+            )
+        };
+        assert!(refused(&spec(&["subjects/b"]), &slots[1..]));
+        assert!(refused(&everybody, &slots));
     }
 
     #[test]

@@ -11,7 +11,10 @@ mod views;
 
 use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure, checkpoint, shard};
-use crate::media::{animation::Animation, picture};
+use crate::media::{
+    animation::{Animation, MAX_FPS},
+    picture,
+};
 use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
@@ -24,6 +27,8 @@ use yoto_proto::{
 
 /// Name of the animated file.
 const ANIMATION: &str = "animation.png";
+/// Frames per second of an animation that has no speed of its own.
+const FPS: f32 = 15.0;
 
 /// Renders all views of the request.
 ///
@@ -37,10 +42,11 @@ pub fn run(
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) =
         checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "render")?;
-    let (views, truths) = expand(context, &request, &renderer, &found, inputs)?;
+    let scene = expand(context, &request, &renderer, &found, inputs)?;
     let promise = match &spec.quality {
         Some(quality) => {
-            let promise = Promise::make(context, quality, &found.checkpoint, &renderer, &views)?;
+            let promise =
+                Promise::make(context, quality, &found.checkpoint, &renderer, &scene.views)?;
             renderer
                 .set(promise.settings())
                 .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
@@ -48,7 +54,7 @@ pub fn run(
         }
         None => None,
     };
-    let drawn = draw(context, &request, &renderer, &views, &truths)?;
+    let drawn = draw(context, &request, &renderer, &scene)?;
     Ok(RenderResult {
         choice: promise.map(|promise| promise.came_true(drawn.seconds_per_frame, &drawn.psnr)),
         files: drawn.files,
@@ -58,21 +64,30 @@ pub fn run(
     })
 }
 
-/// The views of the request, and their ground truth, if known.
+/// Everything that a request asks to see.
+struct Scene {
+    views: Vec<RenderView>,
+    /// The ground truth, if known.
+    truths: Truths,
+    /// Frames per second of the animation.
+    fps: f32,
+}
+
+/// What the request asks to see.
 fn expand(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
     found: &Downloaded,
     inputs: &Inputs,
-) -> Result<(Vec<RenderView>, Truths), JobFailure> {
+) -> Result<Scene, JobFailure> {
     let skeleton = renderer
         .skeleton(request.slot)
         .ok_or_else(|| JobFailure::Failed {
             code: "NO_CHECKPOINT",
             message: format!(
-                "the newest checkpoint of {} does not know {} yet: train it again",
-                request.spec.model, request.spec.subject
+                "{} does not know {}: it was trained before they joined the model",
+                found.checkpoint.name, request.spec.subject
             ),
         })?;
     let stage = views::Stage {
@@ -80,6 +95,7 @@ fn expand(
         background: request.background,
         joints: skeleton.parents.len(),
     };
+    let still = request.fps.unwrap_or(FPS);
     let views = match request.what {
         What::Views(list) => stage.listed(list)?,
         What::Orbit(orbit) => {
@@ -95,12 +111,20 @@ fn expand(
         What::Motion(transfer) => {
             let driver = &transfer.driver;
             let (_, shard) = shard::with_refined_poses(context, inputs, found, driver)?;
-            let views = motion::views(&stage, transfer, &shard.track, skeleton)?;
-            let truths = Truths::of_motion(request, transfer, shard, skeleton)?;
-            return Ok((views, truths));
+            let places = motion::places(transfer, &shard.track)?;
+            let natural = motion::natural_fps(&places, &shard.track);
+            return Ok(Scene {
+                fps: request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS),
+                views: motion::views(&stage, transfer.size, &places, &shard.track, skeleton)?,
+                truths: Truths::of_motion(request, transfer, shard, skeleton)?,
+            });
         }
     };
-    Ok((views, Truths::none()))
+    Ok(Scene {
+        views,
+        truths: Truths::none(),
+        fps: still,
+    })
 }
 
 /// Result of rendering all views.
@@ -116,9 +140,9 @@ fn draw(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
-    views: &[RenderView],
-    truths: &Truths,
+    scene: &Scene,
 ) -> Result<Drawn, JobFailure> {
+    let Scene { views, truths, fps } = scene;
     let job = context.job_id()?;
     let store = |file: String, bytes| {
         let object = context.put(&keys::render(job, context.token, &file), bytes)?;
@@ -137,7 +161,7 @@ fn draw(
                 width,
                 height,
                 views.len() as u32,
-                request.fps,
+                *fps,
             )?)
         }
         _ => None,

@@ -46,6 +46,7 @@ fn migrations() -> Migrator {
         include_str!("../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
     let tradeoffs = include_str!("../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
     let retries = include_str!("../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
+    let slots = include_str!("../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -55,6 +56,7 @@ fn migrations() -> Migrator {
         step(2, "evaluate jobs", evaluate, true),
         step(3, "tradeoffs", tradeoffs, false),
         step(4, "retries", retries, false),
+        step(5, "trained slots", slots, false),
     ])
 }
 
@@ -206,6 +208,13 @@ impl Store for SqliteStore {
         let slot = models::add_identity(&mut tx, model_id, subject_id).await?;
         commit(tx).await?;
         Ok(slot)
+    }
+
+    async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError> {
+        let mut tx = self.write().await?;
+        let model = models::remove_identity(&mut tx, model_id, subject_id).await?;
+        commit(tx).await?;
+        Ok(model)
     }
 
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError> {

@@ -41,13 +41,16 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
     let id = row.text("id")?;
     let slots = sqlx::query("SELECT slot, subject FROM slots WHERE model = ?1 ORDER BY slot")
         .bind(&id)
-        .fetch_all(conn)
+        .fetch_all(&mut *conn)
         .await
         .during("reading a model's slots")?;
-    let slots = slots.iter().map(|slot| {
+    let trained = trained(&mut *conn, &id).await?;
+    let slots = slots.iter().map(|row| {
+        let slot = row.number("slot")?;
         Ok(IdentitySlot {
-            slot: slot.number("slot")?,
-            subject: Collection::Subjects.name(&slot.text("subject")?),
+            slot,
+            subject: Collection::Subjects.name(&row.text("subject")?),
+            trained: trained.knows(slot),
         })
     });
     Ok(Model {
@@ -58,6 +61,54 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
         slots: slots.collect::<Result<_, StoreError>>()?,
         create_time: row.time("create_time")?,
     })
+}
+
+/// Slots that the newest checkpoint of a model was trained with.
+enum Trained {
+    /// There is no checkpoint.
+    None,
+    /// A checkpoint of an earlier version does not say.
+    All,
+    Slots(Vec<u32>),
+}
+
+impl Trained {
+    fn knows(&self, slot: u32) -> bool {
+        match self {
+            Self::None => false,
+            Self::All => true,
+            Self::Slots(slots) => slots.contains(&slot),
+        }
+    }
+}
+
+async fn trained(conn: &mut SqliteConnection, model_id: &str) -> Result<Trained, StoreError> {
+    let row =
+        sqlx::query("SELECT slots FROM checkpoints WHERE model = ?1 ORDER BY step DESC LIMIT 1")
+            .bind(model_id)
+            .fetch_optional(conn)
+            .await
+            .during("reading the newest checkpoint's slots")?;
+    let Some(row) = row else {
+        return Ok(Trained::None);
+    };
+    Ok(match trained_slots(&row)? {
+        slots if slots.is_empty() => Trained::All,
+        slots => Trained::Slots(slots),
+    })
+}
+
+/// The slots of a checkpoint's row; empty where it does not say.
+fn trained_slots(row: &SqliteRow) -> Result<Vec<u32>, StoreError> {
+    let text = row.maybe_text("slots")?.unwrap_or_default();
+    let slots = text.split(',').filter(|slot| !slot.is_empty());
+    let slots = slots.map(|slot| {
+        slot.parse().map_err(|_| StoreError::Corrupt {
+            what: "checkpoints.slots",
+            detail: text.clone(),
+        })
+    });
+    slots.collect()
 }
 
 /// A model by id.
@@ -144,7 +195,53 @@ pub async fn add_identity(
     Ok(IdentitySlot {
         slot,
         subject: subject.name,
+        trained: false,
     })
+}
+
+/// Takes a subject's slot away, which no checkpoint knows yet. Its number is not used again.
+pub async fn remove_identity(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    subject_id: &str,
+) -> Result<Model, StoreError> {
+    let model = get(conn, model_id).await?;
+    let name = Collection::Subjects.name(subject_id);
+    let Some(slot) = model.slots.iter().find(|slot| slot.subject == name) else {
+        return Err(StoreError::NotFound {
+            name: format!("a slot of {name} in {}", model.name),
+        });
+    };
+    if slot.trained {
+        return Err(StoreError::Rule {
+            reason: "SLOT_TRAINED",
+            message: format!(
+                "{} was trained with {name}: only an untrained slot is removed",
+                model.name
+            ),
+        });
+    }
+    let waiting = sqlx::query(
+        "SELECT id FROM jobs WHERE model = ?1 AND state IN ('QUEUED', 'RUNNING') ORDER BY ord LIMIT 1",
+    )
+    .bind(model_id)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("looking for jobs of a model")?;
+    if let Some(job) = waiting {
+        let job = Collection::Jobs.name(&job.text("id")?);
+        return Err(StoreError::Rule {
+            reason: "MODEL_BUSY",
+            message: format!("{job} uses {}: wait for it, or cancel it", model.name),
+        });
+    }
+    sqlx::query("DELETE FROM slots WHERE model = ?1 AND subject = ?2")
+        .bind(model_id)
+        .bind(subject_id)
+        .execute(&mut *conn)
+        .await
+        .during("removing a slot")?;
+    get(conn, model_id).await
 }
 
 /// Checkpoints of a model, newest first.
@@ -172,6 +269,9 @@ pub async fn checkpoints(
                 psnr: row.real("psnr")?,
                 create_time: row.time("create_time")?,
                 tradeoff: row.object("tradeoff_key", "tradeoff_bytes", "tradeoff_sha256")?,
+                slots: trained_slots(row)?,
+                image_size: row.maybe_number("image_size")?.unwrap_or_default(),
+                best: false,
             })
         })
         .collect()
@@ -215,10 +315,13 @@ pub async fn record_checkpoint(
     checkpoint: Checkpoint,
 ) -> Result<(), StoreError> {
     let manifest = checkpoint.manifest.unwrap_or_default();
+    let slots: Vec<String> = checkpoint.slots.iter().map(u32::to_string).collect();
+    let slots = slots.join(",");
     sqlx::query(
         "INSERT OR REPLACE INTO checkpoints
-             (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+             (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr, slots,
+              image_size)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
     )
     .bind(model_id)
     .bind(integer("checkpoint.step", checkpoint.step)?)
@@ -228,6 +331,8 @@ pub async fn record_checkpoint(
     .bind(manifest.sha256)
     .bind(integer("checkpoint.bytes", checkpoint.bytes)?)
     .bind(checkpoint.psnr)
+    .bind((!slots.is_empty()).then_some(slots))
+    .bind(checkpoint.image_size)
     .execute(conn)
     .await
     .during("recording a checkpoint")?;

@@ -37,19 +37,27 @@ pub(super) fn places(
     Ok((0..count).map(|i| first + i * step).collect())
 }
 
-/// The frames that [`places`] finds, with `body` in the driver's poses.
+/// Frames per second at which the frames at `places` of the driver's `track` move as fast as the
+/// driver did; `None` for a single frame.
+pub(super) fn natural_fps(places: &[usize], track: &PoseTrack) -> Option<f32> {
+    let index = |place: &usize| track.frames.get(*place).map(|frame| f64::from(frame.index));
+    let passed = index(places.last()?)? - index(places.first()?)?;
+    (passed > 0.0).then(|| ((places.len() - 1) as f64 * track.fps / passed) as f32)
+}
+
+/// The frames at `places`, with `body` in the driver's poses.
 pub(super) fn views(
     stage: &Stage,
-    transfer: &MotionTransfer,
+    size: u32,
+    places: &[usize],
     track: &PoseTrack,
     body: &Skeleton,
 ) -> Result<Vec<RenderView>, JobFailure> {
     let driver = Skeleton::from_track(&track.skeleton)
         .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
-    places(transfer, track)?
-        .into_iter()
+    (places.iter())
         .map(|place| {
-            let frame = &track.frames[place];
+            let frame = &track.frames[*place];
             let pose = retarget(&driver, body, &pose(frame)?).map_err(|error| {
                 JobFailure::failed(
                     "RETARGET",
@@ -57,7 +65,7 @@ pub(super) fn views(
                     &error,
                 )
             })?;
-            stage.view(pose, sized(&capture_camera(track, frame)?, transfer.size))
+            stage.view(pose, sized(&capture_camera(track, frame)?, size))
         })
         .collect()
 }
@@ -88,10 +96,16 @@ mod tests {
         Skeleton::from_track(&track().skeleton).expect("a skeleton")
     }
 
+    fn all_views(transfer: &MotionTransfer) -> Result<Vec<RenderView>, JobFailure> {
+        let track = track();
+        let places = places(transfer, &track)?;
+        views(&STAGE, transfer.size, &places, &track, &body())
+    }
+
     #[test]
     fn the_driver_s_poses_and_cameras_come_in_order() {
         let track = track();
-        let views = views(&STAGE, &transfer(6, 2, 2), &track, &body()).expect("views");
+        let views = all_views(&transfer(6, 2, 2)).expect("views");
         assert_eq!(views.len(), 2);
         for (view, frame) in views.iter().zip([&track.frames[1], &track.frames[3]]) {
             assert_eq!(view.pose.rotations, pose(frame).expect("a pose").rotations);
@@ -103,8 +117,21 @@ mod tests {
 
     #[test]
     fn nothing_said_means_every_frame_that_is_left() {
-        let all = views(&STAGE, &transfer(5, 0, 0), &track(), &body()).expect("views");
+        let all = all_views(&transfer(5, 0, 0)).expect("views");
         assert_eq!(all.len(), track().frames.len());
+    }
+
+    #[test]
+    fn skipped_frames_do_not_hurry_the_motion() {
+        let mut track = track();
+        assert_eq!(natural_fps(&[0, 1, 2, 3], &track), Some(15.0));
+        assert_eq!(natural_fps(&[0, 2], &track), Some(7.5));
+        assert_eq!(natural_fps(&[1], &track), None);
+        // A capture that took every third frame of its video.
+        for (frame, index) in track.frames.iter_mut().zip([0, 3, 6, 9]) {
+            frame.index = index;
+        }
+        assert_eq!(natural_fps(&[0, 1, 2, 3], &track), Some(5.0));
     }
 
     #[test]
@@ -113,7 +140,7 @@ mod tests {
             (transfer(6, 4, 1), "motion.frame_count"),
             (transfer(0, 1, 1), "motion.first_frame"),
         ] {
-            let Err(JobFailure::Invalid(found)) = views(&STAGE, &asked, &track(), &body()) else {
+            let Err(JobFailure::Invalid(found)) = all_views(&asked) else {
                 panic!("refused");
             };
             assert_eq!(found[0].field, field);

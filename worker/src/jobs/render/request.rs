@@ -12,8 +12,6 @@ use yoto_proto::{
 pub(super) const SIDES: RangeInclusive<u32> = 8..=4096;
 /// Pictures of one job.
 pub(super) const VIEWS: RangeInclusive<u32> = 1..=10_000;
-/// Default frames per second of an animation.
-const FPS: f32 = 15.0;
 
 /// A valid request.
 #[derive(Debug)]
@@ -22,7 +20,8 @@ pub(super) struct Request<'a> {
     pub(super) what: &'a What,
     pub(super) slot: usize,
     pub(super) background: [f32; 3],
-    pub(super) fps: f32,
+    /// Frames per second of the animation, if the request says it.
+    pub(super) fps: Option<f32>,
 }
 
 impl<'a> Request<'a> {
@@ -54,7 +53,7 @@ impl<'a> Request<'a> {
             what,
             slot: slot.slot as usize,
             background: spec.background.as_slice().try_into().unwrap_or([0.0; 3]),
-            fps: if spec.fps == 0.0 { FPS } else { spec.fps },
+            fps: (spec.fps != 0.0).then_some(spec.fps),
         })
     }
 }
@@ -164,6 +163,7 @@ mod tests {
         let slot = IdentitySlot {
             slot: 4,
             subject: "subjects/a".into(),
+            trained: true,
         };
         let model = Model {
             slots: vec![slot],
@@ -190,7 +190,7 @@ mod tests {
         let request = Request::new(&spec, &inputs).expect("good");
         assert_eq!(
             (request.slot, request.background, request.fps),
-            (4, [0.0; 3], 15.0)
+            (4, [0.0; 3], None)
         );
     }
 

@@ -84,6 +84,7 @@ mod tests {
                 slots: vec![IdentitySlot {
                     slot: 0,
                     subject: "subjects/a".into(),
+                    trained: true,
                 }],
                 ..Model::default()
             }),

@@ -29,6 +29,11 @@ pub(super) struct Plan {
 }
 
 impl Plan {
+    /// Longest side of the training images, pixels; 0: the captures' own.
+    pub(super) fn image_size(&self) -> u32 {
+        self.spec.image_size
+    }
+
     pub(super) fn new(spec: &TrainSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
         let violations = check(spec);
         if !violations.is_empty() {

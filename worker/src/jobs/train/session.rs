@@ -27,6 +27,8 @@ pub(super) struct Session<'a> {
     /// The trainer's counts at the start of this lease.
     began: (f64, u64),
     next_validation: f64,
+    /// Step of the last validation.
+    validated: Option<u64>,
     /// Step and bytes of the model's newest checkpoint.
     published: Option<(u64, u64)>,
 }
@@ -46,6 +48,7 @@ impl<'a> Session<'a> {
             used,
             began: (progress.train_seconds, progress.step),
             next_validation: validation_after(progress.fraction),
+            validated: None,
             trainer,
             published,
         }
@@ -69,6 +72,10 @@ impl<'a> Session<'a> {
                 self.validate()?;
             }
             if saved.elapsed() >= self.plan.checkpoint_every {
+                // The best checkpoint is chosen by its own PSNR.
+                if self.validated != Some(self.trainer.progress().step) {
+                    self.validate()?;
+                }
                 match self.checkpoint() {
                     Err(JobFailure::LeaseLost) => return Err(JobFailure::LeaseLost),
                     // Training continues: the next checkpoint may reach the store.
@@ -129,8 +136,12 @@ impl<'a> Session<'a> {
             step: progress.step,
             job_seconds,
             job_steps,
-            // Two equal pictures have an infinite PSNR, which the catalogue rejects.
-            psnr: progress.psnr.filter(|psnr| psnr.is_finite()),
+            // An interrupted training has no time to measure. Two equal pictures have an infinite
+            // PSNR, which the catalogue rejects.
+            psnr: (progress.psnr)
+                .filter(|psnr| psnr.is_finite() && self.validated == Some(progress.step)),
+            slots: self.trainer.known_slots().map(|slot| slot as u32).collect(),
+            image_size: self.plan.image_size(),
         };
         let bytes = publish(self.context, folder.path(), &saved)?;
         self.published = Some((progress.step, bytes));

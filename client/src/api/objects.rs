@@ -1,0 +1,173 @@
+//! Files that jobs have written, each checked against its SHA-256. A transfer that breaks off goes
+//! on where it ended.
+
+use super::watch::{FIRST_PAUSE, GIVE_UP_AFTER, LONGEST_PAUSE, is_transport};
+use super::{ClientError, YotoClient};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tokio::io::{AsyncWrite, AsyncWriteExt};
+use tonic::Status;
+use yoto_proto::hex;
+use yoto_proto::v1::object_service_client::ObjectServiceClient;
+use yoto_proto::v1::{DownloadObjectRequest, ListObjectsRequest, NamedObject};
+
+impl YotoClient {
+    fn object_service(&self) -> ObjectServiceClient<tonic::transport::Channel> {
+        ObjectServiceClient::new(self.channel.clone())
+    }
+
+    /// The files of a finished job (`jobs/{id}`), or of a checkpoint
+    /// (`models/{id}/checkpoints/{step}`).
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while the job runs.
+    pub async fn list_objects(&self, parent: &str) -> Result<Vec<NamedObject>, ClientError> {
+        let request = ListObjectsRequest {
+            parent: parent.to_owned(),
+        };
+        let answer = self.object_service().list_objects(request).await;
+        let answer = answer.map_err(ClientError::refused(format!("listing files of {parent}")))?;
+        Ok(answer.into_inner().objects)
+    }
+
+    /// The content of one file.
+    ///
+    /// # Errors
+    /// As [`Self::fetch_object`].
+    pub async fn object(&self, object: &NamedObject) -> Result<Vec<u8>, ClientError> {
+        let mut bytes = Vec::new();
+        self.receive(object, Path::new(&object.file), &mut bytes, &mut |_| ())
+            .await?;
+        Ok(bytes)
+    }
+
+    /// Writes one file into `dir`, under its own name, and returns its path; `on_bytes` receives the
+    /// size of each part. The file appears once it is whole.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`]; [`ClientError::Contract`] when the content differs from its
+    /// checksum; [`ClientError::File`] when `dir` can't be written.
+    pub async fn fetch_object(
+        &self,
+        object: &NamedObject,
+        dir: &Path,
+        on_bytes: &mut (dyn FnMut(u64) + Send),
+    ) -> Result<PathBuf, ClientError> {
+        let path = dir.join(plain_name(&object.file)?);
+        let part = dir.join(format!(".{}.part", object.file));
+        let file = tokio::fs::File::create(&part).await;
+        let mut file = file.map_err(ClientError::file("writing", &part))?;
+        let received = self.receive(object, &part, &mut file, on_bytes).await;
+        let flushed = file.flush().await;
+        if let Err(error) = received {
+            // What is left of a failed transfer is of no use; the failure itself is reported.
+            let _ = tokio::fs::remove_file(&part).await;
+            return Err(error);
+        }
+        flushed.map_err(ClientError::file("writing", &part))?;
+        let moved = tokio::fs::rename(&part, &path).await;
+        moved.map_err(ClientError::file("writing", &path))?;
+        Ok(path)
+    }
+
+    /// Writes all files of `parent` into `dir`, in the service's order.
+    ///
+    /// # Errors
+    /// As [`Self::list_objects`] and [`Self::fetch_object`].
+    pub async fn fetch_objects(
+        &self,
+        parent: &str,
+        dir: &Path,
+        on_bytes: &mut (dyn FnMut(u64) + Send),
+    ) -> Result<Vec<PathBuf>, ClientError> {
+        let objects = self.list_objects(parent).await?;
+        let made = tokio::fs::create_dir_all(dir).await;
+        made.map_err(ClientError::file("creating", dir))?;
+        let mut paths = Vec::new();
+        for object in &objects {
+            paths.push(self.fetch_object(object, dir, on_bytes).await?);
+        }
+        Ok(paths)
+    }
+
+    /// Writes the content of `object` to `to`, which errors call `path`.
+    async fn receive(
+        &self,
+        object: &NamedObject,
+        path: &Path,
+        to: &mut (impl AsyncWrite + Unpin),
+        on_bytes: &mut (dyn FnMut(u64) + Send),
+    ) -> Result<(), ClientError> {
+        let doing = format!("fetching {}", object.name);
+        let (mut hash, mut offset) = (Sha256::new(), 0);
+        let mut trouble = (Instant::now(), FIRST_PAUSE);
+        while offset < object.bytes {
+            let before = offset;
+            let outcome = async {
+                let request = DownloadObjectRequest {
+                    name: object.name.clone(),
+                    offset,
+                    length: 0,
+                };
+                let answer = self.object_service().download_object(request).await?;
+                let mut stream = answer.into_inner();
+                while let Some(part) = stream.message().await? {
+                    hash.update(&part.chunk);
+                    offset += part.chunk.len() as u64;
+                    on_bytes(part.chunk.len() as u64);
+                    if let Err(error) = to.write_all(&part.chunk).await {
+                        return Ok(Err(error));
+                    }
+                }
+                Ok::<_, Status>(Ok(()))
+            }
+            .await;
+            match outcome {
+                Ok(Ok(())) if offset == before => break,
+                Ok(Ok(())) => {}
+                Ok(Err(error)) => return Err(ClientError::file("writing", path)(error)),
+                Err(status) => {
+                    if offset > before {
+                        trouble = (Instant::now(), FIRST_PAUSE);
+                    }
+                    let (since, pause) = trouble;
+                    if !is_transport(&status) || since.elapsed() > GIVE_UP_AFTER {
+                        return Err(ClientError::refused(doing)(status));
+                    }
+                    tokio::time::sleep(pause).await;
+                    trouble.1 = (pause * 2).min(LONGEST_PAUSE);
+                }
+            }
+        }
+        let found = hex(&hash.finalize());
+        if found == object.sha256 {
+            return Ok(());
+        }
+        Err(ClientError::Contract(format!(
+            "{doing}: {offset} bytes arrived with a wrong SHA-256"
+        )))
+    }
+}
+
+/// Checks that a name from the service does not lead out of the user's folder.
+fn plain_name(file: &str) -> Result<&str, ClientError> {
+    let plain =
+        !file.is_empty() && !file.starts_with('.') && !file.contains(['/', '\\', ':', '\0']);
+    plain
+        .then_some(file)
+        .ok_or_else(|| ClientError::Contract(format!("{file:?} is not a plain file name")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_lead_elsewhere_are_refused() {
+        assert!(plain_name("000003.png").is_ok());
+        for bad in ["", "..", "../x", "a/b", "c:\\x", ".bashrc", "a\\b"] {
+            assert!(plain_name(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! `yoto.v1.ObjectService`.
+
+use super::fields;
+use crate::{context::Context, error::RequestError};
+use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use std::sync::Arc;
+use tonic::{Request, Response, Status};
+use yoto_proto::{
+    manifest::{Manifest, files},
+    names::{self, Collection},
+    v1::{
+        DownloadObjectRequest, DownloadObjectResponse, Job, ListObjectsRequest,
+        ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
+        object_service_server::ObjectService,
+    },
+};
+
+/// File of a measured trade-off.
+const TRADEOFF: &str = "tradeoff.json";
+
+/// Files that jobs have written.
+pub struct ObjectApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+}
+
+#[tonic::async_trait]
+impl ObjectService for ObjectApi {
+    async fn list_objects(
+        &self,
+        request: Request<ListObjectsRequest>,
+    ) -> Result<Response<ListObjectsResponse>, Status> {
+        let parent = &request.get_ref().parent;
+        let found = self.objects("parent", parent).await?;
+        let objects = found.into_iter().map(|(file, object)| NamedObject {
+            name: names::object(parent, &file),
+            file,
+            bytes: object.bytes,
+            sha256: object.sha256,
+        });
+        Ok(Response::new(ListObjectsResponse {
+            objects: objects.collect(),
+        }))
+    }
+
+    type DownloadObjectStream = BoxStream<'static, Result<DownloadObjectResponse, Status>>;
+
+    async fn download_object(
+        &self,
+        request: Request<DownloadObjectRequest>,
+    ) -> Result<Response<Self::DownloadObjectStream>, Status> {
+        let DownloadObjectRequest {
+            name,
+            offset,
+            length,
+        } = request.get_ref();
+        let (parent, file) = names::parse_object(name)
+            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
+        let objects = self.objects("name", parent).await?;
+        let object = objects.into_iter().find(|(known, _)| known == file);
+        let (_, object) = object.ok_or_else(|| RequestError::NotFound {
+            name: name.chars().take(200).collect(),
+        })?;
+        if *offset > object.bytes {
+            let message = format!("{offset} is beyond the file's {} bytes", object.bytes);
+            return Err(RequestError::invalid("offset", message).into());
+        }
+        let rest = object.bytes - offset;
+        let mut left = match *length {
+            0 => rest,
+            length => length.min(rest),
+        };
+        if left == 0 {
+            return Ok(Response::new(futures::stream::empty().boxed()));
+        }
+        let bytes = self.context.objects.get_from(&object, *offset).await;
+        let answers = bytes.map_err(RequestError::from)?;
+        let answers = answers.map_err(|error| RequestError::from(error).into());
+        let cut = answers.map_ok(move |chunk| {
+            let taken = chunk.len().min(usize::try_from(left).unwrap_or(usize::MAX));
+            left -= taken as u64;
+            chunk.slice(..taken).to_vec()
+        });
+        // The store's stream goes on behind the range.
+        let cut = cut.try_take_while(|chunk| std::future::ready(Ok(!chunk.is_empty())));
+        Ok(Response::new(
+            cut.map_ok(|chunk| DownloadObjectResponse { chunk }).boxed(),
+        ))
+    }
+}
+
+impl ObjectApi {
+    /// The files of `parent`, which `field` of the request names.
+    async fn objects(
+        &self,
+        field: &str,
+        parent: &str,
+    ) -> Result<Vec<(String, ObjectRef)>, RequestError> {
+        if let Ok((model, _)) = names::parse_checkpoint(parent) {
+            return self.of_checkpoint(model, parent).await;
+        }
+        let Ok(id) = fields::id(Collection::Jobs, field, parent) else {
+            let shown: String = parent.chars().take(200).collect();
+            let message = format!("'{shown}' is neither a job nor a checkpoint");
+            return Err(RequestError::invalid(field, message));
+        };
+        of_job(&self.context.store.job(&id).await?)
+    }
+
+    async fn of_checkpoint(
+        &self,
+        model: &str,
+        name: &str,
+    ) -> Result<Vec<(String, ObjectRef)>, RequestError> {
+        let checkpoints = self.context.store.checkpoints(model, u32::MAX).await?;
+        let checkpoint = checkpoints.into_iter().find(|it| it.name == name);
+        let checkpoint = checkpoint.ok_or_else(|| RequestError::NotFound { name: name.into() })?;
+        let torn = |message: String| RequestError::precondition("CHECKPOINT_TORN", message);
+        let object = checkpoint
+            .manifest
+            .ok_or_else(|| torn(format!("{name} has no manifest")))?;
+        let parts = self.context.objects.get(&object).await?;
+        let parts: Vec<_> = parts.try_collect().await?;
+        let manifest = Manifest::from_json(&parts.concat())
+            .map_err(|error| torn(format!("the manifest of {name}: {error}")))?;
+        let data = manifest.objects.into_iter().map(|it| {
+            let object = ObjectRef {
+                key: it.key,
+                bytes: it.bytes,
+                sha256: it.sha256,
+            };
+            (it.file, object)
+        });
+        let tradeoff = checkpoint.tradeoff.map(|it| (TRADEOFF.to_owned(), it));
+        let manifest = Some((files::MANIFEST.to_owned(), object));
+        Ok(data.chain(manifest).chain(tradeoff).collect())
+    }
+}
+
+/// The files of a job that has SUCCEEDED.
+fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
+    if job.state() != job::State::Succeeded {
+        let message = format!("{} is {}", job.name, job.state().as_str_name());
+        return Err(RequestError::precondition("NOT_SUCCEEDED", message));
+    }
+    let result = job.result.as_ref().and_then(|result| result.kind.as_ref());
+    Ok(match result {
+        Some(job_result::Kind::Render(render)) => {
+            let files = render.files.iter();
+            let files = files.filter_map(|it| Some((it.file.clone(), it.object.clone()?)));
+            files.collect()
+        }
+        Some(job_result::Kind::Evaluate(evaluate)) => {
+            let tradeoff = evaluate.tradeoff.iter();
+            tradeoff
+                .map(|it| (TRADEOFF.to_owned(), it.clone()))
+                .collect()
+        }
+        // Its files are those of the checkpoint that the result names.
+        Some(job_result::Kind::Train(_)) => Vec::new(),
+        // A capture stays with the service.
+        Some(job_result::Kind::Ingest(_)) | None => Vec::new(),
+    })
+}
