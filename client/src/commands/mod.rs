@@ -92,7 +92,7 @@ enum Command {
     Model(model::ModelCommand),
     Train(train::Train),
     Job(job::JobCommand),
-    Render(render::Render),
+    Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     #[cfg(feature = "embedded")]
     RenderFrame(render_frame::RenderFrame),
