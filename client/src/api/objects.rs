@@ -71,21 +71,20 @@ impl YotoClient {
         Ok(path)
     }
 
-    /// Writes all files of `parent` into `dir`, in the service's order.
+    /// Writes all of the files into `dir`, in their order, as [`Self::fetch_object`].
     ///
     /// # Errors
-    /// As [`Self::list_objects`] and [`Self::fetch_object`].
+    /// As [`Self::fetch_object`].
     pub async fn fetch_objects(
         &self,
-        parent: &str,
+        objects: &[NamedObject],
         dir: &Path,
         on_bytes: &mut (dyn FnMut(u64) + Send),
     ) -> Result<Vec<PathBuf>, ClientError> {
-        let objects = self.list_objects(parent).await?;
         let made = tokio::fs::create_dir_all(dir).await;
         made.map_err(ClientError::file("creating", dir))?;
         let mut paths = Vec::new();
-        for object in &objects {
+        for object in objects {
             paths.push(self.fetch_object(object, dir, on_bytes).await?);
         }
         Ok(paths)

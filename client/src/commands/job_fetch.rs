@@ -1,4 +1,4 @@
-//! `yoto job fetch`: the files of a job, whoever started it.
+//! `yoto job fetch`: the files that a job has written.
 
 use super::evaluate;
 use super::out_folder::OutFolder;
@@ -43,16 +43,13 @@ pub(super) async fn objects(
     folder.ensure_free(|name| objects.iter().any(|object| object.file == name))?;
     let total = objects.iter().map(|object| object.bytes).sum();
     let out = &folder.out;
-    std::fs::create_dir_all(out).with_context(|| format!("creating {}", out.display()))?;
     let mut display = ProgressDisplay::new(parent);
-    let (mut paths, mut received) = (Vec::new(), 0);
-    for object in &objects {
-        let on_bytes = &mut |bytes| {
-            received += bytes;
-            display.received(received, total);
-        };
-        paths.push(client.fetch_object(object, out, on_bytes).await?);
-    }
+    let mut received = 0;
+    let on_bytes = &mut |bytes| {
+        received += bytes;
+        display.received(received, total);
+    };
+    let paths = client.fetch_objects(&objects, out, on_bytes).await?;
     display.finish(&format!("{} files in {}", paths.len(), out.display()));
     Ok(paths)
 }

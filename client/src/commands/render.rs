@@ -154,7 +154,8 @@ impl Render {
             _ => (None, String::new()),
         };
         let out = &self.folder.out;
-        let paths = client.fetch_objects(&job.name, out, &mut |_| ()).await?;
+        let objects = client.list_objects(&job.name).await?;
+        let paths = client.fetch_objects(&objects, out, &mut |_| ()).await?;
         self.folder.remove_others(is_rendered, &paths)?;
         display.finish(&format!("{} files in {}", paths.len(), out.display()));
         if let Some(choice) = &choice {

@@ -168,9 +168,10 @@ impl Studio<'_> {
             bail!("{} succeeded without a render result", job.name);
         };
         let seconds_per_frame = result.seconds_per_frame;
+        let objects = self.client.list_objects(&job.name).await?;
         let mut frames = self
             .client
-            .fetch_objects(&job.name, folder, &mut |_| ())
+            .fetch_objects(&objects, folder, &mut |_| ())
             .await?;
         if let Some(target) = animation {
             let is_animation =

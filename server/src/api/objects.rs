@@ -65,26 +65,24 @@ impl ObjectService for ObjectApi {
             let message = format!("{offset} is beyond the file's {} bytes", object.bytes);
             return Err(RequestError::invalid("offset", message).into());
         }
-        let rest = object.bytes - offset;
-        let mut left = match *length {
-            0 => rest,
-            length => length.min(rest),
+        let end = match *length {
+            0 => object.bytes,
+            length => offset.saturating_add(length).min(object.bytes),
         };
-        if left == 0 {
+        if *offset == end {
             return Ok(Response::new(futures::stream::empty().boxed()));
         }
-        let bytes = self.context.objects.get_from(&object, *offset).await;
-        let answers = bytes.map_err(RequestError::from)?;
-        let answers = answers.map_err(|error| RequestError::from(error).into());
-        let cut = answers.map_ok(move |chunk| {
-            let taken = chunk.len().min(usize::try_from(left).unwrap_or(usize::MAX));
-            left -= taken as u64;
-            chunk.slice(..taken).to_vec()
+        let bytes = (self.context.objects)
+            .get_range(&object, Some(*offset..end))
+            .await
+            .map_err(RequestError::from)?;
+        let answers = bytes.map_ok(|chunk| DownloadObjectResponse {
+            chunk: chunk.to_vec(),
         });
-        // The store's stream goes on behind the range.
-        let cut = cut.try_take_while(|chunk| std::future::ready(Ok(!chunk.is_empty())));
         Ok(Response::new(
-            cut.map_ok(|chunk| DownloadObjectResponse { chunk }).boxed(),
+            answers
+                .map_err(|error| RequestError::from(error).into())
+                .boxed(),
         ))
     }
 }

@@ -9,7 +9,7 @@ use object_store::{
     GetOptions, GetRange, ObjectStore, ObjectStoreExt, WriteMultipart, local::LocalFileSystem,
     path::Path as Key,
 };
-use std::{path::PathBuf, sync::Arc};
+use std::{ops::Range, path::PathBuf, sync::Arc};
 use thiserror::Error;
 use url::Url;
 use yoto_proto::v1::ObjectRef;
@@ -138,23 +138,21 @@ impl Objects {
         &self,
         object: &ObjectRef,
     ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
-        self.get_from(object, 0).await
+        self.get_range(object, None).await
     }
 
-    /// Streams an object from the byte `offset` on.
+    /// Streams the bytes of an object in `range`, which is not empty; all of them without one.
     ///
     /// # Errors
-    /// As [`Self::get`]; when the object has no such byte.
-    pub async fn get_from(
+    /// As [`Self::get`]; when the object has no such bytes.
+    pub async fn get_range(
         &self,
         object: &ObjectRef,
-        offset: u64,
+        range: Option<Range<u64>>,
     ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
         let key = object.key.clone();
-        // An empty range is an error to some stores, also of an empty object.
-        let range = (offset > 0).then_some(GetRange::Offset(offset));
         let options = GetOptions {
-            range,
+            range: range.map(GetRange::Bounded),
             ..GetOptions::default()
         };
         let found = self.store.get_opts(&parse(&key)?, options).await;

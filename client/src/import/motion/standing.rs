@@ -2,7 +2,8 @@
 //!
 //! With all rotations zero, some writers' skeletons stand, and others' have every bone along +x. Only a
 //! standing one says how the file's axes lie in a person: where the rest pose does not stand, the
-//! frame of the motion serves that stands most upright. What its back leans is lost.
+//! frame of the motion serves that stands most upright. A lean of the back in
+//! that frame is lost.
 
 use super::super::geometry::{Mat3, Vec3, apply, dot, sub};
 use super::Up;
@@ -36,7 +37,7 @@ pub(super) struct Reference {
     pub placed: Placed,
 }
 
-/// Why there is none.
+/// Why no pose of a file stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fallen {
     /// Neither the rest pose nor a frame stands.
