@@ -17,7 +17,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Reflection serves these bytes.
     fs::write(out.join("yoto_descriptor.bin"), &descriptors)?;
     let set = prost_types::FileDescriptorSet::decode(descriptors.as_slice())?;
-    tonic_prost_build::configure().compile_fds(set)?;
+    // A message's full name finds its descriptor, e.g. to write it as JSON.
+    let mut config = tonic_prost_build::Config::new();
+    config.enable_type_names();
+    tonic_prost_build::configure().compile_fds_with_config(set, config)?;
     Ok(())
 }
 

@@ -2,22 +2,31 @@
 //!
 //! A step asks for tensors of hundreds of megabytes and gives them back. An allocator that hands
 //! such memory to the kernel at once has its pages cleared again each time: a quarter of a
-//! training step at the paper's sizes. So the process keeps freed memory.
+//! training step at the paper's sizes. So the process keeps freed memory while a job runs, and gives it
+//! back after the job: a large picture would otherwise occupy a server for good.
 
-use libmimalloc_sys::{mi_option_set, mi_option_t};
+use libmimalloc_sys::{mi_collect, mi_option_set, mi_option_t};
 
 /// `mi_option_purge_delay` of mimalloc's header, for which its bindings have no name.
 const PURGE_DELAY: mi_option_t = 15;
-/// Milliseconds after which freed memory returns to the kernel; -1 means never.
-const NEVER: std::ffi::c_long = -1;
+/// Milliseconds after which freed memory returns to the kernel without [`give_back_memory`]; ten times
+/// as long for blocks of many megabytes. -1 would mean never, not even then.
+const MINUTE: std::ffi::c_long = 60_000;
 
 /// Makes mimalloc keep freed memory, unless `MIMALLOC_PURGE_DELAY` is set.
 pub fn keep_freed_memory() {
     if std::env::var_os("MIMALLOC_PURGE_DELAY").is_none() {
         // SAFETY: sets a number in mimalloc's table of options, which may be done at any time; the
         // index is inside that table.
-        unsafe { mi_option_set(PURGE_DELAY, NEVER) };
+        unsafe { mi_option_set(PURGE_DELAY, MINUTE) };
     }
+}
+
+/// Gives freed memory back to the kernel.
+pub fn give_back_memory() {
+    // SAFETY: takes no pointer; mimalloc's heaps are initialised before any code of this program runs,
+    // and any thread may ask for it at any time.
+    unsafe { mi_collect(true) };
 }
 
 #[cfg(all(test, target_os = "linux"))]
@@ -52,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn freed_memory_stays_with_the_process() {
+    fn freed_memory_stays_with_the_process_until_it_is_given_back() {
         // SAFETY: as in `keep_freed_memory`. No delay: what is freed goes back at once.
         unsafe { mi_option_set(PURGE_DELAY, 0) };
         let before = resident();
@@ -65,5 +74,8 @@ mod tests {
         keep_freed_memory();
         fill_and_free();
         assert!(resident() > given_back + BYTES / 2);
+        give_back_memory();
+        let left = resident();
+        assert!(left < given_back + BYTES / 4, "{left} bytes stay");
     }
 }

@@ -146,6 +146,7 @@ impl Embedded {
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
                 ingest: options.ingest,
                 lpips: options.lpips,
+                after_job: crate::allocator::give_back_memory,
                 ..WorkerConfig::default()
             };
             let worker = Worker::new(embedded.connector.channel(), &objects, picked, config)?;

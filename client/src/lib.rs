@@ -5,11 +5,15 @@
 //! - [`capture_dir`]: a capture as a folder on disk, before it is uploaded.
 //! - [`capture_check`]: whether its poses, cameras, masks and pictures agree.
 //! - [`import`]: captures and motions of other programs.
+//! - [`output`]: results for people and for programs.
 //! - [`progress`]: the progress of jobs on a terminal.
 //! - [`commands`]: the command line.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
 //! (`embedded`), run the demo (`demo`), and run the experiments of `yoto_lab`.
+
+#[macro_use]
+pub mod output;
 
 pub mod allocator;
 pub mod api;

@@ -8,6 +8,7 @@ mod screen;
 #[cfg(feature = "embedded")]
 pub use screen::Terminal;
 
+use crate::output;
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rate::Rate;
 use std::io::IsTerminal;
@@ -27,13 +28,15 @@ pub struct ProgressDisplay {
     last_line: Instant,
     rate: Rate,
     pieces: Rate,
+    shown: bool,
 }
 
 impl ProgressDisplay {
     /// A display headed by `label`; a bar when stderr is a terminal.
     pub fn new(label: impl Into<String>) -> Self {
         let label = label.into();
-        let bar = std::io::stderr().is_terminal().then(|| {
+        let shown = !output::style().no_progress;
+        let bar = (shown && std::io::stderr().is_terminal()).then(|| {
             let bar =
                 ProgressBar::with_draw_target(Some(BAR), ProgressDrawTarget::stderr_with_hz(10));
             if let Ok(style) =
@@ -51,25 +54,31 @@ impl ProgressDisplay {
             last_line: Instant::now(),
             rate: Rate::new(Instant::now()),
             pieces: Rate::new(Instant::now()),
+            shown,
         }
     }
 
     /// Shows a job's current state.
     pub fn job(&mut self, job: &Job) {
         match (job.state(), &job.progress) {
-            (job::State::Queued, _) => {
-                let place = match job.queue_position {
-                    0 => "next in the queue".to_owned(),
-                    ahead => format!("{ahead} ahead in the queue"),
-                };
-                let lost = match job.lost_workers {
-                    0 => String::new(),
-                    lost => format!(" (its worker was lost {lost} times)"),
-                };
-                self.show(0.0, &format!("queued, {place}{lost}"));
-            }
+            (job::State::Queued, _) => self.show(0.0, &queued(job)),
             (_, Some(progress)) => self.progress(progress),
             (_, None) => self.show(0.0, "running"),
+        }
+    }
+
+    /// Shows that a queued job waits for `others`.
+    pub fn waits_for(&mut self, job: &Job, others: &str) {
+        self.show(0.0, &format!("{}, waits for {others}", queued(job)));
+    }
+
+    /// Shows at once that the service can't be reached, which an attempt every few seconds may change.
+    pub fn disconnected(&mut self) {
+        let text = "connection lost, retrying";
+        match &self.bar {
+            Some(bar) => bar.set_message(text),
+            None if self.shown => tell!("{}: {text}", self.label),
+            None => {}
         }
     }
 
@@ -125,7 +134,7 @@ impl ProgressDisplay {
         let line = format!("{}: {text}", self.label);
         match &self.bar {
             Some(bar) => bar.println(line),
-            None => eprintln!("{line}"),
+            None => tell!("{line}"),
         }
     }
 
@@ -141,7 +150,7 @@ impl ProgressDisplay {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        eprintln!("{}: {outcome}", self.label);
+        tell!("{}: {outcome}", self.label);
     }
 
     fn show(&mut self, fraction: f64, text: &str) {
@@ -150,11 +159,23 @@ impl ProgressDisplay {
             bar.set_message(text.to_owned());
             return;
         }
-        if self.last_line.elapsed() >= LINE_EVERY {
+        if self.shown && self.last_line.elapsed() >= LINE_EVERY {
             let percent = 100.0 * fraction.clamp(0.0, 1.0);
-            eprintln!("{}: {percent:3.0}% {text}", self.label);
+            tell!("{}: {percent:3.0}% {text}", self.label);
             self.last_line = Instant::now();
         }
+    }
+}
+
+/// One line about a job in the queue.
+fn queued(job: &Job) -> String {
+    let place = match job.queue_position {
+        0 => "next in the queue".to_owned(),
+        ahead => format!("{ahead} ahead in the queue"),
+    };
+    match job.lost_workers {
+        0 => format!("queued, {place}"),
+        lost => format!("queued, {place} (its worker was lost {lost} times)"),
     }
 }
 
@@ -199,6 +220,14 @@ fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
         text += &format!(" · {} left", duration(left));
     }
     text
+}
+
+/// `1 frame`, `2 frames`.
+pub fn count(number: usize, what: &str) -> String {
+    match number {
+        1 => format!("1 {what}"),
+        _ => format!("{number} {what}s"),
+    }
 }
 
 /// `0:07`, `12:34`, `1:02:03`.

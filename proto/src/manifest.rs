@@ -33,6 +33,9 @@ pub mod files {
         slot.is_some_and(|slot| slot.parse::<usize>().is_ok())
     }
 
+    /// A held-out frame of each person beside its render, for people; a checkpoint of an interrupted
+    /// training lacks it.
+    pub const PREVIEW: &str = "preview.png";
     /// Configuration, step and schedule state as JSON.
     pub const STATE: &str = "state.json";
     /// The manifest itself.

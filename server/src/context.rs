@@ -1,10 +1,13 @@
 //! State that all services and background tasks of a coordinator share.
 
 use crate::{
-    config::ServerConfig, jobs::changes::JobChanges, lock::DataDirLock, objects::Objects,
+    config::ServerConfig,
+    jobs::{changes::JobChanges, roster::Roster},
+    lock::DataDirLock,
+    objects::Objects,
     store::Store,
 };
-use std::sync::Arc;
+use std::{sync::Arc, time::SystemTime};
 use tokio_util::sync::CancellationToken;
 
 /// The shared parts. The lock is one of them, so the data folder stays locked as long as
@@ -18,6 +21,10 @@ pub struct Context {
     pub objects: Objects,
     /// Wakes the watchers of jobs.
     pub changes: JobChanges,
+    /// The workers that have asked for jobs lately.
+    pub roster: Roster,
+    /// When the coordinator started.
+    pub started: SystemTime,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.

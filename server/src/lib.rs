@@ -23,10 +23,10 @@ pub use store::StoreError;
 
 use context::Context;
 use futures::Stream;
-use jobs::{changes::JobChanges, reaper};
+use jobs::{changes::JobChanges, reaper, roster::Roster};
 use lock::DataDirLock;
 use objects::{Objects, upload};
-use std::{future::Future, path::Path, sync::Arc};
+use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
 use store::SqliteStore;
 use tokio::{
     io::{AsyncRead, AsyncWrite},
@@ -70,6 +70,8 @@ impl Coordinator {
             store: Arc::new(store),
             objects,
             changes: JobChanges::new(),
+            roster: Roster::default(),
+            started: SystemTime::now(),
             stop: CancellationToken::new(),
             lock,
         });

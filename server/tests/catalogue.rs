@@ -103,6 +103,7 @@ async fn pages_follow_each_other_without_gap_or_repeat() {
             break;
         }
         let foreign = ListJobsRequest {
+            states: Vec::new(),
             page_size: 2,
             page_token: token.clone(),
         };

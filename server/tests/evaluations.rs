@@ -36,6 +36,7 @@ fn result(checkpoint: &str, subject: &Subject) -> EvaluateResult {
         device: "cpu".into(),
         tradeoff: None,
         notes: Vec::new(),
+        image_size: 0,
     }
 }
 

@@ -92,7 +92,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
         .expect_err("refused")
         .message()
         .to_owned();
-    assert!(message.contains("yoto tradeoff --model"), "{message}");
+    assert!(message.contains("yoto tradeoff "), "{message}");
     assert_refused(unmeasured, Code::FailedPrecondition, "NO_TRADEOFF");
     let checkpoint = format!("{}/checkpoints/40", model.name);
     let get = |name: &str| {

@@ -6,6 +6,7 @@ use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
+use yoto_client::import::write_images;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Writes the capture of `person` as `poses.json`, `frames/` and `masks/` into `dir`.
@@ -19,10 +20,7 @@ pub fn write_capture(
     dir: &Path,
 ) -> anyhow::Result<PoseTrack> {
     let (track, images) = person.capture(frames, size);
-    for (frame, image) in track.frames.iter().zip(&images) {
-        write_image(dir, frame.index, image)?;
-    }
-    write_json(&dir.join("poses.json"), &serde_json::to_value(&track)?)?;
+    write_images(&track, &images, dir)?;
     Ok(track)
 }
 

@@ -104,6 +104,35 @@ fn the_command_line_names_what_is_wrong_before_anything_is_sent() -> anyhow::Res
     let said = fail(YOTO, &add)?;
     assert!(said.contains("masks/000002.png"), "{said}");
 
+    // What people have instead of a capture, in their own words.
+    let at = |name: &str| dir.path().join(name).display().to_string();
+    std::fs::create_dir(at("film"))?;
+    std::fs::write(at("film/video.mp4"), "a film")?;
+    std::fs::write(at("film.zip"), "a film")?;
+    let (film, zip, motion) = (at("film"), at("film.zip"), at("walk.bvh"));
+    for (line, reason) in [
+        (
+            ["subject", "add", "ada", &film],
+            "poses.json: a capture needs the person's poses",
+        ),
+        (
+            ["subject", "add", "ada", &zip],
+            "film.zip: is not an archive",
+        ),
+        (["subject", "add", "ada", &motion], "there is no "),
+        (
+            ["job", "watch", "9f31c2aa", "--quiet"],
+            "`yoto job list` lists them",
+        ),
+    ] {
+        let address = service.address.strip_prefix("http://");
+        let server = ["--server", address.context("an address")?];
+        let said = fail(YOTO, &[&line[..], &server].concat())?;
+        assert!(said.contains(reason), "{line:?}: {said}");
+    }
+    let said = fail(YOTO, &["motion", &motion])?;
+    assert!(said.contains("there is no file"), "{said}");
+
     let listed = succeed(
         YOTO,
         &["subject", "list", "--server", service.address.as_str()],

@@ -72,7 +72,7 @@ fn the_service_measures_frames_that_training_leaves_out() -> anyhow::Result<()> 
     yoto("train duo --steps 120 --seed 3")?;
 
     let said = yoto("evaluate duo --table")?;
-    assert!(said.contains("/checkpoints/120 by held-out"), "{said}");
+    assert!(said.contains("/checkpoints/120: held-out frames"), "{said}");
     let ada = check_row(&said, "ada", 2)?;
     let bob = check_row(&said, "bob", 2)?;
     let mean = check_row(&said, "mean", 4)?;

@@ -50,7 +50,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
         "render solo --subject ada --motion ada --animate --size 32 --out {}",
         at("dance")
     );
-    yoto(&format!("{dance} --frames 0..12:3"), succeed)?;
+    yoto(&format!("{dance} --range 0..12:3"), succeed)?;
     let shown = pace(&dir.path().join("dance/animation.png"))?;
     ensure!(
         shown.len() == 4 && shown.iter().all(|it| (it - 0.2).abs() < 1e-3),
@@ -61,7 +61,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
         said.contains("000000.png is there already") && said.contains("--force"),
         "{said}"
     );
-    yoto(&format!("{dance} --frames 0..3 --fps 10 --force"), succeed)?;
+    yoto(&format!("{dance} --range 0..3 --fps 10 --force"), succeed)?;
     let shown = pace(&dir.path().join("dance/animation.png"))?;
     ensure!(
         shown.len() == 3 && shown.iter().all(|it| (it - 0.1).abs() < 1e-3),
@@ -95,14 +95,19 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
     yoto(&format!("job fetch {job} --out {}", at("orbit")), succeed)?;
     ensure!(std::fs::read_dir(dir.path().join("orbit"))?.count() == 600);
     image::open(dir.path().join("orbit/000599.png"))?;
+    // What is there already is not fetched again, and what differs is not replaced.
+    std::fs::remove_file(dir.path().join("orbit/000007.png"))?;
+    yoto(&format!("job fetch {job} --out {}", at("orbit")), succeed)?;
+    image::open(dir.path().join("orbit/000007.png"))?;
+    std::fs::write(dir.path().join("orbit/000007.png"), "mine")?;
     let said = yoto(&format!("job fetch {job} --out {}", at("orbit")), fail)?;
-    ensure!(said.contains("is there already"), "{said}");
+    ensure!(said.contains("000007.png is there already"), "{said}");
 
     // A model leaves the service.
     yoto(&format!("model export solo --out {}", at("model")), succeed)?;
     let frame = at("frame.png");
     let local = format!(
-        "render-frame --model {} --capture {} --camera train --frame 0 --out {frame}",
+        "render-frame --model-dir {} --capture {} --camera train --frame 0 --out {frame}",
         at("model"),
         at("ada")
     );

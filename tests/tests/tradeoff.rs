@@ -84,7 +84,7 @@ fn renders_say_what_they_want_once_a_model_is_measured() -> anyhow::Result<()> {
     let to = ["--size", "32", "--force", "--out", text(&pictures)?];
     let wish = |wanted: [&'static str; 2]| [&wanted[..], &to].concat();
     let said = with(&own_motion, &wish(["--quality", "fast"]), fail)?;
-    assert!(said.contains("yoto tradeoff --model solo"), "{said}");
+    assert!(said.contains("yoto tradeoff solo"), "{said}");
 
     let out = dir.path().join("tradeoff");
     let measure = [

@@ -109,7 +109,11 @@ impl fmt::Display for Refusal {
             .map(|bad| bad.field_violations.as_slice())
             .unwrap_or_default()
         {
-            write!(f, "\n  {}: {}", violation.field, violation.description)?;
+            let line = format!("{}: {}", violation.field, violation.description);
+            // A single fault may be the message itself.
+            if !self.status.message().contains(&line) {
+                write!(f, "\n  {line}")?;
+            }
         }
         if self.status.code() == Code::Unavailable {
             write!(f, "\n  is the service still running?")?;

@@ -62,17 +62,30 @@ impl YotoClient {
             .into_inner())
     }
 
-    /// Every job, over all pages.
+    /// Every job, newest first, over all pages.
     ///
     /// # Errors
     /// [`ClientError::Refused`].
     pub async fn list_jobs(&self) -> Result<Vec<Job>, ClientError> {
+        self.list_jobs_in(&[], usize::MAX).await
+    }
+
+    /// The newest jobs in one of `states` (all if there is none), at most `limit`.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn list_jobs_in(
+        &self,
+        states: &[job::State],
+        limit: usize,
+    ) -> Result<Vec<Job>, ClientError> {
         let mut service = self.job_service();
         let (mut jobs, mut page_token) = (Vec::new(), String::new());
         loop {
             let request = ListJobsRequest {
-                page_size: 1000,
+                page_size: (limit - jobs.len()).min(1000) as i32,
                 page_token,
+                states: states.iter().map(|&state| state.into()).collect(),
             };
             let page = service
                 .list_jobs(request)
@@ -81,7 +94,8 @@ impl YotoClient {
                 .into_inner();
             jobs.extend(page.jobs);
             page_token = page.next_page_token;
-            if page_token.is_empty() {
+            if page_token.is_empty() || jobs.len() >= limit {
+                jobs.truncate(limit);
                 return Ok(jobs);
             }
         }

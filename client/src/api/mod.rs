@@ -11,6 +11,7 @@ mod models;
 mod objects;
 mod renders;
 mod resolve;
+mod status;
 mod subjects;
 mod upload;
 mod watch;
@@ -18,7 +19,7 @@ mod watch;
 pub use error::{ClientError, Refusal};
 pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};
-pub use watch::JobWatch;
+pub use watch::{JobChange, JobWatch};
 
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
@@ -63,10 +64,16 @@ impl YotoClient {
 /// The connection to `server`, with keep-alives, which detect a lost peer (a sleeping laptop, a
 /// dropped NAT entry) so that watches can reconnect.
 ///
+/// An address without a scheme, such as `localhost:50051`, is one of HTTP.
+///
 /// # Errors
 /// When `server` is not a URL.
 pub fn endpoint(server: &str) -> Result<Endpoint, tonic::transport::Error> {
-    Ok(Endpoint::from_shared(server.to_owned())?
+    let url = match server.contains("://") {
+        true => server.to_owned(),
+        false => format!("http://{server}"),
+    };
+    Ok(Endpoint::from_shared(url)?
         .connect_timeout(Duration::from_secs(10))
         .http2_keep_alive_interval(Duration::from_secs(20))
         .keep_alive_timeout(Duration::from_secs(10))

@@ -1,6 +1,7 @@
 //! Files that jobs have written, each checked against its SHA-256. A transfer that breaks off goes
 //! on where it ended.
 
+use super::upload::measure;
 use super::watch::{FIRST_PAUSE, GIVE_UP_AFTER, LONGEST_PAUSE, is_transport};
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
@@ -69,6 +70,31 @@ impl YotoClient {
         let moved = tokio::fs::rename(&part, &path).await;
         moved.map_err(ClientError::file("writing", &path))?;
         Ok(path)
+    }
+
+    /// The files that `dir` does not hold yet with the same content: those that an earlier transfer
+    /// left out.
+    ///
+    /// # Errors
+    /// [`ClientError::File`] when one can't be read; [`ClientError::Contract`] for a name that leads
+    /// out of `dir`.
+    pub async fn missing_in(
+        objects: Vec<NamedObject>,
+        dir: &Path,
+    ) -> Result<Vec<NamedObject>, ClientError> {
+        let mut missing = Vec::new();
+        for object in objects {
+            let path = dir.join(plain_name(&object.file)?);
+            let same_size = match tokio::fs::metadata(&path).await {
+                Ok(known) => known.len() == object.bytes,
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => false,
+                Err(error) => return Err(ClientError::file("reading", &path)(error)),
+            };
+            if !same_size || measure(&path).await?.1 != object.sha256 {
+                missing.push(object);
+            }
+        }
+        Ok(missing)
     }
 
     /// Writes all of the files into `dir`, in their order, as [`Self::fetch_object`].

@@ -16,7 +16,6 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`], e.g. for a model without a checkpoint.
     pub async fn create_render(&self, spec: RenderSpec) -> Result<Job, ClientError> {
-        let doing = format!("creating a render of {} by {}", spec.subject, spec.model);
         let request = CreateRenderRequest {
             spec: Some(spec),
             request_id: request_id(),
@@ -25,7 +24,7 @@ impl YotoClient {
             .render_service()
             .create_render(request)
             .await
-            .map_err(ClientError::refused(doing))?
+            .map_err(ClientError::refused("creating a render"))?
             .into_inner())
     }
 }

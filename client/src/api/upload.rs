@@ -132,7 +132,7 @@ async fn send(parts: &Parts, part: Part) -> bool {
 }
 
 /// Size and SHA-256 of a file that may be larger than memory.
-async fn measure(disk: &std::path::Path) -> Result<(u64, String), ClientError> {
+pub(super) async fn measure(disk: &std::path::Path) -> Result<(u64, String), ClientError> {
     let mut reader = ChunkReader::open(disk.to_owned()).await?;
     let (mut bytes, mut hash) = (0, Sha256::new());
     while let Some(chunk) = reader.next().await? {

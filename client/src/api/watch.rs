@@ -12,6 +12,15 @@ pub(super) const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
 pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(100);
 pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
+/// What a watch has to tell.
+#[derive(Debug)]
+pub enum JobChange {
+    /// A change of the job.
+    Job(Box<Job>),
+    /// The service can't be reached; the watch goes on trying.
+    Disconnected,
+}
+
 /// The changes of one job, each delivered once and in order.
 #[derive(Debug)]
 pub struct JobWatch {
@@ -20,6 +29,8 @@ pub struct JobWatch {
     stream: Option<Streaming<WatchJobResponse>>,
     after: u64,
     ended: bool,
+    /// Since when the service can't be reached, and the pause before the next attempt.
+    trouble: Option<(Instant, Duration)>,
 }
 
 impl JobWatch {
@@ -30,6 +41,7 @@ impl JobWatch {
             stream: None,
             after: 0,
             ended: false,
+            trouble: None,
         }
     }
 
@@ -39,30 +51,51 @@ impl JobWatch {
     /// [`ClientError::Refused`] when the service refuses the watch, or can't be reached
     /// for a minute.
     pub async fn next(&mut self) -> Result<Option<Job>, ClientError> {
+        loop {
+            match self.next_change().await? {
+                Some(JobChange::Job(job)) => return Ok(Some(*job)),
+                Some(JobChange::Disconnected) => {}
+                None => return Ok(None),
+            }
+        }
+    }
+
+    /// As [`next`](Self::next), and tells that the connection is lost when that happens.
+    ///
+    /// # Errors
+    /// As [`next`](Self::next).
+    pub async fn next_change(&mut self) -> Result<Option<JobChange>, ClientError> {
         if self.ended {
             return Ok(None);
         }
-        let mut trouble: Option<(Instant, Duration)> = None;
         loop {
+            if let Some((_, pause)) = self.trouble {
+                tokio::time::sleep(pause).await;
+            }
             let status = match self.receive().await {
                 Ok(Some(job)) => {
+                    self.trouble = None;
                     self.after = job.sequence;
                     self.ended = is_terminal(job.state());
-                    return Ok(Some(job));
+                    return Ok(Some(JobChange::Job(Box::new(job))));
                 }
                 Ok(None) => Status::unavailable("the watch ended before the job did"),
                 Err(status) => status,
             };
             self.stream = None;
-            let (since, pause) = trouble.unwrap_or_else(|| (Instant::now(), FIRST_PAUSE));
+            let before = self.trouble;
+            let (since, pause) = before.unwrap_or_else(|| (Instant::now(), FIRST_PAUSE / 2));
             if !is_transport(&status) || since.elapsed() > GIVE_UP_AFTER {
                 return Err(ClientError::refused(format!("watching {}", self.name))(
                     status,
                 ));
             }
             tracing::debug!(job = self.name, after = self.after, %status, "watch broke off; opening it again");
-            tokio::time::sleep(pause).await;
-            trouble = Some((since, (pause * 2).min(LONGEST_PAUSE)));
+            self.trouble = Some((since, (pause * 2).min(LONGEST_PAUSE)));
+            // The end of a stream alone may be that of an idle connection: the second failure counts.
+            if before.is_some_and(|(_, pause)| pause == FIRST_PAUSE) {
+                return Ok(Some(JobChange::Disconnected));
+            }
         }
     }
 

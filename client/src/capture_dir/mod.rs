@@ -26,6 +26,7 @@ pub use options::{CaptureOptions, Prefer};
 
 use crate::api::{ClientError, FileSource, UploadFile};
 use listing::Listing;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use yoto_proto::media_plan::{
     self, ARCHIVE_ENDINGS, MaskSource, MediaPlan, Pictures, Planned, Sources,
@@ -102,6 +103,7 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
             vec![violation("INVALID", &name, None, "", message)],
         ));
     };
+    ensure_archive(path, &name)?;
     let bytes = size(path)?;
     let mut files = vec![UploadFile {
         path: format!("capture{ending}"),
@@ -126,7 +128,7 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
 
 fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientError> {
     let there = FILES.into_iter().find(|name| dir.join(name).is_file());
-    let name = there.unwrap_or(FILE);
+    let name = there.ok_or_else(|| no_poses(dir))?;
     let poses = dir.join(name);
     let poses_bytes = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
     let mut plan = options.plan().over(read_plan(dir)?);
@@ -208,6 +210,38 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
         bytes,
         notes,
     })
+}
+
+/// The error about a folder without a pose track.
+fn no_poses(dir: &Path) -> ClientError {
+    if !dir.is_dir() {
+        return ClientError::Name(format!("there is no {}", dir.display()));
+    }
+    let message = "a capture needs the person's poses in this file: `yoto import` makes it from the \
+                   files of pose tools, docs/formats.md describes it";
+    bad(dir, vec![violation("MISSING", FILE, None, "", message)])
+}
+
+/// The beginnings of archives that can be unpacked, and where they are.
+const ARCHIVE_MARKS: [(usize, &[u8]); 3] = [(0, b"PK"), (0, &[0x1f, 0x8b]), (257, b"ustar")];
+
+/// Checks that the file at `path` begins as an archive, so that nothing else is uploaded.
+fn ensure_archive(path: &Path, name: &str) -> Result<(), ClientError> {
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).map_err(ClientError::file("reading", path))?;
+    file.take(512)
+        .read_to_end(&mut start)
+        .map_err(ClientError::file("reading", path))?;
+    let marked =
+        |(at, mark): &(usize, &[u8])| start.get(*at..).is_some_and(|rest| rest.starts_with(mark));
+    if ARCHIVE_MARKS.iter().any(marked) {
+        return Ok(());
+    }
+    let message = "is not an archive, whatever its name: zip, tar and tar.gz are read";
+    Err(bad(
+        path,
+        vec![violation("INVALID", name, None, "", message)],
+    ))
 }
 
 /// Folders named in the plan.

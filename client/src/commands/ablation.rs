@@ -3,6 +3,7 @@
 use super::model::tier_help;
 use super::paper_table::{Row, paper_table};
 use super::table;
+use crate::output;
 use crate::progress::Terminal;
 use anyhow::Context;
 use clap::Args;
@@ -28,7 +29,7 @@ each has a folder of its own, OUT/seed-N.
 
 Examples:
   yoto ablation --capture data/ada data/bob --seconds 600 --out out/ablation
-  yoto ablation --capture data/ada data/bob --steps 2000 --size 64 --pictures 12 --out out
+  yoto ablation --capture data/ada data/bob --steps 2000 --size 64 --measure 12 --out out
   yoto ablation --people 3 --steps 1500 --seed 1 --seed 2 --seed 3 --out out/cloth";
 
 /// Train the paper's four variants on the same captures and compare them.
@@ -57,7 +58,7 @@ pub(super) struct AblationCommand {
     #[arg(long = "seed", value_name = "N", default_values_t = [7])]
     seeds: Vec<u64>,
     /// Measure at most this many pictures of each kind and person [default: all].
-    #[arg(long, value_name = "N")]
+    #[arg(long = "measure", alias = "pictures", value_name = "N")]
     pictures: Option<NonZeroUsize>,
     /// Only this variant; may be repeated [default: all].
     #[arg(long = "variant", value_name = "NAME", value_parser = table::variant)]
@@ -75,6 +76,7 @@ pub(super) struct AblationCommand {
 impl AblationCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let lpips = self.lpips.weights()?;
+        let mut files = Vec::new();
         let mut found = Vec::new();
         for &seed in &self.seeds {
             let out = match self.seeds.len() {
@@ -101,12 +103,14 @@ impl AblationCommand {
                 lpips: lpips.clone(),
             };
             let ablation = run(&options, &Terminal)?;
-            println!("{}", text(&ablation));
-            println!("figures: {}", out.join(FILE).display());
+            say!("{}", text(&ablation));
+            say!("figures: {}", out.join(FILE).display());
+            files.push(out.join(FILE));
             found.push(ablation);
         }
+        output::put("files", output::paths(&files));
         if found.len() > 1 {
-            println!("\n{}", spread(&found));
+            say!("\n{}", spread(&found));
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use super::model::tier_help;
 use super::table;
+use crate::output;
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
@@ -85,10 +86,11 @@ impl Bench {
                 settings: self.settings.clone(),
                 lpips: lpips.clone(),
             })?;
-            print!("{}", shown(&report));
+            say!("{}", shown(&report).trim_end());
             reports.push(report);
         }
-        print!("{}", rows(&reports));
+        say!("{}", rows(&reports).trim_end());
+        output::put("steps", serde_json::to_value(&reports)?);
         if let Some(path) = &self.json {
             let json = serde_json::to_vec_pretty(&reports)?;
             std::fs::write(path, json).with_context(|| format!("writing {}", path.display()))?;

@@ -1,9 +1,10 @@
 //! `yoto capture`: captures on this disk, without a service.
 
+use super::capture_example::Example;
 use super::correction::CorrectionArgs;
 use super::ffmpeg_arg::FfmpegArg;
 use super::media_args::MediaArgs;
-use crate::capture_check;
+use crate::{capture_check, output};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use image::ImageFormat;
@@ -23,7 +24,7 @@ Examples:
   yoto capture check captures/ada --frames video
   yoto capture check captures/ada --extrinsics c2w --units camera=mm";
 
-/// Check captures before an upload.
+/// Check captures before an upload, or make some to try things with.
 #[derive(Debug, Args)]
 pub(super) struct CaptureCommand {
     #[command(subcommand)]
@@ -35,6 +36,9 @@ enum Action {
     /// Check that poses, cameras, masks and images belong together.
     #[command(after_help = CHECK_HELP)]
     Check(Check),
+    /// Make captures of synthetic people, to try things with.
+    #[command(after_help = super::capture_example::AFTER_HELP)]
+    Example(Example),
 }
 
 #[derive(Debug, Args)]
@@ -106,16 +110,24 @@ fn ensure_own(report: &Path, capture: &Path) -> anyhow::Result<()> {
 
 impl CaptureCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let Action::Check(check) = self.action;
-        let options = check.media.options(check.correction.correction());
-        let out = check.out()?;
-        let report = out.join(REPORT);
-        if !check.force {
-            ensure_own(&report, &check.capture)?;
+        match self.action {
+            Action::Check(check) => check.run(),
+            Action::Example(example) => example.run(),
         }
-        let checked = capture_check::check(&check.capture, &options, check.ffmpeg.program())?;
+    }
+}
+
+impl Check {
+    fn run(self) -> anyhow::Result<()> {
+        let options = self.media.options(self.correction.correction());
+        let out = self.out()?;
+        let report = out.join(REPORT);
+        if !self.force {
+            ensure_own(&report, &self.capture)?;
+        }
+        let checked = capture_check::check(&self.capture, &options, self.ffmpeg.program())?;
         let written = Written {
-            capture: path(&check.capture)?,
+            capture: path(&self.capture)?,
             report: &checked.report,
         };
         let json = serde_json::to_vec_pretty(&written).context("writing the report")?;
@@ -127,9 +139,11 @@ impl CaptureCommand {
             .sheet()?
             .save_with_format(&sheet, ImageFormat::Png)
             .with_context(|| format!("writing {}", sheet.display()))?;
-        print!("{}", checked.text());
-        println!("report: {}", report.display());
-        println!("sheet: {}", sheet.display());
+        say!("{}", checked.text().trim_end());
+        output::put("report", serde_json::to_value(&written)?);
+        output::put("files", output::paths(&[&report, &sheet]));
+        say!("report: {}", report.display());
+        say!("sheet: {}", sheet.display());
         let failed = checked.failed();
         anyhow::ensure!(failed == 0, "{failed} of the capture's measures failed");
         Ok(())

@@ -2,6 +2,7 @@
 
 use super::table;
 use crate::demo::{DemoOptions, run};
+use crate::output;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -53,10 +54,11 @@ impl Demo {
             lpips: self.lpips.weights()?,
         };
         let report = run(&options).await?;
-        println!("\n{}", report.table());
-        println!("\nLook at:");
+        output::put("report", serde_json::to_value(&report)?);
+        say!("\n{}", report.table());
+        say!("\nLook at:");
         for (file, what) in crate::demo::products(&options) {
-            println!("  {:<44} {what}", file.display());
+            say!("  {:<44} {what}", file.display());
         }
         Ok(())
     }

@@ -1,9 +1,10 @@
 //! `yoto evaluate`: quality of a trained model on held-out pictures.
 
 use super::Server;
-use super::scores::scores_table;
+use super::scores::{scores_json, scores_table};
 use super::table;
 use super::waiting::wait_for_new;
+use crate::output;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::Args;
@@ -44,8 +45,9 @@ pub(super) struct Evaluate {
     #[arg(long, value_name = "STEP", requires = "model")]
     #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
     checkpoint: Option<u64>,
-    /// Longest side of compared pictures, pixels; 0 keeps the captures' size.
-    #[arg(long, value_name = "PX", default_value_t = 0, value_parser = size)]
+    /// Longest side of compared pictures, pixels [default: that of the training images; with
+    /// --model-dir the captures' size].
+    #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true, value_parser = size)]
     size: u32,
     /// Folder of a trained model (weights and state) to measure in this process.
     #[cfg(feature = "embedded")]
@@ -58,7 +60,8 @@ pub(super) struct Evaluate {
     /// Measure at most this many pictures of each kind and person [default: all].
     #[cfg(feature = "embedded")]
     #[arg(
-        long,
+        long = "measure",
+        alias = "pictures",
         value_name = "N",
         requires = "model_dir",
         conflicts_with = "model"
@@ -117,15 +120,23 @@ impl Evaluate {
         let job = client.evaluate(spec).await?;
         let mut display = ProgressDisplay::new(model.display_name.clone());
         let job = wait_for_new(&client, &job.name, &mut display).await?;
+        output::put("job", output::message(&job));
         let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
             anyhow::bail!("{} has no figures", job.name);
         };
         display.finish(&summary(&result));
         for note in &result.notes {
-            eprintln!("note: {note}");
+            tell!("note: {note}");
         }
-        println!("{} by {}\n", result.checkpoint, result.protocol);
-        println!("{}", scores_table(&rows(&result)));
+        let size = table::size_of(result.image_size);
+        say!(
+            "{}: {} frames, {size}\n",
+            result.checkpoint,
+            result.protocol
+        );
+        let rows = rows(&result);
+        output::put("scores", scores_json(&rows));
+        say!("{}", scores_table(&rows));
         #[cfg(feature = "embedded")]
         if self.table {
             let row = super::paper_table::Row {
@@ -133,7 +144,7 @@ impl Evaluate {
                 scores: result.mean.into_iter().collect(),
             };
             let headings = ["held-out frames".to_owned()];
-            println!("\n{}", super::paper_table::paper_table(&headings, &[row]));
+            say!("\n{}", super::paper_table::paper_table(&headings, &[row]));
         }
         Ok(())
     }
@@ -154,15 +165,16 @@ impl Evaluate {
             lpips: self.lpips.weights()?,
         };
         let measured = run(&options, &Terminal)?;
-        println!("step {} by {}\n", measured.step, measured.protocol);
-        println!("{}", scores_table(&measured.rows));
+        output::put("scores", scores_json(&measured.rows));
+        say!("step {} by {}\n", measured.step, measured.protocol);
+        say!("{}", scores_table(&measured.rows));
         if self.table {
             let row = super::paper_table::Row {
                 variant: measured.variant,
                 scores: measured.means,
             };
             let table = super::paper_table::paper_table(&measured.headings, &[row]);
-            println!("\n{table}");
+            say!("\n{table}");
         }
         Ok(())
     }
@@ -177,14 +189,17 @@ pub(super) fn rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
     people.chain(mean).collect()
 }
 
-/// `PSNR 27.13 dB, SSIM 0.9312 on 12 pictures of 2 people`.
+/// `24.02 dB in the box, 27.13 dB whole, SSIM 0.9312 on 12 held-out pictures of 2 people, 128 pixels`.
 pub(super) fn summary(result: &EvaluateResult) -> String {
     let mean = result.mean.unwrap_or_default();
     format!(
-        "PSNR {:.2} dB, SSIM {:.4} on {} pictures of {} people",
+        "{:.2} dB in the box, {:.2} dB whole, SSIM {:.4} on {} {} pictures of {} people, {}",
+        mean.psnr_mask_box,
         mean.psnr,
         mean.ssim,
         mean.pictures,
-        result.subjects.len()
+        result.protocol,
+        result.subjects.len(),
+        table::size_of(result.image_size)
     )
 }

@@ -2,6 +2,7 @@
 
 use super::render_what::FrameRange;
 use crate::import::{Format, Options, TrackForm, read, write};
+use crate::output;
 use crate::progress::ProgressDisplay;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -11,11 +12,11 @@ Files of each format, with their units, are described in docs/formats.md. Shape 
 rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
 Examples:
-  yoto import --from zju CoreView_377 --smpl SMPL_NEUTRAL.npz --frames 0..570 --out captures/377
+  yoto import --from zju CoreView_377 --smpl SMPL_NEUTRAL.npz --range 0..570 --out captures/377
   yoto import --from humannerf dataset/zju_mocap/387 --out captures/387
   yoto import --from people-snapshot female-3-casual --smpl SMPL_FEMALE.pkl --out captures/f3c
   yoto import --from instant-avatar data/custom/ada --smpl SMPL_FEMALE.npz --poses poses/train.npz \\
-      --frames 0..200:2 --out captures/ada
+      --range 0..200:2 --out captures/ada
   yoto import --from folder captures/ada --binary --out captures/ada-pb";
 
 /// Convert a capture of another program to a capture folder.
@@ -34,8 +35,8 @@ pub(super) struct Import {
     /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
     #[arg(long)]
     binary: bool,
-    /// Frames to import, by position, e.g. 0..570:2 [default: all].
-    #[arg(long = "frames", value_name = "A..B:STEP")]
+    /// Frames to import, by position, e.g. 0..570:2 or ..100 [default: all].
+    #[arg(long = "range", alias = "frames", value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     #[command(flatten)]
     what: ImportOptions,
@@ -98,7 +99,7 @@ impl ImportOptions {
         };
         let imported = read(format, source, &options)?;
         for note in &imported.notes {
-            eprintln!("note: {note}");
+            tell!("note: {note}");
         }
         let mut display = ProgressDisplay::new("import");
         let bytes = write(&imported, out, form, |done, of, bytes| {
@@ -124,7 +125,8 @@ impl Import {
         };
         self.what
             .import(self.from, &self.source, &self.out, form, self.frames)?;
-        println!("{}", self.out.display());
+        say!("{}", self.out.display());
+        output::put("files", output::paths(&[&self.out]));
         Ok(())
     }
 }

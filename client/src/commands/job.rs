@@ -1,34 +1,41 @@
-//! `yoto job`: list, watch, fetch and cancel jobs.
+//! `yoto job`: list, show, watch, fetch and cancel jobs.
 
+use super::job_list::JobList;
 use super::out_folder::OutFolder;
+use super::titles::{Titles, kind};
 use super::waiting::wait;
-use super::{Server, evaluate, job_fetch, table, train};
+use super::{Server, evaluate, job_fetch, train};
+use crate::api::{ClientError, YotoClient};
+use crate::output;
 use crate::progress::{ProgressDisplay, describe};
 use clap::{Args, Subcommand};
-use yoto_proto::v1::{Job, job, job_result, job_spec};
+use yoto_proto::pose_track;
+use yoto_proto::v1::{Job, job, job_result};
 
-const LIST_HELP: &str = "\
+const SHOW_HELP: &str = "\
+With --output json, the whole job: its order, progress, faults and result.
+
 Example:
-  yoto job list";
+  yoto job show 9f31c2aa";
 const WATCH_HELP: &str = "\
 Interrupting the watch does not stop the job. The exit status is non-zero unless the job
 succeeds.
 
 Example:
-  yoto job watch jobs/0198c1f2";
+  yoto job watch 9f31c2aa";
 const FETCH_HELP: &str = "\
 A render has its pictures, an evaluation scores.json and the plots of a trade-off, a training its last
 checkpoint (`yoto model export` writes the best one).
 
 Example:
-  yoto job fetch jobs/0198c1f2 --out out/ada";
+  yoto job fetch 9f31c2aa --out out/ada";
 const CANCEL_HELP: &str = "\
 A queued job ends at once, a running job after its worker's next heartbeat.
 
 Example:
-  yoto job cancel jobs/0198c1f2";
+  yoto job cancel 9f31c2aa";
 
-/// List, watch, fetch and cancel jobs.
+/// List, show, watch, fetch and cancel jobs.
 #[derive(Debug, Args)]
 pub(super) struct JobCommand {
     #[command(subcommand)]
@@ -37,12 +44,12 @@ pub(super) struct JobCommand {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// List jobs with their state.
-    #[command(after_help = LIST_HELP)]
-    List {
-        #[command(flatten)]
-        server: Server,
-    },
+    /// List jobs with their state, newest first.
+    #[command(after_help = super::job_list::AFTER_HELP)]
+    List(JobList),
+    /// Show one job with its faults.
+    #[command(after_help = SHOW_HELP)]
+    Show(Which),
     /// Follow a job to its end.
     #[command(after_help = WATCH_HELP)]
     Watch(Which),
@@ -61,58 +68,79 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct Which {
-    /// The job, as `jobs/ID` or ID.
+    /// The job: its id, or the first characters of it.
     job: String,
     #[command(flatten)]
     server: Server,
 }
 
 impl Which {
-    fn name(&self) -> String {
-        if self.job.contains('/') {
-            self.job.clone()
-        } else {
-            format!("jobs/{}", self.job)
-        }
+    /// A connection to the service, and the job as it is now.
+    async fn find(&self) -> Result<(YotoClient, Job), ClientError> {
+        let client = self.server.connect().await?;
+        let job = client.find_job(&self.job).await?;
+        Ok((client, job))
     }
 }
 
 impl JobCommand {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         match self.action {
-            Action::List { server } => list(&server).await,
+            Action::List(list) => list.run().await,
+            Action::Show(which) => show(&which).await,
             Action::Watch(which) => watch(&which).await,
             Action::Fetch { which, folder } => {
-                let client = which.server.connect().await?;
-                for path in job_fetch::fetch(&client, &which.name(), &folder).await? {
-                    println!("{}", path.display());
-                }
+                let (client, job) = which.find().await?;
+                let paths = job_fetch::fetch(&client, &job.name, &folder).await?;
+                folder.show(&paths);
                 Ok(())
             }
             Action::Cancel(which) => {
-                let job = which
-                    .server
-                    .connect()
-                    .await?
-                    .cancel_job(&which.name())
-                    .await?;
+                let (client, job) = which.find().await?;
+                let job = client.cancel_job(&job.name).await?;
                 let asked = if job.state() == job::State::Running {
                     " (waiting for its worker)"
                 } else {
                     ""
                 };
-                println!("{} {}{asked}", job.name, job.state().as_str_name());
+                say!("{} {}{asked}", job.name, job.state().as_str_name());
+                output::put("job", output::message(&job));
                 Ok(())
             }
         }
     }
 }
 
+async fn show(which: &Which) -> anyhow::Result<()> {
+    let (client, job) = which.find().await?;
+    output::put("job", output::message(&job));
+    let titles = Titles::load(&client).await?;
+    say!("job      {}", job.name);
+    say!("kind     {} of {}", kind(&job), titles.of(&job));
+    say!("state    {}", job.state().as_str_name());
+    match job.state() {
+        job::State::Succeeded => say!("result   {}", outcome(&job)),
+        job::State::Running => say!("now      {}", detail(&job)),
+        job::State::Queued => say!("now      {} ahead in the queue", job.queue_position),
+        _ => {}
+    }
+    if job.lost_workers > 0 {
+        say!("lost     {} workers", job.lost_workers);
+    }
+    if let Some(error) = &job.error {
+        say!("fault    {} [{}]", error.message, error.code);
+        for violation in &error.violations {
+            say!("         {}", pose_track::describe(violation));
+        }
+    }
+    Ok(())
+}
+
 async fn watch(which: &Which) -> anyhow::Result<()> {
-    let client = which.server.connect().await?;
-    let name = which.name();
-    let mut display = ProgressDisplay::new(name.clone());
-    let job = wait(&client, &name, &mut display).await?;
+    let (client, job) = which.find().await?;
+    let mut display = ProgressDisplay::new(job.name.clone());
+    let job = wait(&client, &job.name, &mut display).await?;
+    output::put("job", output::message(&job));
     display.finish(&outcome(&job));
     Ok(())
 }
@@ -137,52 +165,23 @@ fn outcome(job: &Job) -> String {
     }
 }
 
-async fn list(server: &Server) -> anyhow::Result<()> {
-    let jobs = server.connect().await?.list_jobs().await?;
-    let rows: Vec<Vec<String>> = jobs
-        .iter()
-        .map(|job| {
-            let (kind, of) = about(job);
-            vec![
-                job.name.clone(),
-                kind.to_owned(),
-                of,
-                job.state().as_str_name().to_owned(),
-                detail(job),
-            ]
-        })
-        .collect();
-    println!(
-        "{}",
-        table::table(&["NAME", "KIND", "OF", "STATE", "DETAIL"], &rows)
-    );
-    Ok(())
-}
-
-/// Kind and object of a job.
-fn about(job: &Job) -> (&'static str, String) {
-    match job.spec.as_ref().and_then(|spec| spec.kind.as_ref()) {
-        Some(job_spec::Kind::Ingest(spec)) => ("ingest", spec.capture.clone()),
-        Some(job_spec::Kind::Train(spec)) => ("train", spec.model.clone()),
-        Some(job_spec::Kind::Render(spec)) => {
-            ("render", format!("{} by {}", spec.subject, spec.model))
-        }
-        Some(job_spec::Kind::Evaluate(spec)) => ("evaluate", spec.model.clone()),
-        None => ("unknown", String::new()),
-    }
-}
-
-/// Details of a job in its state.
-fn detail(job: &Job) -> String {
+/// Details of a job in its state: of several faults the first.
+pub(super) fn detail(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map(describe).unwrap_or_default(),
         job::State::Queued => format!("{} ahead", job.queue_position),
         job::State::Succeeded => outcome(job),
-        job::State::Failed => job
-            .error
-            .as_ref()
-            .map(|error| format!("{} [{}]", error.message, error.code))
-            .unwrap_or_default(),
+        job::State::Failed => {
+            job.error
+                .as_ref()
+                .map_or_else(String::new, |error| match error.violations.as_slice() {
+                    [] => error.message.clone(),
+                    [one] => pose_track::describe(one),
+                    [first, more @ ..] => {
+                        format!("{}, and {} more", pose_track::describe(first), more.len())
+                    }
+                })
+        }
         job::State::Cancelled | job::State::Unspecified => String::new(),
     }
 }

@@ -5,6 +5,7 @@ use super::out_folder::OutFolder;
 use super::scores::scores_json;
 use super::waiting::wait;
 use crate::api::YotoClient;
+use crate::output;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ pub(super) async fn fetch(
     let mut display = ProgressDisplay::new(name);
     let job = wait(client, name, &mut display).await?;
     display.clear();
+    output::put("job", output::message(&job));
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Render(_)) => objects(client, name, folder).await,
         Some(job_result::Kind::Train(result)) => objects(client, &result.checkpoint, folder).await,
@@ -39,17 +41,19 @@ pub(super) async fn objects(
     parent: &str,
     folder: &OutFolder,
 ) -> anyhow::Result<Vec<PathBuf>> {
-    let objects = client.list_objects(parent).await?;
+    let all = client.list_objects(parent).await?;
+    let out = &folder.out;
+    let paths: Vec<PathBuf> = all.iter().map(|object| out.join(&object.file)).collect();
+    let objects = YotoClient::missing_in(all, out).await?;
     folder.ensure_free(|name| objects.iter().any(|object| object.file == name))?;
     let total = objects.iter().map(|object| object.bytes).sum();
-    let out = &folder.out;
     let mut display = ProgressDisplay::new(parent);
     let mut received = 0;
     let on_bytes = &mut |bytes| {
         received += bytes;
         display.received(received, total);
     };
-    let paths = client.fetch_objects(&objects, out, on_bytes).await?;
+    client.fetch_objects(&objects, out, on_bytes).await?;
     display.finish(&format!("{} files in {}", paths.len(), out.display()));
     Ok(paths)
 }
@@ -63,7 +67,7 @@ async fn measured(
 ) -> anyhow::Result<Vec<PathBuf>> {
     folder.ensure_free(|name| name == SCORES || is_of_tradeoff(name))?;
     for note in &result.notes {
-        eprintln!("note: {note}");
+        tell!("note: {note}");
     }
     let out = &folder.out;
     let mut paths = Vec::new();

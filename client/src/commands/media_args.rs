@@ -1,5 +1,6 @@
 //! Options for reading a capture's pictures and masks.
 
+use super::render_what::FrameRange;
 use crate::capture_dir::{CaptureOptions, Prefer};
 use clap::{Args, ValueEnum};
 use yoto_proto::correction::Correction;
@@ -29,9 +30,9 @@ pub(super) struct MediaArgs {
     /// Use every n-th pose frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Use pose frames A to B, without B; either may be left out.
-    #[arg(long, value_name = "A..B", value_parser = range)]
-    range: Option<(u32, Option<u32>)>,
+    /// Use pose frames A to B, without B, e.g. 100..400 or ..90:3; all three may be left out.
+    #[arg(long, value_name = "A..B:STEP")]
+    range: Option<FrameRange>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -68,7 +69,7 @@ impl MediaArgs {
             name if has_ending(name, &PICTURE_ENDINGS) => MaskSource::Plate(name.to_owned()),
             name => MaskSource::Pictures(name.to_owned()),
         });
-        let (first, end) = self.range.unwrap_or_default();
+        let range = self.range.unwrap_or(FrameRange::ALL);
         CaptureOptions {
             prefer: self.frames.map(|images| match images {
                 Images::Images => Prefer::Images,
@@ -90,45 +91,11 @@ impl MediaArgs {
                 By::Time => Timing::Time,
             },
             selection: Selection {
-                first,
-                end,
-                every: self.every,
+                first: range.first,
+                end: (range.end != FrameRange::ALL.end).then_some(range.end),
+                every: self.every.saturating_mul(range.step),
             },
             correction,
-        }
-    }
-}
-
-/// `A..B`, `A..`, `..B`.
-fn range(text: &str) -> Result<(u32, Option<u32>), String> {
-    let (first, end) = text.split_once("..").ok_or("a range is written A..B")?;
-    let number = |text: &str| {
-        text.parse::<u32>()
-            .map_err(|_| format!("'{text}' is not a frame number"))
-    };
-    let first = if first.is_empty() { 0 } else { number(first)? };
-    let end = if end.is_empty() {
-        None
-    } else {
-        Some(number(end)?)
-    };
-    if end.is_some_and(|end| end <= first) {
-        return Err(format!("{text} holds no frame"));
-    }
-    Ok((first, end))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranges_are_read_and_empty_ones_refused() {
-        assert_eq!(range("3..9"), Ok((3, Some(9))));
-        assert_eq!(range("..9"), Ok((0, Some(9))));
-        assert_eq!(range("3.."), Ok((3, None)));
-        for bad in ["", "3", "9..3", "3..3", "a..b", "-1..3"] {
-            assert!(range(bad).is_err(), "{bad}");
         }
     }
 }

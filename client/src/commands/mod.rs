@@ -8,6 +8,8 @@ mod ablation;
 #[cfg(feature = "embedded")]
 mod bench;
 mod capture;
+mod capture_example;
+mod completions;
 mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
@@ -18,6 +20,7 @@ mod import;
 mod ingest_args;
 mod job;
 mod job_fetch;
+mod job_list;
 mod logs;
 #[cfg(feature = "embedded")]
 mod lpips_args;
@@ -42,19 +45,23 @@ mod render_what;
 mod scores;
 #[cfg(feature = "embedded")]
 mod serve;
+mod status;
 mod subject;
 mod subject_poses;
 mod table;
+mod titles;
 #[cfg(feature = "embedded")]
 mod tradeoff;
 mod train;
+mod train_preview;
 mod waiting;
 #[cfg(feature = "embedded")]
 mod worker;
 
 use crate::api::{ClientError, DEFAULT_SERVER, YotoClient};
+use crate::output;
 use anyhow::Context;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::process::ExitCode;
 
 const AFTER_HELP: &str = "\
@@ -71,11 +78,41 @@ Logs: RUST_LOG=debug, or e.g. RUST_LOG=yoto_server=debug,info.";
 #[derive(Debug, Parser)]
 #[command(name = "yoto", version, after_help = AFTER_HELP, arg_required_else_help = true)]
 pub struct Cli {
-    /// Write logs as JSON, one object per line.
+    /// Format of results on stdout: text for people, or one JSON object for programs.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        value_name = "FORMAT",
+        default_value = "text"
+    )]
+    output: Format,
+    /// Print results and errors only.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Show no progress.
     #[arg(long, global = true)]
+    no_progress: bool,
+    /// The earlier place of an option of `serve` and `worker`.
+    #[arg(long, hide = true)]
     log_json: bool,
     #[command(subcommand)]
     command: Command,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Text,
+    Json,
+}
+
+/// Logs of a service.
+#[cfg(feature = "embedded")]
+#[derive(Debug, Clone, Copy, Args)]
+struct LogArgs {
+    /// Write logs as JSON, one object per line.
+    #[arg(long)]
+    log_json: bool,
 }
 
 #[derive(Debug, Subcommand)]
@@ -92,6 +129,7 @@ enum Command {
     Model(model::ModelCommand),
     Train(train::Train),
     Job(job::JobCommand),
+    Status(status::Status),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     #[cfg(feature = "embedded")]
@@ -104,7 +142,8 @@ enum Command {
     #[cfg(feature = "embedded")]
     Bench(bench::Bench),
     #[cfg(feature = "embedded")]
-    Tradeoff(tradeoff::TradeoffCommand),
+    Tradeoff(Box<tradeoff::TradeoffCommand>),
+    Completions(completions::Completions),
 }
 
 /// The service of a client command.
@@ -127,17 +166,22 @@ pub fn main() -> ExitCode {
     #[cfg(feature = "embedded")]
     yoto_ingest::become_ingest_child_if_asked();
     let cli = Cli::parse();
-    match run(cli) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::FAILURE
-        }
+    output::set_style(output::Style {
+        json: cli.output == Format::Json,
+        quiet: cli.quiet,
+        no_progress: cli.no_progress || cli.quiet,
+    });
+    let outcome = run(cli);
+    if let Err(error) = &outcome {
+        output::error(format_args!("{error:#}"));
     }
+    output::finish();
+    outcome.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS)
 }
 
 fn run(cli: Cli) -> anyhow::Result<()> {
-    logs::init(default_level(&cli.command), cli.log_json);
+    let log_json = cli.log_json || logs_are_json(&cli.command);
+    logs::init(default_level(&cli.command), log_json);
     let runtime = tokio::runtime::Runtime::new().context("starting the asynchronous runtime")?;
     let outcome = match cli.command {
         #[cfg(feature = "embedded")]
@@ -152,6 +196,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Model(command) => runtime.block_on(command.run()),
         Command::Train(command) => runtime.block_on(command.run()),
         Command::Job(command) => runtime.block_on(command.run()),
+        Command::Status(command) => runtime.block_on(command.run()),
         Command::Motion(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
@@ -165,10 +210,21 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Bench(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
+        Command::Completions(command) => command.run(),
     };
     // A computation that outlives its job must not prevent the process from ending.
     runtime.shutdown_background();
     outcome
+}
+
+fn logs_are_json(command: &Command) -> bool {
+    match command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(serve) => serve.logs.log_json,
+        #[cfg(feature = "embedded")]
+        Command::Worker(worker) => worker.logs.log_json,
+        _ => false,
+    }
 }
 
 /// Services log their actions; other commands log only warnings.
@@ -232,11 +288,17 @@ mod tests {
             "yoto bench --paper-step --json step.json",
             "yoto bench --step fast --steps 50 --settle 200 --people 3 --size 128",
             "yoto tradeoff --model duo --size 64 --views 2 --repeats 1 --out o",
+            "yoto tradeoff duo --checkpoint 40 --again --out o",
+            "yoto render-frame --model-dir m --capture a --camera cam00 --frame 3 --out f.npz",
+            "yoto serve --listen localhost:0 --log-json",
+            "yoto --log-json serve",
+            "yoto ablation --capture a --steps 50 --measure 4 --out o",
             "yoto tradeoff --capture a b --tiers draft,fast --budgets 5,10.5 --size 64 --out o",
             "yoto ablation --capture a --capture b --steps 50 --tier draft --seed 3 --pictures 4 --out o",
         ];
         let everywhere = [
             "yoto capture check a",
+            "yoto capture example --people 3 --frames 40 --size 64 --out c",
             "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
             "yoto capture check a.zip --frames video --masks masks.mp4 --every 3",
             "yoto subject add ada --capture c --consent signed --no-wait",
@@ -253,6 +315,15 @@ mod tests {
             "yoto train duo --seconds 60 --seed 1 --size 128",
             "yoto train duo --subjects ada,bob --steps 500 --no-wait",
             "yoto job list",
+            "yoto job list --state failed,queued --limit 3 --output json",
+            "yoto job show 9f31",
+            "yoto status --quiet",
+            "yoto model show duo --no-progress",
+            "yoto subject show ada",
+            "yoto subject add ada c --again",
+            "yoto completions bash",
+            "yoto train duo --preview p",
+            "yoto render duo --subject ada --motion bob --range 10.. --follow --transparent --out o",
             "yoto job watch jobs/1",
             "yoto job cancel 1",
             "yoto job fetch 1 --out o --force",

@@ -1,7 +1,9 @@
 //! `yoto model`: shared networks and the people in them.
 
+use super::titles::Titles;
 use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
+use crate::output;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use yoto_proto::tiers;
@@ -23,11 +25,17 @@ const REMOVE_HELP: &str = "\
 Example:
   yoto model remove-person duo cleo";
 
+const SHOW_HELP: &str = "\
+With --output json, every field of the model and of its checkpoints.
+
+Example:
+  yoto model show duo";
+
 const LIST_HELP: &str = "\
 Example:
   yoto model list";
 
-/// Create, list and export models, and add people to them.
+/// Create, list, show and export models, and add people to them.
 #[derive(Debug, Args)]
 pub(super) struct ModelCommand {
     #[command(subcommand)]
@@ -42,6 +50,14 @@ enum Action {
     /// List models, the people in them, and their newest checkpoint.
     #[command(after_help = LIST_HELP)]
     List {
+        #[command(flatten)]
+        server: Server,
+    },
+    /// Show a model with its people and checkpoints.
+    #[command(after_help = SHOW_HELP)]
+    Show {
+        /// The model, by name.
+        model: String,
         #[command(flatten)]
         server: Server,
     },
@@ -94,7 +110,8 @@ impl ModelPerson {
         let (person, name) = (&subject.display_name, &model.display_name);
         anyhow::ensure!(!has, "{person} is in {name} already");
         let slot = client.add_identity(&model.name, &subject.name).await?;
-        println!(
+        output::put("slot", output::message(&slot));
+        say!(
             "{person} has slot {} of {name}, untrained: `yoto train {name}` trains it",
             slot.slot
         );
@@ -110,8 +127,10 @@ impl ModelPerson {
             !slot.trained,
             "{name} was trained with {person}: only a person whom it does not know yet can be removed"
         );
-        client.remove_identity(&model.name, &subject.name).await?;
-        println!("{person} is no longer in {name}");
+        let model = client.remove_identity(&model.name, &subject.name).await?;
+        let name = &model.display_name;
+        output::put("model", output::message(&model));
+        say!("{person} is no longer in {name}");
         Ok(())
     }
 
@@ -155,10 +174,12 @@ impl ModelCommand {
                 let client = create.server.connect().await?;
                 let model =
                     create_with(&client, &create.name, &create.subjects, &create.shape).await?;
-                println!("{}", model.name);
+                say!("{}", model.name);
+                output::put("model", output::message(&model));
                 Ok(())
             }
             Action::List { server } => list(&server.connect().await?).await,
+            Action::Show { model, server } => show(&server.connect().await?, &model).await,
             Action::AddPerson(person) => person.add().await,
             Action::RemovePerson(person) => person.remove().await,
             Action::Export(export) => export.run().await,
@@ -210,14 +231,49 @@ pub(super) async fn create_with(
     client.get_model(&model.name).await
 }
 
+async fn show(client: &YotoClient, name: &str) -> anyhow::Result<()> {
+    let model = client.find_model(name).await?;
+    let checkpoints = client.list_checkpoints(&model.name).await?;
+    output::put("model", output::message(&model));
+    output::put("checkpoints", output::messages(&checkpoints));
+    let titles = Titles::load(client).await?;
+    say!("model    {} ({})", model.display_name, model.name);
+    say!("tier     {}, variant {}", model.tier, model.variant);
+    for slot in &model.slots {
+        let state = if slot.trained { "trained" } else { "untrained" };
+        say!("person   {}, {state}", titles.name(&slot.subject));
+    }
+    let rows: Vec<Vec<String>> = checkpoints
+        .iter()
+        .map(|it| {
+            let psnr = it
+                .psnr
+                .map_or_else(|| "-".to_owned(), |psnr| format!("{psnr:.2} dB"));
+            vec![
+                it.step.to_string(),
+                psnr,
+                table::size_of(it.image_size),
+                format!("{:.1} MB", it.bytes as f64 / 1e6),
+                if it.best {
+                    "best".to_owned()
+                } else {
+                    String::new()
+                },
+            ]
+        })
+        .collect();
+    let header = ["STEP", "HELD OUT", "TRAINED AT", "SIZE", ""];
+    say!("\n{}", table::table(&header, &rows));
+    Ok(())
+}
+
 async fn list(client: &YotoClient) -> anyhow::Result<()> {
-    let subjects = client.list_subjects().await?;
-    let person = |name: &str| {
-        let known = subjects.iter().find(|subject| subject.name == name);
-        known.map_or_else(|| name.to_owned(), |subject| subject.display_name.clone())
-    };
+    let titles = Titles::load(client).await?;
+    let person = |name: &str| titles.name(name).to_owned();
     let mut rows = Vec::new();
-    for model in client.list_models().await? {
+    let models = client.list_models().await?;
+    output::put("models", output::messages(&models));
+    for model in models {
         let checkpoints = client.list_checkpoints(&model.name).await?;
         let newest = checkpoints.first();
         let people: Vec<String> = model
@@ -246,7 +302,7 @@ async fn list(client: &YotoClient) -> anyhow::Result<()> {
             checkpoint,
         ]);
     }
-    println!(
+    say!(
         "{}",
         table::table(
             &["NAME", "MODEL", "TIER", "VARIANT", "PEOPLE", "CHECKPOINT"],

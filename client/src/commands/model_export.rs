@@ -3,12 +3,13 @@
 use super::Server;
 use super::job_fetch::objects;
 use super::out_folder::OutFolder;
+use crate::output;
 use anyhow::Context;
 use clap::Args;
 use yoto_proto::names;
 
 pub(super) const AFTER_HELP: &str = "\
-The folder serves `yoto render-frame --model DIR`, `yoto evaluate --model-dir DIR` and
+The folder serves `yoto render-frame --model-dir DIR`, `yoto evaluate --model-dir DIR` and
 `yoto model info DIR`.
 
 Examples:
@@ -42,9 +43,9 @@ impl Export {
                 best.name
             }
         };
-        for path in objects(&client, &checkpoint, &self.folder).await? {
-            println!("{}", path.display());
-        }
+        let paths = objects(&client, &checkpoint, &self.folder).await?;
+        output::put("checkpoint", checkpoint);
+        self.folder.show(&paths);
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! `yoto model import-humannerf`: a checkpoint of the released HumanNeRF program as a model.
 
+use crate::output;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::import::{HumanNerfOptions, import_humannerf};
@@ -68,14 +69,16 @@ impl ImportHumanNerf {
         let iteration = imported
             .iteration
             .map_or_else(|| "unknown".to_owned(), |iteration| iteration.to_string());
-        println!(
+        say!(
             "{}: {} parameters, iteration {iteration}",
             self.out.display(),
             imported.parameters
         );
+        output::put("files", output::paths(&[&self.out]));
+        output::put("parameters", imported.parameters);
         if imported.root.iter().any(|v| *v != 0.0) {
             let [x, y, z] = imported.root;
-            eprintln!(
+            tell!(
                 "note: canonical joints are used unchanged; the root is at \
                  [{x:.4}, {y:.4}, {z:.4}] m"
             );

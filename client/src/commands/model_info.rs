@@ -1,6 +1,7 @@
 //! `yoto model info`: the parts of a model and the size of each.
 
 use super::{Server, table};
+use crate::output;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -38,7 +39,7 @@ impl Info {
         let model = client.find_model(&self.model).await?;
         let config = ModelConfig::named(&model.tier, &model.variant)
             .with_context(|| format!("the model {}", model.name))?;
-        println!("model       {} ({})", model.display_name, model.name);
+        say!("model       {} ({})", model.display_name, model.name);
         about(&config, model.slots.len());
         for checkpoint in client.list_checkpoints(&model.name).await? {
             let measured = match checkpoint.tradeoff {
@@ -49,7 +50,7 @@ impl Info {
                 .psnr
                 .map(|psnr| format!(", {psnr:.2} dB held out"));
             let best = if checkpoint.best { ", the best" } else { "" };
-            println!(
+            say!(
                 "checkpoint  step {}, {} bytes{}{best}{measured}",
                 checkpoint.step,
                 checkpoint.bytes,
@@ -67,14 +68,14 @@ impl Info {
 fn of_folder(path: &Path) -> anyhow::Result<()> {
     let state = ModelState::read(path)?;
     let parts = read_parts(path)?;
-    println!("folder      {}", path.display());
+    say!("folder      {}", path.display());
     about(&state.config, state.slots.iter().flatten().count());
-    println!("joints      {}", state.joints);
-    println!("steps       {}", state.step);
+    say!("joints      {}", state.joints);
+    say!("steps       {}", state.step);
     for entry in std::fs::read_dir(path).with_context(|| format!("{}", path.display()))? {
         let entry = entry?;
         let size = entry.metadata()?.len();
-        println!("file        {}: {size} bytes", entry.file_name().display());
+        say!("file        {}: {size} bytes", entry.file_name().display());
     }
     print_parts(&parts);
     Ok(())
@@ -85,14 +86,14 @@ fn about(config: &ModelConfig, people: usize) {
         let text = value.ok().and_then(|v| v.as_str().map(str::to_owned));
         text.unwrap_or_else(|| "?".to_owned())
     };
-    println!("tier        {}", config.tier);
-    println!("variant     {}", name(serde_json::to_value(config.variant)));
-    println!(
+    say!("tier        {}", config.tier);
+    say!("variant     {}", name(serde_json::to_value(config.variant)));
+    say!(
         "numerics    {}",
         name(serde_json::to_value(config.numerics))
     );
-    println!("samples     {} per ray", config.march.samples);
-    println!("people      {people}");
+    say!("samples     {} per ray", config.march.samples);
+    say!("people      {people}");
 }
 
 fn print_parts(parts: &[PartCount]) {
@@ -104,6 +105,12 @@ fn print_parts(parts: &[PartCount]) {
         .map(|part| row(&part.part, part.parameters, part.bytes))
         .collect();
     let sum = |of: fn(&PartCount) -> u64| parts.iter().map(of).sum();
+    let json = parts.iter().map(|part| {
+        serde_json::json!({
+            "part": part.part, "parameters": part.parameters, "bytes": part.bytes,
+        })
+    });
+    output::put("parts", json.collect::<serde_json::Value>());
     rows.push(row("total", sum(|p| p.parameters), sum(|p| p.bytes)));
-    println!("{}", table::table(&["PART", "PARAMETERS", "BYTES"], &rows));
+    say!("{}", table::table(&["PART", "PARAMETERS", "BYTES"], &rows));
 }

@@ -2,6 +2,8 @@
 
 use super::table;
 use crate::import::motion::{DEFAULT_JOINT_MAP, Motion, MotionOptions, Up, read};
+use crate::output;
+use crate::progress::count;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -60,7 +62,7 @@ impl MotionArgs {
         };
         let motion = read(file, &options)?;
         for note in &motion.notes {
-            eprintln!("note: {note}");
+            tell!("note: {note}");
         }
         Ok(motion)
     }
@@ -71,20 +73,28 @@ impl MotionCommand {
         if let Some(path) = &self.write_map {
             std::fs::write(path, DEFAULT_JOINT_MAP)
                 .with_context(|| format!("writing {}", path.display()))?;
-            eprintln!("wrote {}", path.display());
+            tell!("wrote {}", path.display());
         }
         let motion = self.reading.read(&self.file)?;
-        println!(
-            "{} frames at {:.2} a second: {:.1} s",
-            motion.frames.len(),
+        say!(
+            "{} at {:.2} per second: {:.1} s",
+            count(motion.frames.len(), "frame"),
             motion.fps,
             motion.frames.len() as f64 / motion.fps
         );
+        output::put("frames", motion.frames.len());
+        output::put("fps", motion.fps);
+        let moved = motion
+            .matched
+            .iter()
+            .map(|(joint, name)| (joint.clone(), name.clone().into()));
+        output::put("moved_by", moved.collect::<serde_json::Map<_, _>>());
+        output::put("moving_nothing", motion.unmatched.clone());
         let row = |(joint, name): &(String, String)| vec![joint.clone(), name.clone()];
         let rows: Vec<Vec<String>> = motion.matched.iter().map(row).collect();
-        println!("{}", table::table(&["JOINT", "MOVED BY"], &rows));
+        say!("{}", table::table(&["JOINT", "MOVED BY"], &rows));
         if !motion.unmatched.is_empty() {
-            println!("moving nothing: {}", motion.unmatched.join(", "));
+            say!("moving nothing: {}", motion.unmatched.join(", "));
         }
         Ok(())
     }

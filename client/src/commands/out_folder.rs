@@ -1,8 +1,12 @@
 //! Folders that a command writes to, without a loss of what another one wrote.
 
+use crate::output;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
+
+/// Most files that are shown one by one.
+const FEW: usize = 8;
 
 /// A folder for files.
 #[derive(Debug, Args)]
@@ -52,6 +56,26 @@ impl OutFolder {
             std::fs::remove_file(&path).with_context(|| format!("removing {}", path.display()))?;
         }
         Ok(())
+    }
+}
+
+impl OutFolder {
+    /// Shows which files were written: few of them one by one.
+    pub fn show(&self, written: &[PathBuf]) {
+        output::put("files", output::paths(written));
+        match written {
+            [first, .., last] if written.len() > FEW => {
+                let name = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
+                say!(
+                    "{} files in {}: {} … {}",
+                    written.len(),
+                    self.out.display(),
+                    name(first),
+                    name(last)
+                );
+            }
+            _ => written.iter().for_each(|path| say!("{}", path.display())),
+        }
     }
 }
 

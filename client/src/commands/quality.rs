@@ -5,6 +5,7 @@ use super::model::{tier_help, variant_help};
 use super::refine_poses::RefinePoses;
 use super::table;
 use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use crate::output;
 use crate::progress::{ProgressDisplay, Terminal};
 use anyhow::Context;
 use clap::Args;
@@ -130,8 +131,9 @@ impl Quality {
         report
             .write(&self.out)
             .with_context(|| format!("writing {}", self.out.display()))?;
-        println!("{}", report.table());
-        println!("report: {}", self.out.display());
+        say!("{}", report.table());
+        say!("report: {}", self.out.display());
+        output::put("files", output::paths(&[&self.out]));
         Ok(())
     }
 }

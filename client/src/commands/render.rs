@@ -6,6 +6,7 @@ use super::render_what::{FrameRange, read_views};
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
+use crate::output;
 use crate::progress::ProgressDisplay;
 use anyhow::Context;
 use clap::{ArgGroup, Args};
@@ -23,8 +24,8 @@ A view list is a JSON file with the fields of poses.json:
 
 Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
-  yoto render duo --subject bob --motion ada --frames 0..60:2 --animate --out out/dance
-  yoto render duo --subject bob --motion-file walk.bvh --frames 0..240:4 --animate --out out/walk
+  yoto render duo --subject bob --motion ada --range 0..60:2 --animate --out out/dance
+  yoto render duo --subject bob --motion-file walk.bvh --range 0..240:4 --animate --out out/walk
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views";
 
@@ -75,9 +76,12 @@ pub(super) struct Render {
     /// [default: the first].
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
-    /// Frames of the motion, e.g. 0..60:2 [default: all].
-    #[arg(long, conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
+    /// Frames of the motion, e.g. 0..60:2 or 100.. [default: all].
+    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
+    /// Move the camera along with a person who walks, who otherwise may leave the picture.
+    #[arg(long, conflicts_with_all = ["orbit", "view_list"])]
+    follow: bool,
     /// Poses and cameras from a JSON file.
     #[arg(long, value_name = "FILE")]
     view_list: Option<PathBuf>,
@@ -101,6 +105,9 @@ pub(super) struct Render {
         value_name = "R,G,B"
     )]
     background: Vec<f32>,
+    /// Transparent pictures: no background.
+    #[arg(long, conflicts_with = "background")]
+    transparent: bool,
     /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "S", value_parser = table::seconds, group = "wish")]
     max_seconds_per_frame: Option<f64>,
@@ -142,13 +149,16 @@ impl Render {
             animate: self.animate,
             fps: self.fps.unwrap_or(fps),
             quality: self.wish(),
+            transparent: self.transparent,
         };
         let job = client.create_render(spec).await?;
+        output::put("job", output::message(&job));
         let mut display = ProgressDisplay::new(format!(
             "{} by {}",
             subject.display_name, model.display_name
         ));
         let job = wait_for_new(&client, &job.name, &mut display).await?;
+        output::put("job", output::message(&job));
         let (choice, device) = match job.result.as_ref().and_then(|it| it.kind.as_ref()) {
             Some(job_result::Kind::Render(it)) => (it.choice.clone(), it.device.clone()),
             _ => (None, String::new()),
@@ -159,17 +169,15 @@ impl Render {
         self.folder.remove_others(is_rendered, &paths)?;
         display.finish(&format!("{} files in {}", paths.len(), out.display()));
         if let Some(choice) = &choice {
-            eprintln!("{}", kept(choice));
+            tell!("{}", kept(choice));
             if let Some(over) = self
                 .max_seconds_per_frame
                 .and_then(|it| over(it, choice, &device))
             {
-                eprintln!("{over}");
+                tell!("{over}");
             }
         }
-        for path in paths {
-            println!("{}", path.display());
-        }
+        self.folder.show(&paths);
         Ok(())
     }
 
@@ -192,26 +200,23 @@ impl Render {
             return Ok((None, 0.0));
         };
         let motion = self.reading.read(path)?;
-        let range = self.frames.unwrap_or(FrameRange {
-            first: 0,
-            end: u32::MAX,
-            step: 1,
-        });
+        let range = self.frames.unwrap_or(FrameRange::ALL);
         let step = range.step as usize;
         let mut clip = motion.clip(range.first as usize, range.end as usize, step, self.size);
         anyhow::ensure!(
             !clip.poses.is_empty(),
-            "{} has {} frames, none of them chosen by --frames",
+            "{} has {} frames, none of them chosen by --range",
             path.display(),
             motion.frames.len()
         );
         clip.camera_frame = self.start;
+        clip.follow = self.follow;
         let fps = motion.fps / f64::from(range.step);
         if fps > MAX_FPS && self.animate && self.fps.is_none() {
             let step = (motion.fps / MAX_FPS).ceil();
-            eprintln!(
+            tell!(
                 "note: {fps:.0} frames per second are more than {MAX_FPS:.0}: the animation is slow; \
-                 with --frames A..B:{step:.0} it is not"
+                 with --range A..B:{step:.0} it is not"
             );
         }
         Ok((Some(clip), fps.min(MAX_FPS) as f32))
@@ -234,6 +239,7 @@ impl Render {
                 frame_count: self.frames.map_or(0, |range| range.count()),
                 frame_step: self.frames.map_or(1, |range| range.step),
                 size: self.size,
+                follow: self.follow,
             };
             return Ok(render_spec::What::Motion(transfer));
         }

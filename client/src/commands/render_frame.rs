@@ -1,6 +1,7 @@
 //! `yoto render-frame`: one frame of a model's folder, without a service, in full precision.
 
 use crate::npz::{self, Array};
+use crate::output;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -18,15 +19,15 @@ An .npz holds rgb [H, W, 3], alpha [H, W] and depth [H, W] as f32: depth is the 
 weight times camera z, metres, not divided by alpha. A .png holds the colours.
 
 Examples:
-  yoto render-frame --model imported --capture data/ada --camera train --frame 30 --out f.npz
-  yoto render-frame --model ckpt --capture data/ada --camera cam00 --frame 5 --size 256 --out f.png";
+  yoto render-frame --model-dir imported --capture data/ada --camera train --frame 30 --out f.npz
+  yoto render-frame --model-dir ckpt --capture data/ada --camera cam00 --frame 5 --size 256 --out f.png";
 
 /// Render one frame of a capture with a model on this disk.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct RenderFrame {
     /// Folder of the model.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long = "model-dir", alias = "model", value_name = "DIR")]
     model: PathBuf,
     /// Folder of the capture with pose and camera.
     #[arg(long, value_name = "DIR")]
@@ -100,7 +101,8 @@ impl RenderFrame {
             background: [0.0; 3],
         })?;
         write(&self.out, &frame)?;
-        println!("{}", self.out.display());
+        say!("{}", self.out.display());
+        output::put("files", output::paths(&[&self.out]));
         Ok(())
     }
 }
@@ -152,8 +154,9 @@ mod tests {
     #[test]
     fn samples_are_the_model_s_unless_given() {
         let samples = |more: &str| {
-            let line =
-                format!("yoto --model m --capture c --camera train --frame 1 --out f.png{more}");
+            let line = format!(
+                "yoto --model-dir m --capture c --camera train --frame 1 --out f.png{more}"
+            );
             let parsed = Cli::try_parse_from(line.split(' '));
             parsed.map(|cli| cli.frame.samples).ok()
         };

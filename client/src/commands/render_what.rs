@@ -4,7 +4,7 @@ use serde::Deserialize;
 use std::path::Path;
 use yoto_proto::v1::{BodyPose, Camera, View, ViewList};
 
-/// `A..B:STEP`: frames A, A+STEP, … below B.
+/// `A..B:STEP`: frames A, A+STEP, … below B. Each of the three may be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FrameRange {
     pub first: u32,
@@ -13,9 +13,19 @@ pub(super) struct FrameRange {
 }
 
 impl FrameRange {
-    /// Frames in the range.
+    /// All frames.
+    pub(super) const ALL: Self = Self {
+        first: 0,
+        end: u32::MAX,
+        step: 1,
+    };
+
+    /// Number of frames in the range; 0 if it has no end.
     pub(super) fn count(self) -> u32 {
-        (self.end - self.first).div_ceil(self.step)
+        match self.end {
+            u32::MAX => 0,
+            end => (end - self.first).div_ceil(self.step),
+        }
     }
 }
 
@@ -26,11 +36,14 @@ impl std::str::FromStr for FrameRange {
         let shape = || format!("'{text}' is not of the form A..B or A..B:STEP, e.g. 0..60:2");
         let (range, step) = text.split_once(':').unwrap_or((text, "1"));
         let (first, end) = range.split_once("..").ok_or_else(shape)?;
-        let number = |part: &str| part.parse::<u32>().map_err(|_| shape());
+        let number = |part: &str, absent: u32| match part {
+            "" => Ok(absent),
+            part => part.parse::<u32>().map_err(|_| shape()),
+        };
         let range = Self {
-            first: number(first)?,
-            end: number(end)?,
-            step: number(step)?,
+            first: number(first, Self::ALL.first)?,
+            end: number(end, Self::ALL.end)?,
+            step: step.parse().map_err(|_| shape())?,
         };
         if range.step == 0 || range.end <= range.first {
             return Err(format!(
@@ -108,6 +121,9 @@ mod tests {
             )
         );
         assert_eq!("0..5".parse::<FrameRange>().map(FrameRange::count), Ok(5));
+        assert_eq!("..".parse(), Ok(FrameRange::ALL));
+        assert_eq!("7..".parse::<FrameRange>().map(FrameRange::count), Ok(0));
+        assert_eq!("..7:2".parse::<FrameRange>().map(FrameRange::count), Ok(4));
         for bad in ["", "5", "5..5", "9..2", "0..9:0", "a..b", "0..9:", "-1..3"] {
             assert!(bad.parse::<FrameRange>().is_err(), "{bad}");
         }

@@ -3,7 +3,7 @@
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use clap::Args;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 
 const AFTER_HELP: &str = "\
@@ -25,8 +25,8 @@ pub(super) struct Serve {
     /// Folder for database and objects; created if missing.
     #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
     data: PathBuf,
-    /// Address to listen at.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051")]
+    /// Address to listen at: host and port.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051", value_parser = address)]
     listen: SocketAddr,
     /// Run no worker: jobs wait for a worker in another process.
     #[arg(long)]
@@ -35,6 +35,8 @@ pub(super) struct Serve {
     /// address can read and change everything.
     #[arg(long)]
     insecure: bool,
+    #[command(flatten)]
+    pub(super) logs: super::LogArgs,
     #[command(flatten)]
     ingest: super::ingest_args::IngestArgs,
     #[command(flatten)]
@@ -55,23 +57,32 @@ impl Serve {
             .await
             .with_context(|| format!("starting the service in {}", self.data.display()))?;
         if let Some(address) = service.address() {
-            eprintln!("yoto serves http://{address} from {}", self.data.display());
-            eprintln!("objects at {}", service.objects_url());
+            tell!("yoto serves http://{address} from {}", self.data.display());
+            tell!("objects at {}", service.objects_url());
         }
         if !self.no_worker {
-            eprintln!("computing on {}", service.device());
+            tell!("computing on {}", service.device());
             if let Some(hint) = yoto_device::hint_on_cpu() {
-                eprintln!("{hint}");
+                tell!("{hint}");
             }
         }
         let failure = tokio::select! {
             asked = asked_to_stop() => asked.context("listening for signals").err(),
             failed = service.failed() => Some(failed.into()),
         };
-        eprintln!("stopping");
+        tell!("stopping");
         service.shutdown().await.context("stopping the service")?;
         failure.map_or(Ok(()), Err)
     }
+}
+
+/// Parses an address, or looks a name up.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let found = text.to_socket_addrs();
+    let mut found = found.map_err(|error| format!("{error}; an address is HOST:PORT"))?;
+    found
+        .next()
+        .ok_or_else(|| "the name has no address".to_owned())
 }
 
 /// Without TLS and keys, the service is for this machine only.
@@ -102,6 +113,19 @@ pub(super) async fn asked_to_stop() -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_address_may_be_a_name() {
+        assert!(
+            address("localhost:6000")
+                .expect("a name")
+                .ip()
+                .is_loopback()
+        );
+        for bad in ["localhost", "6000", "no such host:1"] {
+            assert!(address(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn only_loopback_needs_no_flag() {

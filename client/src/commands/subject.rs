@@ -7,11 +7,13 @@ use super::{Server, correction::CorrectionArgs, media_args::MediaArgs, table};
 use crate::api::YotoClient;
 use crate::capture_dir::CaptureDir;
 use crate::import::{Format, TrackForm};
-use crate::progress::ProgressDisplay;
+use crate::output;
+use crate::progress::{ProgressDisplay, count};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use yoto_proto::pose_track::describe;
 use yoto_proto::v1::{Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
@@ -34,11 +36,15 @@ Examples:
 
 `yoto capture check captures/eve` says which of the options below are needed, if any.";
 
+const SHOW_HELP: &str = "\
+Example:
+  yoto subject show ada";
+
 const LIST_HELP: &str = "\
 Example:
   yoto subject list";
 
-/// Add and list people, and fetch their refined poses.
+/// Add, list and show people, and fetch their refined poses.
 #[derive(Debug, Args)]
 pub(super) struct SubjectCommand {
     #[command(subcommand)]
@@ -56,6 +62,14 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Show a person and their captures, with the faults of rejected ones.
+    #[command(after_help = SHOW_HELP)]
+    Show {
+        /// The person, by name.
+        name: String,
+        #[command(flatten)]
+        server: Server,
+    },
     /// Write the poses of a person as a training has refined them.
     Poses(Box<SubjectPoses>),
 }
@@ -68,7 +82,12 @@ struct Add {
     #[arg(value_name = "CAPTURE", required_unless_present = "capture_flag")]
     capture: Option<PathBuf>,
     /// The same as an option.
-    #[arg(long = "capture", value_name = "CAPTURE", conflicts_with = "capture")]
+    #[arg(
+        long = "capture",
+        value_name = "CAPTURE",
+        conflicts_with = "capture",
+        hide = true
+    )]
     capture_flag: Option<PathBuf>,
     /// Format of the capture; it is imported first.
     #[arg(long, value_name = "FORMAT")]
@@ -80,6 +99,10 @@ struct Add {
     /// The consent under which the recordings are used; stored with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
+    /// Upload another capture of a person who has one: it takes the place of the earlier one in
+    /// trainings from then on.
+    #[arg(long)]
+    again: bool,
     /// Return after the upload, without waiting for the ingest job.
     #[arg(long)]
     no_wait: bool,
@@ -94,6 +117,7 @@ impl SubjectCommand {
         match self.action {
             Action::Add(add) => add.run().await,
             Action::List { server } => list(&server).await,
+            Action::Show { name, server } => show(&server, &name).await,
             Action::Poses(poses) => poses.run().await,
         }
     }
@@ -103,15 +127,22 @@ impl Add {
     /// A new subject, or the existing one of this name without a valid capture.
     async fn subject(&self, client: &YotoClient) -> anyhow::Result<Subject> {
         let known = client.list_subjects().await?;
-        match known.into_iter().find(|s| s.display_name == self.name) {
+        let mut named: Vec<Subject> = known
+            .into_iter()
+            .filter(|it| it.display_name == self.name && it.state() != subject::State::Erased)
+            .collect();
+        // One whom a capture belongs to, rather than a name that somebody only made.
+        named.sort_by_key(|it| it.captures.is_empty());
+        match named.into_iter().next() {
             None => Ok(client.create_subject(&self.name, &self.consent).await?),
             Some(subject) => {
                 let state = subject.state();
+                let empty = matches!(state, subject::State::Uploading | subject::State::Rejected);
                 anyhow::ensure!(
-                    matches!(state, subject::State::Uploading | subject::State::Rejected),
-                    "there is a person called '{}' already ({}, {})",
+                    empty || (self.again && state == subject::State::Ready),
+                    "there is a person called '{}' already, who is {}: choose another name, or --again \
+                     uploads another capture of them once they are READY",
                     self.name,
-                    subject.name,
                     state.as_str_name()
                 );
                 Ok(subject)
@@ -143,7 +174,7 @@ impl Add {
         let options = self.media.options(self.correction.correction());
         let capture = CaptureDir::open_with(folder, &options)?;
         for note in &capture.notes {
-            eprintln!("{}: {note}", self.name);
+            tell!("{}: {note}", self.name);
         }
         let client = self.server.connect().await?;
         let subject = self.subject(&client).await?;
@@ -159,7 +190,9 @@ impl Add {
             .await?;
         if self.no_wait {
             display.finish(&format!("uploaded; ingest runs as {}", uploaded.ingest_job));
-            println!("{}", subject.name);
+            say!("{}", subject.name);
+            output::put("subject", output::message(&subject));
+            output::put("ingest_job", uploaded.ingest_job);
             return Ok(());
         }
         let job = wait_for_new(&client, &uploaded.ingest_job, &mut display).await;
@@ -168,25 +201,56 @@ impl Add {
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Ingest(ingest)) => {
                 for note in &ingest.notes {
-                    eprintln!("{}: {note}", self.name);
+                    tell!("{}: {note}", self.name);
                 }
                 display.finish(&format!(
                     "ready, {} frames of {}x{}",
                     ingest.frames, ingest.width, ingest.height
                 ));
                 for warning in &ingest.warnings {
-                    eprintln!("warning: {warning}");
+                    tell!("warning: {warning}");
                 }
             }
             _ => display.finish("ready"),
         }
-        println!("{}", subject.name);
+        say!("{}", subject.name);
+        let subject = client.get_subject(&subject.name).await?;
+        output::put("subject", output::message(&subject));
         Ok(())
     }
 }
 
+async fn show(server: &Server, name: &str) -> anyhow::Result<()> {
+    let client = server.connect().await?;
+    let subject = client.find_subject(name).await?;
+    say!("person   {} ({})", subject.display_name, subject.name);
+    say!("state    {}", subject.state().as_str_name());
+    if !subject.consent_note.is_empty() {
+        say!("consent  {}", subject.consent_note);
+    }
+    let mut captures = Vec::new();
+    for name in &subject.captures {
+        let capture = client.get_capture(name).await?;
+        say!(
+            "capture  {}, {} of {}x{}: {name}",
+            capture.state().as_str_name(),
+            count(capture.frames as usize, "frame"),
+            capture.width,
+            capture.height
+        );
+        for violation in &capture.violations {
+            say!("         {}", describe(violation));
+        }
+        captures.push(capture);
+    }
+    output::put("subject", output::message(&subject));
+    output::put("captures", output::messages(&captures));
+    Ok(())
+}
+
 async fn list(server: &Server) -> anyhow::Result<()> {
     let subjects = server.connect().await?.list_subjects().await?;
+    output::put("subjects", output::messages(&subjects));
     let row = |subject: &subject::State| subject.as_str_name().to_owned();
     let rows: Vec<Vec<String>> = subjects
         .iter()
@@ -201,7 +265,7 @@ async fn list(server: &Server) -> anyhow::Result<()> {
             ]
         })
         .collect();
-    println!(
+    say!(
         "{}",
         table::table(&["NAME", "PERSON", "STATE", "CAPTURES", "CONSENT"], &rows)
     );

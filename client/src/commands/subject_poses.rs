@@ -7,6 +7,7 @@ use super::media_args::MediaArgs;
 use crate::api::YotoClient;
 use crate::capture_check::refined_sheet;
 use crate::capture_dir::DecodedCapture;
+use crate::output;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::ImageFormat;
@@ -58,7 +59,9 @@ impl SubjectPoses {
         let track = client.refined_poses(&model.name, &subject.name).await?;
         let json = serde_json::to_vec(&track).context("writing the pose track")?;
         write(&self.refined, &json)?;
-        println!("poses: {}", self.refined.display());
+        say!("poses: {}", self.refined.display());
+        let files: Vec<&PathBuf> = [&self.refined].into_iter().chain(&self.sheet).collect();
+        output::put("files", output::paths(&files));
         if let (Some(sheet), Some(capture)) = (&self.sheet, &self.capture) {
             let options = self.media.options(self.correction.correction());
             let decoded = DecodedCapture::open(capture, &options, self.ffmpeg.program())?;
@@ -67,7 +70,7 @@ impl SubjectPoses {
                 .write_to(&mut png, ImageFormat::Png)
                 .context("encoding the sheet")?;
             write(sheet, png.get_ref())?;
-            println!("sheet: {}", sheet.display());
+            say!("sheet: {}", sheet.display());
         }
         Ok(())
     }

@@ -30,6 +30,14 @@ pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
+/// The longest side of pictures, in words; 0 is the captures' own.
+pub(super) fn size_of(side: u32) -> String {
+    match side {
+        0 => "the captures' size".to_owned(),
+        side => format!("{side} pixels"),
+    }
+}
+
 /// Parses a tier's name.
 pub(super) fn tier(text: &str) -> Result<String, String> {
     named(text, tiers::TIERS)

@@ -3,6 +3,7 @@
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
+use crate::output;
 use crate::progress::{ProgressDisplay, Terminal};
 use anyhow::Context;
 use clap::Args;
@@ -14,7 +15,7 @@ use yoto_proto::names;
 use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 
 const AFTER_HELP: &str = "\
-With --model the service renders held-out frames of a trained model with many settings
+With a model's name the service renders held-out frames of a trained model with many settings
 (samples per ray, resolution, likelihood bound, early stop, precision) and stores time and PSNR
 with the model's checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and
 `--quality` use these figures. With --capture this process trains every tier with every budget,
@@ -24,7 +25,7 @@ trained model of each tier. `yoto quality --help` shows the layout of captures.
 OUT holds tradeoff.json, tradeoff.csv, rendering.svg and .png, and training.svg and .png.
 
 Examples:
-  yoto tradeoff --model duo --out out/duo
+  yoto tradeoff duo --out out/duo
   yoto tradeoff --capture data/ada data/bob --tiers draft,fast --budgets 30,60,120 --out out/t";
 
 /// Measure quality over training time, and over render time.
@@ -32,15 +33,16 @@ Examples:
 #[command(after_help = AFTER_HELP)]
 pub(super) struct TradeoffCommand {
     /// The trained model, by name; the service measures it.
-    #[arg(
-        long,
-        value_name = "NAME",
-        required_unless_present = "captures",
-        conflicts_with = "captures"
-    )]
+    #[arg(required_unless_present_any = ["captures", "model_flag"], conflicts_with = "captures")]
     model: Option<String>,
+    /// The same as an option.
+    #[arg(long = "model", hide = true, conflicts_with_all = ["captures", "model"])]
+    model_flag: Option<String>,
+    /// Measure again, even if this machine has measured the checkpoint before.
+    #[arg(long, conflicts_with = "captures")]
+    again: bool,
     /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP", requires = "model")]
+    #[arg(long, value_name = "STEP", conflicts_with = "captures")]
     checkpoint: Option<u64>,
     /// Capture folder, for a measurement in this process; may be repeated, once per person.
     #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
@@ -52,7 +54,7 @@ pub(super) struct TradeoffCommand {
         value_delimiter = ',',
         default_value = "draft,fast",
         value_parser = table::tier,
-        conflicts_with = "model"
+        conflicts_with_all = ["model", "model_flag"]
     )]
     tiers: Vec<String>,
     /// Seconds of training, separated by commas; each is a separate training.
@@ -62,17 +64,18 @@ pub(super) struct TradeoffCommand {
         value_delimiter = ',',
         default_value = "30,60,120",
         value_parser = table::seconds,
-        conflicts_with = "model"
+        conflicts_with_all = ["model", "model_flag"]
     )]
     budgets: Vec<f64>,
-    /// Longest side of the pictures, pixels [default: 128; with --model: the captures' own].
+    /// Longest side of the pictures, pixels [default: 128; of a model: the size that it was
+    /// trained at].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
     /// Random seed.
-    #[arg(long, default_value_t = 7, conflicts_with = "model")]
+    #[arg(long, default_value_t = 7, conflicts_with_all = ["model", "model_flag"])]
     seed: u64,
     /// Measure at most this many held-out pictures of each kind and person [default: all].
-    #[arg(long, value_name = "N", conflicts_with = "model")]
+    #[arg(long = "measure", alias = "pictures", value_name = "N", conflicts_with_all = ["model", "model_flag"])]
     pictures: Option<NonZeroUsize>,
     /// Held-out frames to render with each setting.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
@@ -91,14 +94,16 @@ pub(super) struct TradeoffCommand {
 
 impl TradeoffCommand {
     pub(super) async fn run(self) -> anyhow::Result<()> {
-        let tradeoff = match &self.model {
+        let tradeoff = match self.model.as_ref().or(self.model_flag.as_ref()) {
             Some(name) => self.of_model(name).await?,
             None => self.of_captures()?,
         };
         let paths = tradeoff.write(&self.out)?;
-        println!("{}", summary(&tradeoff));
+        say!("{}", summary(&tradeoff));
+        output::put("tradeoff", serde_json::to_value(&tradeoff)?);
+        output::put("files", output::paths(&paths));
         for path in paths {
-            println!("{}", path.display());
+            say!("{}", path.display());
         }
         Ok(())
     }
@@ -126,6 +131,11 @@ impl TradeoffCommand {
         let checkpoint = self
             .checkpoint
             .map(|step| names::checkpoint(&model.name, step));
+        if !self.again
+            && let Some(kept) = self.kept(&client, &model.name).await?
+        {
+            return Ok(kept);
+        }
         let spec = EvaluateSpec {
             checkpoint: checkpoint.unwrap_or_default(),
             model: model.name,
@@ -145,6 +155,36 @@ impl TradeoffCommand {
         display.finish(&format!("kept with {}", result.checkpoint));
         let json = client.get_tradeoff(&result.checkpoint).await?;
         read(&client, &result.checkpoint, &json).await
+    }
+
+    /// What was measured before on the worker's machine, with the same pictures.
+    async fn kept(&self, client: &YotoClient, model: &str) -> anyhow::Result<Option<Tradeoff>> {
+        let checkpoints = client.list_checkpoints(model).await?;
+        let wanted = checkpoints.iter().find(|it| match self.checkpoint {
+            Some(step) => it.step == step,
+            None => it.best,
+        });
+        let Some(checkpoint) = wanted.filter(|it| it.tradeoff.is_some()) else {
+            return Ok(None);
+        };
+        let json = client.get_tradeoff(&checkpoint.name).await?;
+        let curve = Curve::from_json(&json)
+            .with_context(|| format!("the trade-off of {}", checkpoint.name))?;
+        let size = self.size.unwrap_or(checkpoint.image_size);
+        let same_size = size == 0 || size == curve.size;
+        let status = client.status().await?;
+        let mut devices = status.workers.iter().filter_map(|it| it.device.as_ref());
+        let same_machine = devices.any(|it| it.adapter == curve.machine.device);
+        // Fewer people may have fewer held-out frames than were asked for.
+        if !(same_size && same_machine && curve.repeats >= self.repeats as usize) {
+            return Ok(None);
+        }
+        tell!(
+            "measured before, on {} with {} frames: --again measures anew",
+            curve.machine.device,
+            curve.views
+        );
+        read(client, &checkpoint.name, &json).await.map(Some)
     }
 }
 

@@ -3,10 +3,13 @@
 use super::Server;
 use super::model::{create_with, tier_help, variant_help};
 use super::refine_poses::RefinePoses;
-use super::waiting::wait_for_new;
+use super::train_preview::Previews;
+use super::waiting::follow_new;
 use super::{model, table};
+use crate::output;
 use crate::progress::{ProgressDisplay, duration};
 use clap::Args;
+use std::path::PathBuf;
 use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
 
 const AFTER_HELP: &str = "\
@@ -16,6 +19,7 @@ stop the job: watch it with `yoto job watch`, end it with `yoto job cancel`.
 Examples:
   yoto train duo --subjects ada,bob            create the model 'duo', then train it
   yoto train duo --seconds 600                 continue its training
+  yoto train duo --seconds 600 --preview progress
   yoto train duo --steps 2000 --size 256 --no-wait";
 
 /// Train a model on all its people at once.
@@ -43,8 +47,14 @@ pub(super) struct Train {
     /// Random seed; a model with earlier training keeps its own.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Longest side of the training images, pixels; 0 keeps the captures' size.
-    #[arg(long, default_value_t = 0, value_name = "PX")]
+    /// Longest side of the training images, pixels [default: as in the model's last training, or for
+    /// an untrained model the captures' size].
+    #[arg(
+        long,
+        default_value_t = 0,
+        hide_default_value = true,
+        value_name = "PX"
+    )]
     size: u32,
     /// Seconds between checkpoints.
     #[arg(long, value_parser = table::seconds, default_value = "30", value_name = "S")]
@@ -54,6 +64,9 @@ pub(super) struct Train {
     /// never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
+    /// Write a picture for each checkpoint: a held-out frame of each person beside its render.
+    #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
+    preview: Option<PathBuf>,
     /// Queue the job and return.
     #[arg(long)]
     no_wait: bool,
@@ -83,17 +96,30 @@ impl Train {
             refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
         };
         let job = client.train(spec).await?;
-        println!("{}", job.name);
+        say!("{}", job.name);
+        output::put("job", output::message(&job));
         if self.no_wait {
             return Ok(());
         }
         let mut display = ProgressDisplay::new(model.display_name);
-        let job = wait_for_new(&client, &job.name, &mut display).await?;
+        let previews = self
+            .preview
+            .map(|dir| Previews::start(&client, &model.name, dir));
+        let job = follow_new(&client, &job.name, &mut display, |job| {
+            if let Some(previews) = &previews {
+                previews.look(job);
+            }
+        })
+        .await?;
+        output::put("job", output::message(&job));
+        if let Some(previews) = previews {
+            output::put("previews", output::paths(&previews.finish().await?));
+        }
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Train(result)) => {
                 display.finish(&summary(&result));
                 for note in &result.notes {
-                    println!("{note}");
+                    say!("{note}");
                 }
             }
             _ => display.finish("done"),
@@ -102,10 +128,25 @@ impl Train {
     }
 }
 
-/// `2341 steps in 5:00 on cpu…, 1.2 M parameters, checkpoint … (9.3 MB)`.
+/// `24.12 dB in the box, 32.80 dB whole, on 6 held-out frames of 128 pixels; 2341 steps in 5:00 on
+/// cpu…, 1.2 M parameters, checkpoint … (9.3 MB)`.
 pub(super) fn summary(result: &TrainResult) -> String {
+    let size = table::size_of(result.image_size);
+    let quality = match (result.psnr_mask_box, result.psnr) {
+        (Some(inside), Some(whole)) => format!(
+            "{inside:.2} dB in the box, {whole:.2} dB whole, on {} held-out frames of {size}; ",
+            result.held_out
+        ),
+        (None, Some(whole)) => {
+            format!(
+                "{whole:.2} dB on {} held-out frames of {size}; ",
+                result.held_out
+            )
+        }
+        (_, None) => String::new(),
+    };
     format!(
-        "{} steps in {} on {}, {:.2} M parameters, {} ({:.1} MB)",
+        "{quality}{} steps in {} on {}, {:.2} M parameters, {} ({:.1} MB)",
         result.steps,
         duration(result.train_seconds),
         result.device,

@@ -1,14 +1,20 @@
 //! Waiting for a job, and what an interruption means: the job goes on without its watcher.
 
-use crate::api::{ClientError, YotoClient};
-use crate::progress::ProgressDisplay;
+use super::titles::{Titles, kind};
+use crate::api::{ClientError, JobChange, YotoClient};
+use crate::progress::{ProgressDisplay, duration};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 use tokio::sync::watch;
-use yoto_proto::v1::{Job, job_spec};
+use tokio::time::{Interval, MissedTickBehavior, interval};
+use yoto_proto::v1::{Job, job, job_spec};
 
 /// Exit status of a program that Ctrl-C ended, as shells report it.
 const INTERRUPTED: i32 = 130;
+
+/// Interval between looks at what a queued job waits for.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 
 /// Whether somebody waits for a job: Ctrl-C ends this program at once otherwise.
 static WAITING: AtomicBool = AtomicBool::new(false);
@@ -25,11 +31,24 @@ pub(super) async fn wait_for_new(
     name: &str,
     display: &mut ProgressDisplay,
 ) -> Result<Job, ClientError> {
+    follow_new(client, name, display, |_| ()).await
+}
+
+/// As [`wait_for_new`]; `on_change` receives each change of the job.
+///
+/// # Errors
+/// As [`YotoClient::wait_for_job`].
+pub(super) async fn follow_new(
+    client: &YotoClient,
+    name: &str,
+    display: &mut ProgressDisplay,
+    on_change: impl FnMut(&Job),
+) -> Result<Job, ClientError> {
     // From the moment that the name is known, Ctrl-C has its meaning.
     interrupts();
     let _waiting = Waiting::begin();
     display.note(&format!("runs as {name}"));
-    wait(client, name, display).await
+    follow(client, name, display, on_change).await
 }
 
 /// Follows the job `name` to its end. The first Ctrl-C says how to come back to the job, the second
@@ -42,20 +61,41 @@ pub(super) async fn wait(
     name: &str,
     display: &mut ProgressDisplay,
 ) -> Result<Job, ClientError> {
+    follow(client, name, display, |_| ()).await
+}
+
+async fn follow(
+    client: &YotoClient,
+    name: &str,
+    display: &mut ProgressDisplay,
+    mut on_change: impl FnMut(&Job),
+) -> Result<Job, ClientError> {
     let mut pressed = interrupts();
     let _waiting = Waiting::begin();
     let mut watch = client.watch_job(name);
     let mut last: Option<Job> = None;
     let mut warned = false;
+    let mut look = looks();
     loop {
+        let is_queued = last
+            .as_ref()
+            .is_some_and(|it| it.state() == job::State::Queued);
         tokio::select! {
-            change = watch.next() => match change? {
-                Some(job) => {
+            change = watch.next_change() => match change? {
+                Some(JobChange::Job(job)) => {
                     display.job(&job);
-                    last = Some(job);
+                    on_change(&job);
+                    last = Some(*job);
                 }
+                Some(JobChange::Disconnected) => display.disconnected(),
                 None => return YotoClient::succeeded(name, last),
             },
+            _ = look.tick(), if is_queued => {
+                // What is ahead is only told: a failure shows at the watch.
+                if let (Some(job), Ok(Some(others))) = (&last, running(client).await) {
+                    display.waits_for(job, &others);
+                }
+            }
             // Without a listener there is nothing to wait for.
             Ok(()) = pressed.changed() => {
                 let count = *pressed.borrow_and_update();
@@ -67,6 +107,31 @@ pub(super) async fn wait(
             }
         }
     }
+}
+
+fn looks() -> Interval {
+    let mut look = interval(LOOK_EVERY);
+    look.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    look
+}
+
+/// What the workers do, in words: `evaluate of trio, 0:42 left`; `None` if they do nothing.
+async fn running(client: &YotoClient) -> Result<Option<String>, ClientError> {
+    let jobs = client
+        .list_jobs_in(&[job::State::Running], usize::MAX)
+        .await?;
+    let titles = Titles::load(client).await?;
+    let one = |job: &Job| {
+        let progress = job.progress.as_ref();
+        let left = match progress {
+            Some(it) if it.seconds_left > 0.0 => format!("{} left", duration(it.seconds_left)),
+            Some(it) => format!("{:.0} % done", 100.0 * it.fraction),
+            None => "just begun".to_owned(),
+        };
+        format!("{} of {}, {left}", kind(job), titles.of(job))
+    };
+    let all: Vec<String> = jobs.iter().map(one).collect();
+    Ok((!all.is_empty()).then(|| all.join("; ")))
 }
 
 /// A wait, until it is dropped.

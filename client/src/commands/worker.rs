@@ -30,6 +30,8 @@ pub(super) struct WorkerCommand {
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,
     #[command(flatten)]
+    pub(super) logs: super::LogArgs,
+    #[command(flatten)]
     ingest: super::ingest_args::IngestArgs,
     #[command(flatten)]
     lpips: super::lpips_args::LpipsArgs,
@@ -44,14 +46,15 @@ impl WorkerCommand {
         let picked = tokio::task::spawn_blocking(yoto_device::pick)
             .await
             .context("finding a device")?;
-        eprintln!("computing on {}", picked.info.adapter);
+        tell!("computing on {}", picked.info.adapter);
         if let Some(hint) = yoto_device::hint_on_cpu() {
-            eprintln!("{hint}");
+            tell!("{hint}");
         }
         let config = WorkerConfig {
             display_name: self.name,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
+            after_job: crate::allocator::give_back_memory,
             ..WorkerConfig::default()
         };
         let worker = Worker::new(channel, &self.objects, picked, config)?;

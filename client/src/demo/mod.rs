@@ -80,7 +80,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
     let data = fresh_service_folder(&options.out)?;
-    eprintln!(
+    tell!(
         "filming {subjects} {} at {size}x{size}",
         if subjects == 1 { "person" } else { "people" }
     );
@@ -98,9 +98,9 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     })
     .await
     .context("starting the embedded service")?;
-    eprintln!("computing on {}", service.device());
+    tell!("computing on {}", service.device());
     if let Some(hint) = yoto_device::hint_on_cpu() {
-        eprintln!("{hint}");
+        tell!("{hint}");
     }
     let client = service.client();
     let outcome = tokio::select! {
@@ -121,7 +121,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     report
         .write(&path)
         .with_context(|| format!("writing {}", path.display()))?;
-    eprintln!("done in {}", duration(started.elapsed().as_secs_f64()));
+    tell!("done in {}", duration(started.elapsed().as_secs_f64()));
     Ok(report)
 }
 
@@ -157,7 +157,7 @@ async fn drive(
             let pictures = studio.motion_transfer(moves, wears).await?;
             sheet::write_motion(&options.out, driver, &pictures)?;
         }
-        _ => eprintln!("motion transfer needs two people; with one it is left out"),
+        _ => tell!("motion transfer needs two people; with one it is left out"),
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
 

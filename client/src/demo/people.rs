@@ -1,13 +1,13 @@
 //! The demo's people: synthetic, recorded by one camera, with ground truth from other cameras
 //! that is never uploaded, for comparison with renders.
 
-use anyhow::Context;
+use crate::api::ClientError;
+use crate::import::write_images;
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_lab::pictures;
-use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::pose_track::PoseTrack;
 
 /// Frames of each video.
 const FRAMES: usize = 60;
@@ -90,17 +90,8 @@ impl Actor {
     }
 
     /// Writes the video as a capture folder: `poses.json`, `frames/`, `masks/`.
-    pub(super) fn write_capture(&self, folder: &Path) -> anyhow::Result<()> {
-        for (frame, image) in self.track.frames.iter().zip(&self.film) {
-            let name = format!("{:06}.png", frame.index);
-            let colours = pictures::rgb(&name, image.width, image.height, &image.rgb)?;
-            pictures::write(&folder.join("frames").join(&name), &colours)?;
-            let mask = pictures::gray(&name, image.width, image.height, &image.mask)?;
-            pictures::write_mask(&folder.join("masks").join(&name), &mask)?;
-        }
-        let poses = folder.join(pose_track::FILE);
-        let json = serde_json::to_vec(&self.track).context("writing the pose track as JSON")?;
-        std::fs::write(&poses, json).with_context(|| format!("writing {}", poses.display()))
+    pub(super) fn write_capture(&self, folder: &Path) -> Result<(), ClientError> {
+        write_images(&self.track, &self.film, folder)
     }
 }
 

@@ -121,6 +121,7 @@ impl Studio<'_> {
             frame_count: MOTION_FRAMES,
             frame_step: MOTION_STEP,
             size: self.size,
+            follow: false,
         });
         let label = format!("{} moves {}", moves.display_name, wears.display_name);
         let animation = self.out.join("motion-transfer.png");
@@ -155,6 +156,7 @@ impl Studio<'_> {
             fps: FPS,
             quality: None,
             checkpoint: String::new(),
+            transparent: false,
         };
         let queued = self.client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(label);

@@ -28,7 +28,7 @@ mod zju;
 pub use body_model::BodyModel;
 pub use hdf5::MaskStack;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
-pub use write::{TrackForm, VIDEO, write};
+pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
 
 use crate::api::ClientError;
 use rest_joints::RestJoints;

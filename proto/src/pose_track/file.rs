@@ -45,6 +45,24 @@ pub(super) struct FileFrame {
     pub e: Option<[[f64; 4]; 4]>,
 }
 
+/// The word of other languages for a number that JSON lacks, at this place of a text, both counted
+/// from 1.
+fn not_a_number(text: &[u8], line: usize, column: usize) -> Option<&'static str> {
+    let line = text
+        .split(|byte| *byte == b'\n')
+        .nth(line.checked_sub(1)?)?;
+    // serde_json stops at a word's first or second letter, or behind a sign.
+    let near = line.get(column.saturating_sub(3)..)?;
+    let words = ["-Infinity", "Infinity", "NaN", "nan", "-inf", "inf"];
+    let begins = |word: &&str| {
+        (0..3).any(|at| {
+            near.get(at..)
+                .is_some_and(|it| it.starts_with(word.as_bytes()))
+        })
+    };
+    words.into_iter().find(begins)
+}
+
 fn half() -> f64 {
     0.5
 }
@@ -107,16 +125,30 @@ impl PoseTrack {
 
 impl FileTrack {
     fn from_json(bytes: &[u8]) -> Result<Self, Vec<Violation>> {
-        // serde_json reads NaN and 1e999 as syntax or range errors with a line and column.
-        serde_json::from_slice(bytes).map_err(|error| {
-            vec![violation(
-                "UNREADABLE",
-                FILE,
-                None,
-                format!("line {} column {}", error.line(), error.column()),
-                error.to_string(),
-            )]
-        })
+        let mut reader = serde_json::Deserializer::from_slice(bytes);
+        let track = serde_path_to_error::deserialize(&mut reader);
+        let unreadable = |field, message| vec![violation("UNREADABLE", FILE, None, field, message)];
+        let track = track.map_err(|error| {
+            let field = match error.path().to_string().as_str() {
+                "." | "?" => String::new(),
+                path => path.to_owned(),
+            };
+            let error = error.into_inner();
+            // serde_json reads NaN and 1e999 as faults of syntax and range.
+            match not_a_number(bytes, error.line(), error.column()) {
+                Some(found) => {
+                    let place = format!("line {} column {}", error.line(), error.column());
+                    unreadable(
+                        field,
+                        format!("{found} is not a number that JSON has ({place})"),
+                    )
+                }
+                None => unreadable(field, error.to_string()),
+            }
+        })?;
+        let ended = reader.end();
+        ended.map_err(|error| unreadable(String::new(), error.to_string()))?;
+        Ok(track)
     }
 
     /// The track with a camera in every frame and pixel centres at +0.5, checked.

@@ -173,6 +173,28 @@ mod tests {
     }
 
     #[test]
+    fn what_json_does_not_have_is_named_with_its_field() {
+        let good = serde_json::to_string(&track()).expect("serialises");
+        let pose = "[0.0,0.0,0.0,0.0,0.0,0.0]";
+        assert_eq!(good.matches(pose).count(), 1);
+        for (number, word) in [
+            ("NaN", "NaN is not a number"),
+            ("-Infinity", "-Infinity is not a number"),
+            ("Infinity", "Infinity is not a number"),
+            ("1e999", "number out of range"),
+            ("\"1\"", "invalid type: string"),
+        ] {
+            let bad = good.replace(pose, &format!("[0.0,0.0,{number},0.0,0.0,0.0]"));
+            let found = PoseTrack::from_json(bad.as_bytes()).expect_err("is refused");
+            let text = describe(&found[0]);
+            let expected = format!("poses.json: frames[0].pose[2]: {word}");
+            assert!(text.starts_with(&expected), "{text}");
+        }
+        let found = PoseTrack::from_json(format!("{good} x").as_bytes()).expect_err("has a rest");
+        assert!(found[0].message.starts_with("trailing"), "{found:?}");
+    }
+
+    #[test]
     fn both_forms_hold_the_same() {
         let mut track = track();
         track.distortion = [0.1, -0.2, 0.001, 0.002, 0.05];

@@ -18,11 +18,15 @@ pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, Req
         .map_err(|error| RequestError::invalid(field, error.to_string()))
 }
 
-/// A display name: one line, not empty.
+/// A display name: one line, not empty, without the comma that separates names in lists.
 pub fn display_name(name: &str) -> Result<String, RequestError> {
     let name = name.trim();
     if name.is_empty() || name.len() > MAX_DISPLAY_NAME || name.chars().any(char::is_control) {
         let message = format!("a display name is one line of 1 to {MAX_DISPLAY_NAME} bytes");
+        return Err(RequestError::invalid("display_name", message));
+    }
+    if name.contains(',') {
+        let message = format!("'{name}' has a comma, which separates names in lists");
         return Err(RequestError::invalid("display_name", message));
     }
     Ok(name.to_owned())

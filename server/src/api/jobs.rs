@@ -14,9 +14,19 @@ use yoto_proto::{
     names::Collection,
     v1::{
         CancelJobRequest, CreateJobRequest, GetJobRequest, Job, ListJobsRequest, ListJobsResponse,
-        WatchJobRequest, WatchJobResponse, job_service_server::JobService,
+        WatchJobRequest, WatchJobResponse, job, job_service_server::JobService,
     },
 };
+
+/// The states with these numbers. An unknown one would match no job, and so look like an empty queue.
+fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
+    let known = |number: &i32| {
+        let state = job::State::try_from(*number).ok();
+        let state = state.filter(|state| *state != job::State::Unspecified);
+        state.ok_or_else(|| RequestError::invalid("states", format!("{number} is not a state")))
+    };
+    numbers.iter().map(known).collect()
+}
 
 /// Jobs for the workers, and their progress.
 pub struct JobApi {
@@ -52,7 +62,8 @@ impl JobService for JobApi {
     ) -> Result<Response<ListJobsResponse>, Status> {
         let request = request.get_ref();
         let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
-        let entries = self.context.store.jobs(page.page()).await;
+        let states = states(&request.states)?;
+        let entries = self.context.store.jobs(page.page(), &states).await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
             jobs,

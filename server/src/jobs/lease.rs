@@ -6,6 +6,7 @@ use crate::{
     error::RequestError,
     store::{Ending, LeaseKey, NewWorker},
 };
+use std::time::SystemTime;
 use yoto_proto::{
     names::Collection,
     v1::{Job, Lease},
@@ -35,7 +36,9 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
 /// back to the queue.
 pub async fn lease(context: &Context, worker_id: &str) -> Result<Option<Lease>, RequestError> {
     let lease_seconds = context.config.lease_seconds;
-    let Some(job) = context.store.lease_job(worker_id, lease_seconds).await? else {
+    let leased = context.store.lease_job(worker_id, lease_seconds).await?;
+    context.roster.asked(worker_id, SystemTime::now());
+    let Some(job) = leased else {
         return Ok(None);
     };
     context.changes.announce();

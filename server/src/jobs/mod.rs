@@ -7,5 +7,6 @@ pub mod lease;
 pub mod queue;
 pub mod reaper;
 pub mod report;
+pub mod roster;
 mod spec;
 pub mod watch;

@@ -14,10 +14,13 @@ use crate::{
 use yoto_proto::{
     names::Collection,
     v1::{
-        Checkpoint, EvaluateSpec, Job, JobSpec, Model, RenderSpec, TrainSpec, job_spec,
-        render_spec::What,
+        Checkpoint, EvaluateSpec, Job, JobSpec, Model, RenderSpec, SubjectShard, TrainSpec,
+        job_spec, render_spec::What,
     },
 };
+
+/// Fewest frames of a person to train on: one pose can't tell how a body moves.
+const MIN_TRAIN_FRAMES: u32 = 2;
 
 /// Checks a job and queues it.
 ///
@@ -65,11 +68,19 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
     spec::check_train(train)?;
     let model = model(context, "spec.train.model", &train.model).await?;
     if model.slots.is_empty() {
-        let message = format!("{} has no identities; add a subject first", model.name);
+        let message = format!("{} has no people; add one first", model.display_name);
         return Err(RequestError::precondition("NO_IDENTITIES", message));
     }
     for slot in &model.slots {
-        require_shard(context, "spec.train.model", &slot.subject).await?;
+        let shard = require_shard(context, "spec.train.model", &slot.subject).await?;
+        if shard.frames < MIN_TRAIN_FRAMES {
+            let message = format!(
+                "the capture of {} has {} frame: a training sees a person in at least \
+                 {MIN_TRAIN_FRAMES} frames, of different poses",
+                shard.display_name, shard.frames
+            );
+            return Err(RequestError::precondition("TOO_FEW_FRAMES", message));
+        }
     }
     Ok(())
 }
@@ -77,16 +88,31 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
     spec::check_render(render)?;
     let model = model(context, "spec.render.model", &render.model).await?;
-    require_shard(context, "spec.render.subject", &render.subject).await?;
-    require_slot(&model, &render.subject)?;
-    if let Some(What::Motion(motion)) = &render.what {
-        require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
+    let shard = require_shard(context, "spec.render.subject", &render.subject).await?;
+    require_slot(context, &model, &render.subject).await?;
+    match &render.what {
+        Some(What::Motion(motion)) => {
+            let driver = "spec.render.motion.driver";
+            let driver = require_shard(context, driver, &motion.driver).await?;
+            check_frame(
+                &driver,
+                "spec.render.motion.first_frame",
+                motion.first_frame,
+            )?;
+        }
+        Some(What::Orbit(orbit)) => {
+            check_frame(&shard, "spec.render.orbit.frame", Some(orbit.frame))?;
+        }
+        Some(What::Clip(clip)) => {
+            check_frame(&shard, "spec.render.clip.camera_frame", clip.camera_frame)?;
+        }
+        Some(What::Views(_)) | None => {}
     }
     let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
     if render.quality.is_some() && used.tradeoff.is_none() {
         let message = format!(
             "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
-             tradeoff --model {} --checkpoint {} --out DIR",
+             tradeoff {} --checkpoint {} --out DIR",
             used.name, model.display_name, used.step
         );
         return Err(RequestError::precondition("NO_TRADEOFF", message));
@@ -99,7 +125,7 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
     let model = model(context, "spec.evaluate.model", &evaluate.model).await?;
     for (i, subject) in evaluate.subjects.iter().enumerate() {
         require_shard(context, &format!("spec.evaluate.subjects[{i}]"), subject).await?;
-        require_slot(&model, subject)?;
+        require_slot(context, &model, subject).await?;
     }
     for slot in &model.slots {
         if evaluate.subjects.is_empty() {
@@ -110,11 +136,14 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
     Ok(())
 }
 
-fn require_slot(model: &Model, subject: &str) -> Result<(), RequestError> {
+/// Checks that the subject, which exists, is in the model.
+async fn require_slot(context: &Context, model: &Model, subject: &str) -> Result<(), RequestError> {
     if model.slots.iter().any(|slot| slot.subject == subject) {
         return Ok(());
     }
-    let message = format!("{subject} has no slot in {}", model.name);
+    let id = parse(Collection::Subjects, "subject", subject)?;
+    let person = context.store.subject(id).await?.display_name;
+    let message = format!("{person} is not in {}", model.display_name);
     Err(RequestError::precondition("NO_SLOT", message))
 }
 
@@ -131,12 +160,12 @@ async fn require_checkpoint(
         let found = all.into_iter().find(|it| it.name == wanted);
         return found.ok_or_else(|| {
             let shown: String = wanted.chars().take(200).collect();
-            let message = format!("{} has no checkpoint '{shown}'", model.name);
+            let message = format!("{} has no checkpoint '{shown}'", model.display_name);
             RequestError::invalid(format!("{field}.checkpoint"), message)
         });
     }
     best_first(all).into_iter().next().ok_or_else(|| {
-        let message = format!("{} has no checkpoint; train it first", model.name);
+        let message = format!("{} has no checkpoint; train it first", model.display_name);
         RequestError::precondition("NO_CHECKPOINT", message)
     })
 }
@@ -148,16 +177,36 @@ async fn model(context: &Context, field: &str, name: &str) -> Result<Model, Requ
         .await?)
 }
 
-/// Checks that the subject exists and has a shard.
-async fn require_shard(context: &Context, field: &str, name: &str) -> Result<(), RequestError> {
-    let id = parse(Collection::Subjects, field, name)?;
-    if context.store.shard(id).await?.is_some() {
+/// Checks that the `wanted` frame is not beyond the frames of a capture, where they are known. It may
+/// still lack a frame between them: the worker tells.
+fn check_frame(shard: &SubjectShard, field: &str, wanted: Option<u32>) -> Result<(), RequestError> {
+    let (Some(wanted), Some(first), Some(last)) = (wanted, shard.first_frame, shard.last_frame)
+    else {
+        return Ok(());
+    };
+    if (first..=last).contains(&wanted) {
         return Ok(());
     }
-    let state = context.store.subject(id).await?.state().as_str_name();
+    let person = &shard.display_name;
+    let message = format!("{person}'s capture has frames {first} to {last}, not {wanted}");
+    Err(RequestError::invalid(field, message))
+}
+
+/// The shard of the subject, which must exist and have one.
+async fn require_shard(
+    context: &Context,
+    field: &str,
+    name: &str,
+) -> Result<SubjectShard, RequestError> {
+    let id = parse(Collection::Subjects, field, name)?;
+    if let Some(shard) = context.store.shard(id).await? {
+        return Ok(shard);
+    }
+    let subject = context.store.subject(id).await?;
+    let (person, state) = (&subject.display_name, subject.state().as_str_name());
     Err(StoreError::Rule {
         reason: "SUBJECT_NOT_READY",
-        message: format!("{name} is {state}; it needs a capture that is READY"),
+        message: format!("{person} is {state}: a capture that is READY is needed"),
     }
     .into())
 }

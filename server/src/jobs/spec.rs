@@ -89,6 +89,11 @@ pub fn check_render(render: &RenderSpec) -> Checked {
         || "a background is empty or three numbers from 0 to 1".into(),
     )?;
     ensure(
+        !render.transparent || render.background.iter().all(|value| *value == 0.0),
+        "spec.render.background",
+        || "a transparent picture has no background".into(),
+    )?;
+    ensure(
         (0.0..=MAX_FPS).contains(&render.fps),
         "spec.render.fps",
         || format!("{} is not between 0 and {MAX_FPS}", render.fps),

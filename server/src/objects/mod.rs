@@ -66,6 +66,15 @@ impl ObjectsError {
     }
 }
 
+/// Room on the disk of an object store, bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct Disk {
+    /// Bytes that are free for this process.
+    pub free: u64,
+    /// All bytes.
+    pub total: u64,
+}
+
 /// An open object store.
 #[derive(Debug, Clone)]
 pub struct Objects {
@@ -105,6 +114,14 @@ impl Objects {
     /// URL of the store, for processes that open it directly.
     pub fn url(&self) -> &Url {
         &self.url
+    }
+
+    /// Free and total bytes of the disk; `None` if they can't be told.
+    pub fn disk(&self) -> Option<Disk> {
+        Some(Disk {
+            free: fs4::available_space(&self.root).ok()?,
+            total: fs4::total_space(&self.root).ok()?,
+        })
     }
 
     /// Writes a complete object.

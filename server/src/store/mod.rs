@@ -15,7 +15,7 @@ pub use types::{
 use async_trait::async_trait;
 use yoto_proto::v1::{
     Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
-    SubjectShard,
+    SubjectShard, WorkerStatus, job,
 };
 
 /// The catalogue and the job queue. Every method fails with [`StoreError::Database`] when
@@ -78,13 +78,22 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<Job, StoreError>;
     /// A job by id.
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
-    /// Jobs, newest first.
-    async fn jobs(&self, page: Page) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// Jobs in one of `states`, or all, newest first.
+    async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// Numbers of QUEUED and RUNNING jobs.
+    async fn open_jobs(&self) -> Result<(u64, u64), StoreError>;
     /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed.
     async fn cancel_job(&self, id: &str) -> Result<Job, StoreError>;
 
     /// Adds a worker. Returns its id.
     async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError>;
+    /// The workers with `ids`, and those with a RUNNING job, which they last reported on that long
+    /// before its lease of `lease_seconds` ends.
+    async fn workers(
+        &self,
+        ids: &[&str],
+        lease_seconds: f64,
+    ) -> Result<Vec<WorkerStatus>, StoreError>;
     /// Leases the oldest QUEUED job that the worker can run, for this many seconds.
     async fn lease_job(
         &self,

@@ -6,7 +6,7 @@ use yoto_proto::v1::{JobError, JobSpec, WorkerDevice, job_spec};
 
 /// A new id: unique, and in the alphabet that resource names allow.
 pub fn new_id() -> String {
-    uuid::Uuid::now_v7().to_string()
+    uuid::Uuid::new_v4().to_string()
 }
 
 /// An error of the store.

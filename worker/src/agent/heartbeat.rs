@@ -87,7 +87,17 @@ impl Heartbeat {
     }
 
     fn lost(&self, why: &str) {
-        tracing::warn!(job = self.job, token = self.token, why, "the lease is lost");
+        // Once the job has ended, its accepted outcome ends the lease as well.
+        if self.latest.has_changed().is_err() {
+            tracing::debug!(
+                job = self.job,
+                token = self.token,
+                why,
+                "the lease has ended"
+            );
+        } else {
+            tracing::warn!(job = self.job, token = self.token, why, "the lease is lost");
+        }
         self.control.stop(StopReason::LeaseLost);
     }
 }

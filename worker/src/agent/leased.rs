@@ -131,6 +131,7 @@ impl<'a> Leased<'a> {
             client: self.worker.client.clone(),
             progress,
             runtime: Handle::current(),
+            pace: Default::default(),
         };
         let lease = self.lease.clone();
         let (answer, outcome) = oneshot::channel();

@@ -52,6 +52,8 @@ pub struct WorkerConfig {
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
+    /// Called after each job, e.g. to give memory back to the system.
+    pub after_job: fn(),
 }
 
 impl Default for WorkerConfig {
@@ -64,6 +66,7 @@ impl Default for WorkerConfig {
             drain_seconds: 10.0,
             ingest: IngestSettings::default(),
             lpips: None,
+            after_job: || {},
         }
     }
 }
@@ -99,6 +102,7 @@ pub struct Worker {
     drain: Duration,
     ingest: Arc<IngestSettings>,
     lpips: Option<LpipsWeights>,
+    after_job: fn(),
 }
 
 impl Worker {
@@ -124,6 +128,7 @@ impl Worker {
             drain: seconds("drain_seconds", config.drain_seconds)?,
             ingest: Arc::new(config.ingest),
             lpips: config.lpips,
+            after_job: config.after_job,
         })
     }
 
@@ -158,6 +163,7 @@ impl Worker {
             match self.lease(&name).await {
                 Ok(Some(lease)) => {
                     Leased::new(self, lease, asked).run(stopping).await;
+                    (self.after_job)();
                     idle.reset();
                     continue;
                 }

@@ -155,8 +155,8 @@ pub(crate) fn publish(
         files::OCCUPANCY,
         files::STATE,
     ];
-    let refined = refinement_files(folder).map_err(|error| local(&error))?;
-    for file in always.map(str::to_owned).into_iter().chain(refined) {
+    let extra = extra_files(folder).map_err(|error| local(&error))?;
+    for file in always.map(str::to_owned).into_iter().chain(extra) {
         let bytes = fs::read(folder.join(&file)).map_err(|error| local(&error))?;
         let object = context.put(&format!("{prefix}/{file}"), bytes)?;
         objects.push(ManifestObject {
@@ -192,12 +192,12 @@ pub(crate) fn publish(
     Ok(manifest.bytes())
 }
 
-/// Files in `folder` that only checkpoints with refined poses have.
-fn refinement_files(folder: &Path) -> std::io::Result<Vec<String>> {
+/// Files in `folder` that only some checkpoints have.
+fn extra_files(folder: &Path) -> std::io::Result<Vec<String>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let name = entry?.file_name().to_string_lossy().into_owned();
-        if name == files::REFINEMENT || files::is_refined_poses(&name) {
+        if [files::REFINEMENT, files::PREVIEW].contains(&&*name) || files::is_refined_poses(&name) {
             found.push(name);
         }
     }

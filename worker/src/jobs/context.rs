@@ -1,14 +1,18 @@
 //! A job's access to the outside, as blocking calls: a job has its own thread, so that tensor
 //! work never delays the heartbeats.
 
-use super::JobFailure;
+use super::{JobFailure, pace::Pace};
 use crate::{
     agent::control::{JobControl, StopReason},
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_stale_lease, is_transient},
 };
 use bytes::Bytes;
-use std::{future::Future, sync::Arc, time::Duration};
+use std::{
+    future::Future,
+    sync::{Arc, Mutex, PoisonError},
+    time::{Duration, Instant},
+};
 use tokio::{runtime::Handle, sync::watch, time::timeout};
 use tonic::transport::Channel;
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -43,6 +47,7 @@ pub struct JobContext {
     pub(crate) client: WorkerServiceClient<Channel>,
     pub(crate) progress: watch::Sender<Progress>,
     pub(crate) runtime: Handle,
+    pub(crate) pace: Mutex<Pace>,
 }
 
 impl JobContext {
@@ -77,8 +82,15 @@ impl JobContext {
             step: done as u64,
             total_steps: total as u64,
             fraction: done as f64 / total.max(1) as f64,
+            seconds_left: self.seconds_left(done, total),
             ..Progress::default()
         });
+    }
+
+    /// Seconds until all of `total` pieces are finished, as fast as the first `done` were.
+    fn seconds_left(&self, done: usize, total: usize) -> f64 {
+        let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+        pace.seconds_left(Instant::now(), done, total)
     }
 
     /// An object's bytes, verified.

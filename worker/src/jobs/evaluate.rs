@@ -8,6 +8,7 @@ mod tradeoff;
 
 use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
+use tradeoff::Sweep;
 use yoto_avatar::{
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
     train::Validation,
@@ -44,23 +45,24 @@ pub fn run(
     let knows = |slot: &IdentitySlot| renderer.skeleton(slot.slot as usize).is_some();
     let (slots, unknown): (Vec<_>, Vec<_>) = slots.into_iter().partition(|slot| knows(slot));
     let notes = left_out(spec, inputs, &unknown)?;
+    let size = match spec.image_size {
+        0 => found.checkpoint.image_size,
+        asked => asked,
+    };
     let examiner = Examiner::new(renderer, protocol, lpips);
     let mut pictures = Vec::new();
     for slot in &slots {
         context.check()?;
-        pictures.push(Pictures::fetch(
-            context,
-            inputs,
-            &found,
-            slot,
-            spec.image_size,
-        )?);
+        pictures.push(Pictures::fetch(context, inputs, &found, slot, size)?);
     }
-    let scores = measure(context, &examiner, &pictures)?;
-    let tradeoff = match &spec.tradeoff {
-        Some(wanted) => {
-            let renderer = examiner.into_renderer();
-            let curve = tradeoff::measure(context, renderer, wanted, &pictures)?;
+    let sweep = spec.tradeoff.as_ref();
+    let sweep = sweep.map(|wanted| Sweep::new(context, examiner.renderer(), wanted, &pictures));
+    let later = sweep.as_ref().map_or(0, Sweep::frames);
+    let scores = measure(context, &examiner, &pictures, later)?;
+    let tradeoff = match &sweep {
+        Some(sweep) => {
+            let before = pictures.iter().map(|person| person.frames.len()).sum();
+            let curve = sweep.measure(context, examiner.into_renderer(), before)?;
             Some(tradeoff::keep(
                 context,
                 &spec.model,
@@ -83,6 +85,7 @@ pub fn run(
         device: context.device.info.adapter.clone(),
         tradeoff,
         notes,
+        image_size: size,
     })
 }
 
@@ -210,13 +213,18 @@ fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
         .collect()
 }
 
-/// Each person's mean.
+/// Each person's mean. The job renders `later` more frames after these.
 fn measure(
     context: &JobContext,
     examiner: &Examiner,
     people: &[Pictures],
+    later: usize,
 ) -> Result<Vec<Score>, JobFailure> {
-    let total = people.iter().map(|person| person.frames.len()).sum();
+    let total = people
+        .iter()
+        .map(|person| person.frames.len())
+        .sum::<usize>()
+        + later;
     let mut done = 0;
     let mut scores = Vec::new();
     for person in people {
@@ -238,7 +246,7 @@ fn measure(
         }
         scores.push(mean.score());
     }
-    context.report_pieces("evaluating", total, total);
+    context.report_pieces("evaluating", done, total);
     Ok(scores)
 }
 

@@ -7,6 +7,7 @@ mod context;
 pub mod evaluate;
 mod failure;
 pub mod ingest;
+mod pace;
 pub mod render;
 pub(crate) mod shard;
 #[cfg(test)]

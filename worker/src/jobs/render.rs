@@ -2,6 +2,7 @@
 //! person, or a motion from a file.
 
 mod clip;
+mod follow;
 mod motion;
 mod orbit;
 mod quality;
@@ -12,6 +13,7 @@ mod views;
 use super::checkpoint::Downloaded;
 use super::{JobContext, JobFailure, checkpoint, shard};
 use crate::media::{
+    Pixels,
     animation::{Animation, MAX_FPS},
     picture,
 };
@@ -19,7 +21,7 @@ use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
 use truth::Truths;
-use yoto_avatar::render::{RenderView, Renderer};
+use yoto_avatar::render::{RenderError, RenderView, Rendered, Renderer};
 use yoto_proto::{
     keys, names,
     v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
@@ -115,7 +117,7 @@ fn expand(
             let natural = motion::natural_fps(&places, &shard.track);
             return Ok(Scene {
                 fps: request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS),
-                views: motion::views(&stage, transfer.size, &places, &shard.track, skeleton)?,
+                views: motion::views(&stage, transfer, &places, &shard.track, skeleton)?,
                 truths: Truths::of_motion(request, transfer, shard, skeleton)?,
             });
         }
@@ -151,18 +153,17 @@ fn draw(
             object: Some(object),
         })
     };
+    let kind = match request.spec.transparent {
+        true => Pixels::Rgba,
+        false => Pixels::Rgb,
+    };
     let mut animated = Vec::new();
     let mut animation = match views.first() {
         Some(first) if request.spec.animate => {
             request::same_size(views)?;
-            let (width, height) = (first.camera.width, first.camera.height);
-            Some(Animation::new(
-                &mut animated,
-                width,
-                height,
-                views.len() as u32,
-                *fps,
-            )?)
+            let size = (first.camera.width, first.camera.height);
+            let count = views.len() as u32;
+            Some(Animation::new(&mut animated, kind, size, count, *fps)?)
         }
         _ => None,
     };
@@ -172,19 +173,20 @@ fn draw(
         context.check()?;
         context.report_pieces("rendering", done, views.len());
         let began = Instant::now();
-        let image = renderer.render(view).map_err(|error| {
-            JobFailure::failed("INTERNAL", &format!("rendering view {done}"), &error)
-        })?;
-        let rgb = image.to_rgb8();
+        let image = frame(context, renderer, view, done)?;
+        let pixels = match kind {
+            Pixels::Rgb => image.to_rgb8(),
+            Pixels::Rgba => image.to_rgba8(),
+        };
         spent += began.elapsed();
-        psnr.extend(truths.psnr(done, view, &rgb));
+        psnr.extend(truths.psnr(done, view, &image.to_rgb8()));
         if let Some(animation) = &mut animation {
-            animation.push(&rgb)?;
+            animation.push(&pixels)?;
         }
         let (width, height) = (view.camera.width, view.camera.height);
         rendered.push(store(
             format!("{done:06}.png"),
-            picture::png(width, height, &rgb)?,
+            picture::png(kind, width, height, &pixels)?,
         )?);
     }
     if animation.map(Animation::finish).transpose()?.is_some() {
@@ -195,5 +197,22 @@ fn draw(
         files: rendered,
         seconds_per_frame: spent.as_secs_f64() / views.len().max(1) as f64,
         psnr,
+    })
+}
+
+/// View number `place`, unless the job must stop before it is finished.
+fn frame(
+    context: &JobContext,
+    renderer: &Renderer,
+    view: &RenderView,
+    place: usize,
+) -> Result<Rendered, JobFailure> {
+    let rendered = renderer.render_while(view, &mut |_| context.check().is_ok());
+    rendered.or_else(|error| {
+        if matches!(error, RenderError::Stopped) {
+            context.check()?;
+        }
+        let place = format!("rendering view {place}");
+        Err(JobFailure::failed("INTERNAL", &place, &error))
     })
 }

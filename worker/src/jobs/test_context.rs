@@ -26,5 +26,6 @@ pub(crate) fn context() -> JobContext {
         client: WorkerServiceClient::new(channel),
         progress: watch::Sender::default(),
         runtime: Handle::current(),
+        pace: Default::default(),
     }
 }

@@ -3,7 +3,9 @@
 //! A model can have several train jobs: each adds its own budget to earlier training, and a job
 //! that is leased again continues with the rest of its budget.
 
+mod outlook;
 mod plan;
+mod preview;
 mod session;
 
 use super::{JobContext, JobFailure, checkpoint};

@@ -1,6 +1,6 @@
 //! Animated PNG: lossless, one file, supported by browsers in an `<img>`.
 
-use super::{MediaError, check_size};
+use super::{MediaError, Pixels, check_size};
 use std::io::Write;
 
 /// Fastest animation, frames per second.
@@ -9,6 +9,7 @@ pub const MAX_FPS: f32 = 1000.0;
 /// Writes a repeating animation frame by frame, so that memory holds only encoded bytes.
 pub struct Animation<W: Write> {
     writer: png::Writer<W>,
+    kind: Pixels,
     width: u32,
     height: u32,
 }
@@ -18,28 +19,35 @@ impl<W: Write> Animation<W> {
     ///
     /// # Errors
     /// When `frames` is 0, or `fps` is not above 0 and at most [`MAX_FPS`].
-    pub fn new(out: W, width: u32, height: u32, frames: u32, fps: f32) -> Result<Self, MediaError> {
+    pub fn new(
+        out: W,
+        kind: Pixels,
+        (width, height): (u32, u32),
+        frames: u32,
+        fps: f32,
+    ) -> Result<Self, MediaError> {
         let (numerator, denominator) = delay(fps)?;
         let mut encoder = png::Encoder::new(out, width, height);
-        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_color(kind.colour());
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_animated(frames, 0)?;
         encoder.set_frame_delay(numerator, denominator)?;
         encoder.validate_sequence(true);
         Ok(Self {
             writer: encoder.write_header()?,
+            kind,
             width,
             height,
         })
     }
 
-    /// Adds a frame of `height * width * 3` bytes.
+    /// Adds a frame, row by row.
     ///
     /// # Errors
     /// When the pixels don't fit the size, or the writer fails.
-    pub fn push(&mut self, rgb: &[u8]) -> Result<(), MediaError> {
-        check_size(self.width, self.height, rgb)?;
-        Ok(self.writer.write_image_data(rgb)?)
+    pub fn push(&mut self, pixels: &[u8]) -> Result<(), MediaError> {
+        check_size(self.kind, self.width, self.height, pixels)?;
+        Ok(self.writer.write_image_data(pixels)?)
     }
 
     /// Writes the end.
@@ -75,7 +83,8 @@ mod tests {
     fn an_animation_decodes_to_its_frames_and_delays() {
         let frames: Vec<Vec<u8>> = (0..4u8).map(|i| vec![i * 60; 6 * 2 * 3]).collect();
         let mut bytes = Vec::new();
-        let mut animation = Animation::new(&mut bytes, 6, 2, 4, 15.0).expect("starts");
+        let mut animation =
+            Animation::new(&mut bytes, Pixels::Rgb, (6, 2), 4, 15.0).expect("starts");
         for frame in &frames {
             animation.push(frame).expect("a frame");
         }
@@ -99,7 +108,8 @@ mod tests {
     #[test]
     fn a_missing_frame_is_an_error() {
         let mut bytes = Vec::new();
-        let mut animation = Animation::new(&mut bytes, 1, 1, 2, 1.0).expect("starts");
+        let mut animation =
+            Animation::new(&mut bytes, Pixels::Rgb, (1, 1), 2, 1.0).expect("starts");
         animation.push(&[1, 2, 3]).expect("a frame");
         assert!(animation.finish().is_err());
     }

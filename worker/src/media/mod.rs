@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum MediaError {
     /// The pixels don't fit the picture's size.
-    #[error("{found} bytes of pixels for a {width}x{height} rgb picture, which needs {expected}")]
+    #[error("{found} bytes of pixels for a {width}x{height} picture, which needs {expected}")]
     Size {
         /// Pixels across.
         width: u32,
@@ -28,8 +28,26 @@ pub enum MediaError {
     Encode(#[from] png::EncodingError),
 }
 
-fn check_size(width: u32, height: u32, rgb: &[u8]) -> Result<(), MediaError> {
-    let expected = width as usize * height as usize * 3;
+/// Kinds of pixels, 8 bits per channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixels {
+    /// Red, green, blue.
+    Rgb,
+    /// Red, green, blue, opacity.
+    Rgba,
+}
+
+impl Pixels {
+    fn colour(self) -> png::ColorType {
+        match self {
+            Self::Rgb => png::ColorType::Rgb,
+            Self::Rgba => png::ColorType::Rgba,
+        }
+    }
+}
+
+fn check_size(kind: Pixels, width: u32, height: u32, rgb: &[u8]) -> Result<(), MediaError> {
+    let expected = width as usize * height as usize * kind.colour().samples();
     if rgb.len() == expected {
         return Ok(());
     }

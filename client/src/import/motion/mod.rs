@@ -83,7 +83,14 @@ pub struct MotionFrame {
 /// # Errors
 /// [`ClientError::BadCapture`] with file, frame and field.
 pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError> {
-    let source = Source::new(path.parent().unwrap_or(Path::new("")));
+    if !path.is_file() {
+        return Err(ClientError::Name(format!(
+            "there is no file {}",
+            path.display()
+        )));
+    }
+    let folder = path.parent().filter(|it| !it.as_os_str().is_empty());
+    let source = Source::new(folder.unwrap_or(Path::new(".")));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let ending = path.extension().and_then(|ending| ending.to_str());
     let motion = match ending.unwrap_or_default().to_ascii_lowercase().as_str() {
@@ -155,6 +162,7 @@ impl Motion {
             poses: chosen.map(pose).collect(),
             size,
             camera_frame: None,
+            follow: false,
         }
     }
 }

@@ -173,6 +173,7 @@ fn a_clip_s_skeleton_and_poses_fit() {
             translation: vec![0.0; 3],
         }],
         size: 64,
+        follow: false,
         camera_frame: None,
     };
     let check = |clip| {

@@ -132,6 +132,8 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, Store
         ingest_job: ingest_job
             .map(|job| Collection::Jobs.name(&job))
             .unwrap_or_default(),
+        first_frame: row.maybe_number("first_frame")?,
+        last_frame: row.maybe_number("last_frame")?,
     })
 }
 
@@ -183,7 +185,8 @@ pub async fn accept(
     let shard = result.shard.clone().unwrap_or_default();
     sqlx::query(
         "UPDATE captures SET state = 'READY', frames = ?2, width = ?3, height = ?4,
-             shard_key = ?5, shard_bytes = ?6, shard_sha256 = ?7 WHERE id = ?1",
+             shard_key = ?5, shard_bytes = ?6, shard_sha256 = ?7,
+             first_frame = ?8, last_frame = ?9 WHERE id = ?1",
     )
     .bind(id)
     .bind(result.frames)
@@ -192,6 +195,8 @@ pub async fn accept(
     .bind(shard.key)
     .bind(integer("result.ingest.shard.bytes", shard.bytes)?)
     .bind(shard.sha256)
+    .bind(result.first_frame)
+    .bind(result.last_frame)
     .execute(conn)
     .await
     .during("marking a capture READY")?;

@@ -112,13 +112,23 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreErro
     }
 }
 
-/// Jobs, newest first.
-pub async fn list(conn: &mut SqliteConnection, page: Page) -> Result<Vec<Entry<Job>>, StoreError> {
+/// Jobs in one of `states`, or all, newest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    page: Page,
+    states: &[job::State],
+) -> Result<Vec<Entry<Job>>, StoreError> {
+    let names: Vec<&str> = states.iter().map(job::State::as_str_name).collect();
     let rows = sqlx::query(select_jobs!(
-        "WHERE j.ord < ?1 ORDER BY j.ord DESC LIMIT ?2"
+        "WHERE j.ord < ?1 AND (?3 = '' OR instr(?3, ' ' || j.state || ' ') > 0)
+         ORDER BY j.ord DESC LIMIT ?2"
     ))
     .bind(page.after.unwrap_or(i64::MAX))
     .bind(page.limit)
+    .bind(match names.is_empty() {
+        true => String::new(),
+        false => format!(" {} ", names.join(" ")),
+    })
     .fetch_all(conn)
     .await
     .during("listing jobs")?;
@@ -130,6 +140,19 @@ pub async fn list(conn: &mut SqliteConnection, page: Page) -> Result<Vec<Entry<J
             })
         })
         .collect()
+}
+
+/// Numbers of QUEUED and RUNNING jobs.
+pub async fn open(conn: &mut SqliteConnection) -> Result<(u64, u64), StoreError> {
+    let row = sqlx::query(
+        "SELECT count(*) FILTER (WHERE state = 'QUEUED') AS queued,
+             count(*) FILTER (WHERE state = 'RUNNING') AS running
+         FROM jobs WHERE state IN ('QUEUED', 'RUNNING')",
+    )
+    .fetch_one(conn)
+    .await
+    .during("counting jobs")?;
+    Ok((row.number("queued")?, row.number("running")?))
 }
 
 /// Ends a QUEUED job at once and marks a RUNNING one.

@@ -31,7 +31,7 @@ use sqlx::{
 use std::{path::Path, time::Duration};
 use yoto_proto::v1::{
     Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
-    SubjectShard,
+    SubjectShard, WorkerStatus, job,
 };
 
 /// Longest wait of a statement for a lock.
@@ -47,6 +47,8 @@ fn migrations() -> Migrator {
     let tradeoffs = include_str!("../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
     let retries = include_str!("../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
     let slots = include_str!("../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
+    let frames =
+        include_str!("../../../../migrations/sqlite/0006_frame_numbers.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -57,6 +59,7 @@ fn migrations() -> Migrator {
         step(3, "tradeoffs", tradeoffs, false),
         step(4, "retries", retries, false),
         step(5, "trained slots", slots, false),
+        step(6, "frame numbers", frames, false),
     ])
 }
 
@@ -236,8 +239,12 @@ impl Store for SqliteStore {
         jobs::get(&mut *self.read().await?, id).await
     }
 
-    async fn jobs(&self, page: Page) -> Result<Vec<Entry<Job>>, StoreError> {
-        jobs::list(&mut *self.read().await?, page).await
+    async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError> {
+        jobs::list(&mut *self.read().await?, page, states).await
+    }
+
+    async fn open_jobs(&self) -> Result<(u64, u64), StoreError> {
+        jobs::open(&mut *self.read().await?).await
     }
 
     async fn cancel_job(&self, id: &str) -> Result<Job, StoreError> {
@@ -252,6 +259,14 @@ impl Store for SqliteStore {
         let id = workers::register(&mut tx, new).await?;
         commit(tx).await?;
         Ok(id)
+    }
+
+    async fn workers(
+        &self,
+        ids: &[&str],
+        lease_seconds: f64,
+    ) -> Result<Vec<WorkerStatus>, StoreError> {
+        workers::list(&mut *self.read().await?, ids, lease_seconds).await
     }
 
     async fn lease_job(

@@ -3,13 +3,13 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{captures, leases, models, rows::Columns, rows::During};
+use super::{captures, jobs, leases, models, rows::Columns, rows::During};
 use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     pose_track::violation,
-    v1::{JobError, JobResult, Violation, job, job_result},
+    v1::{JobError, JobResult, Progress, Violation, job, job_result},
 };
 
 /// Number of retries after faults outside the job: over about a day, so that a store or a
@@ -27,6 +27,7 @@ pub async fn complete(
     result: JobResult,
 ) -> Result<(), StoreError> {
     let row = finish(conn, lease, job::State::Succeeded, Some(&result), None).await?;
+    end_progress(conn, &lease.job_id).await?;
     if let (Some(capture), Some(job_result::Kind::Ingest(ingest))) =
         (row.maybe_text("capture")?, &result.kind)
     {
@@ -37,6 +38,23 @@ pub async fn complete(
     {
         models::record_tradeoff(conn, &evaluate.checkpoint, object).await?;
     }
+    Ok(())
+}
+
+/// Sets the progress of a job that succeeded to its end: the last heartbeat came before it.
+async fn end_progress(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
+    let progress = Progress {
+        phase: "done".into(),
+        fraction: 1.0,
+        seconds_left: 0.0,
+        ..jobs::get(conn, job_id).await?.progress.unwrap_or_default()
+    };
+    sqlx::query("UPDATE jobs SET progress = ?2 WHERE id = ?1")
+        .bind(job_id)
+        .bind(progress.encode_to_vec())
+        .execute(conn)
+        .await
+        .during("ending a job's progress")?;
     Ok(())
 }
 

@@ -94,7 +94,8 @@ pub async fn shard(
     id: &str,
 ) -> Result<Option<SubjectShard>, StoreError> {
     let row = sqlx::query(
-        "SELECT s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256
+        "SELECT s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256, c.frames,
+             c.first_frame, c.last_frame
          FROM captures c JOIN subjects s ON s.id = c.subject
          WHERE c.subject = ?1 AND c.state = 'READY' ORDER BY c.ord DESC LIMIT 1",
     )
@@ -109,5 +110,8 @@ pub async fn shard(
         subject: Collection::Subjects.name(id),
         display_name: row.text("display_name")?,
         shard: row.object("shard_key", "shard_bytes", "shard_sha256")?,
+        frames: row.number("frames")?,
+        first_frame: row.maybe_number("first_frame")?,
+        last_frame: row.maybe_number("last_frame")?,
     }))
 }

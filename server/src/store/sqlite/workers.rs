@@ -1,8 +1,12 @@
 //! Workers and what they can run.
 
-use super::rows::During;
+use super::rows::{Columns, During};
 use crate::store::{NewWorker, StoreError, new_id};
-use sqlx::SqliteConnection;
+use sqlx::{SqliteConnection, sqlite::SqliteRow};
+use yoto_proto::{
+    names::Collection,
+    v1::{WorkerDevice, WorkerStatus},
+};
 
 /// Adds a worker.
 pub async fn register(conn: &mut SqliteConnection, new: NewWorker) -> Result<String, StoreError> {
@@ -31,4 +35,46 @@ pub async fn register(conn: &mut SqliteConnection, new: NewWorker) -> Result<Str
             .during("recording what a worker runs")?;
     }
     Ok(id)
+}
+
+/// The workers with `ids`, and those with a RUNNING job, oldest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    ids: &[&str],
+    lease_seconds: f64,
+) -> Result<Vec<WorkerStatus>, StoreError> {
+    // Ids are hex digits and dashes: a space separates them.
+    let ids = format!(" {} ", ids.join(" "));
+    let rows = sqlx::query(
+        "SELECT w.*, j.id AS job, j.lease_deadline - ?2 AS reported,
+             (SELECT group_concat(kind, ' ' ORDER BY kind) FROM worker_kinds
+              WHERE worker = w.id) AS kinds
+         FROM workers w LEFT JOIN jobs j ON j.worker = w.id AND j.state = 'RUNNING'
+         WHERE j.id IS NOT NULL OR instr(?1, ' ' || w.id || ' ') > 0
+         ORDER BY w.ord",
+    )
+    .bind(ids)
+    .bind(lease_seconds)
+    .fetch_all(conn)
+    .await
+    .during("listing workers")?;
+    rows.iter().map(read).collect()
+}
+
+fn read(row: &SqliteRow) -> Result<WorkerStatus, StoreError> {
+    let kinds = row.maybe_text("kinds")?.unwrap_or_default();
+    let job = row.maybe_text("job")?;
+    Ok(WorkerStatus {
+        name: Collection::Workers.name(&row.text("id")?),
+        display_name: row.text("display_name")?,
+        device: Some(WorkerDevice {
+            backend: row.text("backend")?,
+            adapter: row.text("adapter")?,
+            gpu: row.flag("gpu")?,
+            memory_bytes: row.number("memory_bytes")?,
+        }),
+        kinds: kinds.split(' ').map(str::to_owned).collect(),
+        last_seen: row.time("reported")?,
+        job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
+    })
 }

@@ -40,6 +40,9 @@ pub enum RenderError {
     /// The device failed.
     #[error("device: {0}")]
     Device(String),
+    /// The caller did not want the rest of the frame.
+    #[error("the frame was not finished, as asked")]
+    Stopped,
 }
 
 impl From<ExecutionError> for RenderError {
@@ -84,6 +87,20 @@ impl Rendered {
         self.rgb
             .iter()
             .map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
+            .collect()
+    }
+
+    /// `[H, W, 4]`, rounded to 8 bits: the colour of the person, and opacity, for a frame over a
+    /// black background.
+    pub fn to_rgba8(&self) -> Vec<u8> {
+        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let pixels = self.rgb.as_chunks::<3>().0.iter().zip(&self.alpha);
+        pixels
+            .flat_map(|(rgb, &alpha)| {
+                // Over black, a colour is its product with opacity.
+                let own = |v: f32| byte(if alpha > 0.0 { v / alpha } else { 0.0 });
+                [own(rgb[0]), own(rgb[1]), own(rgb[2]), byte(alpha)]
+            })
             .collect()
     }
 }
@@ -226,17 +243,30 @@ impl Renderer {
     /// # Errors
     /// If the slot is empty, or the pose or camera is invalid.
     pub fn render(&self, view: &RenderView) -> Result<Rendered, RenderError> {
+        self.render_while(view, &mut |_| true)
+    }
+
+    /// As [`Self::render`], as long as `go_on` says so, which is told the finished share of the frame
+    /// before each batch of rays: a large frame takes minutes.
+    ///
+    /// # Errors
+    /// As [`Self::render`], and [`RenderError::Stopped`].
+    pub fn render_while(
+        &self,
+        view: &RenderView,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Rendered, RenderError> {
         let body = self.body(view)?;
         let (width, height) = (view.camera.width, view.camera.height);
         let (small_width, small_height) = self.settings.rendered_size(width, height);
         if (small_width, small_height) == (width, height) {
-            return self.render_whole(body, view);
+            return self.render_whole(body, view, go_on);
         }
         let small = RenderView {
             camera: view.camera.resized(small_width, small_height),
             ..view.clone()
         };
-        let frame = self.render_whole(body, &small)?;
+        let frame = self.render_whole(body, &small, go_on)?;
         enlarge(&frame, width as usize, height as usize)
     }
 
@@ -265,9 +295,14 @@ impl Renderer {
     }
 
     /// Renders a view with one ray per pixel.
-    fn render_whole(&self, body: &Body, view: &RenderView) -> Result<Rendered, RenderError> {
+    fn render_whole(
+        &self,
+        body: &Body,
+        view: &RenderView,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Rendered, RenderError> {
         if self.config.numerics == Numerics::Reference {
-            return self.render_as_released(body, view);
+            return self.render_as_released(body, view, go_on);
         }
         let posed = self
             .avatar
@@ -295,7 +330,10 @@ impl Renderer {
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
-        for batch in hits.chunks(RAYS_PER_BATCH) {
+        for (place, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
+            if !go_on((place * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
+                return Err(RenderError::Stopped);
+            }
             self.render_batch(body, &posed, &volume, batch, view.background, &mut frame)?;
         }
         Ok(frame)

@@ -105,6 +105,7 @@ impl Renderer {
         &self,
         body: &Body,
         view: &RenderView,
+        go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let mut frame = Rendered {
@@ -129,7 +130,10 @@ impl Renderer {
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
-        for batch in hits.chunks(RAYS_PER_BATCH) {
+        for (place, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
+            if !go_on((place * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
+                return Err(RenderError::Stopped);
+            }
             let (seen, counts) = self.look(body, &posed, (&weights, &transforms), batch)?;
             frame.counts += counts;
             for ((pixel, _), seen) in batch.iter().zip(seen) {

@@ -37,6 +37,14 @@ pub struct SweepOptions {
     pub unix_seconds: u64,
 }
 
+impl SweepOptions {
+    /// Number of frames that a sweep over `views` renders.
+    pub fn frames(&self, views: usize) -> usize {
+        // One round with the first settings, and one as a warm-up.
+        views * (1 + self.settings.len() * (1 + self.repeats.max(1)))
+    }
+}
+
 /// Error of a sweep.
 #[derive(Debug, Error)]
 pub enum SweepError {
@@ -89,7 +97,7 @@ fn measure<E: From<SweepError>>(
         return Err(SweepError::NobodySeen.into());
     }
     let repeats = options.repeats.max(1);
-    let total = views.len() * (1 + options.settings.len() * (1 + repeats));
+    let total = options.frames(views.len());
     let mut done = 0;
     let mut tick = |count: usize| {
         done += count;

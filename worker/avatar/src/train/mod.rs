@@ -32,6 +32,7 @@ pub use people::Person;
 pub use progress::TrainProgress;
 pub use refinement_file::refined_track;
 pub use trainer::Trainer;
+pub use validate::Preview;
 
 use crate::config::ConfigError;
 use crate::loss::lpips::LpipsError;

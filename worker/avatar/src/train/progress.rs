@@ -20,6 +20,10 @@ pub struct TrainProgress {
     pub loss_terms: Vec<(&'static str, f64)>,
     /// Mean PSNR of held-out frames, dB, once measured.
     pub psnr: Option<f64>,
+    /// Mean PSNR within the box around the person, dB, once measured.
+    pub psnr_mask_box: Option<f64>,
+    /// Number of held-out frames that were measured.
+    pub held_out: u32,
     /// Mean SSIM of held-out frames, once measured; absent if they are smaller than its window.
     pub ssim: Option<f64>,
     /// Estimated remaining seconds of the budget.

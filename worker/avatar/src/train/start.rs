@@ -165,6 +165,7 @@ impl Trainer {
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
+            previews: Vec::new(),
         })
     }
 }

@@ -6,7 +6,7 @@ use super::guard::{Guard, TrainState, Verdict};
 use super::options::{Budget, TrainOptions};
 use super::patches;
 use super::people::TrainSubject;
-use super::{TrainError, TrainProgress};
+use super::{Preview, TrainError, TrainProgress};
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective};
 use crate::render::SampleCounts;
@@ -47,6 +47,8 @@ pub struct Trainer {
     /// Seconds of this budget spent in steps.
     pub(super) budget_seconds: f64,
     pub(super) progress: TrainProgress,
+    /// Pictures of the last validation.
+    pub(super) previews: Vec<Preview>,
 }
 
 impl Trainer {

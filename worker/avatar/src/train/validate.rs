@@ -2,13 +2,37 @@
 
 use super::{TrainError, Trainer};
 use crate::evaluate::score::{EQUAL, unit};
-use crate::evaluate::{psnr, ssim};
+use crate::evaluate::{psnr, psnr_in_box, ssim};
 use crate::render::RenderView;
+use yoto_capture::mask_box;
 
 /// Number of held-out frames per person that are rendered.
 const FRAMES: usize = 2;
 
+/// A held-out frame beside its render.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// Slot of the person.
+    pub slot: usize,
+    /// Width of both, pixels.
+    pub width: usize,
+    /// Height of both, pixels.
+    pub height: usize,
+    /// The frame over black, `[H, W, 3]`.
+    pub truth: Vec<u8>,
+    /// The render, `[H, W, 3]`.
+    pub render: Vec<u8>,
+}
+
 impl Trainer {
+    /// The first held-out frame of each person that has one, as the last [validation] rendered it;
+    /// none before the first validation.
+    ///
+    /// [validation]: Self::validate
+    pub fn previews(&self) -> &[Preview] {
+        &self.previews
+    }
+
     /// Renders held-out frames and sets PSNR and SSIM of the progress to their means. Where poses
     /// are refined, those of held-out frames change as their neighbours' do, without a look at their
     /// pictures. Training time does not include this.
@@ -19,8 +43,10 @@ impl Trainer {
         let renderer = self.renderer();
         let refined = self.config.refinement.takes_part(self.opened());
         let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
+        let (mut box_sum, mut boxes) = (0.0, 0usize);
+        let mut previews = Vec::new();
         for subject in &self.subjects {
-            for frame in subject.held_out.iter().take(FRAMES) {
+            for (place, frame) in subject.held_out.iter().take(FRAMES).enumerate() {
                 let pose = match &self.state.poses[subject.slot] {
                     Some(poses) if refined => poses.as_neighbours(frame.place, &frame.pose),
                     _ => frame.pose.clone(),
@@ -37,8 +63,25 @@ impl Trainer {
                 let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
                 ssim_sum = ssim_sum.zip(similarity).map(|(sum, one)| sum + one);
                 images += 1;
+                let (width, height) = (rendered.width, rendered.height);
+                if let Some(region) = mask_box(&frame.image.mask, width, height) {
+                    box_sum += psnr_in_box(&rendered.rgb, &truth, width, &region).min(EQUAL);
+                    boxes += 1;
+                }
+                if place == 0 {
+                    previews.push(Preview {
+                        slot: subject.slot,
+                        width,
+                        height,
+                        truth: frame.image.rgb.clone(),
+                        render: rendered.to_rgb8(),
+                    });
+                }
             }
         }
+        self.previews = previews;
+        self.progress.held_out = images as u32;
+        self.progress.psnr_mask_box = (boxes > 0).then(|| box_sum / boxes as f64);
         if images > 0 {
             self.progress.psnr = Some(psnr_sum / images as f64);
             self.progress.ssim = ssim_sum.map(|sum| sum / images as f64);

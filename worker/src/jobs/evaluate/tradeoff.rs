@@ -18,31 +18,56 @@ const VIEWS: usize = 4;
 /// Default number of timed renders of each frame.
 const REPEATS: usize = 3;
 
-/// Sweeps over the settings around the model's own.
-pub(super) fn measure(
-    context: &JobContext,
-    mut renderer: Renderer,
-    wanted: &TradeoffSpec,
-    people: &[Pictures],
-) -> Result<Curve, JobFailure> {
-    let or = |asked: u32, default| match asked {
-        0 => default,
-        asked => asked as usize,
-    };
-    let options = SweepOptions {
-        settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
-        repeats: or(wanted.repeats, REPEATS),
-        machine: context.device.machine(),
-        unix_seconds: SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .map_or(0, |since| since.as_secs()),
-    };
-    let views = views(people, or(wanted.views, VIEWS));
-    sweep(&mut renderer, &views, &options, |done, total| {
-        context.check()?;
-        context.report_pieces("measuring the trade-off", done, total);
-        Ok(())
-    })
+/// A sweep over the settings around the model's own.
+pub(super) struct Sweep {
+    options: SweepOptions,
+    views: Vec<SweepView>,
+}
+
+impl Sweep {
+    /// The `wanted` sweep with `renderer` over held-out frames of `people`.
+    pub(super) fn new(
+        context: &JobContext,
+        renderer: &Renderer,
+        wanted: &TradeoffSpec,
+        people: &[Pictures],
+    ) -> Self {
+        let or = |asked: u32, default| match asked {
+            0 => default,
+            asked => asked as usize,
+        };
+        let options = SweepOptions {
+            settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
+            repeats: or(wanted.repeats, REPEATS),
+            machine: context.device.machine(),
+            unix_seconds: SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .map_or(0, |since| since.as_secs()),
+        };
+        Self {
+            views: views(people, or(wanted.views, VIEWS)),
+            options,
+        }
+    }
+
+    /// Number of frames that it renders.
+    pub(super) fn frames(&self) -> usize {
+        self.options.frames(self.views.len())
+    }
+
+    /// Measures; the job has rendered `before` frames already.
+    pub(super) fn measure(
+        &self,
+        context: &JobContext,
+        mut renderer: Renderer,
+        before: usize,
+    ) -> Result<Curve, JobFailure> {
+        sweep(&mut renderer, &self.views, &self.options, |done, total| {
+            context.check()?;
+            context.report_pieces("measuring the trade-off", before + done, before + total);
+            Ok(())
+        })
+    }
 }
 
 /// `wanted` held-out frames, spread out, from all subjects in turn.

@@ -53,10 +53,13 @@ pub fn run(
     let key = keys::shard(capture, context.job_id()?, context.token);
     let check = keys::check(capture, context.job_id()?, context.token);
     let [width, height] = shard.track.image_size;
+    let numbers = || shard.track.frames.iter().map(|frame| frame.index);
     Ok(IngestResult {
         frames: shard.frames() as u32,
         width,
         height,
+        first_frame: numbers().min(),
+        last_frame: numbers().max(),
         notes,
         warnings,
         check: Some(context.put(&check, report)?),

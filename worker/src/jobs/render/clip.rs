@@ -6,6 +6,7 @@
 
 use super::{
     RenderView,
+    follow::followed,
     motion::sized,
     orbit::world_up,
     views::{Stage, capture_camera, find_place, pose},
@@ -63,9 +64,16 @@ pub(super) fn views(
     };
     let [x, y, z, _] = camera.e[1];
     let stand = Stand::new(&first, &pose(frame)?, world_up([-x, -y, -z]));
+    let start = stand.put(&first);
     poses
         .into_iter()
-        .map(|pose| stage.view(stand.put(&pose), camera.clone()))
+        .map(|pose| {
+            let pose = stand.put(&pose);
+            match clip.follow {
+                true => stage.view(pose.clone(), followed(&camera, &start, &pose)),
+                false => stage.view(pose, camera.clone()),
+            }
+        })
         .collect()
 }
 
@@ -175,6 +183,7 @@ mod tests {
             poses: vec![pose(0.0), pose(0.5)],
             size: 32,
             camera_frame: Some(5),
+            follow: false,
         }
     }
 

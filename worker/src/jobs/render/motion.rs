@@ -2,11 +2,12 @@
 
 use super::{
     RenderView,
+    follow::followed,
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
 use yoto_capture::{
-    camera::Camera,
+    camera::{Camera, Pose},
     skeleton::{Skeleton, retarget},
 };
 use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
@@ -45,16 +46,17 @@ pub(super) fn natural_fps(places: &[usize], track: &PoseTrack) -> Option<f32> {
     (passed > 0.0).then(|| ((places.len() - 1) as f64 * track.fps / passed) as f32)
 }
 
-/// The frames at `places`, with `body` in the driver's poses.
+/// The frames at `places` for `transfer`, with `body` in the driver's poses.
 pub(super) fn views(
     stage: &Stage,
-    size: u32,
+    transfer: &MotionTransfer,
     places: &[usize],
     track: &PoseTrack,
     body: &Skeleton,
 ) -> Result<Vec<RenderView>, JobFailure> {
     let driver = Skeleton::from_track(&track.skeleton)
         .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
+    let mut first: Option<(Pose, Camera)> = None;
     (places.iter())
         .map(|place| {
             let frame = &track.frames[*place];
@@ -65,7 +67,13 @@ pub(super) fn views(
                     &error,
                 )
             })?;
-            stage.view(pose, sized(&capture_camera(track, frame)?, size))
+            let camera = sized(&capture_camera(track, frame)?, transfer.size);
+            if !transfer.follow {
+                return stage.view(pose, camera);
+            }
+            let (start, camera) = first.get_or_insert_with(|| (pose.clone(), camera));
+            let camera = followed(camera, start, &pose);
+            stage.view(pose, camera)
         })
         .collect()
 }
@@ -89,6 +97,7 @@ mod tests {
             frame_count,
             frame_step,
             size: 32,
+            follow: false,
         }
     }
 
@@ -99,7 +108,7 @@ mod tests {
     fn all_views(transfer: &MotionTransfer) -> Result<Vec<RenderView>, JobFailure> {
         let track = track();
         let places = places(transfer, &track)?;
-        views(&STAGE, transfer.size, &places, &track, &body())
+        views(&STAGE, transfer, &places, &track, &body())
     }
 
     #[test]

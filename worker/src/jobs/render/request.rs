@@ -45,7 +45,7 @@ impl<'a> Request<'a> {
                 JobFailure::invalid(
                     "render",
                     "subject",
-                    format!("{} has no slot in {}", spec.subject, spec.model),
+                    format!("{} is not in {}", spec.subject, spec.model),
                 )
             })?;
         Ok(Self {
@@ -119,6 +119,11 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
         visible && [0, 3].contains(&colour.len()),
         "background",
         format!("{colour:?}: nothing, or three numbers from 0 to 1"),
+    );
+    need(
+        !spec.transparent || colour.iter().all(|value| *value == 0.0),
+        "background",
+        format!("{colour:?}: a transparent picture has none"),
     );
     let fps = spec.fps;
     need(

@@ -27,7 +27,8 @@ impl Truths {
         shard: Arc<Shard>,
         body: &Skeleton,
     ) -> Result<Self, JobFailure> {
-        let own = transfer.driver == request.spec.subject && request.background == [0.0; 3];
+        let as_filmed = request.background == [0.0; 3] && !transfer.follow;
+        let own = transfer.driver == request.spec.subject && as_filmed;
         let same_body = Skeleton::from_track(&shard.track.skeleton)
             .is_ok_and(|theirs| theirs.rest == body.rest && theirs.parents == body.parents);
         if !own || !same_body {
@@ -67,6 +68,7 @@ mod tests {
             frame_count: 2,
             frame_step: 3,
             size: 16,
+            follow: false,
         }
     }
 

@@ -25,13 +25,15 @@ const CHECKPOINT_SECONDS: f64 = 30.0;
 pub(super) struct Plan {
     pub(super) model: Model,
     pub(super) checkpoint_every: Duration,
+    /// Longest side of the training images, pixels; 0: the captures' own.
+    image_size: u32,
     spec: TrainSpec,
 }
 
 impl Plan {
     /// Longest side of the training images, pixels; 0: the captures' own.
     pub(super) fn image_size(&self) -> u32 {
-        self.spec.image_size
+        self.image_size
     }
 
     pub(super) fn new(spec: &TrainSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
@@ -58,8 +60,14 @@ impl Plan {
         } else {
             spec.checkpoint_seconds
         };
+        // A training that goes on keeps its size, unless the request has another.
+        let before = inputs.checkpoints.first().map_or(0, |it| it.image_size);
         Ok(Self {
             model,
+            image_size: match spec.image_size {
+                0 => before,
+                asked => asked,
+            },
             checkpoint_every: Duration::from_secs_f64(seconds),
             spec: spec.clone(),
         })
@@ -82,7 +90,7 @@ impl Plan {
                 (steps, _) => Budget::Steps(steps),
             },
             seed: self.spec.seed,
-            image_size: self.spec.image_size,
+            image_size: self.image_size,
             validation: Validation::Every(HOLDOUT_EVERY),
             refine_poses: match self.spec.refine_poses() {
                 PoseRefinement::Unspecified => None,

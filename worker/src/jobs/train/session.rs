@@ -1,6 +1,11 @@
 //! The training loop of one lease: step, report, validate, checkpoint.
 
-use super::{failure, plan::Plan};
+use super::{
+    failure,
+    outlook::{Outlook, VALIDATIONS},
+    plan::Plan,
+    preview,
+};
 use crate::jobs::{
     JobContext, JobFailure,
     checkpoint::{Saved, publish},
@@ -8,14 +13,13 @@ use crate::jobs::{
 use std::time::{Duration, Instant};
 use yoto_avatar::train::Trainer;
 use yoto_proto::{
+    manifest::files,
     names,
     v1::{Progress, TrainResult},
 };
 
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);
-/// Validations over the whole budget.
-const VALIDATIONS: f64 = 8.0;
 
 /// The part of a training within one lease.
 pub(super) struct Session<'a> {
@@ -26,6 +30,9 @@ pub(super) struct Session<'a> {
     used: (f64, u64),
     /// The trainer's counts at the start of this lease.
     began: (f64, u64),
+    /// Start of this lease, and the share of the job that earlier ones had done.
+    since: (Instant, f64),
+    outlook: Outlook,
     next_validation: f64,
     /// Step of the last validation.
     validated: Option<u64>,
@@ -47,6 +54,8 @@ impl<'a> Session<'a> {
             plan,
             used,
             began: (progress.train_seconds, progress.step),
+            since: (Instant::now(), progress.fraction),
+            outlook: Outlook::default(),
             next_validation: validation_after(progress.fraction),
             validated: None,
             trainer,
@@ -102,6 +111,10 @@ impl<'a> Session<'a> {
         let (seconds, steps) = self.spent();
         let (step, bytes) = self.published.unwrap_or((progress.step, 0));
         Ok(TrainResult {
+            psnr_mask_box: finite(progress.psnr_mask_box),
+            psnr: finite(progress.psnr),
+            held_out: progress.held_out,
+            image_size: self.plan.image_size(),
             checkpoint: names::checkpoint(&self.plan.model.name, step),
             steps,
             train_seconds: seconds,
@@ -124,27 +137,34 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         self.report("saving");
+        let began = Instant::now();
         let folder = tempfile::tempdir().map_err(|error| {
             JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
         })?;
         self.trainer
             .save(folder.path())
             .map_err(|error| failure("saving a checkpoint", &error))?;
+        let is_measured = self.validated == Some(progress.step);
+        if is_measured && !self.trainer.previews().is_empty() {
+            let sheet = preview::sheet(self.trainer.previews())?;
+            std::fs::write(folder.path().join(files::PREVIEW), sheet).map_err(|error| {
+                JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
+            })?;
+        }
         let (job_seconds, job_steps) = self.spent();
         let saved = Saved {
             model: &self.plan.model.name,
             step: progress.step,
             job_seconds,
             job_steps,
-            // An interrupted training has no time to measure. Two equal pictures have an infinite
-            // PSNR, which the catalogue rejects.
-            psnr: (progress.psnr)
-                .filter(|psnr| psnr.is_finite() && self.validated == Some(progress.step)),
+            // An interrupted training has no time to measure.
+            psnr: finite(progress.psnr).filter(|_| is_measured),
             slots: self.trainer.known_slots().map(|slot| slot as u32).collect(),
             image_size: self.plan.image_size(),
         };
         let bytes = publish(self.context, folder.path(), &saved)?;
         self.published = Some((progress.step, bytes));
+        self.outlook.saved(began.elapsed());
         tracing::info!(
             job = self.context.job,
             step = progress.step,
@@ -157,9 +177,12 @@ impl<'a> Session<'a> {
 
     fn validate(&mut self) -> Result<(), JobFailure> {
         self.report("evaluating");
+        let began = Instant::now();
         self.trainer
             .validate()
             .map_err(|error| failure("evaluating held-out frames", &error))?;
+        self.outlook.validated(began.elapsed());
+        self.validated = Some(self.trainer.progress().step);
         self.next_validation = validation_after(self.trainer.progress().fraction);
         self.report("training");
         Ok(())
@@ -173,18 +196,21 @@ impl<'a> Session<'a> {
         (self.used.0 + seconds, self.used.1 + steps)
     }
 
-    fn report(&self, phase: &str) {
+    fn report(&mut self, phase: &str) {
         let now = self.trainer.progress();
+        let left = (self.outlook).seconds_left(&now, self.plan.checkpoint_every);
+        let (began, before) = self.since;
+        let fraction = self.outlook.share(before, began, left);
         self.context.report(Progress {
             phase: phase.into(),
             step: now.step,
             total_steps: now.total_steps,
-            fraction: now.fraction,
+            fraction,
             steps_per_second: now.steps_per_second,
             loss: now.loss,
             psnr: now.psnr,
             ssim: now.ssim,
-            seconds_left: now.seconds_left,
+            seconds_left: left,
             skipped_steps: now.skipped_steps,
             rollbacks: now.rollbacks,
             live_fraction: now.live_fraction,
@@ -192,8 +218,14 @@ impl<'a> Session<'a> {
             device: String::new(),
             train_seconds: self.spent().0,
             active_parts: now.active_parts,
+            checkpoint_step: self.published.map_or(0, |(step, _)| step),
         });
     }
+}
+
+/// A figure for the catalogue: two equal pictures have an infinite PSNR, which it rejects.
+fn finite(psnr: Option<f64>) -> Option<f64> {
+    psnr.filter(|psnr| psnr.is_finite())
 }
 
 /// The share of the budget at which the next validation is due.

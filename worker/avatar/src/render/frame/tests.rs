@@ -136,3 +136,39 @@ fn a_grid_that_knows_nothing_changes_nothing() {
     let with = renderer(unknowing).0.render(&view).expect("renders");
     assert_eq!((without.rgb, without.counts), (with.rgb, with.counts));
 }
+
+#[test]
+fn a_frame_that_nobody_wants_any_longer_is_left() {
+    let (renderer, mut view) = renderer(config());
+    // Several batches of rays.
+    view.camera = SyntheticPerson::train_camera(160);
+    let mut shares = Vec::new();
+    let whole = renderer.render_while(&view, &mut |share| {
+        shares.push(share);
+        true
+    });
+    whole.expect("renders");
+    assert!(shares.len() > 1 && shares[0] == 0.0 && shares.is_sorted());
+    assert!(shares.iter().all(|share| *share < 1.0), "{shares:?}");
+    let mut asked = 0;
+    let left = renderer.render_while(&view, &mut |_| {
+        asked += 1;
+        asked < 2
+    });
+    assert!(matches!(left, Err(RenderError::Stopped)));
+    assert_eq!(asked, 2);
+}
+
+#[test]
+fn colours_of_a_transparent_frame_are_the_person_s_own() {
+    let frame = Rendered {
+        width: 3,
+        height: 1,
+        rgb: vec![0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0, 0.5, 0.25],
+        alpha: vec![0.5, 0.0, 1.0],
+        depth: vec![0.0; 3],
+        counts: SampleCounts::default(),
+    };
+    let expected = [204, 102, 0, 128, 0, 0, 0, 0, 255, 128, 64, 255];
+    assert_eq!(frame.to_rgba8(), expected);
+}

@@ -1,0 +1,61 @@
+//! `yoto.v1.StatusService`.
+
+use crate::{context::Context, error::RequestError};
+use std::{collections::HashMap, sync::Arc, time::SystemTime};
+use tonic::{Request, Response, Status};
+use yoto_proto::{
+    names::Collection,
+    v1::{GetStatusRequest, ServiceStatus, WorkerStatus, status_service_server::StatusService},
+};
+
+/// The state of the service as a whole.
+pub struct StatusApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+}
+
+#[tonic::async_trait]
+impl StatusService for StatusApi {
+    async fn get_status(
+        &self,
+        _: Request<GetStatusRequest>,
+    ) -> Result<Response<ServiceStatus>, Status> {
+        let context = &self.context;
+        let lately = context.roster.lately(SystemTime::now());
+        let ids: Vec<&str> = lately.keys().map(String::as_str).collect();
+        let lease_seconds = context.config.lease_seconds;
+        let workers = context.store.workers(&ids, lease_seconds).await;
+        let mut workers = workers.map_err(RequestError::from)?;
+        for worker in &mut workers {
+            add_request(worker, &lately);
+        }
+        let counts = context.store.open_jobs().await;
+        let (queued, running) = counts.map_err(RequestError::from)?;
+        let disk = context.objects.disk();
+        Ok(Response::new(ServiceStatus {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            start_time: Some(context.started.into()),
+            workers,
+            queued,
+            running,
+            objects: context.objects.url().to_string(),
+            disk_free: disk.map(|disk| disk.free),
+            disk_total: disk.map(|disk| disk.total),
+        }))
+    }
+}
+
+/// A worker is seen whenever it asks for a job, and whenever it reports on one.
+fn add_request(worker: &mut WorkerStatus, lately: &HashMap<String, SystemTime>) {
+    let id = Collection::Workers.parse(&worker.name).unwrap_or_default();
+    let Some(asked) = lately.get(id) else { return };
+    let asked = prost_types::Timestamp::from(*asked);
+    let key = |at: &prost_types::Timestamp| (at.seconds, at.nanos);
+    if worker
+        .last_seen
+        .as_ref()
+        .is_none_or(|seen| key(seen) < key(&asked))
+    {
+        worker.last_seen = Some(asked);
+    }
+}

@@ -1,0 +1,62 @@
+//! A camera that moves along with the body.
+
+use super::orbit::world_up;
+use yoto_capture::{
+    camera::{Camera, Pose},
+    skeleton::transform::{dot, rotate, scale, sub},
+};
+
+/// `camera`, which sees a body in the pose `first`, moved over the ground as the body's root has moved
+/// to the pose `now`. Jumps and crouches stay visible.
+pub(super) fn followed(camera: &Camera, first: &Pose, now: &Pose) -> Camera {
+    let [x, y, z, _] = camera.e[1];
+    let up = world_up([-x, -y, -z]);
+    let place = |pose: &Pose| pose.translation.map(f64::from);
+    let moved = sub(place(now), place(first));
+    let moved = sub(moved, scale(up, dot(moved, up)));
+    // A camera that moves by d sees a point p as it saw p - d before.
+    let seen = rotate(&[camera.e[0], camera.e[1], camera.e[2]], moved);
+    let mut followed = camera.clone();
+    for (row, seen) in followed.e.iter_mut().zip(seen) {
+        row[3] -= seen;
+    }
+    followed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_capture::{skeleton::transform::apply, synthetic::SyntheticPerson};
+
+    #[test]
+    fn a_walker_stays_where_they_are_in_the_picture_and_a_jump_is_seen() {
+        let camera = SyntheticPerson::train_camera(64);
+        let at = |translation| Pose {
+            rotations: vec![[0.0; 3]],
+            translation,
+        };
+        let first = at([0.25, 0.5, 0.125]);
+        let [x, y, z, _] = camera.e[1];
+        let up = world_up([-x, -y, -z]);
+        let seen = |camera: &Camera, pose: &Pose| {
+            let [x, y, z, _] = camera.e;
+            apply(&[x, y, z], pose.translation.map(f64::from))
+        };
+        let ahead: [f32; 3] = std::array::from_fn(|axis| match up[axis] == 0.0 {
+            true => first.translation[axis] + 2.0,
+            false => first.translation[axis],
+        });
+        let walked = at(ahead);
+        let followed_camera = followed(&camera, &first, &walked);
+        for (a, b) in seen(&camera, &first)
+            .iter()
+            .zip(seen(&followed_camera, &walked))
+        {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        let jumped = at(std::array::from_fn(|axis| {
+            first.translation[axis] + up[axis] as f32
+        }));
+        assert_eq!(followed(&camera, &first, &jumped).e, camera.e);
+    }
+}
