@@ -146,7 +146,7 @@ async fn broken_pose_tracks_are_named_by_frame_and_field() -> anyhow::Result<()>
             "frames/000004.png frame 4: ",
         ),
         Case::new(
-            "100,001 frames",
+            "100 001 frames",
             edited(&|it| {
                 it["camera"] = json!({"K": it["frames"][0]["K"], "E": it["frames"][0]["E"]});
                 it["frames"] = json!(too_many);
