@@ -3,7 +3,7 @@
 //! Data objects first, then the manifest with their checksums, then the coordinator's row:
 //! a checkpoint with a row is complete, and later damage is detected.
 
-use super::{JobContext, JobFailure, context::id};
+use super::{JobContext, JobFailure, context::id, shard};
 use std::{fs, path::Path};
 use tempfile::TempDir;
 use yoto_avatar::render::Renderer;
@@ -11,7 +11,7 @@ use yoto_proto::{
     keys,
     manifest::{self, Manifest, ManifestObject, files},
     names::{self, Collection},
-    v1::{Checkpoint, ObjectRef},
+    v1::{Checkpoint, Inputs, ObjectRef},
 };
 
 /// A checkpoint's files on this machine.
@@ -38,11 +38,11 @@ pub(crate) struct Saved<'a> {
     pub(crate) image_size: u32,
 }
 
-/// Downloads `wanted` of the first complete one of `checkpoints` (newest first).
+/// Downloads `wanted` of the first complete one of `checkpoints`.
 ///
 /// A damaged one is logged and the next one is tried; `None` if none is complete. A store that
 /// can't answer is a failure instead, since the newest checkpoint may be intact.
-pub(crate) fn newest_whole(
+pub(crate) fn first_whole(
     context: &JobContext,
     checkpoints: &[Checkpoint],
     wanted: &[&str],
@@ -63,20 +63,22 @@ pub(crate) fn newest_whole(
     Ok(None)
 }
 
-/// The first complete one of `checkpoints` (newest first), ready to `purpose` ("render",
-/// "measure"), with its catalogue entry.
+/// The first complete checkpoint of the inputs, where the best one comes first, ready to `purpose`
+/// ("render", "measure"), with its catalogue entry.
 pub(crate) fn load_renderer(
     context: &JobContext,
-    model: &str,
-    checkpoints: &[Checkpoint],
+    inputs: &Inputs,
     purpose: &str,
 ) -> Result<(Renderer, Downloaded), JobFailure> {
     context.report_pieces("loading", 0, 1);
     let wanted = [files::WEIGHTS, files::STATE];
-    let found = newest_whole(context, checkpoints, &wanted)?;
+    let found = first_whole(context, &inputs.checkpoints, &wanted)?;
     let found = found.ok_or_else(|| JobFailure::Failed {
         code: "NO_CHECKPOINT",
-        message: format!("{model} has no whole checkpoint to {purpose}: train it first"),
+        message: format!(
+            "{} has no whole checkpoint to {purpose}: train it first",
+            shard::model(inputs)
+        ),
     })?;
     let renderer = Renderer::load(found.folder.path(), &context.device.device)
         .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;

@@ -35,8 +35,7 @@ pub fn run(
 ) -> Result<EvaluateResult, JobFailure> {
     let protocol = protocol(spec)?;
     let slots = slots(spec, inputs)?;
-    let (renderer, found) =
-        checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "measure")?;
+    let (renderer, found) = checkpoint::load_renderer(context, inputs, "measure")?;
     let weights = context.lpips.as_ref();
     let lpips = weights
         .map(|weights| LpipsMetric::load(weights, &context.device.device))
@@ -97,8 +96,7 @@ fn left_out(
     unknown: &[&IdentitySlot],
 ) -> Result<Vec<String>, JobFailure> {
     let notes = unknown.iter().map(|slot| {
-        let shard = inputs.shards.iter().find(|it| it.subject == slot.subject);
-        let name = shard.map_or(&slot.subject, |it| &it.display_name);
+        let name = shard::person(inputs, &slot.subject);
         format!("{name} is left out: the checkpoint was trained before they joined the model")
     });
     let notes: Vec<String> = notes.collect();
@@ -133,10 +131,10 @@ fn slots<'a>(spec: &EvaluateSpec, inputs: &'a Inputs) -> Result<Vec<&'a Identity
         .subjects
         .iter()
         .filter(|subject| !slots.iter().any(|slot| slot.subject == **subject))
-        .map(String::as_str)
+        .map(|subject| shard::person(inputs, subject))
         .collect();
     if !strangers.is_empty() || slots.is_empty() {
-        let message = format!("no slot in {} for: {}", spec.model, strangers.join(", "));
+        let message = format!("not in {}: {}", shard::model(inputs), strangers.join(", "));
         return Err(JobFailure::invalid("evaluate", "subjects", message));
     }
     Ok(slots)
@@ -173,8 +171,7 @@ impl Pictures {
             return Err(JobFailure::Failed {
                 code: "NO_HELD_OUT",
                 message: format!(
-                    "the capture of {} has {} frames; {} are needed for one to be held out",
-                    slot.subject,
+                    "the capture of {display_name} has {} frames; {} are needed for one to be held out",
                     shard.frames(),
                     HOLDOUT_EVERY / 2 + 1
                 ),
@@ -289,7 +286,7 @@ mod tests {
         let Err(JobFailure::Invalid(found)) = of(&["subjects/b", "subjects/x"]) else {
             panic!("a stranger is refused");
         };
-        assert!(found[0].message.ends_with("for: subjects/x"), "{found:?}");
+        assert!(found[0].message.ends_with(": subjects/x"), "{found:?}");
     }
 
     #[test]

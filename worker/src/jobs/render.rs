@@ -42,8 +42,7 @@ pub fn run(
     inputs: &Inputs,
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
-    let (mut renderer, found) =
-        checkpoint::load_renderer(context, &spec.model, &inputs.checkpoints, "render")?;
+    let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
     let scene = expand(context, &request, &renderer, &found, inputs)?;
     let promise = match &spec.quality {
         Some(quality) => {
@@ -89,7 +88,8 @@ fn expand(
             code: "NO_CHECKPOINT",
             message: format!(
                 "{} does not know {}: it was trained before they joined the model",
-                found.checkpoint.name, request.spec.subject
+                found.checkpoint.name,
+                shard::person(inputs, &request.spec.subject)
             ),
         })?;
     let stage = views::Stage {

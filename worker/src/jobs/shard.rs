@@ -55,6 +55,20 @@ pub(crate) fn with_refined_poses(
     Ok((name, shard))
 }
 
+/// Display name of `subject`, or its resource name where the inputs lack it.
+pub(crate) fn person<'a>(inputs: &'a Inputs, subject: &'a str) -> &'a str {
+    let shard = inputs.shards.iter().find(|it| it.subject == subject);
+    shard.map_or(subject, |it| &it.display_name)
+}
+
+/// Display name of the model.
+pub(crate) fn model(inputs: &Inputs) -> &str {
+    inputs
+        .model
+        .as_ref()
+        .map_or("the model", |it| &it.display_name)
+}
+
 fn missing(subject: &str) -> JobFailure {
     JobFailure::Failed {
         code: "NO_CAPTURE",

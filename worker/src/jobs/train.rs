@@ -65,7 +65,7 @@ fn start<'a>(
         ..Progress::default()
     });
     let wanted = [files::WEIGHTS, files::OPTIMISER, files::STATE];
-    let before = checkpoint::newest_whole(context, &inputs.checkpoints, &wanted)?;
+    let before = checkpoint::first_whole(context, &inputs.checkpoints, &wanted)?;
     let config = ModelConfig::named(&plan.model.tier, &plan.model.variant)
         .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
     let manifest = before.as_ref().map(|found| &found.manifest);
@@ -97,7 +97,7 @@ fn start<'a>(
                     message: format!(
                         "none of the {} newest checkpoints of {} is complete",
                         inputs.checkpoints.len(),
-                        plan.model.name
+                        plan.model.display_name
                     ),
                 });
             }

@@ -164,7 +164,7 @@ pub async fn add_identity(
             reason: "SUBJECT_NOT_READY",
             message: format!(
                 "{} is {state}; only a READY subject gets a slot",
-                subject.name
+                subject.display_name
             ),
         });
     }
@@ -173,7 +173,7 @@ pub async fn add_identity(
             reason: "MODEL_FULL",
             message: format!(
                 "{} has the variant {SINGLE_SUBJECT_VARIANT}, which is limited to one subject, and has one",
-                model.name
+                model.display_name
             ),
         });
     }
@@ -213,11 +213,12 @@ pub async fn remove_identity(
         });
     };
     if slot.trained {
+        let person = subjects::get(conn, subject_id).await?.display_name;
         return Err(StoreError::Rule {
             reason: "SLOT_TRAINED",
             message: format!(
-                "{} was trained with {name}: only an untrained slot is removed",
-                model.name
+                "{} was trained with {person}: only an untrained slot is removed",
+                model.display_name
             ),
         });
     }
@@ -232,7 +233,10 @@ pub async fn remove_identity(
         let job = Collection::Jobs.name(&job.text("id")?);
         return Err(StoreError::Rule {
             reason: "MODEL_BUSY",
-            message: format!("{job} uses {}: wait for it, or cancel it", model.name),
+            message: format!(
+                "{job} uses {}: wait for it, or cancel it",
+                model.display_name
+            ),
         });
     }
     sqlx::query("DELETE FROM slots WHERE model = ?1 AND subject = ?2")

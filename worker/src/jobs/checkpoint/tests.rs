@@ -42,7 +42,7 @@ async fn store(context: &JobContext, step: u64) -> Checkpoint {
 
 /// The step of the chosen checkpoint, after a check that its file is its own.
 async fn serving(context: JobContext, checkpoints: Vec<Checkpoint>) -> Option<u64> {
-    let job = move || newest_whole(&context, &checkpoints, &[files::WEIGHTS]);
+    let job = move || first_whole(&context, &checkpoints, &[files::WEIGHTS]);
     let found = tokio::task::spawn_blocking(job)
         .await
         .expect("no panic")

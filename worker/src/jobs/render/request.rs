@@ -1,7 +1,10 @@
 //! The request's numbers, checked before a checkpoint is downloaded.
 
 use super::RenderView;
-use crate::{jobs::JobFailure, media::animation::MAX_FPS};
+use crate::{
+    jobs::{JobFailure, shard},
+    media::animation::MAX_FPS,
+};
 use std::ops::RangeInclusive;
 use yoto_proto::{
     pose_track::violation,
@@ -45,7 +48,11 @@ impl<'a> Request<'a> {
                 JobFailure::invalid(
                     "render",
                     "subject",
-                    format!("{} is not in {}", spec.subject, spec.model),
+                    format!(
+                        "{} is not in {}",
+                        shard::person(inputs, &spec.subject),
+                        shard::model(inputs)
+                    ),
                 )
             })?;
         Ok(Self {
