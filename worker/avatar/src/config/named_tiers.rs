@@ -115,6 +115,7 @@ fn grid_tier(
             non_rigid: 0.3,
             all_bands: 0.8,
             final_rate: 0.05,
+            restart: 0.9,
         },
         refinement: RefinementConfig {
             who: Refine::Auto,

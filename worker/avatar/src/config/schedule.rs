@@ -21,6 +21,10 @@ pub struct Schedule {
     pub all_bands: f64,
     /// Learning rates at the end of the run, relative to their start.
     pub final_rate: f64,
+    /// Where the learning rates of a run begin at most that goes on with a trained model, as a fraction
+    /// of a run: a short run at full rates loses more than it learns (docs/tiers.md).
+    #[serde(default)]
+    pub restart: f64,
 }
 
 /// Iterations of the paper's training, to which its other times are relative.
@@ -40,6 +44,7 @@ impl Schedule {
             non_rigid: 10_000.0 / PAPER_STEPS,
             all_bands: 50_000.0 / PAPER_STEPS,
             final_rate: 0.1f64.powf(PAPER_STEPS / 500_000.0),
+            restart: 0.0,
         }
     }
 
@@ -89,6 +94,9 @@ impl Schedule {
         if !(self.final_rate > 0.0 && self.final_rate <= 1.0) {
             return fail("schedule.final_rate", "must be above 0 and at most 1");
         }
+        if !(0.0..1.0).contains(&self.restart) {
+            return fail("schedule.restart", "must be a fraction of the run below 1");
+        }
         Ok(())
     }
 
@@ -124,6 +132,12 @@ impl Schedule {
             false => 1.0,
         };
         warm * self.final_rate.powf(progress.min(1.0))
+    }
+
+    /// Where the learning rates begin of a run of length `run` that goes on after training of length
+    /// `before`: at the start of a run if it is as long, the later the shorter it is.
+    pub fn begins_at(&self, before: f64, run: f64) -> f64 {
+        (1.0 - run / before.max(f64::MIN_POSITIVE)).clamp(0.0, self.restart)
     }
 
     /// Names and states of the scheduled parts that are active at `progress`, for reports.
@@ -172,6 +186,31 @@ mod tests {
         assert!((schedule.rate(0.05) - 0.51 * 0.01f64.powf(0.05)).abs() < 1e-12);
         assert!((schedule.rate(0.5) - 0.1).abs() < 1e-12);
         assert!((schedule.rate(1.0) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_short_run_that_goes_on_begins_with_lower_rates() {
+        let schedule = Schedule {
+            warm_up: 0.1,
+            final_rate: 0.01,
+            restart: 0.5,
+            ..Schedule::paper()
+        };
+        schedule.check().expect("a schedule");
+        let begins = |run| schedule.begins_at(60.0, run);
+        assert_eq!(
+            [120.0, 60.0, 45.0, 6.0, 0.0].map(begins),
+            [0.0, 0.0, 0.25, 0.5, 0.5]
+        );
+        assert_eq!(schedule.begins_at(0.0, 5.0), 0.0);
+        assert_eq!(Schedule::paper().begins_at(60.0, 6.0), 0.0);
+        for bad in [-0.1, 1.0, f64::NAN] {
+            let bad = Schedule {
+                restart: bad,
+                ..schedule.clone()
+            };
+            assert!(bad.check().is_err());
+        }
     }
 
     #[test]

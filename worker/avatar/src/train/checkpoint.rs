@@ -45,6 +45,9 @@ pub struct ModelState {
     pub skipped_steps: u64,
     /// Returns to an earlier state.
     pub rollbacks: u64,
+    /// Whether the current budget goes on with a model that was trained with the same people before.
+    #[serde(default)]
+    pub goes_on: bool,
     /// Skeleton of each slot.
     pub slots: Vec<Option<Skeleton>>,
 }
@@ -81,6 +84,7 @@ impl ModelState {
             rate_scale: 1.0,
             skipped_steps: 0,
             rollbacks: 0,
+            goes_on: false,
             slots,
         }
     }

@@ -74,6 +74,7 @@ impl Trainer {
             rate_scale: self.state.rate_scale,
             skipped_steps: self.guard.skipped,
             rollbacks: self.guard.rollbacks,
+            goes_on: self.goes_on,
             ..ModelState::new(
                 self.config.clone(),
                 self.joints,

@@ -96,6 +96,7 @@ impl Trainer {
                 message: "a model trains with sound numerics; reference ones only render".into(),
             }));
         }
+        let goes_on = goes_on(&saved, &options, people);
         let mut slots = saved.slots;
         state.occupancy.resize(slots.len(), None);
         state.poses.resize(slots.len(), None);
@@ -162,10 +163,21 @@ impl Trainer {
             step: saved.step,
             seconds: saved.train_seconds,
             opened: saved.progress,
+            goes_on,
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
             previews: Vec::new(),
         })
     }
+}
+
+/// Whether the budget goes on with a model that was trained with all of the `people` before. The state
+/// `saved` tells, if an earlier part of the same budget wrote it; somebody new needs full rates.
+fn goes_on(saved: &ModelState, options: &TrainOptions, people: &[Person]) -> bool {
+    if options.used_steps > 0 || options.used_seconds > 0.0 {
+        return saved.goes_on;
+    }
+    let known = |person: &Person| saved.slots.get(person.slot).is_some_and(Option::is_some);
+    saved.step > 0 && people.iter().all(known)
 }

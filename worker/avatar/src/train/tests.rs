@@ -118,6 +118,53 @@ fn rates_fall_over_the_run() {
 }
 
 #[test]
+fn a_training_that_goes_on_begins_with_lower_rates_if_it_is_short() {
+    let trained = |restart| {
+        let mut config = config();
+        config.schedule.final_rate = 1e-4;
+        config.schedule.restart = restart;
+        let dir = tempfile::tempdir().expect("a folder");
+        let mut first = trainer(config, 1, 8);
+        for _ in 0..8 {
+            first.step().expect("a step");
+        }
+        first.save(dir.path()).expect("saves");
+        dir
+    };
+    let (dir, whole) = (trained(0.5), trained(0.0));
+    let resume = |dir: &tempfile::TempDir, count: usize, steps: u64, used_steps: u64| {
+        let options = TrainOptions {
+            budget: Budget::Steps(steps),
+            used_steps,
+            ..TrainOptions::default()
+        };
+        let resumed = Trainer::resume(dir.path(), options, people(count), &Device::flex());
+        resumed.expect("resumes")
+    };
+    let step = |trainer: &mut Trainer| {
+        let before = numbers(trainer.state.avatar(), None);
+        trainer.step().expect("a step");
+        let after = numbers(trainer.state.avatar(), None);
+        moved(&before, &after["codes.0"], "codes.0")
+    };
+    let lower = step(&mut resume(&dir, 1, 4, 0));
+    let full = step(&mut resume(&whole, 1, 4, 0));
+    assert!(lower < 0.1 * full, "{lower:e} against {full:e}");
+    let long = step(&mut resume(&dir, 1, 8, 0));
+    assert!(
+        (long - full).abs() < 0.1 * full,
+        "{long:e} for as long a run"
+    );
+    assert!(!resume(&dir, 2, 4, 0).goes_on, "somebody is new");
+    // The rest of a budget continues as it began.
+    assert!(!resume(&dir, 1, 16, 8).goes_on);
+    let mut again = resume(&dir, 1, 4, 0);
+    again.step().expect("a step");
+    again.save(dir.path()).expect("saves");
+    assert!(resume(&dir, 1, 4, 1).goes_on);
+}
+
+#[test]
 fn an_epoch_teaches_everybody() {
     let mut trainer = trainer(config(), 3, 100);
     let before = numbers(trainer.state.avatar(), None);

@@ -42,6 +42,8 @@ pub struct Trainer {
     pub(super) seconds: f64,
     /// Completed fraction of a run before this one.
     pub(super) opened: f64,
+    /// Whether this budget goes on with a model that was trained with the same people before.
+    pub(super) goes_on: bool,
     /// Steps of this budget.
     pub(super) budget_steps: u64,
     /// Seconds of this budget spent in steps.
@@ -64,6 +66,22 @@ impl Trainer {
             Budget::Steps(steps) => self.budget_steps as f64 / steps.max(1) as f64,
         };
         share.min(1.0)
+    }
+
+    /// Where this step is in the schedule of rates, 0 to 1.
+    fn place_in_rates(&self) -> f64 {
+        let begins = match (self.goes_on, self.options.budget) {
+            (false, _) => 0.0,
+            (true, Budget::Seconds(run)) => {
+                let before = self.seconds - self.budget_seconds;
+                self.config.schedule.begins_at(before, run)
+            }
+            (true, Budget::Steps(run)) => {
+                let before = self.step.saturating_sub(self.budget_steps);
+                self.config.schedule.begins_at(before as f64, run as f64)
+            }
+        };
+        begins + (1.0 - begins) * self.fraction()
     }
 
     /// Whether the budget is used up.
@@ -155,7 +173,7 @@ impl Trainer {
         let value = *value;
         let grads = trace_span!("backward")
             .in_scope(|| GradientsParams::from_grads(loss.backward(), self.state.avatar()));
-        let rate = self.config.schedule.rate(self.fraction());
+        let rate = self.config.schedule.rate(self.place_in_rates());
         let verdict = self
             .guard
             .step(&mut self.state, value, grads, rate, self.step);
