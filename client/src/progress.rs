@@ -175,7 +175,10 @@ fn queued(job: &Job) -> String {
     };
     match job.lost_workers {
         0 => format!("queued, {place}"),
-        lost => format!("queued, {place} (its worker was lost {lost} times)"),
+        lost => {
+            let times = count(lost as usize, "time");
+            format!("queued, {place} (its worker was lost {times})")
+        }
     }
 }
 

@@ -141,7 +141,11 @@ fn job_ended(job: &Job) -> String {
             job.name,
             error.message,
             error.code,
-            lines(&error.violations)
+            match error.violations.as_slice() {
+                // A single fault may be the message itself.
+                [one] if error.message.contains(&one.message) => String::new(),
+                several => lines(several),
+            }
         ),
         None => format!("{} {state}", job.name),
     }

@@ -42,6 +42,14 @@ impl YotoClient {
     /// # Errors
     /// When `server` is not a URL or nothing answers there.
     pub async fn connect(server: &str) -> Result<Self, ClientError> {
+        if let Some((scheme, _)) = server.split_once("://")
+            && scheme != "http"
+        {
+            return Err(ClientError::Name(format!(
+                "{server}: a service speaks HTTP without encryption (http://), through a tunnel beyond \
+                 this machine"
+            )));
+        }
         let connect_error = |source| ClientError::Connect {
             server: server.to_owned(),
             source,

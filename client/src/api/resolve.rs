@@ -83,6 +83,9 @@ pub fn pick_name<'a>(
         [] => {
             let known = match collection {
                 // Their names say nothing to people.
+                Collection::Jobs if wanted.len() < SHORTEST => {
+                    format!("an id's first {SHORTEST} characters or more stand for it")
+                }
                 Collection::Jobs => "`yoto job list` lists them".to_owned(),
                 _ => known(&candidates),
             };

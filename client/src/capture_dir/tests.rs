@@ -98,12 +98,15 @@ fn a_video_or_an_archive_goes_up_as_it_is() {
     assert_eq!(paths(&film), ["video.mp4", "masks.tar", "poses.json"]);
 
     let whole = dir.path().join("ada.tar.gz");
-    std::fs::write(&whole, b"packed").expect("writes");
+    std::fs::write(&whole, b"\x1f\x8bpacked").expect("writes");
     let packed = CaptureDir::open(&whole).expect("not looked into");
     assert_eq!(
         (paths(&packed), packed.bytes),
-        (vec!["capture.tar.gz".to_owned()], 6)
+        (vec!["capture.tar.gz".to_owned()], 8)
     );
+    std::fs::write(&whole, b"packed").expect("writes");
+    let error = CaptureDir::open(&whole).expect_err("is no archive");
+    assert!(error.to_string().contains("is not an archive"), "{error}");
     let other = dir.path().join("train/video.mp4");
     assert!(CaptureDir::open(&other).is_err(), "a video is no capture");
 }

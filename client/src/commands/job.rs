@@ -68,7 +68,7 @@ enum Action {
 
 #[derive(Debug, Args)]
 struct Which {
-    /// The job: its id, or the first characters of it.
+    /// The job: its id, or at least the first four characters of it.
     job: String,
     #[command(flatten)]
     server: Server,

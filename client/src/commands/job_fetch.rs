@@ -6,7 +6,7 @@ use super::scores::scores_json;
 use super::waiting::wait;
 use crate::api::YotoClient;
 use crate::output;
-use crate::progress::ProgressDisplay;
+use crate::progress::{ProgressDisplay, count};
 use anyhow::Context;
 use std::path::PathBuf;
 use yoto_proto::v1::{EvaluateResult, Job, NamedObject, job_result};
@@ -54,7 +54,11 @@ pub(super) async fn objects(
         display.received(received, total);
     };
     client.fetch_objects(&objects, out, on_bytes).await?;
-    display.finish(&format!("{} files in {}", paths.len(), out.display()));
+    display.finish(&format!(
+        "{} in {}",
+        count(paths.len(), "file"),
+        out.display()
+    ));
     Ok(paths)
 }
 

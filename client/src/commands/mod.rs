@@ -173,6 +173,9 @@ pub fn main() -> ExitCode {
     });
     let outcome = run(cli);
     if let Err(error) = &outcome {
+        if let Some(ClientError::JobEnded(job)) = error.downcast_ref() {
+            output::put("job", output::message(&**job));
+        }
         output::error(format_args!("{error:#}"));
     }
     output::finish();

@@ -9,6 +9,9 @@ use clap::{Args, Subcommand};
 use yoto_proto::tiers;
 use yoto_proto::v1::{Model, Subject, subject};
 
+/// Variant with one person per model.
+const SINGLE: &str = "humannerf";
+
 const CREATE_HELP: &str = "\
 Examples:
   yoto model create duo --subjects ada,bob
@@ -206,12 +209,17 @@ pub(super) async fn create_with(
         .any(|model| model.display_name == name)
     {
         return Err(ClientError::Name(format!(
-            "there is a model called '{name}' already: `yoto model add-person {name} {}` adds a \
-             person to it, `yoto train {name}` continues its training",
-            subjects.first().map_or("NAME", String::as_str)
+            "there is a model called '{name}' already: `yoto train {name}` continues its training, \
+             `yoto model add-person {name} PERSON` adds a person to it"
         )));
     }
-    let mut people = Vec::new();
+    let mut people: Vec<Subject> = Vec::new();
+    if shape.variant == SINGLE && subjects.len() > 1 {
+        return Err(ClientError::Name(format!(
+            "a model of the variant {SINGLE} has one person, not {}",
+            subjects.len()
+        )));
+    }
     for subject in subjects {
         let person = client.find_subject(subject).await?;
         if person.state() != subject::State::Ready {
@@ -219,6 +227,9 @@ pub(super) async fn create_with(
                 "{subject} is {}: only a person whose capture is READY can be trained",
                 person.state().as_str_name()
             )));
+        }
+        if people.iter().any(|known| known.name == person.name) {
+            return Err(ClientError::Name(format!("{subject} is named twice")));
         }
         people.push(person);
     }

@@ -7,7 +7,7 @@ use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
 use crate::output;
-use crate::progress::ProgressDisplay;
+use crate::progress::{ProgressDisplay, count};
 use anyhow::Context;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
@@ -167,7 +167,11 @@ impl Render {
         let objects = client.list_objects(&job.name).await?;
         let paths = client.fetch_objects(&objects, out, &mut |_| ()).await?;
         self.folder.remove_others(is_rendered, &paths)?;
-        display.finish(&format!("{} files in {}", paths.len(), out.display()));
+        display.finish(&format!(
+            "{} in {}",
+            count(paths.len(), "file"),
+            out.display()
+        ));
         if let Some(choice) = &choice {
             tell!("{}", kept(choice));
             if let Some(over) = self

@@ -134,6 +134,10 @@ impl Add {
         // One whom a capture belongs to, rather than a name that somebody only made.
         named.sort_by_key(|it| it.captures.is_empty());
         match named.into_iter().next() {
+            None if self.again => anyhow::bail!(
+                "there is no person called '{}' to upload another capture of",
+                self.name
+            ),
             None => Ok(client.create_subject(&self.name, &self.consent).await?),
             Some(subject) => {
                 let state = subject.state();

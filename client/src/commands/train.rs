@@ -8,6 +8,7 @@ use super::waiting::follow_new;
 use super::{model, table};
 use crate::output;
 use crate::progress::{ProgressDisplay, duration};
+use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
@@ -77,6 +78,10 @@ pub(super) struct Train {
 impl Train {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
+        if let Some(dir) = &self.preview {
+            std::fs::create_dir_all(dir)
+                .with_context(|| format!("making the folder {}", dir.display()))?;
+        }
         let model = if self.subjects.is_empty() {
             client.find_model(&self.model).await?
         } else {
@@ -117,7 +122,8 @@ impl Train {
         }
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Train(result)) => {
-                display.finish(&summary(&result));
+                display.clear();
+                say!("{}", summary(&result));
                 for note in &result.notes {
                     say!("{note}");
                 }

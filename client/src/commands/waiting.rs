@@ -2,6 +2,7 @@
 
 use super::titles::{Titles, kind};
 use crate::api::{ClientError, JobChange, YotoClient};
+use crate::output;
 use crate::progress::{ProgressDisplay, duration};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -100,6 +101,10 @@ async fn follow(
             Ok(()) = pressed.changed() => {
                 let count = *pressed.borrow_and_update();
                 if count > 1 || warned {
+                    if let Some(job) = &last {
+                        output::put("job", output::message(job));
+                    }
+                    output::finish();
                     std::process::exit(INTERRUPTED);
                 }
                 warned = true;

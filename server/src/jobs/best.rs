@@ -1,16 +1,15 @@
 //! The checkpoint that renders and evaluations use: the best of those that can be compared.
 
-use std::cmp::Ordering;
 use yoto_proto::v1::Checkpoint;
 
-/// By how much another checkpoint must be better than the newest, dB: a few held-out frames measure
-/// no more exactly.
+/// By how much a checkpoint must be better than a newer one, dB: a few held-out frames measure no more
+/// exactly.
 const CLEARLY: f64 = 0.1;
 
 /// `checkpoints`, newest first, in the order in which they should be used: the best one by held-out
-/// PSNR among those that know the same people and learned from pictures of the same size as the
-/// newest, if it is clearly better; then the others, newest first, in case it is damaged. Training on
-/// can lose quality, and the PSNR of other people or sizes says nothing.
+/// PSNR among those that learned from the same captures of the same people at the same size as the
+/// newest, and of nearly equal ones the newest; then the others, newest first, in case it is damaged.
+/// Training on can lose quality, and the PSNR on other pictures says nothing.
 pub fn best_first(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     if let Some(best) = best(&checkpoints) {
         let best = checkpoints.remove(best);
@@ -26,17 +25,18 @@ fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     if newest.slots.is_empty() {
         return Some(0);
     }
-    let alike = |it: &Checkpoint| (&it.slots, it.image_size) == (&newest.slots, newest.image_size);
+    let learned = |it: &Checkpoint| (it.slots.clone(), it.image_size, it.shards.clone());
+    let alike = |it: &Checkpoint| learned(it) == learned(newest);
     let measured = checkpoints.iter().enumerate();
     let measured = measured.filter(|(_, it)| alike(it));
     let measured = measured.filter_map(|(place, it)| Some((place, it.psnr?)));
-    // Of equal ones the newest.
-    let best = measured.max_by(|(a, x), (b, y)| match x.total_cmp(y) {
-        Ordering::Equal => b.cmp(a),
-        order => order,
-    });
-    let clearly = |(_, psnr): &(usize, f64)| newest.psnr.is_none_or(|it| *psnr >= it + CLEARLY);
-    Some(best.filter(clearly).map_or(0, |(place, _)| place))
+    let measured: Vec<(usize, f64)> = measured.collect();
+    let best = measured
+        .iter()
+        .map(|(_, psnr)| *psnr)
+        .fold(f64::MIN, f64::max);
+    let nearly = |(_, psnr): &&(usize, f64)| *psnr > best - CLEARLY;
+    Some(measured.iter().find(nearly).map_or(0, |(place, _)| *place))
 }
 
 #[cfg(test)]
@@ -81,6 +81,17 @@ mod tests {
             checkpoint(1, Some(30.05), &both, 128),
         ];
         assert_eq!(used(&hardly), [2, 1]);
+        // Each is hardly worse than the one before it, the newest clearly worse than the best.
+        let falling = [
+            checkpoint(3, Some(29.85), &both, 128),
+            checkpoint(2, Some(29.95), &both, 128),
+            checkpoint(1, Some(30.0), &both, 128),
+        ];
+        assert_eq!(used(&falling), [2, 3, 1]);
+        let mut other = hardly.clone();
+        other[1].psnr = Some(35.0);
+        other[0].shards = vec!["another film".into()];
+        assert_eq!(used(&other), [2, 1], "measured on other pictures");
         let earlier = [
             checkpoint(2, Some(25.0), &[], 0),
             checkpoint(1, Some(35.0), &[], 0),

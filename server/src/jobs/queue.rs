@@ -109,6 +109,17 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
         Some(What::Views(_)) | None => {}
     }
     let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
+    let slot = model.slots.iter().find(|it| it.subject == render.subject);
+    if let Some(slot) = slot
+        && !used.slots.is_empty()
+        && !used.slots.contains(&slot.slot)
+    {
+        let message = format!(
+            "step {} of {} was trained before {} joined the model: train it again",
+            used.step, model.display_name, shard.display_name
+        );
+        return Err(RequestError::precondition("NOT_TRAINED", message));
+    }
     if render.quality.is_some() && used.tradeoff.is_none() {
         let message = format!(
             "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \

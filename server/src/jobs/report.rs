@@ -70,6 +70,10 @@ pub async fn publish(
         let message = format!("{slots:?} are not rising slots of {}", train.model);
         return Err(RequestError::invalid("checkpoint.slots", message));
     }
+    if !checkpoint.shards.iter().all(|sha256| is_sha256(sha256)) {
+        let message = "has something else than a SHA-256 in lower-case hex";
+        return Err(RequestError::invalid("checkpoint.shards", message));
+    }
     let folder = keys::checkpoint(model_id, &lease.job_id, lease.token, step);
     let in_folder = |key: &str| key.starts_with(&format!("{folder}/"));
     require(

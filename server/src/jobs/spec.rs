@@ -17,6 +17,8 @@ use yoto_proto::{
 const MAX_SPEC_BYTES: usize = 8 << 20;
 /// Longest side of a rendered picture, pixels.
 const MAX_RENDER_SIDE: u32 = 4096;
+/// Shortest side of training images and of rendered pictures, pixels.
+const MIN_SIDE: u32 = 8;
 /// Shortest side for SSIM, pixels.
 const MIN_EVALUATE_SIDE: u32 = 16;
 /// Most pictures of one render job.
@@ -62,9 +64,12 @@ pub fn check_train(train: &TrainSpec) -> Checked {
         || format!("{} steps are too many", train.steps),
     )?;
     ensure(
-        train.image_size <= MAX_SIDE,
+        train.image_size == 0 || (MIN_SIDE..=MAX_SIDE).contains(&train.image_size),
         "spec.train.image_size",
-        || format!("{} is above {MAX_SIDE}", train.image_size),
+        || {
+            let size = train.image_size;
+            format!("{size} pixels: 0, or {MIN_SIDE} to {MAX_SIDE}")
+        },
     )?;
     ensure(
         train.checkpoint_seconds == 0.0
@@ -248,8 +253,8 @@ fn check_count(field: &str, count: u64) -> Checked {
 }
 
 fn check_side(field: &str, side: u32) -> Checked {
-    ensure((1..=MAX_RENDER_SIDE).contains(&side), field, || {
-        format!("{side} is not between 1 and {MAX_RENDER_SIDE} pixels")
+    ensure((MIN_SIDE..=MAX_RENDER_SIDE).contains(&side), field, || {
+        format!("{side} pixels: {MIN_SIDE} to {MAX_RENDER_SIDE} are allowed")
     })
 }
 

@@ -36,6 +36,8 @@ pub(crate) struct Saved<'a> {
     pub(crate) slots: Vec<u32>,
     /// Longest side of the training images, pixels; 0: the captures' own.
     pub(crate) image_size: u32,
+    /// SHA-256 of the shards, in the order of the slots.
+    pub(crate) shards: Vec<String>,
 }
 
 /// Downloads `wanted` of the first complete one of `checkpoints`.
@@ -189,6 +191,7 @@ pub(crate) fn publish(
         psnr: saved.psnr,
         slots: saved.slots.clone(),
         image_size: saved.image_size,
+        shards: saved.shards.clone(),
         ..Checkpoint::default()
     })?;
     Ok(manifest.bytes())

@@ -43,17 +43,25 @@ pub fn run(
         .map_err(|error| JobFailure::failed("LPIPS", "loading the weights of LPIPS", &error))?;
     let knows = |slot: &IdentitySlot| renderer.skeleton(slot.slot as usize).is_some();
     let (slots, unknown): (Vec<_>, Vec<_>) = slots.into_iter().partition(|slot| knows(slot));
-    let notes = left_out(spec, inputs, &unknown)?;
+    let mut notes = left_out(spec, inputs, &unknown)?;
     let size = match spec.image_size {
         0 => found.checkpoint.image_size,
         asked => asked,
     };
     let examiner = Examiner::new(renderer, protocol, lpips);
     let mut pictures = Vec::new();
+    let mut too_short = Vec::new();
     for slot in &slots {
         context.check()?;
-        pictures.push(Pictures::fetch(context, inputs, &found, slot, size)?);
+        let fetched = Pictures::fetch(context, inputs, &found, slot, size)?;
+        match fetched.frames.is_empty() {
+            true => too_short.push(fetched.display_name),
+            false => pictures.push(fetched),
+        }
     }
+    notes.extend(without_held_out(spec, &pictures, &too_short)?);
+    let longest = |it: &Picture| it.camera.width.max(it.camera.height);
+    let size = pictures.iter().flat_map(|it| &it.frames).map(longest).max();
     let sweep = spec.tradeoff.as_ref();
     let sweep = sweep.map(|wanted| Sweep::new(context, examiner.renderer(), wanted, &pictures));
     let later = sweep.as_ref().map_or(0, Sweep::frames);
@@ -84,7 +92,7 @@ pub fn run(
         device: context.device.info.adapter.clone(),
         tradeoff,
         notes,
-        image_size: size,
+        image_size: size.unwrap_or(0),
     })
 }
 
@@ -108,6 +116,30 @@ fn left_out(
         });
     }
     Ok(notes)
+}
+
+/// Notes on the people whose captures are `too_short` to hold a frame out. It is a fault if they were
+/// asked for by name, or nobody else is left.
+fn without_held_out(
+    spec: &EvaluateSpec,
+    measured: &[Pictures],
+    too_short: &[String],
+) -> Result<Option<String>, JobFailure> {
+    if too_short.is_empty() {
+        return Ok(None);
+    }
+    let message = format!(
+        "{}: a capture of fewer than {} frames has none to hold out, so that nothing measures it",
+        too_short.join(", "),
+        HOLDOUT_EVERY / 2 + 1
+    );
+    if measured.is_empty() || !spec.subjects.is_empty() {
+        return Err(JobFailure::Failed {
+            code: "NO_HELD_OUT",
+            message,
+        });
+    }
+    Ok(Some(message))
 }
 
 /// The protocol of the request, if captures of one camera are enough for it.
@@ -167,16 +199,6 @@ impl Pictures {
         let subject = &slot.subject;
         let (display_name, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
         let frames = held_out(&shard, size)?;
-        if frames.is_empty() {
-            return Err(JobFailure::Failed {
-                code: "NO_HELD_OUT",
-                message: format!(
-                    "the capture of {display_name} has {} frames; {} are needed for one to be held out",
-                    shard.frames(),
-                    HOLDOUT_EVERY / 2 + 1
-                ),
-            });
-        }
         Ok(Self {
             slot: slot.slot as usize,
             subject: slot.subject.clone(),

@@ -17,7 +17,7 @@ use super::source::Source;
 use crate::api::ClientError;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton};
+use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton, describe};
 use yoto_proto::v1;
 
 /// Up axis of a file.
@@ -93,6 +93,14 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
     let source = Source::new(folder.unwrap_or(Path::new(".")));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let ending = path.extension().and_then(|ending| ending.to_str());
+    // A motion is no capture: its file is all that a fault has to name.
+    let named = |error| match error {
+        ClientError::BadCapture { violations, .. } => {
+            let faults: Vec<String> = violations.iter().map(describe).collect();
+            ClientError::Name(faults.join("\n"))
+        }
+        error => error,
+    };
     let motion = match ending.unwrap_or_default().to_ascii_lowercase().as_str() {
         "bvh" => bvh::read(&source, &name, options),
         "npz" => smpl::read(&source, &name, options),
@@ -101,7 +109,8 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
             let message = format!("'.{other}' is not a motion format: .bvh, .npz, .json or .pb");
             Err(source.fault("UNREADABLE", &name, None, "", message))
         }
-    }?;
+    }
+    .map_err(named)?;
     if motion.frames.is_empty() || motion.frames.len() > MAX_FRAMES {
         let message = format!(
             "{} frames: 1 to {MAX_FRAMES} are allowed",

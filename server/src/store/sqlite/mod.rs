@@ -49,6 +49,8 @@ fn migrations() -> Migrator {
     let slots = include_str!("../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
     let frames =
         include_str!("../../../../migrations/sqlite/0006_frame_numbers.sql").into_sql_str();
+    let shards =
+        include_str!("../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -60,6 +62,7 @@ fn migrations() -> Migrator {
         step(4, "retries", retries, false),
         step(5, "trained slots", slots, false),
         step(6, "frame numbers", frames, false),
+        step(7, "checkpoint shards", shards, false),
     ])
 }
 

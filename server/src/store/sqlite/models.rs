@@ -199,6 +199,12 @@ pub async fn add_identity(
     })
 }
 
+/// The parts of a column that are separated by commas; none of NULL.
+fn split(text: Option<String>) -> Vec<String> {
+    let parts = text.iter().flat_map(|text| text.split(','));
+    parts.map(str::to_owned).collect()
+}
+
 /// Takes a subject's slot away, which no checkpoint knows yet. Its number is not used again.
 pub async fn remove_identity(
     conn: &mut SqliteConnection,
@@ -275,6 +281,7 @@ pub async fn checkpoints(
                 tradeoff: row.object("tradeoff_key", "tradeoff_bytes", "tradeoff_sha256")?,
                 slots: trained_slots(row)?,
                 image_size: row.maybe_number("image_size")?.unwrap_or_default(),
+                shards: split(row.maybe_text("shards")?),
                 best: false,
             })
         })
@@ -324,8 +331,8 @@ pub async fn record_checkpoint(
     sqlx::query(
         "INSERT OR REPLACE INTO checkpoints
              (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr, slots,
-              image_size)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
+              image_size, shards)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
     )
     .bind(model_id)
     .bind(integer("checkpoint.step", checkpoint.step)?)
@@ -337,6 +344,7 @@ pub async fn record_checkpoint(
     .bind(checkpoint.psnr)
     .bind((!slots.is_empty()).then_some(slots))
     .bind(checkpoint.image_size)
+    .bind((!checkpoint.shards.is_empty()).then(|| checkpoint.shards.join(",")))
     .execute(conn)
     .await
     .during("recording a checkpoint")?;

@@ -1,7 +1,7 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use super::checkpoint::{self, ModelState};
-use super::options::Budget;
+use super::options::{Budget, Validation};
 use super::refinement_file;
 use super::trainer::Trainer;
 use super::{TrainError, TrainProgress};
@@ -47,7 +47,23 @@ impl Trainer {
 
     /// Whose poses are refined and why, and what became of single frames, for people.
     pub fn notes(&self) -> Vec<String> {
-        [self.progress.notes.clone(), self.doubts()].concat()
+        let all = Validation::NONE == self.options.validation;
+        let unmeasured = self
+            .subjects
+            .iter()
+            .filter(|it| !all && it.held_out.is_empty());
+        let unmeasured = unmeasured.map(|it| {
+            format!(
+                "{}: too few frames to hold one out, so that nothing measures this person",
+                it.name
+            )
+        });
+        [
+            self.progress.notes.clone(),
+            self.doubts(),
+            unmeasured.collect(),
+        ]
+        .concat()
     }
 
     /// Parts that take part only from some moment of a run on, and do now.

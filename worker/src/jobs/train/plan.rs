@@ -27,6 +27,8 @@ pub(super) struct Plan {
     pub(super) checkpoint_every: Duration,
     /// Longest side of the training images, pixels; 0: the captures' own.
     image_size: u32,
+    /// SHA-256 of the shards, in the order of the slots.
+    pub(super) shards: Vec<String>,
     spec: TrainSpec,
 }
 
@@ -62,7 +64,13 @@ impl Plan {
         };
         // A training that goes on keeps its size, unless the request has another.
         let before = inputs.checkpoints.first().map_or(0, |it| it.image_size);
+        let shard = |subject: &str| {
+            let entry = inputs.shards.iter().find(|it| it.subject == subject)?;
+            Some(entry.shard.as_ref()?.sha256.clone())
+        };
+        let shards = model.slots.iter().filter_map(|slot| shard(&slot.subject));
         Ok(Self {
+            shards: shards.collect(),
             model,
             image_size: match spec.image_size {
                 0 => before,

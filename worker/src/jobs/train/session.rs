@@ -161,6 +161,7 @@ impl<'a> Session<'a> {
             psnr: finite(progress.psnr).filter(|_| is_measured),
             slots: self.trainer.known_slots().map(|slot| slot as u32).collect(),
             image_size: self.plan.image_size(),
+            shards: self.plan.shards.clone(),
         };
         let bytes = publish(self.context, folder.path(), &saved)?;
         self.published = Some((progress.step, bytes));
