@@ -1,6 +1,6 @@
 //! `yoto job`: list, show, watch, fetch and cancel jobs.
 
-use super::job_list::JobList;
+use super::job_list::{JobList, span};
 use super::out_folder::OutFolder;
 use super::titles::{Titles, kind};
 use super::waiting::wait;
@@ -9,6 +9,8 @@ use crate::api::{ClientError, YotoClient};
 use crate::output;
 use crate::progress::{ProgressDisplay, describe};
 use clap::{Args, Subcommand};
+use prost_types::Timestamp;
+use std::time::SystemTime;
 use yoto_proto::pose_track;
 use yoto_proto::v1::{Job, job, job_result};
 
@@ -118,6 +120,7 @@ async fn show(which: &Which) -> anyhow::Result<()> {
     say!("job      {}", job.name);
     say!("kind     {} of {}", kind(&job), titles.of(&job));
     say!("state    {}", job.state().as_str_name());
+    say!("time     {}", times(&job));
     match job.state() {
         job::State::Succeeded => say!("result   {}", outcome(&job)),
         job::State::Running => say!("now      {}", detail(&job)),
@@ -134,6 +137,22 @@ async fn show(which: &Which) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// `queued 2h ago, ran 42s`.
+fn times(job: &Job) -> String {
+    let now = Some(SystemTime::now().into());
+    let since = |from: &Option<Timestamp>, to: &Option<Timestamp>| {
+        let seconds = |at: &Option<Timestamp>| Some(at.as_ref()?.seconds as f64);
+        seconds(from)
+            .zip(seconds(to))
+            .map(|(from, to)| span(to - from))
+    };
+    let ended = job.end_time.or(now);
+    let age = since(&job.create_time, &now).map(|age| format!("queued {age} ago"));
+    let ran = since(&job.start_time, &ended).map(|time| format!("ran {time}"));
+    let parts: Vec<String> = age.into_iter().chain(ran).collect();
+    parts.join(", ")
 }
 
 async fn watch(which: &Which) -> anyhow::Result<()> {

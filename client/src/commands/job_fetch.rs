@@ -122,7 +122,7 @@ async fn tradeoff(
 }
 
 /// Whether a trade-off has files of this name.
-fn is_of_tradeoff(name: &str) -> bool {
+pub(super) fn is_of_tradeoff(name: &str) -> bool {
     ["tradeoff.", "rendering.", "training."]
         .iter()
         .any(|start| name.starts_with(start))

@@ -213,6 +213,14 @@ impl Render {
             path.display(),
             motion.frames.len()
         );
+        let last = range.end != FrameRange::ALL.end && range.end as usize > motion.frames.len();
+        if last {
+            tell!(
+                "note: {} has {}: --range ends there",
+                path.display(),
+                count(motion.frames.len(), "frame")
+            );
+        }
         clip.camera_frame = self.start;
         clip.follow = self.follow;
         let fps = motion.fps / f64::from(range.step);

@@ -1,5 +1,7 @@
 //! `yoto tradeoff`: quality over time, in training and in rendering.
 
+use super::job_fetch::is_of_tradeoff;
+use super::out_folder::OutFolder;
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
@@ -83,9 +85,8 @@ pub(super) struct TradeoffCommand {
     /// Timed renders of each frame and setting, of which the median is used.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=32))]
     repeats: u32,
-    /// Folder for the figures and plots.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    folder: OutFolder,
     #[command(flatten)]
     lpips: super::lpips_args::LpipsArgs,
     #[command(flatten)]
@@ -94,11 +95,12 @@ pub(super) struct TradeoffCommand {
 
 impl TradeoffCommand {
     pub(super) async fn run(self) -> anyhow::Result<()> {
+        self.folder.ensure_free(is_of_tradeoff)?;
         let tradeoff = match self.model.as_ref().or(self.model_flag.as_ref()) {
             Some(name) => self.of_model(name).await?,
             None => self.of_captures()?,
         };
-        let paths = tradeoff.write(&self.out)?;
+        let paths = tradeoff.write(&self.folder.out)?;
         say!("{}", summary(&tradeoff));
         output::put("tradeoff", serde_json::to_value(&tradeoff)?);
         output::put("files", output::paths(&paths));
