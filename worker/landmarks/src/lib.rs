@@ -1,0 +1,1 @@
+//! Body landmarks and masks of pictures, by a pose model that runs in this process.

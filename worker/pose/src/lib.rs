@@ -1,0 +1,1 @@
+//! Pose tracks from key points: inverse kinematics of all frames together.
