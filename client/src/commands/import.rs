@@ -54,9 +54,25 @@ pub(super) struct ImportOptions {
     /// Camera of a rig, counted from 0 [default: 0].
     #[arg(long, value_name = "N")]
     view: Option<usize>,
-    /// File of poses inside the capture, if it has several.
-    #[arg(long, value_name = "FILE")]
+    /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
+    #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
+    /// Masks of a clip: a folder of images, or a video [default: the pose tool's, or the pose
+    /// model's].
+    #[arg(long, value_name = "PATH")]
+    masks: Option<PathBuf>,
+    /// The person, by the number or name that the files give [default: the one most seen].
+    #[arg(long, value_name = "ID")]
+    person: Option<String>,
+    /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].
+    #[arg(long, value_name = "PX")]
+    focal: Option<f64>,
+    /// Height of the person, metres, where nothing else tells sizes.
+    #[arg(long, value_name = "M")]
+    height: Option<f64>,
+    /// The pose model: a file, or the folder that deploy/models/get.sh filled.
+    #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
+    pose_model: Option<PathBuf>,
     /// Frames per second, if no file has it.
     #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
@@ -70,6 +86,10 @@ impl ImportOptions {
             || self.view.is_some()
             || self.poses.is_some()
             || self.fps.is_some()
+            || self.masks.is_some()
+            || self.person.is_some()
+            || self.focal.is_some()
+            || self.height.is_some()
     }
 
     /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
@@ -96,6 +116,11 @@ impl ImportOptions {
             poses: self.poses.clone(),
             fps: self.fps,
             frames: frames.map(range),
+            masks: self.masks.clone(),
+            person: self.person.clone(),
+            focal: self.focal,
+            height: self.height,
+            pose_model: self.pose_model.clone(),
         };
         let imported = read(format, source, &options)?;
         for note in &imported.notes {

@@ -68,6 +68,16 @@ pub struct Options {
     pub fps: Option<f64>,
     /// Frames to take, by position in the source: first, end (exclusive), step.
     pub frames: Option<(usize, usize, usize)>,
+    /// Masks of the clip: a folder of images or a video.
+    pub masks: Option<PathBuf>,
+    /// The person to take, by the name or number that the files give.
+    pub person: Option<String>,
+    /// Focal length of the clip's camera, pixels.
+    pub focal: Option<f64>,
+    /// The person's height, metres.
+    pub height: Option<f64>,
+    /// Files of the pose model: a file, or the folder that has them.
+    pub pose_model: Option<PathBuf>,
 }
 
 impl Options {

@@ -1,0 +1,53 @@
+//! Key points of one person in the pictures of one camera.
+
+/// Which body points a detector reports, and in which order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeyPointSet {
+    /// The 33 landmarks of BlazePose (MediaPipe).
+    BlazePose33,
+    /// The 17 key points of COCO: nose, eyes, ears, shoulders, elbows, wrists, hips, knees,
+    /// ankles; left before right.
+    Coco17,
+    /// The 25 points of OpenPose's `BODY_25`.
+    OpenPose25,
+    /// The 24 joints of SMPL's tree themselves.
+    Joints24,
+}
+
+impl KeyPointSet {
+    /// Points per frame.
+    pub fn points(self) -> usize {
+        match self {
+            Self::BlazePose33 => 33,
+            Self::Coco17 => 17,
+            Self::OpenPose25 => 25,
+            Self::Joints24 => 24,
+        }
+    }
+}
+
+/// Key points of one frame.
+#[derive(Clone, Debug, Default)]
+pub struct FrameKeyPoints {
+    /// The frame's number.
+    pub index: u32,
+    /// `[N, 3]`: x and y in pixels from the picture's corner, confidence from 0 to 1. Points that
+    /// were not seen have confidence 0.
+    pub picture: Vec<[f64; 3]>,
+    /// `[N, 3]`, metres from any origin, in the camera's axes (x right, y down, z forward), if the
+    /// detector guesses depth. Empty otherwise.
+    pub space: Vec<[f64; 3]>,
+}
+
+/// Key points of one person in a clip.
+#[derive(Clone, Debug)]
+pub struct KeyPoints {
+    /// The points' meaning.
+    pub set: KeyPointSet,
+    /// Width and height of the pictures, pixels.
+    pub image_size: [u32; 2],
+    /// Frames per second.
+    pub fps: f64,
+    /// Frames in which the person was seen, in order of their numbers.
+    pub frames: Vec<FrameKeyPoints>,
+}
