@@ -10,7 +10,8 @@
 //! - [`commands`]: the command line.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
-//! (`embedded`), run the demo (`demo`), and run the experiments of `yoto_lab`.
+//! (`embedded`, `studio`), run the demo (`demo`), make one person's avatar (`avatar`), and run the
+//! experiments of `yoto_lab`.
 
 #[macro_use]
 pub mod output;
@@ -24,8 +25,12 @@ pub mod import;
 pub mod progress;
 
 #[cfg(feature = "embedded")]
+pub mod avatar;
+#[cfg(feature = "embedded")]
 pub mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
 mod npz;
+#[cfg(feature = "embedded")]
+pub mod studio;

@@ -92,16 +92,8 @@ impl ImportOptions {
             || self.height.is_some()
     }
 
-    /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
-    /// showing the progress.
-    pub(super) fn import(
-        &self,
-        format: Format,
-        source: &Path,
-        out: &Path,
-        form: TrackForm,
-        frames: Option<FrameRange>,
-    ) -> anyhow::Result<()> {
+    /// These inputs and `frames`, by position, for an importer.
+    pub(super) fn options(&self, frames: Option<FrameRange>) -> Options {
         let range = |range: FrameRange| {
             (
                 range.first as usize,
@@ -109,7 +101,7 @@ impl ImportOptions {
                 range.step as usize,
             )
         };
-        let options = Options {
+        Options {
             body_model: self.smpl.clone(),
             rest_joints: self.rest_joints.clone(),
             camera: self.view,
@@ -121,7 +113,20 @@ impl ImportOptions {
             focal: self.focal,
             height: self.height,
             pose_model: self.pose_model.clone(),
-        };
+        }
+    }
+
+    /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
+    /// showing the progress.
+    pub(super) fn import(
+        &self,
+        format: Format,
+        source: &Path,
+        out: &Path,
+        form: TrackForm,
+        frames: Option<FrameRange>,
+    ) -> anyhow::Result<()> {
+        let options = self.options(frames);
         let imported = read(format, source, &options)?;
         for note in &imported.notes {
             tell!("note: {note}");

@@ -53,6 +53,16 @@ impl MotionArgs {
         self.joint_map.is_some() || self.up.is_some()
     }
 
+    /// Options with a joint map alone.
+    #[cfg(feature = "embedded")]
+    pub(super) fn of_map(joint_map: Option<PathBuf>) -> Self {
+        Self {
+            joint_map,
+            smpl: None,
+            up: None,
+        }
+    }
+
     /// Reads a motion and prints its assumptions.
     pub(super) fn read(&self, file: &Path) -> anyhow::Result<Motion> {
         let options = MotionOptions {

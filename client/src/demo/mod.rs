@@ -9,21 +9,22 @@ mod score;
 mod sheet;
 
 use crate::api::YotoClient;
-use crate::embedded::{Embedded, EmbeddedOptions};
-use crate::progress::{ProgressDisplay, duration};
-use anyhow::{Context, bail, ensure};
+use crate::progress::duration;
+use crate::studio::service::with_service;
+use crate::studio::shots::Shots;
+use crate::studio::training::train;
+use crate::studio::{folder, person};
+use anyhow::Context;
 use people::Actor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_lab::report::{Report, Settings};
-use yoto_proto::v1::{Model, PoseRefinement, Subject, TrainResult, TrainSpec, job_result};
+use yoto_proto::v1::{PoseRefinement, TrainSpec};
 
 /// Quality tier and variant of the demo's model.
 const TIER: &str = "fast";
 const VARIANT: &str = "yoto";
-/// Marks a folder of a demo, which the next demo may replace.
-const MARKER: &str = "made-by-yoto-demo";
 
 /// What to show.
 #[derive(Debug, Clone)]
@@ -79,7 +80,7 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
 pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
-    let data = fresh_service_folder(&options.out)?;
+    let data = folder::fresh(&options.out, "service", "demo")?;
     tell!(
         "filming {subjects} {} at {size}x{size}",
         if subjects == 1 { "person" } else { "people" }
@@ -88,35 +89,10 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     for actor in &actors {
         actor.write_capture(&capture_folder(&options.out, &actor.name))?;
     }
-
-    let mut service = Embedded::start(EmbeddedOptions {
-        data,
-        listen: None,
-        worker: true,
-        ingest: yoto_ingest::IngestSettings::default(),
-        lpips: options.lpips.clone(),
+    let report = with_service(data, options.lpips.clone(), async |client| {
+        drive(client, options, &actors).await
     })
-    .await
-    .context("starting the embedded service")?;
-    tell!("computing on {}", service.device());
-    if let Some(hint) = yoto_device::hint_on_cpu() {
-        tell!("{hint}");
-    }
-    let client = service.client();
-    let outcome = tokio::select! {
-        outcome = drive(&client, options, &actors) => outcome,
-        failed = service.failed() => Err(failed.into()),
-        interrupted = tokio::signal::ctrl_c() => {
-            interrupted?;
-            Err(anyhow::anyhow!("interrupted"))
-        }
-    };
-    let stopped = service
-        .shutdown()
-        .await
-        .context("stopping the embedded service");
-    let report = outcome?;
-    stopped?;
+    .await?;
     let path = options.out.join("report.json");
     report
         .write(&path)
@@ -133,17 +109,33 @@ async fn drive(
 ) -> anyhow::Result<Report> {
     let mut subjects = Vec::new();
     for actor in actors {
-        subjects.push(upload(client, &options.out, actor).await?);
+        let folder = capture_folder(&options.out, &actor.name);
+        let consent = "synthetic person of yoto demo";
+        subjects.push(person::upload(client, &actor.name, consent, &folder).await?);
     }
     let model = client.create_model("demo", TIER, VARIANT).await?;
     for subject in &subjects {
         client.add_identity(&model.name, &subject.name).await?;
     }
-    let trained = train(client, &model, options).await?;
+    let trained = train(
+        client,
+        TrainSpec {
+            model: model.name.clone(),
+            seconds: options.seconds,
+            steps: 0,
+            seed: options.seed,
+            image_size: options.size,
+            checkpoint_seconds: 0.0,
+            refine_poses: PoseRefinement::Unspecified.into(),
+        },
+    )
+    .await?;
 
     let studio = render::Studio {
-        client,
-        model: &model,
+        shots: Shots {
+            client,
+            model: &model,
+        },
         out: &options.out,
         size: options.size,
     };
@@ -173,104 +165,6 @@ async fn drive(
     Ok(score::report(scores, &renders, trained, settings))
 }
 
-/// Adds one person and waits until their capture is ready.
-async fn upload(client: &YotoClient, out: &Path, actor: &Actor) -> anyhow::Result<Subject> {
-    let capture = crate::capture_dir::CaptureDir::open(&capture_folder(out, &actor.name))?;
-    let subject = client
-        .create_subject(&actor.name, "synthetic person of yoto demo")
-        .await?;
-    let mut display = ProgressDisplay::new(actor.name.clone());
-    let (mut sent, total, frames) = (0, capture.bytes, capture.frames());
-    let uploaded = client
-        .upload_capture(&subject.name, capture.files, |bytes| {
-            sent += bytes;
-            display.bytes(sent, total);
-        })
-        .await?;
-    let job = client
-        .wait_for_job(&uploaded.ingest_job, |job| display.job(job))
-        .await;
-    job.with_context(|| format!("ingesting the capture of {}", actor.name))?;
-    display.finish(&format!("{} frames uploaded and ingested", frames));
-    Ok(subject)
-}
-
-async fn train(
-    client: &YotoClient,
-    model: &Model,
-    options: &DemoOptions,
-) -> anyhow::Result<TrainResult> {
-    let spec = TrainSpec {
-        model: model.name.clone(),
-        seconds: options.seconds,
-        steps: 0,
-        seed: options.seed,
-        image_size: options.size,
-        checkpoint_seconds: 0.0,
-        refine_poses: PoseRefinement::Unspecified.into(),
-    };
-    let job = client.train(spec).await?;
-    let mut display = ProgressDisplay::new("training");
-    let job = client
-        .wait_for_job(&job.name, |job| display.job(job))
-        .await?;
-    match job.result.and_then(|result| result.kind) {
-        Some(job_result::Kind::Train(result)) => {
-            display.finish(&format!(
-                "{} steps in {}",
-                result.steps,
-                duration(result.train_seconds)
-            ));
-            Ok(result)
-        }
-        _ => bail!("{} succeeded without a training result", job.name),
-    }
-}
-
 fn capture_folder(out: &Path, name: &str) -> PathBuf {
     out.join("captures").join(name)
-}
-
-/// An empty folder for the service. The folder of an earlier demo is replaced; any other folder
-/// is not changed.
-fn fresh_service_folder(out: &Path) -> anyhow::Result<PathBuf> {
-    let folder = out.join("service");
-    if folder.exists() {
-        ensure!(
-            folder.join(MARKER).is_file(),
-            "{} exists and was not made by an earlier demo; move it away or choose another --out",
-            folder.display()
-        );
-        std::fs::remove_dir_all(&folder)
-            .with_context(|| format!("removing {}", folder.display()))?;
-    }
-    std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
-    let marker = folder.join(MARKER);
-    std::fs::write(&marker, "The next yoto demo replaces this folder.\n")
-        .with_context(|| format!("writing {}", marker.display()))?;
-    Ok(folder)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_a_demos_own_folder_is_replaced() {
-        let out = tempfile::tempdir().expect("temporary folder");
-        let folder = fresh_service_folder(out.path()).expect("makes one");
-        let old = folder.join("old");
-        std::fs::write(&old, b"x").expect("writes");
-        fresh_service_folder(out.path()).expect("replaces its own");
-        assert!(!old.exists());
-
-        std::fs::remove_file(folder.join(MARKER)).expect("removes");
-        std::fs::write(&old, b"x").expect("writes");
-        let error = fresh_service_folder(out.path()).expect_err("not its own");
-        assert!(
-            error.to_string().contains("not made by an earlier demo"),
-            "{error}"
-        );
-        assert!(old.exists());
-    }
 }

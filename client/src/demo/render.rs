@@ -1,16 +1,12 @@
 //! The demo's render jobs, and the paths of their files.
 
 use super::people::{Actor, HeldOut};
-use crate::api::YotoClient;
-use crate::progress::ProgressDisplay;
-use anyhow::{Context, bail, ensure};
+use crate::studio::shots::{Shot, Shots};
+use anyhow::ensure;
 use image::RgbImage;
 use std::path::{Path, PathBuf};
 use yoto_lab::pictures;
-use yoto_proto::v1::{
-    BodyPose, Job, Model, MotionTransfer, Orbit, RenderSpec, Subject, View, ViewList, job_result,
-    render_spec,
-};
+use yoto_proto::v1::{BodyPose, MotionTransfer, Orbit, Subject, View, ViewList, render_spec};
 
 /// Views of an orbit.
 const ORBIT_VIEWS: u32 = 24;
@@ -22,14 +18,11 @@ pub(super) const MOTION_STEP: u32 = 2;
 const MOTION_FRAMES: u32 = 30;
 /// Frames per second of animations: the orbit goes around in two seconds.
 const FPS: f32 = 12.0;
-/// Name of a render job's animation.
-const ANIMATION: &str = "animation.png";
 
 /// Renders with one trained model, into one folder.
 #[derive(Debug)]
 pub(super) struct Studio<'a> {
-    pub client: &'a YotoClient,
-    pub model: &'a Model,
+    pub shots: Shots<'a>,
     pub out: &'a Path,
     pub size: u32,
 }
@@ -40,12 +33,6 @@ pub(super) struct HeldOutRenders {
     pub novel_view: Vec<RgbImage>,
     pub novel_pose: Vec<RgbImage>,
     pub seconds_per_frame: f64,
-}
-
-struct Finished {
-    job: Job,
-    frames: Vec<PathBuf>,
-    seconds_per_frame: f64,
 }
 
 impl Studio<'_> {
@@ -64,13 +51,14 @@ impl Studio<'_> {
         let what = render_spec::What::Views(ViewList { views });
         let folder = self.out.join(format!("held-out-{}", actor.name));
         let finished = self
-            .render(
-                &format!("{}, held out", actor.name),
+            .shots
+            .render(Shot {
+                label: format!("{}, held out", actor.name),
                 subject,
                 what,
-                &folder,
-                None,
-            )
+                folder,
+                animation: None,
+            })
             .await?;
         let expected = actor.novel_view.len() + actor.novel_pose.len();
         let (found, name) = (finished.frames.len(), &finished.job.name);
@@ -97,15 +85,15 @@ impl Studio<'_> {
         });
         let stem = format!("orbit-{}", actor.name);
         let animation = self.out.join(format!("{stem}-animation.png"));
-        let label = format!("{}, orbit", actor.name);
-        self.render(
-            &label,
-            subject,
-            what,
-            &self.out.join(&stem),
-            Some(&animation),
-        )
-        .await?;
+        self.shots
+            .render(Shot {
+                label: format!("{}, orbit", actor.name),
+                subject,
+                what,
+                folder: self.out.join(&stem),
+                animation: Some((animation, FPS)),
+            })
+            .await?;
         Ok(())
     }
 
@@ -123,76 +111,18 @@ impl Studio<'_> {
             size: self.size,
             follow: false,
         });
-        let label = format!("{} moves {}", moves.display_name, wears.display_name);
         let animation = self.out.join("motion-transfer.png");
         let finished = self
-            .render(
-                &label,
-                wears,
+            .shots
+            .render(Shot {
+                label: format!("{} moves {}", moves.display_name, wears.display_name),
+                subject: wears,
                 what,
-                &self.out.join("motion-transfer"),
-                Some(&animation),
-            )
+                folder: self.out.join("motion-transfer"),
+                animation: Some((animation, FPS)),
+            })
             .await?;
         read_all(&finished.frames)
-    }
-
-    /// Runs one render job and fetches its files; the animation, if requested, has its own
-    /// path.
-    async fn render(
-        &self,
-        label: &str,
-        subject: &Subject,
-        what: render_spec::What,
-        folder: &Path,
-        animation: Option<&Path>,
-    ) -> anyhow::Result<Finished> {
-        let spec = RenderSpec {
-            model: self.model.name.clone(),
-            subject: subject.name.clone(),
-            what: Some(what),
-            background: Vec::new(),
-            animate: animation.is_some(),
-            fps: FPS,
-            quality: None,
-            checkpoint: String::new(),
-            transparent: false,
-        };
-        let queued = self.client.create_render(spec).await?;
-        let mut display = ProgressDisplay::new(label);
-        let job = self
-            .client
-            .wait_for_job(&queued.name, |job| display.job(job))
-            .await?;
-        let Some(job_result::Kind::Render(result)) =
-            job.result.as_ref().and_then(|result| result.kind.as_ref())
-        else {
-            bail!("{} succeeded without a render result", job.name);
-        };
-        let seconds_per_frame = result.seconds_per_frame;
-        let objects = self.client.list_objects(&job.name).await?;
-        let mut frames = self
-            .client
-            .fetch_objects(&objects, folder, &mut |_| ())
-            .await?;
-        if let Some(target) = animation {
-            let is_animation =
-                |path: &PathBuf| path.file_name().is_some_and(|name| name == ANIMATION);
-            let index = frames.iter().position(is_animation);
-            let source =
-                frames.remove(index.with_context(|| format!("{} made no {ANIMATION}", job.name))?);
-            std::fs::rename(&source, target)
-                .with_context(|| format!("writing {}", target.display()))?;
-        }
-        display.finish(&format!(
-            "{} pictures, {seconds_per_frame:.2} s each",
-            frames.len()
-        ));
-        Ok(Finished {
-            job,
-            frames,
-            seconds_per_frame,
-        })
     }
 }
 

@@ -1,0 +1,85 @@
+//! The clip as a capture folder, and its check before anything is trained.
+
+use super::AvatarOptions;
+use crate::capture_check;
+use crate::capture_dir::CaptureOptions;
+use crate::import::{self, TrackForm};
+use crate::progress::{ProgressDisplay, count};
+use anyhow::{Context, ensure};
+use image::ImageFormat;
+use std::path::Path;
+use std::time::Instant;
+use yoto_capture::check::Report;
+
+/// An imported clip.
+pub(super) struct Captured {
+    pub notes: Vec<String>,
+    /// Numbers of the frames with the person.
+    pub frames: Vec<u32>,
+    pub image_size: [u32; 2],
+    pub fps: f64,
+    pub seconds: f64,
+}
+
+/// Writes the clip as a capture to `folder`.
+pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<Captured> {
+    let started = Instant::now();
+    let imported = import::read(options.format, &options.source, &options.import)?;
+    for note in &imported.notes {
+        tell!("note: {note}");
+    }
+    let mut display = ProgressDisplay::new("import");
+    let bytes = import::write(&imported, folder, TrackForm::Json, |done, of, bytes| {
+        display.frames(done, of, bytes);
+    })?;
+    let track = &imported.track;
+    let [width, height] = track.image_size;
+    display.finish(&format!(
+        "{} of {width}x{height}, {:.1} MB",
+        count(track.frames.len(), "frame"),
+        bytes as f64 / 1e6
+    ));
+    Ok(Captured {
+        notes: imported.notes,
+        frames: track.frames.iter().map(|frame| frame.index).collect(),
+        image_size: track.image_size,
+        fps: track.fps,
+        seconds: started.elapsed().as_secs_f64(),
+    })
+}
+
+/// A check with the time that it took.
+pub(super) struct Checked {
+    pub report: Report,
+    pub seconds: f64,
+}
+
+/// Checks the capture in `folder` and writes report and sheet to `out`.
+///
+/// # Errors
+/// When a measure fails, unless `despite` that the training is wanted.
+pub(super) fn check(folder: &Path, out: &Path, despite: bool) -> anyhow::Result<Checked> {
+    let started = Instant::now();
+    let checked = capture_check::check(folder, &CaptureOptions::default(), None)?;
+    let report = out.join("report.json");
+    let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;
+    std::fs::write(&report, json).with_context(|| format!("writing {}", report.display()))?;
+    let sheet = out.join("sheet.png");
+    checked
+        .sheet()?
+        .save_with_format(&sheet, ImageFormat::Png)
+        .with_context(|| format!("writing {}", sheet.display()))?;
+    tell!("{}", checked.text().trim_end());
+    tell!("sheet: {}", sheet.display());
+    let failed = checked.failed();
+    ensure!(
+        failed == 0 || despite,
+        "{} of the capture failed: mend what is named above, or train all the same \
+         (--despite-check)",
+        count(failed, "measure")
+    );
+    Ok(Checked {
+        report: checked.report,
+        seconds: started.elapsed().as_secs_f64(),
+    })
+}

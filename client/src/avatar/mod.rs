@@ -1,0 +1,143 @@
+//! One person's avatar from one clip: everything between a video and a page, in one call.
+//!
+//! ```text
+//! clip ─ capture (import, check) ─► service: upload, train ─► pictures (orbit, motion) ─► page
+//! ```
+//!
+//! Everything after the check goes through the API of a service of its own, as in the demo.
+
+mod capture;
+mod motion;
+mod page;
+mod report;
+
+pub use report::Report;
+
+use crate::import::{Format, Options, motion::Motion};
+use crate::progress::duration;
+use crate::studio::service::with_service;
+use crate::studio::shots::{Shot, Shots};
+use crate::studio::training::train;
+use crate::studio::{folder, person};
+use anyhow::Context;
+use std::path::PathBuf;
+use std::time::Instant;
+use yoto_proto::v1::{Orbit, PoseRefinement, TrainSpec, render_spec};
+
+/// Name of this command, on the folders that it may replace.
+const MAKER: &str = "avatar";
+/// Quality tier and variant of the model.
+const TIER: &str = "fast";
+const VARIANT: &str = "yoto";
+/// Views of the orbit.
+const ORBIT_VIEWS: u32 = 24;
+/// Frames per second of the orbit's animation: it goes around in two seconds.
+const ORBIT_FPS: f32 = 12.0;
+
+/// What to make an avatar of, and how.
+#[derive(Debug)]
+pub struct AvatarOptions {
+    /// The clip, or a capture.
+    pub source: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// Inputs of the import.
+    pub import: Options,
+    /// Name of the person.
+    pub name: String,
+    /// Folder for everything.
+    pub out: PathBuf,
+    /// Longest side of training images and renders, pixels.
+    pub size: u32,
+    /// Seconds of training.
+    pub seconds: f64,
+    /// Random seed.
+    pub seed: u64,
+    /// Whose poses to refine.
+    pub refine_poses: PoseRefinement,
+    /// Motion to render, in place of one of this program's own.
+    pub motion: Option<Motion>,
+    /// Train even when the check fails.
+    pub despite_check: bool,
+}
+
+/// Makes the avatar: `index.html`, `report.json` and what they show, in the folder of the options.
+///
+/// # Errors
+/// The first failure; a capture whose check fails is one, unless the options say otherwise.
+pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
+    let started = Instant::now();
+    let out = &options.out;
+    let folder = folder::fresh(out, "capture", MAKER)?;
+    let checks = folder::fresh(out, "check", MAKER)?;
+    let pictures = folder::fresh(out, "pictures", MAKER)?;
+    let data = folder::fresh(out, "service", MAKER)?;
+
+    let (captured, refused) = tokio::task::block_in_place(|| {
+        let captured = capture::import(options, &folder)?;
+        let refused = capture::check(&folder, &checks, options.despite_check)?;
+        anyhow::Ok((captured, refused))
+    })?;
+    let mut report = Report::new(options, captured, refused);
+    let made = with_service(data, None, async |client| {
+        let consent = "made by `yoto avatar` on the user's own machine";
+        let subject = person::upload(client, &options.name, consent, &folder).await?;
+        let model = client.create_model(&options.name, TIER, VARIANT).await?;
+        client.add_identity(&model.name, &subject.name).await?;
+        let trained = train(
+            client,
+            TrainSpec {
+                model: model.name.clone(),
+                seconds: options.seconds,
+                steps: 0,
+                seed: options.seed,
+                image_size: options.size,
+                checkpoint_seconds: 0.0,
+                refine_poses: options.refine_poses.into(),
+            },
+        )
+        .await?;
+        for note in &trained.notes {
+            tell!("note: {note}");
+        }
+        let shots = Shots {
+            client,
+            model: &model,
+        };
+        let orbit = shots
+            .render(Shot {
+                label: "orbit".into(),
+                subject: &subject,
+                what: render_spec::What::Orbit(Orbit {
+                    frame: report.orbit_frame,
+                    views: ORBIT_VIEWS,
+                    size: options.size,
+                }),
+                folder: pictures.join("orbit"),
+                animation: Some((out.join("orbit.png"), ORBIT_FPS)),
+            })
+            .await?;
+        let (clip, fps) = motion::clip(options.motion.as_ref(), options.size)?;
+        let moved = shots
+            .render(Shot {
+                label: "motion".into(),
+                subject: &subject,
+                what: render_spec::What::Clip(clip),
+                folder: pictures.join("motion"),
+                animation: Some((out.join("motion.png"), fps)),
+            })
+            .await?;
+        Ok((trained, orbit, moved))
+    })
+    .await?;
+    let (trained, orbit, moved) = made;
+    report.trained(trained);
+    report.rendered(out, &orbit, &moved);
+    report.seconds.total = started.elapsed().as_secs_f64();
+    let path = out.join("report.json");
+    let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
+    std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
+    page::write(&out.join("index.html"), &report)?;
+    tell!("done in {}", duration(report.seconds.total));
+    Ok(report)
+}

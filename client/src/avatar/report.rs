@@ -1,0 +1,123 @@
+//! What was made of a clip, in figures.
+
+use super::AvatarOptions;
+use super::capture::{Captured, Checked};
+use crate::studio::shots::Finished;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use yoto_capture::check::Measure;
+use yoto_proto::v1::TrainResult;
+
+/// Where in the clip the pose of the orbit is, as a share of its frames: people stand at ease in
+/// the middle rather than while they walk in or out.
+const ORBIT_MOMENT: f64 = 0.4;
+
+/// What was made of a clip.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Name of the person.
+    pub name: String,
+    /// Frames with the person, and the pictures' width and height in pixels.
+    pub frames: usize,
+    /// Width and height of the clip, pixels.
+    pub image_size: [u32; 2],
+    /// Frames per second of the clip.
+    pub fps: f64,
+    /// What the import assumed and found.
+    pub notes: Vec<String>,
+    /// The check's measures.
+    pub check: Vec<Measure>,
+    /// The frame whose pose the orbit shows.
+    pub orbit_frame: u32,
+    /// Longest side of training images and renders, pixels.
+    pub size: u32,
+    /// The training; absent before it.
+    pub training: Option<Training>,
+    /// Pictures of the orbit, in order, relative to the report.
+    pub orbit: Vec<PathBuf>,
+    /// Pictures of the motion.
+    pub motion: Vec<PathBuf>,
+    /// How long everything took.
+    pub seconds: Seconds,
+}
+
+/// A training in figures.
+#[derive(Clone, Debug, Serialize)]
+pub struct Training {
+    /// Steps.
+    pub steps: u64,
+    /// PSNR on held-out frames of the clip within the person's box, dB.
+    pub psnr_box: Option<f64>,
+    /// The same over whole pictures, dB.
+    pub psnr: Option<f64>,
+    /// Number of those frames.
+    pub held_out: u32,
+    /// Weights of the model.
+    pub parameters: u64,
+    /// Where it was computed.
+    pub device: String,
+    /// Refined poses, frames that are left out.
+    pub notes: Vec<String>,
+}
+
+/// Seconds of each part.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Reading the clip and its poses.
+    pub import: f64,
+    /// The check.
+    pub check: f64,
+    /// Training.
+    pub training: f64,
+    /// One rendered picture.
+    pub per_picture: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+impl Report {
+    pub(super) fn new(options: &AvatarOptions, captured: Captured, checked: Checked) -> Self {
+        let moment = (ORBIT_MOMENT * captured.frames.len() as f64) as usize;
+        Self {
+            name: options.name.clone(),
+            frames: captured.frames.len(),
+            image_size: captured.image_size,
+            fps: captured.fps,
+            notes: captured.notes,
+            check: checked.report.measures,
+            orbit_frame: captured.frames.get(moment).copied().unwrap_or_default(),
+            size: options.size,
+            training: None,
+            orbit: Vec::new(),
+            motion: Vec::new(),
+            seconds: Seconds {
+                import: captured.seconds,
+                check: checked.seconds,
+                ..Seconds::default()
+            },
+        }
+    }
+
+    pub(super) fn trained(&mut self, result: TrainResult) {
+        self.seconds.training = result.train_seconds;
+        self.training = Some(Training {
+            steps: result.steps,
+            psnr_box: result.psnr_mask_box,
+            psnr: result.psnr,
+            held_out: result.held_out,
+            parameters: result.parameters,
+            device: result.device,
+            notes: result.notes,
+        });
+    }
+
+    pub(super) fn rendered(&mut self, out: &Path, orbit: &Finished, motion: &Finished) {
+        let relative = |path: &PathBuf| path.strip_prefix(out).unwrap_or(path).to_owned();
+        self.orbit = orbit.frames.iter().map(relative).collect();
+        self.motion = motion.frames.iter().map(relative).collect();
+        let pictures = (orbit.frames.len() + motion.frames.len()).max(1) as f64;
+        let seconds = orbit.seconds_per_frame * orbit.frames.len() as f64
+            + motion.seconds_per_frame * motion.frames.len() as f64;
+        self.seconds.per_picture = seconds / pictures;
+    }
+}

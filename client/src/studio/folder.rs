@@ -1,0 +1,57 @@
+//! Folders that a command makes anew at each run, without a loss of anybody else's files.
+
+use anyhow::{Context, ensure};
+use std::path::{Path, PathBuf};
+
+/// An empty folder `name` in `out`, marked as made by `maker` (a command). A folder of an earlier
+/// run of the same command is replaced.
+///
+/// # Errors
+/// When a folder of this name was not made by `maker`; when it can't be replaced or made.
+pub fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
+    let folder = out.join(name);
+    let marker = format!("made-by-yoto-{maker}");
+    if folder.exists() {
+        ensure!(
+            folder.join(&marker).is_file(),
+            "{} exists and was not made by an earlier `yoto {maker}`; move it away or choose another \
+             --out",
+            folder.display()
+        );
+        std::fs::remove_dir_all(&folder)
+            .with_context(|| format!("removing {}", folder.display()))?;
+    }
+    std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
+    let marker = folder.join(marker);
+    std::fs::write(
+        &marker,
+        format!("The next `yoto {maker}` replaces this folder.\n"),
+    )
+    .with_context(|| format!("writing {}", marker.display()))?;
+    Ok(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_folder_of_the_same_command_is_replaced() {
+        let out = tempfile::tempdir().expect("temporary folder");
+        let folder = fresh(out.path(), "service", "demo").expect("makes one");
+        let old = folder.join("old");
+        std::fs::write(&old, b"x").expect("writes");
+        fresh(out.path(), "service", "demo").expect("replaces its own");
+        assert!(!old.exists());
+
+        std::fs::write(&old, b"x").expect("writes");
+        let error = fresh(out.path(), "service", "avatar").expect_err("another command's");
+        assert!(
+            error
+                .to_string()
+                .contains("not made by an earlier `yoto avatar`"),
+            "{error}"
+        );
+        assert!(old.exists());
+    }
+}

@@ -1,0 +1,13 @@
+//! A client with a service of its own in one folder, from captures to pictures: what the demo and
+//! `yoto avatar` have in common. All of it goes through the API, as any client's work does.
+//!
+//! ```text
+//! folder (may it be replaced?) → service (runs while the work lasts) → person (upload, ingest)
+//!                                → training → shots (render jobs and their files)
+//! ```
+
+pub mod folder;
+pub mod person;
+pub mod service;
+pub mod shots;
+pub mod training;
