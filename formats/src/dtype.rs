@@ -41,7 +41,7 @@ impl Dtype {
     pub fn size(&self) -> Option<usize> {
         Some(match self.code.as_str() {
             "b1" | "i1" | "u1" | "?" | "b" | "B" => 1,
-            "f2" | "i2" | "u2" => 2,
+            "f2" | "i2" | "u2" | "bf2" => 2,
             "f4" | "i4" | "u4" => 4,
             "f8" | "i8" | "u8" => 8,
             text => match text.split_at_checked(1)? {
@@ -71,6 +71,8 @@ impl Dtype {
             "f8" => each(8, &f64::from_bits),
             "f4" => each(4, &|bits| f64::from(f32::from_bits(bits as u32))),
             "f2" => each(2, &|bits| half(bits as u16)),
+            // The upper half of a float, which torch calls bfloat16 and numpy lacks.
+            "bf2" => each(2, &|bits| f64::from(f32::from_bits((bits as u32) << 16))),
             "i8" => each(8, &|bits| bits as i64 as f64),
             "i4" => each(4, &|bits| f64::from(bits as u32 as i32)),
             "i2" => each(2, &|bits| f64::from(bits as u16 as i16)),

@@ -4,7 +4,9 @@
 //! of a file, and returns data or an error for any bytes. The importers of the client and of the
 //! model interpret the numbers.
 //!
-//! - [`pickle`]: Python's pickles, read without calling anything.
+//! - [`pickle`]: Python's pickles and joblib's files, read without calling anything.
+//! - [`torch`]: files of `torch.save`.
+//! - [`rle`]: COCO's masks as run lengths.
 //! - [`npy`], [`npz`]: numpy's files of one array and of several.
 //! - [`bvh`]: skeletons with motion.
 
@@ -14,6 +16,8 @@ mod dtype;
 pub mod npy;
 pub mod npz;
 pub mod pickle;
+pub mod rle;
+pub mod torch;
 mod value;
 
 pub use array::Array;

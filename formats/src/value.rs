@@ -5,17 +5,19 @@ use crate::Array;
 /// Plain data of a pickle or of an array of objects.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// `None`, and anything that is neither a number, text nor a collection.
+    /// `None`, and anything that is neither a number, text, bytes nor a collection.
     Nothing,
     /// A number or truth value.
     Number(f64),
     /// Text.
     Text(String),
+    /// Bytes, and strings of Python 2 that are not plain text.
+    Bytes(Vec<u8>),
     /// List, tuple or set.
     List(Vec<Value>),
     /// Keys and values.
     Dict(Vec<(Value, Value)>),
-    /// A numpy array of numbers.
+    /// A numpy array or a torch tensor of numbers.
     Array(Array),
     /// An object of one of the libraries whose objects are read as data: the class's full name
     /// and its fields (usually a dictionary).
@@ -71,6 +73,7 @@ impl Value {
             Self::Nothing => "nothing".into(),
             Self::Number(_) => "a number".into(),
             Self::Text(_) => "text".into(),
+            Self::Bytes(bytes) => format!("{} bytes", bytes.len()),
             Self::List(items) => format!("a list of {}", items.len()),
             Self::Dict(entries) => format!("a dictionary of {}", entries.len()),
             Self::Array(array) => format!("an array of shape {:?}", array.shape),

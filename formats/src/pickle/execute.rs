@@ -1,7 +1,7 @@
 //! The effect of each instruction that builds data.
 
 use super::machine::{EMPTY, Machine, Node};
-use super::{MAX_NAME, PickleError, numpy};
+use super::{MAX_NAME, PickleError, joblib, numpy, storage};
 
 impl Machine<'_> {
     pub(super) fn execute(&mut self, instruction: u8) -> Result<(), PickleError> {
@@ -130,8 +130,17 @@ impl Machine<'_> {
             b'b' => {
                 let state = self.pop()?;
                 let target = self.top()?;
-                let built = numpy::build(self, target, state)?;
+                let built = if joblib::is_wrapper(self.node(target)?) {
+                    joblib::array(self, state)?
+                } else {
+                    numpy::build(self, target, state)?
+                };
                 self.replace(target, built);
+            }
+            b'Q' if self.storages.is_some() => {
+                let reference = self.pop()?;
+                let stored = storage::referred(self, reference)?;
+                self.push(stored)?;
             }
             other => return Err(PickleError::Instruction(other)),
         }

@@ -1,10 +1,12 @@
 //! The state of the stack machine that runs a pickle.
 
 use super::numpy::RawArray;
+use super::storage::{Data, Stored, Tensor};
 use super::{MAX_NODES, PickleError};
 use crate::dtype::Dtype;
 use std::cell::Cell;
 use std::collections::HashMap;
+use std::mem;
 use std::rc::Rc;
 
 /// Place of a node. Lists and dictionaries still grow after they are stored in the memo, so the
@@ -32,6 +34,9 @@ pub(super) enum Node {
     },
     /// An object of a class that is read as data, and its fields once they were given.
     Object(Rc<str>, Option<Id>),
+    /// The numbers that tensors of torch are views of.
+    Storage(Rc<Stored>),
+    Tensor(Tensor),
 }
 
 pub(super) struct Machine<'a> {
@@ -41,8 +46,25 @@ pub(super) struct Machine<'a> {
     pub(super) stack: Vec<Id>,
     pub(super) marks: Vec<usize>,
     memo: HashMap<u32, Id>,
-    /// Bytes created from texts so far.
+    /// Bytes created from texts, and bytes of pickles inside this one, so far.
     pub(super) encoded: Cell<usize>,
+    /// Whether this is part of another pickle, which then may hold no third.
+    pub(super) inner: bool,
+    /// Storages of torch by key. Without them, a reference to one is an unknown instruction.
+    pub(super) storages: Option<HashMap<Rc<str>, Entry>>,
+    /// Whether the storages' numbers begin with their highest byte.
+    pub(super) big_endian: bool,
+    /// Keys whose values are left out of the result.
+    pub(super) without: &'a [&'a str],
+}
+
+/// A storage that a file of torch refers to.
+#[derive(Debug)]
+pub(super) struct Entry {
+    /// Bytes that the storage is said to have.
+    pub size: usize,
+    /// The bytes, once they are found.
+    pub data: Option<Data>,
 }
 
 /// An instruction found the stack too short.
@@ -58,6 +80,10 @@ impl<'a> Machine<'a> {
             marks: Vec::new(),
             memo: HashMap::new(),
             encoded: Cell::new(0),
+            inner: false,
+            storages: None,
+            big_endian: false,
+            without: &[],
         }
     }
 
@@ -70,6 +96,16 @@ impl<'a> Machine<'a> {
             }
             self.execute(instruction)?;
         }
+    }
+
+    /// Runs a whole pickle that begins here, with a stack and a memo of its own.
+    pub fn run_apart(&mut self) -> Result<Id, PickleError> {
+        let stack = mem::take(&mut self.stack);
+        let marks = mem::take(&mut self.marks);
+        let memo = mem::take(&mut self.memo);
+        let result = self.run();
+        (self.stack, self.marks, self.memo) = (stack, marks, memo);
+        result
     }
 
     /// The node at a place.

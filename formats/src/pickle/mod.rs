@@ -1,13 +1,18 @@
-//! Reads the data of a pickle and nothing else: numbers, texts, lists, dictionaries, numpy
-//! arrays, and the fields of scipy's sparse matrices and chumpy's variables. A pickle is a program
-//! that may call anything; this reader calls nothing. Where a file names a function, it accepts only
-//! the few that describe such data. Protocols 0 to 5, of Python 2 and 3.
+//! Reads the data of a pickle and nothing else: numbers, texts, bytes, lists, dictionaries, numpy
+//! arrays, torch tensors, and the fields of scipy's sparse matrices and chumpy's variables. A pickle
+//! is a program that may call anything; this reader calls nothing. Where a file names a function, it
+//! accepts only the few that describe such data. Protocols 0 to 5, of Python 2 and 3; files of
+//! joblib, with and without compression.
 
 mod execute;
+mod joblib;
+mod legacy;
 mod machine;
 mod numpy;
+mod storage;
 mod text;
 mod unfold;
+mod unpack;
 
 use crate::Value;
 use thiserror::Error;
@@ -20,6 +25,13 @@ const MAX_NODES: usize = 1 << 22;
 const MAX_VALUES: usize = 1 << 22;
 /// Most numbers in arrays of the unfolded result: shared arrays count each time.
 const MAX_NUMBERS: usize = 1 << 26;
+/// Most bytes created from texts, which is how Python 3 writes bytes for Python 2, and in pickles
+/// inside a pickle.
+const MAX_ENCODED: usize = 1 << 28;
+/// Most numbers that tensors have beyond those of their storages, by repeating them.
+const MAX_EXPANDED: usize = 1 << 20;
+/// Most bytes that a compressed file may unpack to.
+const MAX_UNPACKED: u64 = 1 << 30;
 /// Longest name of a function, class or type, bytes.
 const MAX_NAME: usize = 256;
 
@@ -41,17 +53,40 @@ pub enum PickleError {
     /// More than any data of a capture or a body model can be.
     #[error("the pickle is nested too deeply or unfolds to too much")]
     TooLarge,
+    /// A compressed file of joblib, in a form other than zlib's and gzip's.
+    #[error("the pickle is compressed with {0}: write it again with zlib or without compression")]
+    Compression(&'static str),
+    /// The compressed data are invalid.
+    #[error("the compressed pickle is damaged: {0}")]
+    Damaged(String),
+    /// A few kilobytes can unpack to any size.
+    #[error("the compressed pickle unpacks to more than {0} bytes")]
+    Unpacked(u64),
 }
 
-/// The data in `bytes`.
+/// The data in `bytes`: a pickle, or a file of joblib.
 ///
 /// # Errors
-/// When they are not a pickle of plain data.
+/// When they are not a pickle of plain data, or unpack to over 1 GiB.
 pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
-    let mut machine = machine::Machine::new(bytes);
+    read_without(bytes, &[])
+}
+
+/// As [`read`], with [`Value::Nothing`] for every value of a dictionary whose key is in `without`:
+/// meshes of thousands of vertices a frame need not be held by a reader of joints.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, PickleError> {
+    let bytes = unpack::unpacked(bytes, MAX_UNPACKED)?;
+    let mut machine = machine::Machine::new(&bytes);
+    machine.without = without;
     let root = machine.run()?;
     machine.unfold(root)
 }
+
+pub(crate) use legacy::{MAGIC, read as read_legacy};
+pub(crate) use storage::read as read_with_storages;
 
 #[cfg(test)]
 mod tests {
@@ -95,6 +130,27 @@ mod tests {
         );
     }
 
+    /// `defaultdict(list, k=[b"\xff\0", float32(1.5)], p=PurePosixPath("/a/b.jpg"))`, protocol 4.
+    const MIXED: &str = concat!(
+        "800495df000000000000008c0b636f6c6c656374696f6e73948c0b64656661756c74646963749493",
+        "948c086275696c74696e73948c046c69737494939485945294288c016b945d94284302ff00948c16",
+        "6e756d70792e5f636f72652e6d756c74696172726179948c067363616c61729493948c056e756d70",
+        "79948c0564747970659493948c02663494898887945294284b038c013c944e4e4e4affffffff4aff",
+        "ffffff4b0074946243040000c03f9486945294658c0170948c07706174686c6962948c0d50757265",
+        "506f736978506174689493948c012f948c0161948c05622e6a70679487945294752e",
+    );
+
+    #[test]
+    fn bytes_scalars_and_paths_are_data() {
+        let value = read(&bytes(MIXED)).expect("reads");
+        let items = [Value::Bytes(vec![0xff, 0]), Value::Number(1.5)];
+        assert_eq!(
+            value.get("k").and_then(Value::items),
+            Some(items.as_slice())
+        );
+        assert_eq!(value.get("p").and_then(Value::text), Some("/a/b.jpg"));
+    }
+
     #[test]
     fn nothing_is_called() {
         // os.system("true"), protocol 2.
@@ -119,5 +175,8 @@ mod tests {
             read(&bytes("80025d71006800612e")),
             Err(PickleError::TooLarge)
         );
+        // A million lists in each other.
+        let deep = [vec![b']'; 1 << 20], vec![b'a'; (1 << 20) - 1], vec![b'.']].concat();
+        assert_eq!(read(&deep), Err(PickleError::TooLarge));
     }
 }

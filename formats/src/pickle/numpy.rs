@@ -1,7 +1,9 @@
-//! Objects of numpy, scipy and chumpy: pickles build them with a few calls, read here as data.
+//! Objects of numpy, scipy, chumpy and torch: pickles build them with a few calls, read here as
+//! data.
 
 use super::machine::{Id, Machine, Node};
-use super::{MAX_NAME, PickleError};
+use super::storage::{self, Data};
+use super::{MAX_ENCODED, MAX_NAME, PickleError, joblib};
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;
 use crate::{Array, Value};
@@ -9,24 +11,25 @@ use std::rc::Rc;
 
 /// Libraries whose objects are kept as a class name with fields.
 const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
-/// Most bytes created from texts, which is how Python 3 writes bytes for Python 2.
-const MAX_ENCODED: usize = 1 << 28;
 /// Largest set: captures use lists, dictionaries and arrays.
 const MAX_SET: usize = 1 << 10;
+
+/// Longest path, bytes.
+const MAX_PATH: usize = 4096;
 
 /// An array as stored.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RawArray {
-    shape: Vec<usize>,
-    dtype: Dtype,
-    columns_first: bool,
-    bytes: Rc<[u8]>,
+    pub shape: Vec<usize>,
+    pub dtype: Dtype,
+    pub columns_first: bool,
+    pub data: Data,
 }
 
 impl RawArray {
     /// Number of elements that its bytes can hold, without overflow: for limits.
     pub fn len(&self) -> usize {
-        self.bytes.len() / self.dtype.size().unwrap_or(1).max(1)
+        self.data.len() / self.dtype.size().unwrap_or(1).max(1)
     }
 
     /// Whether its elements are strings.
@@ -34,8 +37,9 @@ impl RawArray {
         self.dtype.is_text()
     }
 
-    /// Its numbers or texts.
-    pub fn value(&self) -> Result<Value, PickleError> {
+    /// Its numbers or texts, in a file of `bytes`.
+    pub fn value(&self, bytes: &[u8]) -> Result<Value, PickleError> {
+        let bytes = self.data.bytes(bytes);
         let fits = |found: usize| {
             if count(&self.shape) == Some(found) {
                 Ok(())
@@ -45,11 +49,11 @@ impl RawArray {
                 ))
             }
         };
-        if let Some(texts) = self.dtype.texts(&self.bytes) {
+        if let Some(texts) = self.dtype.texts(bytes) {
             fits(texts.len())?;
             return Ok(Value::List(texts));
         }
-        let values = self.dtype.numbers(&self.bytes);
+        let values = self.dtype.numbers(bytes);
         let values = values.ok_or(PickleError::Malformed(
             "an array of neither integers, floats nor strings",
         ))?;
@@ -95,16 +99,21 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         }
         "numpy.core.multiarray._reconstruct" => Ok(Node::Array(RawArray::default())),
         "numpy.core.numeric._frombuffer" => Ok(Node::Array(RawArray {
-            bytes: bytes(argument(0)?)?,
+            data: bytes(argument(0)?)?.into(),
             dtype: dtype(argument(1)?)?,
             shape: shape(machine, argument(2)?)?,
             columns_first: &*text(argument(3)?)? == "F",
         })),
         "numpy.core.multiarray.scalar" => {
-            let numbers = dtype(argument(0)?)?.numbers(&bytes(argument(1)?)?);
-            match numbers.as_deref() {
+            let (dtype, bytes) = (dtype(argument(0)?)?, bytes(argument(1)?)?);
+            if let Some([Value::Text(text)]) = dtype.texts(&bytes).as_deref() {
+                return Ok(Node::Text(text.as_str().into()));
+            }
+            match dtype.numbers(&bytes).as_deref() {
                 Some([number]) => Ok(Node::Number(*number)),
-                _ => Err(PickleError::Malformed("a scalar that is not one number")),
+                _ => Err(PickleError::Malformed(
+                    "a scalar that is not one number or text",
+                )),
             }
         }
         // Bytes that Python 3 wrote for Python 2: each as the character with its number.
@@ -120,8 +129,10 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
             Ok(Node::Bytes(bytes.into()))
         }
         "builtins.bytes" if arguments.is_empty() => Ok(Node::Bytes(Rc::default())),
-        "collections.OrderedDict" => Ok(Node::Dict(Vec::new())),
-        "builtins.set" | "builtins.frozenset" | "builtins.list" | "builtins.tuple" => {
+        // A defaultdict's factory is not data.
+        "collections.OrderedDict" | "collections.defaultdict" => Ok(Node::Dict(Vec::new())),
+        "builtins.set" | "builtins.frozenset" | "builtins.list" | "builtins.tuple"
+        | "torch.Size" => {
             if arguments.is_empty() {
                 return Ok(Node::List(Vec::new()));
             }
@@ -139,13 +150,48 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
                 "an object of a value that is not a class",
             )),
         },
+        "torch._utils._rebuild_tensor_v2" | "torch._utils._rebuild_tensor" => {
+            let whole = |at| storage::lengths(machine, argument(at)?);
+            let offset = match argument(1)? {
+                Node::Number(offset) => storage::length(*offset)?,
+                _ => return Err(PickleError::Malformed("a tensor without an offset")),
+            };
+            storage::tensor(argument(0)?, offset, whole(2)?, whole(3)?)
+        }
+        "torch._utils._rebuild_parameter" => match argument(0)? {
+            Node::Tensor(tensor) => Ok(Node::Tensor(tensor.clone())),
+            _ => Err(PickleError::Malformed("a parameter that is not a tensor")),
+        },
+        "torch.storage._load_from_bytes" => storage::inner(machine, &bytes(argument(0)?)?),
+        "torch.serialization._get_layout" | "torch.device" => Ok(Node::Nothing),
+        "pathlib.PosixPath"
+        | "pathlib.WindowsPath"
+        | "pathlib.PurePosixPath"
+        | "pathlib.PureWindowsPath"
+        | "pathlib._local.PosixPath"
+        | "pathlib._local.WindowsPath" => path(machine, arguments),
         _ => object(name),
     }
 }
 
+/// The text of a path in parts, the first of which may be the root.
+fn path(machine: &Machine, parts: &[Id]) -> Result<Node, PickleError> {
+    let mut path = String::new();
+    for part in parts {
+        if !path.is_empty() && !path.ends_with(['/', '\\']) {
+            path.push('/');
+        }
+        path.push_str(&text(machine.node(*part)?)?);
+        if path.len() > MAX_PATH {
+            return Err(PickleError::Malformed("too long a path"));
+        }
+    }
+    Ok(Node::Text(path.into()))
+}
+
 /// An object of a class that is read as data.
 fn object(class: &Rc<str>) -> Result<Node, PickleError> {
-    if DATA_CLASSES.iter().any(|known| class.starts_with(known)) {
+    if DATA_CLASSES.iter().any(|known| class.starts_with(known)) || **class == *joblib::WRAPPER {
         Ok(Node::Object(class.clone(), None))
     } else {
         Err(PickleError::Call(class.to_string()))
@@ -191,7 +237,7 @@ pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, Pi
                     shape,
                     dtype,
                     columns_first,
-                    bytes: bytes(other)?,
+                    data: bytes(other)?.into(),
                 })),
             }
         }
@@ -207,7 +253,7 @@ fn list(state: &[Id]) -> Result<Id, PickleError> {
         .ok_or(PickleError::Malformed("a state with too few parts"))
 }
 
-fn text(node: &Node) -> Result<Rc<str>, PickleError> {
+pub(super) fn text(node: &Node) -> Result<Rc<str>, PickleError> {
     match node {
         Node::Text(text) => Ok(text.clone()),
         _ => Err(PickleError::Malformed("a value that is not text")),
@@ -223,14 +269,14 @@ fn bytes(node: &Node) -> Result<Rc<[u8]>, PickleError> {
     }
 }
 
-fn dtype(node: &Node) -> Result<Dtype, PickleError> {
+pub(super) fn dtype(node: &Node) -> Result<Dtype, PickleError> {
     match node {
         Node::Dtype(dtype) => Ok(dtype.clone()),
         _ => Err(PickleError::Malformed("a value that is not a dtype")),
     }
 }
 
-fn shape(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
+pub(super) fn shape(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
     let Node::List(sides) = node else {
         return Err(PickleError::Malformed("a shape that is not a tuple"));
     };

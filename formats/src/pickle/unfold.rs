@@ -1,16 +1,17 @@
 //! Builds a value from the parts of a pickle.
 
 use super::machine::{Id, Machine, Node};
-use super::{MAX_DEPTH, MAX_NUMBERS, MAX_VALUES, PickleError};
+use super::{MAX_DEPTH, MAX_EXPANDED, MAX_NUMBERS, MAX_VALUES, PickleError};
 use crate::Value;
 
-/// Bytes of text that count as one value.
+/// Bytes of text, or of bytes, that count as one value.
 const TEXT: usize = 64;
 
 /// Remaining limits.
 struct Left {
     values: usize,
     numbers: usize,
+    expanded: usize,
 }
 
 impl Left {
@@ -21,14 +22,21 @@ impl Left {
             .ok_or(PickleError::TooLarge)?;
         Ok(())
     }
+
+    fn numbers(&mut self, count: usize) -> Result<(), PickleError> {
+        let left = self.numbers.checked_sub(count);
+        self.numbers = left.ok_or(PickleError::TooLarge)?;
+        Ok(())
+    }
 }
 
 impl Machine<'_> {
-    /// The value of a node and all below it.
+    /// The value of a node and all below it, but for the values of the keys in `self.without`.
     pub fn unfold(&self, root: Id) -> Result<Value, PickleError> {
         let mut left = Left {
             values: MAX_VALUES,
             numbers: MAX_NUMBERS,
+            expanded: MAX_EXPANDED,
         };
         self.value(root, MAX_DEPTH, &mut left)
     }
@@ -45,10 +53,12 @@ impl Machine<'_> {
             Node::List(items) => Value::List(self.values(items, depth, left)?),
             Node::Dict(entries) => {
                 let entries = entries.iter().map(|(key, value)| {
-                    Ok((
-                        self.value(*key, depth, left)?,
-                        self.value(*value, depth, left)?,
-                    ))
+                    let key = self.value(*key, depth, left)?;
+                    let value = match key.text() {
+                        Some(key) if self.without.contains(&key) => Value::Nothing,
+                        _ => self.value(*value, depth, left)?,
+                    };
+                    Ok((key, value))
                 });
                 Value::Dict(entries.collect::<Result<_, PickleError>>()?)
             }
@@ -56,9 +66,20 @@ impl Machine<'_> {
                 if array.is_text() {
                     left.values(array.len())?;
                 }
-                let numbers = left.numbers.checked_sub(array.len());
-                left.numbers = numbers.ok_or(PickleError::TooLarge)?;
-                array.value()?
+                left.numbers(array.len())?;
+                array.value(self.bytes)?
+            }
+            Node::Tensor(tensor) => {
+                let count = tensor.count().ok_or(PickleError::TooLarge)?;
+                left.numbers(count)?;
+                let beyond = count.saturating_sub(tensor.stored());
+                let expanded = left.expanded.checked_sub(beyond);
+                left.expanded = expanded.ok_or(PickleError::TooLarge)?;
+                Value::Array(tensor.array(self)?)
+            }
+            Node::Bytes(bytes) => {
+                left.values(bytes.len() / TEXT)?;
+                Value::Bytes(bytes.to_vec())
             }
             Node::Objects { list, axes } => match (self.value(*list, depth, left)?, axes) {
                 // An array without axes is its only element: numpy saves dictionaries this way.
@@ -72,7 +93,7 @@ impl Machine<'_> {
                     None => Value::Nothing,
                 }),
             },
-            Node::Nothing | Node::Bytes(_) | Node::Global(_) | Node::Dtype(_) => Value::Nothing,
+            Node::Nothing | Node::Global(_) | Node::Dtype(_) | Node::Storage(_) => Value::Nothing,
         })
     }
 

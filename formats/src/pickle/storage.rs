@@ -1,0 +1,290 @@
+//! Tensors of torch: views, by offset and strides, of storages that lie elsewhere in the file.
+
+use super::machine::{Entry, Id, Machine, Node};
+use super::numpy::text;
+use super::{MAX_ENCODED, PickleError, legacy};
+use crate::array::count;
+use crate::dtype::Dtype;
+use crate::{Array, Value};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::rc::Rc;
+
+/// Most axes of a tensor.
+const MAX_AXES: usize = 8;
+
+/// Bytes of numbers, without a copy where they are part of the file.
+#[derive(Clone, Debug)]
+pub(super) enum Data {
+    /// Part of the file that is read.
+    File(Range<usize>),
+    /// Part of other bytes.
+    Held(Rc<[u8]>, Range<usize>),
+}
+
+impl Default for Data {
+    fn default() -> Self {
+        Self::File(0..0)
+    }
+}
+
+impl From<Rc<[u8]>> for Data {
+    fn from(bytes: Rc<[u8]>) -> Self {
+        let all = 0..bytes.len();
+        Self::Held(bytes, all)
+    }
+}
+
+impl Data {
+    /// Number of bytes.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::File(range) | Self::Held(_, range) => range.len(),
+        }
+    }
+
+    /// The bytes, in a file of `file`.
+    pub fn bytes<'a>(&'a self, file: &'a [u8]) -> &'a [u8] {
+        match self {
+            Self::File(range) => file.get(range.clone()),
+            Self::Held(bytes, range) => bytes.get(range.clone()),
+        }
+        .unwrap_or_default()
+    }
+}
+
+/// A storage as the pickle describes it.
+#[derive(Debug)]
+pub(super) struct Stored {
+    dtype: Dtype,
+    /// Numbers in it.
+    count: usize,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Key(Rc<str>),
+    Here(Data),
+}
+
+/// A view of a storage.
+#[derive(Clone, Debug)]
+pub(super) struct Tensor {
+    storage: Rc<Stored>,
+    offset: usize,
+    size: Vec<usize>,
+    stride: Vec<usize>,
+}
+
+impl Tensor {
+    /// Number of elements, unless it overflows.
+    pub fn count(&self) -> Option<usize> {
+        count(&self.size)
+    }
+
+    /// Numbers in the storage.
+    pub fn stored(&self) -> usize {
+        self.storage.count
+    }
+
+    /// The numbers. Memory is that of [`Self::count`] numbers.
+    pub fn array(&self, machine: &Machine) -> Result<Array, PickleError> {
+        const MISSING: PickleError = PickleError::Malformed("the numbers of a tensor are missing");
+        let data = match &self.storage.place {
+            Place::Here(data) => data,
+            Place::Key(key) => {
+                let entry = machine.storages.as_ref().and_then(|all| all.get(key));
+                entry.and_then(|entry| entry.data.as_ref()).ok_or(MISSING)?
+            }
+        };
+        let bytes = data.bytes(machine.bytes);
+        let size = self.storage.dtype.size().ok_or(MISSING)?;
+        let mut gathered = Vec::new();
+        let mut at = vec![0; self.size.len()];
+        for _ in 0..self.count().ok_or(PickleError::TooLarge)? {
+            let steps = at.iter().zip(&self.stride).map(|(at, stride)| at * stride);
+            let start = (self.offset + steps.sum::<usize>()) * size;
+            gathered.extend(bytes.get(start..start + size).ok_or(MISSING)?);
+            for (index, side) in at.iter_mut().zip(&self.size).rev() {
+                *index += 1;
+                if *index < *side {
+                    break;
+                }
+                *index = 0;
+            }
+        }
+        let values = self.storage.dtype.numbers(&gathered).ok_or(MISSING)?;
+        Ok(Array {
+            shape: self.size.clone(),
+            values,
+        })
+    }
+}
+
+/// A tensor that reads nothing beyond its storage.
+pub(super) fn tensor(
+    storage: &Node,
+    offset: usize,
+    size: Vec<usize>,
+    stride: Vec<usize>,
+) -> Result<Node, PickleError> {
+    let Node::Storage(storage) = storage else {
+        return Err(PickleError::Malformed(
+            "a tensor of a value without numbers",
+        ));
+    };
+    if size.len() != stride.len() {
+        return Err(PickleError::Malformed(
+            "a tensor with more or fewer strides than axes",
+        ));
+    }
+    let last = size
+        .iter()
+        .zip(&stride)
+        .try_fold(offset, |last, (side, stride)| {
+            last.checked_add(side.saturating_sub(1).checked_mul(*stride)?)
+        });
+    if !size.contains(&0) && last.is_none_or(|last| last >= storage.count) {
+        return Err(PickleError::Malformed("a tensor that exceeds its storage"));
+    }
+    Ok(Node::Tensor(Tensor {
+        storage: storage.clone(),
+        offset,
+        size,
+        stride,
+    }))
+}
+
+/// Lengths of axes, or strides.
+pub(super) fn lengths(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
+    let Node::List(items) = node else {
+        return Err(PickleError::Malformed("a tensor's size is not a tuple"));
+    };
+    if items.len() > MAX_AXES {
+        return Err(PickleError::Malformed("a tensor of over 8 axes"));
+    }
+    let items = items.iter().map(|item| match machine.node(*item)? {
+        Node::Number(number) => length(*number),
+        _ => Err(PickleError::Malformed("a tensor's size is not numbers")),
+    });
+    items.collect()
+}
+
+/// A whole number from zero on.
+pub(super) fn length(number: f64) -> Result<usize, PickleError> {
+    if (0.0..1e12).contains(&number) && number.fract() == 0.0 {
+        Ok(number as usize)
+    } else {
+        Err(PickleError::Malformed("a tensor with an invalid length"))
+    }
+}
+
+/// The storage that a persistent reference names:
+/// `("storage", class, key, device, number of elements)`.
+pub(super) fn referred(machine: &mut Machine, reference: Id) -> Result<Node, PickleError> {
+    const BAD: PickleError = PickleError::Malformed("a reference that is not to a storage");
+    let Node::List(parts) = machine.node(reference)? else {
+        return Err(BAD);
+    };
+    let &[kind, class, key, _device, elements, ref view @ ..] = parts.as_slice() else {
+        return Err(BAD);
+    };
+    if &*text(machine.node(kind)?)? != "storage" {
+        return Err(BAD);
+    }
+    if let Some(view) = view.first()
+        && !matches!(machine.node(*view)?, Node::Nothing)
+    {
+        return Err(PickleError::Malformed("a storage that is part of another"));
+    }
+    let dtype = match machine.node(class)? {
+        Node::Global(class) => element(class)?.with_order(machine.big_endian),
+        _ => return Err(BAD),
+    };
+    let key = text(machine.node(key)?)?;
+    let Node::Number(elements) = machine.node(elements)? else {
+        return Err(BAD);
+    };
+    let elements = length(*elements)?;
+    let size = dtype.size().and_then(|size| size.checked_mul(elements));
+    let size = size.ok_or(PickleError::TooLarge)?;
+    let storages = machine.storages.get_or_insert_default();
+    let entry = storages
+        .entry(key.clone())
+        .or_insert(Entry { size, data: None });
+    if entry.size != size {
+        return Err(PickleError::Malformed("a storage of two sizes"));
+    }
+    Ok(Node::Storage(Rc::new(Stored {
+        dtype,
+        count: elements,
+        place: Place::Key(key),
+    })))
+}
+
+/// The type of the elements of a class of storages.
+fn element(class: &Rc<str>) -> Result<Dtype, PickleError> {
+    Ok(Dtype::new(match &**class {
+        "torch.FloatStorage" => "f4",
+        "torch.DoubleStorage" => "f8",
+        "torch.HalfStorage" => "f2",
+        "torch.BFloat16Storage" => "bf2",
+        "torch.LongStorage" => "i8",
+        "torch.IntStorage" => "i4",
+        "torch.ShortStorage" => "i2",
+        "torch.CharStorage" => "i1",
+        "torch.ByteStorage" => "u1",
+        "torch.BoolStorage" => "b1",
+        _ => return Err(PickleError::Call(class.to_string())),
+    }))
+}
+
+/// The storage in the bytes of a whole file of torch, which is how a pickle of anything else holds a
+/// tensor.
+pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleError> {
+    const BAD: PickleError = PickleError::Malformed("bytes of torch that are not a storage");
+    if machine.inner {
+        return Err(PickleError::Malformed("a file of torch in a file of torch"));
+    }
+    let mut part = Machine::new(bytes);
+    part.inner = true;
+    let (root, read) = legacy::run(&mut part)?;
+    machine.encoded.set(machine.encoded.get() + read);
+    if machine.encoded.get() > MAX_ENCODED {
+        return Err(PickleError::TooLarge);
+    }
+    let Node::Storage(stored) = part.node(root)? else {
+        return Err(BAD);
+    };
+    let Place::Key(key) = &stored.place else {
+        return Err(BAD);
+    };
+    let entry = part.storages.as_ref().and_then(|all| all.get(key));
+    let Some(Data::File(range)) = entry.and_then(|entry| entry.data.clone()) else {
+        return Err(BAD);
+    };
+    Ok(Node::Storage(Rc::new(Stored {
+        dtype: stored.dtype.clone(),
+        count: stored.count,
+        place: Place::Here(Data::Held(bytes.clone(), range)),
+    })))
+}
+
+/// The value of a pickle whose storages `find` gets by key; each must be of the size asked for,
+/// bytes.
+pub(crate) fn read<E: From<PickleError>>(
+    bytes: &[u8],
+    big_endian: bool,
+    mut find: impl FnMut(&str, usize) -> Result<Vec<u8>, E>,
+) -> Result<Value, E> {
+    let mut machine = Machine::new(bytes);
+    machine.storages = Some(HashMap::new());
+    machine.big_endian = big_endian;
+    let root = machine.run()?;
+    for (key, entry) in machine.storages.iter_mut().flatten() {
+        let found: Rc<[u8]> = find(key, entry.size)?.into();
+        entry.data = Some(found.into());
+    }
+    Ok(machine.unfold(root)?)
+}
