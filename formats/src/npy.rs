@@ -50,6 +50,14 @@ pub enum NpyError {
 /// # Errors
 /// When the bytes are not a valid file.
 pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
+    read_without(bytes, &[])
+}
+
+/// As [`read`], with [`Value::Nothing`] for the values of dictionaries whose keys are in `without`.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, NpyError> {
     let (header, rest) = split(bytes)?;
     let code = quoted(field(header, "descr")?).ok_or_else(|| {
         let code = field(header, "descr").unwrap_or_default();
@@ -57,7 +65,7 @@ pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
     })?;
     let dtype = Dtype::new(code);
     if dtype.is_object() {
-        return Ok(pickle::read(rest)?);
+        return Ok(pickle::read_without(rest, without)?);
     }
     let shape = shape(field(header, "shape")?)?;
     let columns_first = field(header, "fortran_order")?.starts_with("True");

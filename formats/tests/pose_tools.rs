@@ -138,6 +138,16 @@ fn romp_has_its_results_in_a_dictionary() {
     let frame = results.get("00000005.png").expect("a frame");
     assert_eq!(numbers(frame, &["joints"]).shape, [2, 71, 3]);
     assert_eq!(numbers(frame, &["track_ids"]).values, [7.0, 9.0]);
+    assert_eq!(numbers(frame, &["verts"]).shape, [2, 24, 3]);
+    let less = npz::read_without(&file("romp/video_results.npz"), LIMIT, &["verts"]);
+    let less = less.expect("reads");
+    let less = less
+        .get("results")
+        .and_then(|results| results.get("00000005.png"));
+    assert_eq!(
+        less.and_then(|frame| frame.get("verts")),
+        Some(&Value::Nothing)
+    );
     let sequences = video.get("sequence_results").expect("sequences");
     let second = numbered(sequences, 9.0);
     assert_eq!(numbers(second, &["smpl_thetas"]).shape, [9, 72]);
@@ -145,4 +155,35 @@ fn romp_has_its_results_in_a_dictionary() {
     let without = without.get("results").expect("results");
     assert_eq!(numbers(without, &["cam"]).shape, [2, 3]);
     assert_eq!(without.get("joints"), None);
+}
+
+fn seed(name: &str) -> Vec<u8> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    std::fs::read(path.join(name)).expect("a seed")
+}
+
+#[test]
+fn views_parameters_and_short_floats_are_read_in_both_forms() {
+    for form in ["torch/zip", "torch/legacy"] {
+        let value = torch::read(&seed(form), LIMIT).expect("reads");
+        let turned = numbers(&value, &["a"]);
+        assert_eq!(turned.shape, [3, 2], "{form}");
+        assert_eq!(turned.values, [0.0, 3.0, 1.0, 4.0, 2.0, 5.0], "{form}");
+        assert_eq!(numbers(&value, &["k"]).shape, [4, 3, 3], "{form}");
+        assert_eq!(numbers(&value, &["h"]).values, [1.0; 2], "{form}");
+        assert_eq!(numbers(&value, &["p"]).values, [0.0; 2], "{form}");
+        assert_eq!(numbers(&value, &["o", "i"]).values, [1.0, 2.0], "{form}");
+    }
+}
+
+#[test]
+fn joblib_holds_arrays_objects_and_tensors() {
+    let value = pickle::read(&seed("pickle/joblib")).expect("reads");
+    assert_eq!(numbers(&value, &["a"]).shape, [2, 3]);
+    let objects = [Value::Number(1.0), Value::Text("x".into())];
+    assert_eq!(value.get("o").and_then(Value::items), Some(&objects[..]));
+    assert_eq!(numbers(&value, &["t"]).values, [1.0; 2]);
+    let packed = pickle::read(&seed("pickle/joblib_zlib")).expect("reads");
+    assert_eq!(numbers(&packed, &["a"]).values, [1.0; 3]);
+    assert_eq!(packed.get("s").and_then(Value::text), Some("x"));
 }

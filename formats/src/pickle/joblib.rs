@@ -10,6 +10,9 @@ use crate::array::count;
 /// The class of the descriptions.
 pub(super) const WRAPPER: &str = "joblib.numpy_pickle.NumpyArrayWrapper";
 
+/// Most fields of a description: a few bytes of a file can refer to a dictionary of any size.
+const MAX_FIELDS: usize = 16;
+
 /// Whether a node is a description that waits for its fields.
 pub(super) fn is_wrapper(node: &Node) -> bool {
     matches!(node, Node::Object(class, None) if **class == *WRAPPER)
@@ -56,8 +59,9 @@ pub(super) fn array(machine: &mut Machine, state: Id) -> Result<Node, PickleErro
 
 /// A field of the description.
 fn field<'a>(machine: &'a Machine, state: Id, name: &str) -> Result<&'a Node, PickleError> {
-    let Node::Dict(entries) = machine.node(state)? else {
-        return Err(PickleError::Malformed("an array of joblib without fields"));
+    let entries = match machine.node(state)? {
+        Node::Dict(entries) if entries.len() <= MAX_FIELDS => entries,
+        _ => return Err(PickleError::Malformed("an array of joblib without fields")),
     };
     let named = entries
         .iter()

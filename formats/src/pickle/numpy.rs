@@ -14,7 +14,7 @@ const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
 /// Largest set: captures use lists, dictionaries and arrays.
 const MAX_SET: usize = 1 << 10;
 
-/// Longest path, bytes.
+/// Longest path, bytes and parts.
 const MAX_PATH: usize = 4096;
 
 /// An array as stored.
@@ -176,6 +176,10 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
 
 /// The text of a path in parts, the first of which may be the root.
 fn path(machine: &Machine, parts: &[Id]) -> Result<Node, PickleError> {
+    const LONG: PickleError = PickleError::Malformed("too long a path");
+    if parts.len() > MAX_PATH {
+        return Err(LONG);
+    }
     let mut path = String::new();
     for part in parts {
         if !path.is_empty() && !path.ends_with(['/', '\\']) {
@@ -183,7 +187,7 @@ fn path(machine: &Machine, parts: &[Id]) -> Result<Node, PickleError> {
         }
         path.push_str(&text(machine.node(*part)?)?);
         if path.len() > MAX_PATH {
-            return Err(PickleError::Malformed("too long a path"));
+            return Err(LONG);
         }
     }
     Ok(Node::Text(path.into()))
