@@ -1,1 +1,26 @@
 //! Body landmarks and masks of pictures, by a pose model that runs in this process.
+//!
+//! The model is BlazePose (Apache-2.0): two networks in files of TensorFlow Lite, which
+//! `deploy/models/get.sh` fetches. Both run on the CPU, without other libraries.
+//!
+//! ```text
+//! picture → detector → region (a rotated square around the body)
+//!                        ↓
+//!           landmark model → landmarks in the picture and in space, mask, score
+//!                        ↓
+//!           the next picture's region
+//! ```
+
+mod detector;
+mod error;
+mod landmarks;
+mod mask;
+mod model;
+mod network;
+mod region;
+mod tflite;
+mod watcher;
+
+pub use error::LandmarkError;
+pub use model::PoseModel;
+pub use watcher::{Seen, Watcher};

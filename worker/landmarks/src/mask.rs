@@ -1,0 +1,202 @@
+//! Masks: the model's, cleaned, as coverage of the picture's pixels.
+
+use crate::landmarks::{SIDE, logistic};
+use crate::region::Region;
+use rayon::prelude::*;
+
+/// From here on, a pixel of the model's mask is the person.
+const PERSON: f32 = 0.5;
+/// Largest hole that is closed, pixels of the model's mask: gaps between arm and body are larger.
+const SMALL_HOLE: usize = 40;
+/// Levels between which coverage goes from 0 to 1: the model's edges are wider than a lens's.
+const EDGE: [f32; 2] = [0.25, 0.75];
+
+/// The person's coverage of each pixel of a picture, `[height, width]`, from the model's mask
+/// `[256, 256]` of `region`, before the logistic function.
+pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) -> Vec<u8> {
+    let levels = soften(&clean(logits.iter().copied().map(logistic).collect()));
+    let mut mask = vec![0; width * height];
+    let lines = mask.par_chunks_exact_mut(width.max(1)).enumerate();
+    lines.for_each(|(y, line)| {
+        for (x, coverage) in line.iter_mut().enumerate() {
+            let place = region.from_picture([x as f32 + 0.5, y as f32 + 0.5]);
+            if place.iter().all(|at| (0.0..1.0).contains(at)) {
+                let level = between(&levels, place);
+                let share = (level - EDGE[0]) / (EDGE[1] - EDGE[0]);
+                *coverage = (share.clamp(0.0, 1.0) * 255.0).round() as u8;
+            }
+        }
+    });
+    mask
+}
+
+/// The largest connected part alone, with its small holes closed.
+fn clean(mut levels: Vec<f32>) -> Vec<f32> {
+    let is_person: Vec<bool> = levels.iter().map(|level| *level >= PERSON).collect();
+    let parts = parts(&is_person);
+    let people = parts.iter().filter(|part| is_person[part[0]]);
+    let largest = people.max_by_key(|part| part.len());
+    let Some(largest) = largest else {
+        levels.fill(0.0);
+        return levels;
+    };
+    // The soft edge around the part stays: only what is beyond two pixels of it goes.
+    let mut near = vec![false; levels.len()];
+    for &at in largest {
+        let (row, column) = (at / SIDE, at % SIDE);
+        for row in row.saturating_sub(2)..(row + 3).min(SIDE) {
+            near[row * SIDE + column.saturating_sub(2)..row * SIDE + (column + 3).min(SIDE)]
+                .fill(true);
+        }
+    }
+    let mut inside = vec![false; levels.len()];
+    largest.iter().for_each(|&at| inside[at] = true);
+    for ((level, near), (inside, is_person)) in levels
+        .iter_mut()
+        .zip(near)
+        .zip(inside.into_iter().zip(&is_person))
+    {
+        if !near || (*is_person && !inside) {
+            *level = 0.0;
+        }
+    }
+    for part in parts.iter().filter(|part| !is_person[part[0]]) {
+        let at_border = |at: &usize| {
+            let (row, column) = (at / SIDE, at % SIDE);
+            row == 0 || column == 0 || row + 1 == SIDE || column + 1 == SIDE
+        };
+        if part.len() <= SMALL_HOLE && !part.iter().any(at_border) {
+            part.iter().for_each(|&at| levels[at] = 1.0);
+        }
+    }
+    levels
+}
+
+/// Pixels of equal kind that touch at a side, part by part.
+fn parts(kinds: &[bool]) -> Vec<Vec<usize>> {
+    let mut seen = vec![false; kinds.len()];
+    let mut parts = Vec::new();
+    for start in 0..kinds.len() {
+        if std::mem::replace(&mut seen[start], true) {
+            continue;
+        }
+        let mut part = vec![start];
+        let mut next = 0;
+        while let Some(&at) = part.get(next) {
+            next += 1;
+            let column = at % SIDE;
+            let left = (column > 0).then(|| at - 1);
+            let right = (column + 1 < SIDE).then_some(at + 1);
+            let neighbours = [left, right, at.checked_sub(SIDE), Some(at + SIDE)];
+            for to in neighbours.into_iter().flatten() {
+                if kinds.get(to) == Some(&kinds[start]) && !std::mem::replace(&mut seen[to], true) {
+                    part.push(to);
+                }
+            }
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+/// Each pixel and its neighbours, by the weights 1, 2, 1 along both sides.
+fn soften(levels: &[f32]) -> Vec<f32> {
+    let pass = |levels: &[f32], step: usize, place: fn(usize) -> usize| -> Vec<f32> {
+        let blend = |at: usize| {
+            let here = levels[at];
+            let before = if place(at) > 0 {
+                levels[at - step]
+            } else {
+                here
+            };
+            let after = if place(at) + 1 < SIDE {
+                levels[at + step]
+            } else {
+                here
+            };
+            (before + 2.0 * here + after) / 4.0
+        };
+        (0..levels.len()).map(blend).collect()
+    };
+    let along_rows = pass(levels, 1, |at| at % SIDE);
+    pass(&along_rows, SIDE, |at| at / SIDE)
+}
+
+/// The level at a place from 0 to 1, between the four nearest pixels.
+fn between(levels: &[f32], place: [f32; 2]) -> f32 {
+    let [x, y] = place.map(|at| (at * SIDE as f32 - 0.5).clamp(0.0, (SIDE - 1) as f32));
+    let (column, row) = (x as usize, y as usize);
+    let (right, down) = (x - column as f32, y - row as f32);
+    let line = |row: usize| {
+        let line = &levels[row.min(SIDE - 1) * SIDE..][..SIDE];
+        line[column] + (line[(column + 1).min(SIDE - 1)] - line[column]) * right
+    };
+    let (top, bottom) = (line(row), line(row + 1));
+    top + (bottom - top) * down
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mask of the model with rectangles (rows, columns) of the levels given.
+    fn drawn(rectangles: &[([usize; 4], f32)]) -> Vec<f32> {
+        let mut logits = vec![-20.0; SIDE * SIDE];
+        for &([top, bottom, left, right], level) in rectangles {
+            for row in top..bottom {
+                logits[row * SIDE + left..row * SIDE + right].fill(level);
+            }
+        }
+        logits
+    }
+
+    fn at(mask: &[u8], row: usize, column: usize) -> u8 {
+        mask[row * SIDE + column]
+    }
+
+    #[test]
+    fn the_largest_part_stays_and_its_small_holes_close() {
+        let logits = drawn(&[
+            ([50, 200, 100, 160], 20.0),
+            ([60, 64, 120, 124], -20.0),
+            ([100, 120, 120, 140], -20.0),
+            ([50, 60, 20, 40], 20.0),
+        ]);
+        let mask = mask(&logits, Region::whole(SIDE, SIDE), SIDE, SIDE);
+        assert_eq!(at(&mask, 90, 110), 255);
+        assert_eq!(at(&mask, 62, 122), 255, "a hole of 16 pixels");
+        assert_eq!(at(&mask, 110, 130), 0, "a hole of 400 pixels");
+        assert_eq!(at(&mask, 55, 30), 0, "another part");
+        assert_eq!(at(&mask, 10, 10), 0);
+    }
+
+    #[test]
+    fn single_pixels_that_stick_out_are_softened() {
+        let logits = drawn(&[([50, 200, 100, 160], 20.0), ([120, 121, 160, 163], 20.0)]);
+        let mask = mask(&logits, Region::whole(SIDE, SIDE), SIDE, SIDE);
+        assert!(at(&mask, 120, 161) < 160, "{}", at(&mask, 120, 161));
+        assert_eq!(at(&mask, 120, 150), 255);
+    }
+
+    #[test]
+    fn masks_follow_their_region() {
+        let region = Region {
+            centre: [300.0, 200.0],
+            side: 512.0,
+            angle: 0.0,
+        };
+        let logits = drawn(&[([100, 150, 100, 150], 20.0)]);
+        let mask = mask(&logits, region, 640, 480);
+        // (100, 100) of the region is at 44 + 200 and -56 + 200.
+        let at = |x: usize, y: usize| mask[y * 640 + x];
+        assert_eq!(at(250, 150), 255);
+        assert_eq!(at(335, 235), 255);
+        assert_eq!([at(238, 150), at(250, 138), at(350, 150)], [0, 0, 0]);
+    }
+
+    #[test]
+    fn no_person_is_no_coverage() {
+        let mask = mask(&drawn(&[]), Region::whole(9, 9), 9, 9);
+        assert!(mask.iter().all(|coverage| *coverage == 0));
+    }
+}

@@ -1,0 +1,173 @@
+//! The pose model's files.
+
+use crate::detector;
+use crate::landmarks;
+use crate::network::Network;
+use crate::region::{Beyond, Region, View};
+use crate::{LandmarkError, mask::mask};
+use std::path::{Path, PathBuf};
+
+/// Name of the detector's file.
+const DETECTOR: &str = "pose_detection.tflite";
+/// Names of the landmark model's file, the most exact first.
+const LANDMARKS: [&str; 3] = [
+    "pose_landmark_heavy.tflite",
+    "pose_landmark_full.tflite",
+    "pose_landmark_lite.tflite",
+];
+/// Longest file that is read, bytes.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// BlazePose: a detector of people and a model of their landmarks.
+#[derive(Debug)]
+pub struct PoseModel {
+    name: String,
+    anchors: Vec<[f32; 2]>,
+    detector: Network,
+    /// Outputs of the detector: boxes, scores.
+    found: [usize; 2],
+    landmarks: Network,
+    /// Outputs of the landmark model: points, likelihoods, space, score, mask.
+    outputs: [usize; 5],
+}
+
+/// What the landmark model says of a region.
+pub(crate) struct Looked {
+    /// Likelihood of a person, from 0 to 1.
+    pub(crate) score: f32,
+    pub(crate) landmarks: Option<landmarks::Landmarks>,
+}
+
+impl PoseModel {
+    /// Opens the model in the folder `path`, or the landmark model `path` with the detector beside it.
+    ///
+    /// In a folder, the most exact of heavy, full and lite is taken.
+    ///
+    /// # Errors
+    /// A file that is missing, can't be read, or is not a model that this crate runs.
+    pub fn open(path: &Path) -> Result<Self, LandmarkError> {
+        let (folder, file) = if path.is_dir() {
+            let files = LANDMARKS.iter().map(|name| path.join(name));
+            let file = files.into_iter().find(|file| file.exists());
+            let file = file.ok_or_else(|| LandmarkError::Empty(path.to_owned()))?;
+            (path, file)
+        } else {
+            (path.parent().unwrap_or(Path::new("")), path.to_owned())
+        };
+        let (detector, found) = open(
+            &folder.join(DETECTOR),
+            detector::SIDE,
+            [
+                &[1, detector::BOXES, detector::NUMBERS][..],
+                &[1, detector::BOXES, 1],
+            ],
+        )?;
+        let (cells, points) = (landmarks::CELLS, landmarks::POINTS);
+        let (landmarks, outputs) = open(
+            &file,
+            landmarks::SIDE,
+            [
+                &[1, points * landmarks::NUMBERS][..],
+                &[1, cells, cells, points],
+                &[1, points * 3],
+                &[1, 1],
+                &[1, landmarks::SIDE, landmarks::SIDE, 1],
+            ],
+        )?;
+        Ok(Self {
+            name: file.file_stem().unwrap_or_default().display().to_string(),
+            anchors: detector::anchors(),
+            detector,
+            found,
+            landmarks,
+            outputs,
+        })
+    }
+
+    /// Name of the landmark model, for people.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Where a person is in the picture.
+    pub(crate) fn find(&mut self, view: View) -> Option<Region> {
+        let whole = Region::whole(view.width, view.height);
+        let input = self.detector.input();
+        whole.cut(view, detector::SIDE, [-1.0, 1.0], Beyond::Black, input);
+        self.detector.run();
+        let [boxes, scores] = self.found.map(|at| self.detector.result(at));
+        detector::person(&self.anchors, boxes, scores, whole)
+    }
+
+    /// The landmarks of the person in `region`.
+    pub(crate) fn look(&mut self, view: View, region: Region) -> Looked {
+        let input = self.landmarks.input();
+        region.cut(view, landmarks::SIDE, [0.0, 1.0], Beyond::Nearest, input);
+        self.landmarks.run();
+        let [points, likelihoods, space, score, _] =
+            self.outputs.map(|at| self.landmarks.result(at));
+        let outputs = landmarks::Outputs {
+            points,
+            likelihoods,
+            space,
+        };
+        Looked {
+            score: score.first().copied().unwrap_or(0.0),
+            landmarks: outputs.landmarks(region),
+        }
+    }
+
+    /// The mask of the person in `region`, which has just been looked at.
+    pub(crate) fn mask(&self, view: View, region: Region) -> Vec<u8> {
+        let [.., logits] = self.outputs;
+        mask(
+            self.landmarks.result(logits),
+            region,
+            view.width,
+            view.height,
+        )
+    }
+}
+
+/// Reads a network that takes a square picture of `side` pixels and gives outputs of the `shapes`;
+/// their positions.
+fn open<const N: usize>(
+    path: &Path,
+    side: usize,
+    shapes: [&[usize]; N],
+) -> Result<(Network, [usize; N]), LandmarkError> {
+    let bad = |message: String| LandmarkError::Model {
+        path: PathBuf::from(path),
+        message,
+    };
+    let network = Network::read(&read(path)?).map_err(bad)?;
+    if network.input_len() != side * side * 3 {
+        return Err(bad(format!("does not take pictures of {side}x{side}")));
+    }
+    let mut places = [0; N];
+    for (place, shape) in places.iter_mut().zip(shapes) {
+        let found = network.output(shape);
+        *place = found.ok_or_else(|| bad(format!("has no output of the shape {shape:?}")))?;
+    }
+    Ok((network, places))
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, LandmarkError> {
+    let fault = |error| LandmarkError::Read {
+        path: path.to_owned(),
+        error,
+    };
+    let meta = match std::fs::metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return Err(LandmarkError::Missing(path.to_owned()));
+        }
+        meta => meta.map_err(fault)?,
+    };
+    if meta.len() > MAX_BYTES {
+        return Err(LandmarkError::Model {
+            path: path.to_owned(),
+            message: format!("{} bytes are too many for a pose model", meta.len()),
+        });
+    }
+    std::fs::read(path).map_err(fault)
+}
