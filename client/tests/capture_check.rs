@@ -69,3 +69,20 @@ fn the_truth_passes_and_a_wrong_scale_of_k_is_named_and_marked_on_the_sheet() {
     assert_eq!(red(&truth), 0);
     assert!(red(&wrong) > 0);
 }
+
+#[test]
+fn names_that_were_unified_are_told() {
+    let dir = tempfile::tempdir().expect("a folder");
+    write(dir.path());
+    let plain = checked(dir.path(), &CaptureOptions::default()).text();
+    assert!(!plain.contains("note: "), "{plain}");
+    let poses = dir.path().join(FILE);
+    let track = std::fs::read_to_string(&poses).expect("is there");
+    let track = track.replace("\"l_", "\"left_").replace("\"r_", "\"right_");
+    std::fs::write(&poses, track).expect("written");
+    let said = checked(dir.path(), &CaptureOptions::default()).text();
+    assert!(
+        said.contains("note: 18 of the 24 joints have SMPL's names now"),
+        "{said}"
+    );
+}

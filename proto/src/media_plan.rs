@@ -5,8 +5,10 @@
 //! uploads them and in the worker that reads them. What names can't express is in [`FILE`].
 
 mod planned;
+mod video_end;
 
 pub use planned::Planned;
+pub use video_end::{Shown, VideoEnd};
 
 use crate::correction::Correction;
 use crate::pose_track::violation;

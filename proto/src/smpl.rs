@@ -1,6 +1,11 @@
 //! The joint tree of SMPL, the most common body model: the tree of imported captures and of
 //! synthetic people, and the only one that the released HumanNeRF program supports.
 
+mod spelling;
+mod unify;
+
+pub use unify::unify;
+
 /// The 24 joints in the published order, each with its parent.
 pub const JOINTS: [(&str, Option<usize>); 24] = [
     ("pelvis", None),

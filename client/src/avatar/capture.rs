@@ -3,8 +3,8 @@
 use super::AvatarOptions;
 use crate::capture_check;
 use crate::capture_dir::CaptureOptions;
-use crate::import::{self, TrackForm};
-use crate::progress::{ProgressDisplay, count};
+use crate::import::{TrackForm, to_folder};
+use crate::progress::count;
 use anyhow::{Context, ensure};
 use image::ImageFormat;
 use std::path::Path;
@@ -24,26 +24,19 @@ pub(super) struct Captured {
 /// Writes the clip as a capture to `folder`.
 pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<Captured> {
     let started = Instant::now();
-    let imported = import::read(options.format, &options.source, &options.import)?;
-    for note in &imported.notes {
-        tell!("note: {note}");
-    }
-    let mut display = ProgressDisplay::new("import");
-    let bytes = import::write(&imported, folder, TrackForm::Json, |done, of, bytes| {
-        display.frames(done, of, bytes);
-    })?;
+    let imported = to_folder(
+        options.format,
+        &options.source,
+        folder,
+        TrackForm::Json,
+        &options.import,
+    )?;
     let track = &imported.track;
-    let [width, height] = track.image_size;
-    display.finish(&format!(
-        "{} of {width}x{height}, {:.1} MB",
-        count(track.frames.len(), "frame"),
-        bytes as f64 / 1e6
-    ));
     Ok(Captured {
-        notes: imported.notes,
         frames: track.frames.iter().map(|frame| frame.index).collect(),
         image_size: track.image_size,
         fps: track.fps,
+        notes: imported.notes,
         seconds: started.elapsed().as_secs_f64(),
     })
 }

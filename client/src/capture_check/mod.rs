@@ -112,6 +112,9 @@ impl Checked {
                 text += &format!("        see frames {}\n", frames.join(", "));
             }
         }
+        for note in self.capture.notes() {
+            text += &format!("note: {note}\n");
+        }
         if !report.causes.is_empty() && !self.asked.is_identity() {
             text += &format!("the following is in addition to `{}`\n", self.asked);
         }

@@ -126,6 +126,11 @@ impl Listing {
         names.into_iter().find_map(|name| self.file(&name))
     }
 
+    /// The files at the top, by name.
+    pub(super) fn top(&self) -> &BTreeMap<String, PathBuf> {
+        &self.top
+    }
+
     /// A file at the top.
     pub(super) fn file(&self, name: &str) -> Option<(String, PathBuf)> {
         Some((name.to_owned(), self.top.get(name)?.clone()))

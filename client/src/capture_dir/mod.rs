@@ -1,8 +1,8 @@
 //! A capture as a folder or archive on disk, ready to be uploaded.
 //!
 //! Before the upload, the pose track is read according to the plan and checked, and its pictures
-//! must exist: a wrong unit should cost a second, not an upload. Pictures are not decoded, which is
-//! the ingest job's task. Files are uploaded unchanged, with the plan: the job corrects the track
+//! must exist, up to the end of a video: a wrong unit should cost a second, not an upload. Pictures
+//! are not decoded, which is the ingest job's task. Files are uploaded unchanged, with the plan: the job corrects the track
 //! with the same function.
 //!
 //! `yoto_capture::CaptureFolder` reads folders of pictures, too, and decodes them; it
@@ -28,6 +28,8 @@ use crate::api::{ClientError, FileSource, UploadFile};
 use listing::Listing;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use yoto_ingest::end_with_videos;
+use yoto_media::Limits;
 use yoto_proto::media_plan::{
     self, ARCHIVE_ENDINGS, MaskSource, MediaPlan, Pictures, Planned, Sources,
 };
@@ -132,7 +134,7 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
     let poses = dir.join(name);
     let poses_bytes = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
     let mut plan = options.plan().over(read_plan(dir)?);
-    let planned = plan
+    let mut planned = plan
         .track(name, &poses_bytes)
         .map_err(|found| bad(dir, found))?;
     let listing = Listing::of(dir, &folders_of(&plan))?;
@@ -142,6 +144,16 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
         fault.message += &format!("; looked below {}", listing.root().display());
         bad(dir, vec![fault])
     })?;
+    // A pose beyond the video's end needs no mask either.
+    end_with_videos(
+        &mut planned,
+        &sources,
+        listing.top(),
+        plan.timing,
+        &Limits::default(),
+    )
+    .map_err(|fault| bad(dir, vec![fault]))?;
+    notes.extend(planned.notes.iter().cloned());
     notes.push(format!("images: {}", sources.images));
     let kinds = [Some(sources.images.clone()), sources.mask_pictures()];
     notes.push(match (&sources.masks, &kinds[1]) {

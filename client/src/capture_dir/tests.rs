@@ -214,3 +214,81 @@ fn a_missing_mask_and_a_bad_pose_are_named() {
         .to_string();
     assert!(error.contains("poses.json frame 7: pose[2]"), "{error}");
 }
+
+/// The media tests' film of 20 frames at `to`.
+fn film(to: &Path) {
+    let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"));
+    let clip = here.join("../worker/media/tests/clips/b_frames.mp4");
+    std::fs::copy(clip, to).expect("copies");
+}
+
+#[test]
+fn poses_beyond_the_films_end_are_told_before_the_upload() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |track| {
+        let frame = track.frames[0].clone();
+        let at = |index| Frame {
+            index,
+            ..frame.clone()
+        };
+        track.frames = [0, 7, 20].map(at).to_vec();
+    });
+    std::fs::remove_dir_all(dir.path().join("frames")).expect("removes");
+    film(&dir.path().join("video.mp4"));
+    let capture = CaptureDir::open(dir.path()).expect("frame 20 has no mask, and needs none");
+    assert_eq!(capture.frames(), 2);
+    let told = "video.mp4 has 20 frames: the pose of frame 20 is left out".to_owned();
+    assert!(capture.notes.contains(&told), "{:?}", capture.notes);
+
+    write_capture(dir.path(), "", |track| track.frames[1].index = 40);
+    std::fs::remove_dir_all(dir.path().join("frames")).expect("removes");
+    let error = CaptureDir::open(dir.path()).expect_err("far beyond");
+    let expected = "video.mp4 frame 40: the pose track has this frame, but the video has only 20, \
+                    0 to 19: 1 of 2 poses are beyond its end";
+    assert!(error.to_string().contains(expected), "{error}");
+}
+
+#[test]
+fn a_range_beyond_the_clip_is_told() {
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |_| {});
+    let mut options = CaptureOptions::default();
+    options.selection.end = Some(8);
+    let whole = CaptureDir::open_with(dir.path(), &options).expect("a good capture");
+    assert!(!whole.notes.iter().any(|note| note.contains("asked for")));
+    options.selection.end = Some(900);
+    let cut = CaptureDir::open_with(dir.path(), &options).expect("a good capture");
+    let told = "frames up to 900 are asked for, but the last pose is of frame 7: frames end there";
+    assert!(cut.notes.iter().any(|note| note == told), "{:?}", cut.notes);
+}
+
+#[test]
+fn joints_of_smpls_tree_get_its_names_and_this_is_told() {
+    use yoto_proto::smpl::JOINTS;
+    let dir = tempfile::tempdir().expect("temporary folder");
+    write_capture(dir.path(), "", |track| {
+        let parent = |above: Option<usize>| above.map_or(-1, |it| it as i32);
+        let long = |name: &str| name.replace("l_", "Left").replace("r_", "Right");
+        track.skeleton = Skeleton {
+            names: JOINTS.iter().map(|(name, _)| long(name)).collect(),
+            parents: JOINTS.iter().map(|(_, above)| parent(*above)).collect(),
+            rest_joints: vec![[0.0; 3]; JOINTS.len()],
+        };
+        for frame in &mut track.frames {
+            frame.pose = vec![0.0; 72];
+        }
+    });
+    let capture = CaptureDir::open(dir.path()).expect("a good capture");
+    let told = |note: &String| note.contains("l_hip for 'Lefthip'");
+    assert!(capture.notes.iter().any(told), "{:?}", capture.notes);
+    let names = capture
+        .planned
+        .expect("a folder has one")
+        .track
+        .skeleton
+        .names;
+    assert!(
+        names.iter().eq(JOINTS.iter().map(|(name, _)| name)),
+        "{names:?}"
+    );
+}

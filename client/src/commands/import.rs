@@ -1,10 +1,11 @@
 //! `yoto import`: captures of other programs as capture folders.
 
+use super::ffmpeg_arg::FfmpegArg;
 use super::render_what::FrameRange;
-use crate::import::{Format, Options, TrackForm, read, write};
+use crate::import::{Format, Options, TrackForm, to_folder};
 use crate::output;
-use crate::progress::ProgressDisplay;
 use clap::Args;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
@@ -17,6 +18,7 @@ Examples:
   yoto import --from people-snapshot female-3-casual --smpl SMPL_FEMALE.pkl --out captures/f3c
   yoto import --from instant-avatar data/custom/ada --smpl SMPL_FEMALE.npz --poses poses/train.npz \\
       --range 0..200:2 --out captures/ada
+  yoto import --from people-snapshot male-1 --smpl SMPL_MALE.pkl --best 60 --out captures/m1
   yoto import --from folder captures/ada --binary --out captures/ada-pb";
 
 /// Convert a capture of another program to a capture folder.
@@ -76,6 +78,11 @@ pub(super) struct ImportOptions {
     /// Frames per second, if no file has it.
     #[arg(long, value_name = "RATE")]
     fps: Option<f64>,
+    /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
+    #[arg(long, value_name = "N")]
+    best: Option<NonZeroUsize>,
+    #[command(flatten)]
+    ffmpeg: FfmpegArg,
 }
 
 impl ImportOptions {
@@ -90,6 +97,7 @@ impl ImportOptions {
             || self.person.is_some()
             || self.focal.is_some()
             || self.height.is_some()
+            || self.best.is_some()
     }
 
     /// These inputs and `frames`, by position, for an importer.
@@ -113,6 +121,8 @@ impl ImportOptions {
             focal: self.focal,
             height: self.height,
             pose_model: self.pose_model.clone(),
+            best: self.best,
+            ffmpeg: self.ffmpeg.program().map(Path::to_owned),
         }
     }
 
@@ -126,22 +136,7 @@ impl ImportOptions {
         form: TrackForm,
         frames: Option<FrameRange>,
     ) -> anyhow::Result<()> {
-        let options = self.options(frames);
-        let imported = read(format, source, &options)?;
-        for note in &imported.notes {
-            tell!("note: {note}");
-        }
-        let mut display = ProgressDisplay::new("import");
-        let bytes = write(&imported, out, form, |done, of, bytes| {
-            display.frames(done, of, bytes);
-        })?;
-        let [width, height] = imported.track.image_size;
-        display.finish(&format!(
-            "{} frames of {width}x{height}, {:.1} MB in {}",
-            imported.track.frames.len(),
-            bytes as f64 / 1e6,
-            out.display()
-        ));
+        to_folder(format, source, out, form, &self.options(frames))?;
         Ok(())
     }
 }

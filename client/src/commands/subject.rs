@@ -160,7 +160,7 @@ impl Add {
         let Some(format) = self.from else {
             anyhow::ensure!(
                 !self.import.any(),
-                "--rest-joints, --view, --poses and --fps belong to an import: say --from"
+                "--rest-joints, --view, --poses, --fps and --best belong to an import: say --from"
             );
             return Ok(None);
         };
@@ -204,7 +204,8 @@ impl Add {
             job.with_context(|| format!("the capture {} was not accepted", place.display()))?;
         match job.result.and_then(|result| result.kind) {
             Some(job_result::Kind::Ingest(ingest)) => {
-                for note in &ingest.notes {
+                let told = &capture.notes;
+                for note in ingest.notes.iter().filter(|note| !told.contains(note)) {
                     tell!("{}: {note}", self.name);
                 }
                 display.finish(&format!(

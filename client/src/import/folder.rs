@@ -15,7 +15,11 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         .into_iter()
         .map(|file| (file.path, file.source))
         .collect();
-    let Planned { mut track, masks } = capture.planned.ok_or_else(|| {
+    let Planned {
+        mut track,
+        masks,
+        notes,
+    } = capture.planned.ok_or_else(|| {
         source.fault(
             "INVALID",
             "",
@@ -58,6 +62,6 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     Ok(Imported {
         track,
         pictures,
-        notes: Vec::new(),
+        notes,
     })
 }

@@ -9,6 +9,7 @@
 //! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
 //! ```
 
+pub mod best;
 mod body_model;
 mod folder;
 mod geometry;
@@ -21,6 +22,7 @@ mod people_snapshot;
 mod pictures;
 mod rest_joints;
 mod source;
+mod to_folder;
 mod track;
 mod write;
 mod zju;
@@ -28,11 +30,13 @@ mod zju;
 pub use body_model::BodyModel;
 pub use hdf5::MaskStack;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
+pub use to_folder::to_folder;
 pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
 
 use crate::api::ClientError;
 use rest_joints::RestJoints;
 use source::Source;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack};
 
@@ -78,6 +82,10 @@ pub struct Options {
     pub height: Option<f64>,
     /// Files of the pose model: a file, or the folder that has them.
     pub pose_model: Option<PathBuf>,
+    /// Number of frames to keep: those that teach most.
+    pub best: Option<NonZeroUsize>,
+    /// The ffmpeg for videos other than H.264 in MP4 or MOV; the one in PATH if absent.
+    pub ffmpeg: Option<PathBuf>,
 }
 
 impl Options {
@@ -98,6 +106,15 @@ impl Options {
             return Err(source.fault("OUT_OF_RANGE", file, None, "frames", message));
         }
         Ok(wanted)
+    }
+
+    /// A note about selected frames that the capture does not have.
+    fn beyond_last(&self, track: &PoseTrack) -> Option<String> {
+        let (first, end, step) = self.frames?;
+        let asked = end.saturating_sub(first).div_ceil(step.max(1));
+        let there = track.frames.len();
+        (end != u32::MAX as usize && asked > there)
+            .then(|| format!("the range is of {asked} frames, and the capture has {there} of them"))
     }
 
     /// The user's value, or `assumed` with a note.
@@ -129,7 +146,7 @@ pub struct Imported {
 /// system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
     let source = Source::new(dir);
-    let imported = match format {
+    let mut imported = match format {
         Format::Zju => zju::read(&source, options),
         Format::HumanNerf if source.has("metadata.json") && !source.has("mesh_infos.pkl") => {
             humannerf_wild::read(&source, options)
@@ -139,6 +156,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::InstantAvatar => instant_avatar::read(&source, options),
         Format::Folder => folder::read(&source, options),
     }?;
+    imported.notes.extend(options.beyond_last(&imported.track));
     let violations = imported.track.check();
     if violations.is_empty() {
         Ok(imported)

@@ -70,6 +70,14 @@ fn zju_is_in_millimetres_and_turns_about_the_origin() {
             panic!("{name} has files");
         };
         assert!(files[0].image.is_file() && files[0].masks.len() == 2);
+        assert!(!found.notes.iter().any(|note| note.contains("range")));
+        let beyond = Options {
+            frames: Some((1, 900, 2)),
+            ..smpl()
+        };
+        let found = read(Format::Zju, &captures(name), &beyond).expect(name);
+        let told = "the range is of 450 frames, and the capture has 1 of them";
+        assert!(found.notes.iter().any(|it| it == told), "{:?}", found.notes);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{FILE, MediaPlan};
 use crate::pose_track::{PoseTrack, violation};
+use crate::smpl;
 use crate::v1::Violation;
 
 /// A pose track after corrections and selection, with the mask of each frame.
@@ -11,12 +12,15 @@ pub struct Planned {
     pub track: PoseTrack,
     /// Index of each frame's mask: the frame's own, unless masks are shifted.
     pub masks: Vec<u32>,
+    /// What was unified or left out, for people.
+    pub notes: Vec<String>,
 }
 
 impl MediaPlan {
     /// Reads the pose track in the file called `name`, corrects it, checks it, and keeps the
     /// selected frames. Corrections come before the check, since lengths in millimetres are
-    /// out of range, and before the selection, since shifts count frames of the video.
+    /// out of range, and before the selection, since shifts count frames of the video. Joints of
+    /// SMPL's tree get SMPL's names ([`smpl::unify`]).
     ///
     /// # Errors
     /// All faults of the track and of its corrections; never empty.
@@ -48,6 +52,8 @@ impl MediaPlan {
             }
         }
         let mut track = corrected.track;
+        let mut notes: Vec<String> = smpl::unify(&mut track).into_iter().collect();
+        notes.extend(self.beyond_last(&track));
         let (frames, masks) = std::mem::take(&mut track.frames)
             .into_iter()
             .zip(corrected.sources)
@@ -59,7 +65,23 @@ impl MediaPlan {
             let message = "none of the pose track's frames is selected";
             return Err(vec![violation("EMPTY", FILE, None, "selection", message)]);
         }
-        Ok(Planned { track, masks })
+        Ok(Planned {
+            track,
+            masks,
+            notes,
+        })
+    }
+
+    /// A note about a selection that ends after the last frame of `track`.
+    fn beyond_last(&self, track: &PoseTrack) -> Option<String> {
+        let last = track.frames.last()?.index;
+        let end = self
+            .selection
+            .end
+            .filter(|&end| end > last.saturating_add(1))?;
+        Some(format!(
+            "frames up to {end} are asked for, but the last pose is of frame {last}: frames end there"
+        ))
     }
 }
 
@@ -122,6 +144,20 @@ mod tests {
         let indices: Vec<u32> = planned.track.frames.iter().map(|it| it.index).collect();
         assert_eq!((indices, planned.masks), (vec![1, 3], vec![2, 4]));
         assert!((planned.track.frames[0].e[2][3] - 25.0).abs() < 1e-9);
+        assert_eq!(planned.notes, [""; 0]);
+    }
+
+    #[test]
+    fn a_selection_beyond_the_last_pose_is_told() {
+        let mut plan = MediaPlan::default();
+        plan.correction.units = Units::all(Unit::Millimetre);
+        let notes = |plan: &MediaPlan| plan.track("poses.json", &file()).map(|it| it.notes);
+        plan.selection.end = Some(5);
+        assert_eq!(notes(&plan), Ok(vec![]), "frame 4 is the last");
+        plan.selection.end = Some(6);
+        let told =
+            "frames up to 6 are asked for, but the last pose is of frame 4: frames end there";
+        assert_eq!(notes(&plan), Ok(vec![told.to_owned()]));
     }
 
     #[test]

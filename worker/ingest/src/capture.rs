@@ -4,6 +4,7 @@ use super::failure::ReadFailure;
 use super::order::Place;
 use super::reader::Reader;
 use super::unpack::{OWN_PLAN, unpacked};
+use super::video_end::end_with_videos;
 use std::path::Path;
 use yoto_media::Limits;
 use yoto_media::archive::Files;
@@ -29,6 +30,8 @@ pub(super) struct Capture {
     pub(super) masks: Vec<u32>,
     /// Distortion of the stored pictures.
     pub(super) distortion: [f64; 5],
+    /// What was unified or left out, for people.
+    pub(super) notes: Vec<String>,
 }
 
 impl Capture {
@@ -48,12 +51,18 @@ impl Capture {
         let plan =
             read_plan(media_plan::FILE, &files, limits)?.over(read_plan(OWN_PLAN, &files, limits)?);
         let bytes = read_file(path, limits).map_err(|error| ReadFailure::at(error, name, None))?;
-        let planned = plan.track(name, &bytes).map_err(ReadFailure::Rejected)?;
-        let Planned { mut track, masks } = planned;
-        // Training casts straight rays, so its frames have no distortion.
-        let distortion = std::mem::replace(&mut track.distortion, NO_DISTORTION);
+        let mut planned = plan.track(name, &bytes).map_err(ReadFailure::Rejected)?;
         let sources =
             Sources::find(&plan, files.keys().map(String::as_str)).map_err(ReadFailure::of)?;
+        end_with_videos(&mut planned, &sources, &files, plan.timing, limits)
+            .map_err(ReadFailure::of)?;
+        let Planned {
+            mut track,
+            masks,
+            notes,
+        } = planned;
+        // Training casts straight rays, so its frames have no distortion.
+        let distortion = std::mem::replace(&mut track.distortion, NO_DISTORTION);
         Ok(Self {
             limits: limits.clone(),
             files,
@@ -62,6 +71,7 @@ impl Capture {
             track,
             masks,
             distortion,
+            notes,
         })
     }
 

@@ -19,6 +19,7 @@ mod settings;
 mod supervise;
 mod unpack;
 mod upload;
+mod video_end;
 
 pub use child::become_ingest_child_if_asked;
 pub use failure::{IngestError, ReadFailure};
@@ -26,6 +27,7 @@ pub use local::LocalCapture;
 pub use order::Place;
 pub use settings::IngestSettings;
 pub use upload::{Ingested, ingest};
+pub use video_end::end_with_videos;
 pub use yoto_media::archive::Files;
 
 /// Most violations reported per capture, since an export error repeats in every frame.

@@ -47,6 +47,11 @@ impl LocalCapture {
         &self.capture.track
     }
 
+    /// What was unified or left out, for people.
+    pub fn notes(&self) -> &[String] {
+        &self.capture.notes
+    }
+
     /// Decodes the frames at `positions`, which rise, and calls `each` with each. Every call decodes
     /// a video from its beginning.
     ///

@@ -295,3 +295,6 @@ fn a_capture_of_nobody_is_refused() {
     });
     assert!(found[0].starts_with("masks: no mask covers"), "{found:?}");
 }
+
+#[path = "footage_tests.rs"]
+mod footage;

@@ -81,7 +81,8 @@ impl Reader {
                 return Err(faults.collect::<Vec<_>>().into());
             }
         };
-        let mut notes = noted(plan, *distortion);
+        let mut notes = capture.notes.clone();
+        notes.extend(noted(plan, *distortion));
         notes.push(format!("images: {}, {}", sources.images, images.describe()));
         let kind = match plan.mask_kind {
             MaskKind::Coverage => "coverage",

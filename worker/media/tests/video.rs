@@ -74,6 +74,28 @@ fn every_kind_of_stream_comes_out_in_the_order_shown() {
 }
 
 #[test]
+fn headers_tell_the_end_of_any_mp4() {
+    let end = |name: &str| yoto_media::video::end(&clip(name), &Limits::default());
+    for name in ["b_frames.mp4", "b_frames.mov", "fragmented.mp4", "hevc.mp4"] {
+        let found = end(name).expect(name).expect("an MP4");
+        assert_eq!(found.frames, FRAMES, "{name}");
+        assert!(
+            (found.seconds - 19.0 / 15.0).abs() < 1e-3,
+            "{name}: {found:?}"
+        );
+    }
+    let paused = end("pauses.mp4").expect("reads").expect("an MP4");
+    assert_eq!(paused.frames, FRAMES);
+    assert!((paused.seconds - 28.0 / 15.0).abs() < 1e-3, "{paused:?}");
+    assert_eq!(end("mjpeg.avi").expect("reads"), None);
+    let folder = tempfile::tempdir().expect("a folder");
+    let cut = folder.path().join("cut.mp4");
+    let whole = std::fs::read(clip("b_frames.mp4")).expect("is there");
+    std::fs::write(&cut, &whole[..whole.len() / 2]).expect("writes");
+    assert!(yoto_media::video::end(&cut, &Limits::default()).is_err());
+}
+
+#[test]
 fn frames_that_are_passed_over_change_nothing_in_those_that_are_not() {
     let whole = all(&mut open(&clip("b_frames.mp4")).expect("opens"));
     let mut video = open(&clip("b_frames.mp4")).expect("opens");

@@ -1,11 +1,13 @@
 //! Videos: H.264 in MP4 or MOV in this process, anything else through `ffmpeg`.
 
+mod end;
 mod ffmpeg;
 mod h264;
 mod mp4;
 mod sps;
 mod yuv;
 
+pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
 
 use crate::{Fault, Limits, MediaError, Picture, Turn, sniff};
@@ -40,14 +42,7 @@ impl Video {
         ffmpeg: &Ffmpeg,
         need_times: bool,
     ) -> Result<Self, MediaError> {
-        let mut start = Vec::new();
-        File::open(path)
-            .and_then(|file| file.take(sniff::PREFIX as u64).read_to_end(&mut start))
-            .map_err(MediaError::io(path))?;
-        if start.is_empty() {
-            return Err(Fault::new("EMPTY", "the file has no bytes").into());
-        }
-        let what = match sniff::kind(&start) {
+        let what = match sniffed(path)? {
             sniff::Kind::Mp4 => {
                 let track = mp4::open(path, limits)?;
                 if let mp4::Codec::Other(name) = &track.codec {
@@ -122,4 +117,16 @@ impl Video {
             By::Ffmpeg(stream) => stream.next(skip),
         }
     }
+}
+
+/// The kind of the file at `path`, by its first bytes.
+fn sniffed(path: &Path) -> Result<sniff::Kind, MediaError> {
+    let mut start = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(sniff::PREFIX as u64).read_to_end(&mut start))
+        .map_err(MediaError::io(path))?;
+    if start.is_empty() {
+        return Err(Fault::new("EMPTY", "the file has no bytes").into());
+    }
+    Ok(sniff::kind(&start))
 }

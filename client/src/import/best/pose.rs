@@ -1,0 +1,102 @@
+//! A body's pose and the view of it as numbers, whose differences tell how new a frame is.
+
+use super::super::geometry::{
+    IDENTITY, Mat3, Vec3, apply, dot, mul, rotation, scale, sub, transpose,
+};
+use yoto_proto::pose_track::{Frame, Skeleton};
+
+/// Weight of the view beside the mean of all bones: a body turned by an angle is as new as one all
+/// of whose bones are.
+const VIEW: f64 = 1.0;
+
+/// The direction of each joint from its parent in the root's frame, weighted so that all bones
+/// together count for one, and the direction of the camera's view in the root's frame. The length
+/// of the difference between two frames' features is about the angle between them, radians.
+pub(super) fn features(skeleton: &Skeleton, frame: &Frame) -> Vec<f64> {
+    let turns = frame.pose.as_chunks::<3>().0;
+    let turn = |joint: usize| {
+        turns
+            .get(joint)
+            .map_or(IDENTITY, |&vector| rotation(vector))
+    };
+    let bones = skeleton.parents.len().saturating_sub(1).max(1) as f64;
+    // Rotations of the joints so far, in the root's frame.
+    let mut turned: Vec<Mat3> = Vec::with_capacity(skeleton.parents.len());
+    let mut features = Vec::with_capacity(3 * skeleton.parents.len());
+    for (joint, &parent) in skeleton.parents.iter().enumerate() {
+        let above = usize::try_from(parent).ok();
+        let Some((above, above_turn)) = above.and_then(|it| Some((it, *turned.get(it)?))) else {
+            turned.push(IDENTITY);
+            continue;
+        };
+        turned.push(mul(&above_turn, &turn(joint)));
+        let rest = |joint: usize| skeleton.rest_joints.get(joint).copied().unwrap_or_default();
+        let bone = apply(&above_turn, sub(rest(joint), rest(above)));
+        features.extend(scale(unit(bone), bones.sqrt().recip()));
+    }
+    let [_, _, [x, y, z, _], _] = frame.e;
+    let view = apply(&transpose(&turn(0)), [x, y, z]);
+    features.extend(scale(view, VIEW));
+    features
+}
+
+/// The direction of `v`; zero where it has none.
+fn unit(v: Vec3) -> Vec3 {
+    let length = dot(v, v).sqrt();
+    if length > 1e-9 {
+        scale(v, length.recip())
+    } else {
+        [0.0; 3]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, SQRT_2};
+
+    fn skeleton() -> Skeleton {
+        Skeleton {
+            names: ["root", "knee", "foot"].map(String::from).to_vec(),
+            parents: vec![-1, 0, 1],
+            rest_joints: vec![[0.0; 3], [0.0, -0.4, 0.0], [0.0, -0.8, 0.0]],
+        }
+    }
+
+    fn frame(root: Vec3, knee: Vec3, translation: Vec3) -> Frame {
+        Frame {
+            index: 0,
+            pose: [root, knee, [0.0; 3]].concat(),
+            translation,
+            k: IDENTITY,
+            e: std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j))),
+        }
+    }
+
+    fn apart(a: &Frame, b: &Frame) -> f64 {
+        let (a, b) = (features(&skeleton(), a), features(&skeleton(), b));
+        let squares = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn bent_knees_and_turned_bodies_are_new_and_walks_are_not() {
+        let still = frame([0.0; 3], [0.0; 3], [0.0; 3]);
+        assert_eq!(
+            apart(&still, &frame([0.0; 3], [0.0; 3], [3.0, 0.0, 1.0])),
+            0.0
+        );
+        // One of two bones is a quarter turn off, its direction by √2, over √2 bones.
+        let bent = frame([0.0; 3], [FRAC_PI_2, 0.0, 0.0], [0.0; 3]);
+        assert!((apart(&still, &bent) - 1.0).abs() < 1e-9);
+        let turned = frame([0.0, FRAC_PI_2, 0.0], [0.0; 3], [0.0; 3]);
+        assert!((apart(&still, &turned) - SQRT_2).abs() < 1e-9);
+        // The camera goes round with the body: the same view of it.
+        let mut followed = turned.clone();
+        let back = transpose(&rotation([0.0, FRAC_PI_2, 0.0]));
+        for (row, turn) in followed.e.iter_mut().zip(back) {
+            row[..3].copy_from_slice(&turn);
+        }
+        assert!(apart(&still, &followed) < 1e-9);
+    }
+}

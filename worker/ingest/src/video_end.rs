@@ -1,0 +1,33 @@
+//! The poses that a capture's videos no longer show.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use yoto_media::{Limits, video};
+use yoto_proto::media_plan::{Pictures, Planned, Shown, Sources, Timing};
+use yoto_proto::v1::Violation;
+
+/// Leaves out the few frames of `planned` that are beyond the end of a video of `sources`, and
+/// notes it; `files` has the path of each file on this disk. A video whose end isn't in its headers,
+/// or that can't be read, leaves out nothing: decoding it finds the fault.
+///
+/// # Errors
+/// A track that is much longer than a video; as [`Planned::end_with`].
+pub fn end_with_videos(
+    planned: &mut Planned,
+    sources: &Sources,
+    files: &BTreeMap<String, PathBuf>,
+    timing: Timing,
+    limits: &Limits,
+) -> Result<(), Violation> {
+    let images = (Some(sources.images.clone()), Shown::Images);
+    for (pictures, shows) in [images, (sources.mask_pictures(), Shown::Masks)] {
+        let Some(Pictures::Video(name)) = pictures else {
+            continue;
+        };
+        let end = files.get(&name).map(|path| video::end(path, limits));
+        if let Some(Ok(Some(end))) = end {
+            planned.end_with(&name, shows, end, timing)?;
+        }
+    }
+    Ok(())
+}
