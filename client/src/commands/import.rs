@@ -12,7 +12,13 @@ const AFTER_HELP: &str = "\
 Files of each format, with their units, are described in docs/formats.md. Shape parameters become
 rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
+Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM or EasyMocap are recognised by
+their contents, and held against masks: see docs/pose-tools.md.
+
 Examples:
+  yoto import walk.mp4 --poses outputs/results/demo_walk.pkl --out captures/walk
+  yoto import walk.mp4 --poses hmr4d_results.pt --masks masks/ --smpl SMPLX_NEUTRAL.npz \\
+      --out captures/walk
   yoto import --from zju CoreView_377 --smpl SMPL_NEUTRAL.npz --range 0..570 --out captures/377
   yoto import --from humannerf dataset/zju_mocap/387 --out captures/387
   yoto import --from people-snapshot female-3-casual --smpl SMPL_FEMALE.pkl --out captures/f3c
@@ -25,14 +31,14 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Import {
-    /// Folder of the capture.
+    /// Folder of the capture; or a video, or a folder of pictures, whose poses are in --poses.
     #[arg(value_name = "SRC")]
     source: PathBuf,
     /// Folder to write: pose track, frames, masks.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Format of the capture.
-    #[arg(long, value_name = "FORMAT")]
+    /// Format of the capture, or the tool that wrote --poses.
+    #[arg(long, value_name = "FORMAT", default_value = "auto")]
     from: Format,
     /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
     #[arg(long)]

@@ -1,9 +1,10 @@
-//! Rest joints from SMPL's body model. Its licence keeps it out of this project: the user provides
-//! a copy.
+//! Rest joints from the body models SMPL and SMPL-X. Their licences keep them out of this project:
+//! the user provides a copy.
 //!
 //! joints = J_regressor · (v_template + shapedirs · betas), with `v_template` `[V, 3]`,
 //! `shapedirs` `[V, 3, B]` and `J_regressor` `[24, V]` (dense in `.npz`, one of scipy's sparse
-//! matrices in `.pkl`). The sum is linear in betas, so that only `[24, 3, 1 + B]` is kept.
+//! matrices in `.pkl`). The sum is linear in betas, so that only `[24, 3, 1 + B]` is kept. SMPL-X has
+//! 55 joints: the first 22 are SMPL's, and where the middle fingers begin is SMPL's hand.
 
 use super::geometry::Vec3;
 use super::source::{Part, Source};
@@ -12,9 +13,16 @@ use std::path::Path;
 use yoto_formats::Array;
 use yoto_proto::smpl::JOINTS;
 
+/// Joints of SMPL-X.
+const SMPLX_JOINTS: usize = 55;
+/// Joints of SMPL-X that are SMPL's hands: where the middle fingers begin.
+const HANDS: [(usize, usize); 2] = [(28, 22), (43, 23)];
+
 /// Rest joints by shape parameters.
 #[derive(Clone, Debug)]
 pub struct BodyModel {
+    /// Whether it is SMPL-X, whose shapes and pelvis are others than SMPL's.
+    is_smplx: bool,
     mean: Vec<Vec3>,
     /// Displacement of the joints per unit of each shape parameter.
     shapes: Vec<Vec<Vec3>>,
@@ -46,7 +54,16 @@ impl BodyModel {
                 return Err(shapes.fault("SIZE_MISMATCH", message));
             }
         };
-        let weights = regressor(&root.get("J_regressor")?, vertices.len())?;
+        let (count_of_joints, weights) = regressor(&root.get("J_regressor")?, vertices.len())?;
+        let is_smplx = count_of_joints == SMPLX_JOINTS;
+        let weights: Vec<(usize, usize, f64)> = weights
+            .into_iter()
+            .filter_map(|(joint, vertex, weight)| {
+                let hand = HANDS.iter().find(|(from, _)| is_smplx && *from == joint);
+                let to = hand.map_or(joint, |(_, to)| *to);
+                (hand.is_some() || !is_smplx || joint < 22).then_some((to, vertex, weight))
+            })
+            .collect();
         let joints = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec3> {
             let mut joints = vec![[0.0; 3]; JOINTS.len()];
             for &(joint, vertex, weight) in &weights {
@@ -63,11 +80,17 @@ impl BodyModel {
             directions.values.get(at).copied().unwrap_or_default()
         };
         Ok(Self {
+            is_smplx,
             mean: joints(&|vertex, axis| vertices[vertex][axis]),
             shapes: (0..count)
                 .map(|shape| joints(&|vertex, axis| direction(vertex, axis, shape)))
                 .collect(),
         })
+    }
+
+    /// Whether this is SMPL-X.
+    pub fn is_smplx(&self) -> bool {
+        self.is_smplx
     }
 
     /// The 24 rest joints, metres. Parameters beyond those of the model are ignored: models
@@ -83,30 +106,36 @@ impl BodyModel {
     }
 }
 
-/// Joint, vertex and weight of every weight that is not 0.
-fn regressor(part: &Part<'_>, vertices: usize) -> Result<Vec<(usize, usize, f64)>, ClientError> {
-    let fits = |shape: &[usize]| {
-        if *shape == [JOINTS.len(), vertices] {
-            return Ok(());
+/// Joint, vertex and weight.
+type Weights = Vec<(usize, usize, f64)>;
+
+/// The number of joints, and every weight that is not 0.
+fn regressor(part: &Part<'_>, vertices: usize) -> Result<(usize, Weights), ClientError> {
+    let fits = |shape: &[usize]| match *shape {
+        [joints, of] if of == vertices && [JOINTS.len(), SMPLX_JOINTS].contains(&joints) => {
+            Ok(joints)
         }
-        let message = format!("the shape is {shape:?}, but SMPL has [24, {vertices}]");
-        Err(part.fault("SIZE_MISMATCH", message))
+        _ => {
+            let message = format!(
+                "the shape is {shape:?}, but SMPL has [24, {vertices}] and SMPL-X [55, {vertices}]"
+            );
+            Err(part.fault("SIZE_MISMATCH", message))
+        }
     };
     let Some(data) = part.find("data") else {
         let Array { shape, values } = part.array()?;
-        fits(&shape)?;
+        let joints = fits(&shape)?;
         let weights = values
             .iter()
             .enumerate()
             .filter(|(_, weight)| **weight != 0.0);
-        return Ok(weights
-            .map(|(at, weight)| (at / vertices, at % vertices, *weight))
-            .collect());
+        let weights = weights.map(|(at, weight)| (at / vertices, at % vertices, *weight));
+        return Ok((joints, weights.collect()));
     };
     let shape = part.find("_shape").or_else(|| part.find("shape"));
     let shape = shape.ok_or_else(|| part.fault("MISSING", "the sparse matrix has no shape"))?;
     let shape: Vec<usize> = shape.vector()?.iter().map(|side| *side as usize).collect();
-    fits(&shape)?;
+    let joints = fits(&shape)?;
     let places = |name: &str| -> Result<Vec<usize>, ClientError> {
         let values = part.get(name)?.vector()?;
         Ok(values.iter().map(|value| *value as usize).collect())
@@ -136,9 +165,7 @@ fn regressor(part: &Part<'_>, vertices: usize) -> Result<Vec<(usize, usize, f64)
     if pairs.len() != values.len() || !pairs.iter().all(inside) {
         return Err(part.fault("SIZE_MISMATCH", "the sparse matrix leads outside its shape"));
     }
-    Ok(pairs
-        .into_iter()
-        .zip(values)
-        .map(|((joint, vertex), weight)| (joint, vertex, weight))
-        .collect())
+    let weights = pairs.into_iter().zip(values);
+    let weights = weights.map(|((joint, vertex), weight)| (joint, vertex, weight));
+    Ok((joints, weights.collect()))
 }

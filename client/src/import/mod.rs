@@ -7,10 +7,13 @@
 //!
 //! ```text
 //! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
+//!     clip (video or pictures) → pose_tools ┘
 //! ```
 
+mod auto;
 pub mod best;
 mod body_model;
+mod clip;
 mod folder;
 mod geometry;
 mod hdf5;
@@ -20,6 +23,7 @@ mod instant_avatar;
 pub mod motion;
 mod people_snapshot;
 mod pictures;
+mod pose_tools;
 mod rest_joints;
 mod source;
 mod to_folder;
@@ -34,6 +38,8 @@ pub use to_folder::to_folder;
 pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
 
 use crate::api::ClientError;
+use auto::Recognised;
+use pose_tools::Tool;
 use rest_joints::RestJoints;
 use source::Source;
 use std::num::NonZeroUsize;
@@ -41,8 +47,11 @@ use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack};
 
 /// Format of a capture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
+    /// Recognised by the files.
+    #[default]
+    Auto,
     /// ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp.
     Zju,
     /// HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl
@@ -55,6 +64,24 @@ pub enum Format {
     InstantAvatar,
     /// This project's own: poses.json or poses.pb, frames, masks.
     Folder,
+    /// 4D-Humans' tracker PHALP: --poses outputs/results/demo_*.pkl, with its video.
+    Phalp,
+    /// WHAM: --poses wham_output.pkl, with its video.
+    Wham,
+    /// GVHMR: --poses hmr4d_results.pt, with its video.
+    Gvhmr,
+    /// TRAM: --poses results/CLIP, with its video.
+    Tram,
+    /// ROMP or BEV: --poses a folder of *.npz or video_results.npz, with its video.
+    Romp,
+    /// PromptHMR: --poses results.pkl, with its video.
+    #[value(name = "prompthmr")]
+    PromptHmr,
+    /// LHM's motions: --poses smplx_params, with their video.
+    Lhm,
+    /// EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video.
+    #[value(name = "easymocap")]
+    EasyMocap,
 }
 
 /// Inputs that an importer can't find in the files.
@@ -146,7 +173,20 @@ pub struct Imported {
 /// system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
     let source = Source::new(dir);
-    let mut imported = match format {
+    let tool = |tool| pose_tools::read(dir, options, Some(tool));
+    let imported = match format {
+        Format::Auto => {
+            return match auto::recognise(dir, options)? {
+                Recognised::Capture(format, name) => {
+                    let mut imported = read(format, dir, options)?;
+                    imported.notes.insert(0, format!("recognised: {name}"));
+                    Ok(imported)
+                }
+                Recognised::PoseTool => {
+                    checked(&source, pose_tools::read(dir, options, None)?, options)
+                }
+            };
+        }
         Format::Zju => zju::read(&source, options),
         Format::HumanNerf if source.has("metadata.json") && !source.has("mesh_infos.pkl") => {
             humannerf_wild::read(&source, options)
@@ -155,7 +195,24 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::PeopleSnapshot => people_snapshot::read(&source, options),
         Format::InstantAvatar => instant_avatar::read(&source, options),
         Format::Folder => folder::read(&source, options),
+        Format::Phalp => tool(Tool::Phalp),
+        Format::Wham => tool(Tool::Wham),
+        Format::Gvhmr => tool(Tool::Gvhmr),
+        Format::Tram => tool(Tool::Tram),
+        Format::Romp => tool(Tool::Romp),
+        Format::PromptHmr => tool(Tool::PromptHmr),
+        Format::Lhm => tool(Tool::Lhm),
+        Format::EasyMocap => tool(Tool::EasyMocap),
     }?;
+    checked(&source, imported, options)
+}
+
+/// `imported`, if its track has no faults, with a note about frames that it lacks.
+fn checked(
+    source: &Source,
+    mut imported: Imported,
+    options: &Options,
+) -> Result<Imported, ClientError> {
     imported.notes.extend(options.beyond_last(&imported.track));
     let violations = imported.track.check();
     if violations.is_empty() {

@@ -4,7 +4,9 @@ use super::hdf5::MaskStack;
 use crate::api::ClientError;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use yoto_formats::npy;
+use yoto_formats::rle::RunLengths;
 use yoto_proto::pose_track::{MAX_SIDE, violation};
 
 /// Largest allocation of a decoder, bytes: a 16-bit image with alpha of the largest size.
@@ -44,6 +46,12 @@ pub enum Mask {
     Array(PathBuf),
     /// One of a stack.
     Stack(MaskStack, usize),
+    /// The pixels of one colour of an image that gives every person a colour.
+    Colour(PathBuf, [u8; 3]),
+    /// Runs of pixels, as pose tools store them.
+    Runs(Arc<RunLengths>),
+    /// A frame of a video of masks: a grey PNG of coverage.
+    Packed(Arc<[u8]>),
 }
 
 /// Meaning of a mask's levels.
@@ -104,6 +112,23 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
                     rgb.as_chunks::<3>().0.iter().map(any).collect()
                 }
             })
+        }
+        Mask::Colour(path, colour) => {
+            let image = read_image(path, size, frame)?.into_raw();
+            let same = |pixel: &[u8; 3]| 255 * u8::from(pixel == colour);
+            Ok(image.as_chunks::<3>().0.iter().map(same).collect())
+        }
+        Mask::Runs(runs) => {
+            let name = Path::new("mask");
+            sized(name, size, frame, [runs.width as u32, runs.height as u32])?;
+            Ok(runs.decode())
+        }
+        Mask::Packed(png) => {
+            let image = image::load_from_memory_with_format(png, image::ImageFormat::Png);
+            let name = Path::new("mask");
+            let image = image.map_err(|error| undecodable(name, frame, error.to_string()))?;
+            sized(name, size, frame, [image.width(), image.height()])?;
+            Ok(image.into_luma8().into_raw())
         }
         Mask::Array(path) => {
             let bytes = std::fs::read(path).map_err(ClientError::file("reading", path))?;

@@ -37,6 +37,14 @@ impl RestJoints {
         })
     }
 
+    /// Whether the shapes that they follow are SMPL-X's; `None` for given joints, which follow none.
+    pub fn is_smplx(&self) -> Option<bool> {
+        match self {
+            Self::Model(model) => Some(model.is_smplx()),
+            Self::Given(_) => None,
+        }
+    }
+
     /// The 24 rest joints, metres.
     pub fn joints(&self, betas: &[f64]) -> Vec<Vec3> {
         match self {

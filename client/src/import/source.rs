@@ -3,12 +3,14 @@
 
 use crate::api::ClientError;
 use std::path::{Path, PathBuf};
-use yoto_formats::{Array, Value, npy, npz, pickle};
+use yoto_formats::{Array, Value, npy, npz, pickle, torch};
 use yoto_proto::pose_track::violation;
 use yoto_proto::v1::Violation;
 
 /// Largest file of poses or cameras, bytes; body models with 300 shapes take 250 million.
 const MAX_BYTES: u64 = 1 << 30;
+/// Parts of a file that no importer reads, and that may be many times as large as the rest.
+const UNREAD: [&str; 2] = ["verts", "vertices"];
 /// Largest plausible number in any unit.
 const MAX_NUMBER: f64 = 1e9;
 
@@ -72,7 +74,8 @@ impl Source {
         std::fs::read(&path).map_err(ClientError::file("reading", path))
     }
 
-    /// The data of a file, by its extension: `.pkl`, `.npy`, `.npz` or `.json`.
+    /// The data of a file, by its extension: `.npy`, `.npz`, `.json`, `.pt` and `.pth` of torch, and
+    /// pickles and files of joblib under any other.
     pub fn data(&self, file: &str, frame: Option<u32>) -> Result<Data<'_>, ClientError> {
         let bytes = self.bytes(file, frame)?;
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
@@ -81,7 +84,8 @@ impl Source {
             Some("json") => serde_json::from_slice(&bytes)
                 .map_err(|e| e.to_string())
                 .map(from_json),
-            _ => pickle::read(&bytes).map_err(|e| e.to_string()),
+            Some("pt" | "pth") => torch::read(&bytes, MAX_BYTES).map_err(|e| e.to_string()),
+            _ => pickle::read_without(&bytes, &UNREAD).map_err(|e| e.to_string()),
         };
         let value = value.map_err(|message| self.fault("UNREADABLE", file, frame, "", message))?;
         Ok(Data {
@@ -243,6 +247,112 @@ impl<'a> Part<'a> {
             return Err(part.fault("DUPLICATE", format!("'{key}' is repeated")));
         }
         Ok(parts)
+    }
+
+    /// Keys and values of a dictionary whose keys are texts or whole numbers, in the file's order.
+    pub fn members(&self) -> Result<Vec<(String, Self)>, ClientError> {
+        let entries = self.value.entries();
+        let entries = entries.ok_or_else(|| self.wrong("a dictionary"))?;
+        let mut parts = Vec::with_capacity(entries.len());
+        for (key, value) in entries {
+            let number = key.numbers().filter(|key| key.values.len() == 1);
+            let name = match (key.text(), number) {
+                (Some(text), _) => text.to_owned(),
+                (None, Some(number)) => number.values.iter().map(f64::to_string).collect(),
+                (None, None) => return Err(self.wrong("keys that are texts or numbers")),
+            };
+            let field = if self.field.is_empty() {
+                name.clone()
+            } else {
+                format!("{}.{name}", self.field)
+            };
+            parts.push((name, self.below(field, value)));
+        }
+        Ok(parts)
+    }
+
+    /// The data itself.
+    pub fn value(&self) -> &'a Value {
+        self.value
+    }
+
+    /// Whether this is a list.
+    pub fn is_list(&self) -> bool {
+        self.value.items().is_some()
+    }
+
+    /// `[any, N]`, of an array whose further axes hold `N` numbers together, such as
+    /// `[any, 24, 3, 3]`.
+    pub fn flat_rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ClientError> {
+        let array = self.array()?;
+        let rows = array.shape.first().copied().unwrap_or_default();
+        if array.values.len() != rows.saturating_mul(N) {
+            return Err(self.wrong(&format!("[…, {N}]")));
+        }
+        Ok(array.values.as_chunks::<N>().0.to_vec())
+    }
+
+    /// As [`Self::flat_rows`], if there are `rows` of them.
+    pub fn same_rows<const N: usize>(&self, rows: usize) -> Result<Vec<[f64; N]>, ClientError> {
+        let found = self.flat_rows::<N>()?;
+        if found.len() == rows {
+            return Ok(found);
+        }
+        let message = format!("{} rows for {rows} poses", found.len());
+        Err(self.fault("SIZE_MISMATCH", message))
+    }
+
+    /// Shape parameters of `rows` poses: as many rows, or one for all.
+    pub fn same_betas(&self, rows: usize) -> Result<Vec<Vec<f64>>, ClientError> {
+        let array = self.array()?;
+        let found = match array.shape[..] {
+            [_] | [1, _] => 1,
+            [found, _] => found,
+            _ => return Err(self.wrong("[poses, shape parameters]")),
+        };
+        let length = array.values.len() / found.max(1);
+        if length == 0 || (found != rows && found != 1) {
+            let message = format!("{found} rows for {rows} poses");
+            return Err(self.fault("SIZE_MISMATCH", message));
+        }
+        let given = array.values.chunks_exact(length).map(<[f64]>::to_vec);
+        Ok(given.cycle().take(rows).collect())
+    }
+
+    /// Numbers of frames, from 0, one for each of `rows` poses.
+    pub fn numbers(&self, rows: usize) -> Result<Vec<usize>, ClientError> {
+        let found = self.vector()?;
+        if found.len() != rows {
+            let message = format!("{} numbers for {rows} poses", found.len());
+            return Err(self.fault("SIZE_MISMATCH", message));
+        }
+        let whole = |number: &f64| *number >= 0.0 && number.fract() == 0.0;
+        if let Some(at) = found.iter().position(|number| !whole(number)) {
+            let message = "not the number of a frame";
+            let part = self.below(format!("{}[{at}]", self.field), self.value);
+            return Err(part.fault("OUT_OF_RANGE", message));
+        }
+        Ok(found.iter().map(|number| *number as usize).collect())
+    }
+
+    /// `N` numbers, whatever their axes.
+    pub fn flat<const N: usize>(&self) -> Result<[f64; N], ClientError> {
+        let values = self.array()?.values;
+        values
+            .try_into()
+            .map_err(|_| self.wrong(&format!("{N} numbers")))
+    }
+
+    /// The `N` numbers of item `at`, of a list of arrays or of an array with one more axis.
+    pub fn item<const N: usize>(&self, at: usize) -> Result<[f64; N], ClientError> {
+        if self.is_list() {
+            return self.at(at)?.flat();
+        }
+        let rows = self.flat_rows::<N>()?;
+        rows.get(at).copied().ok_or_else(|| {
+            let message = format!("there is no item {at}: there are {}", rows.len());
+            self.fault("MISSING", message)
+        })
     }
 
     pub fn text(&self) -> Result<&'a str, ClientError> {

@@ -93,6 +93,18 @@ pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
+/// The median of each column of rows; shorter rows count as far as they go.
+pub(super) fn median_rows(rows: &[&[f64]]) -> Vec<f64> {
+    let length = rows.iter().map(|row| row.len()).max().unwrap_or_default();
+    let column = |i: usize| {
+        let mut column: Vec<f64> = rows.iter().filter_map(|row| row.get(i).copied()).collect();
+        let middle = column.len() / 2;
+        let (_, median, _) = column.select_nth_unstable_by(middle, f64::total_cmp);
+        *median
+    };
+    (0..length).map(column).collect()
+}
+
 /// A track without frames.
 pub(super) fn empty_track(skeleton: Skeleton, image_size: [u32; 2], fps: f64) -> PoseTrack {
     PoseTrack {

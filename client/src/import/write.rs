@@ -62,8 +62,10 @@ pub fn write(
             bytes += std::fs::copy(video, &to).map_err(ClientError::file("copying", video))?;
             for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
                 progress(done, total, bytes);
-                let mask = read_masks(masks, size, frame.index)?;
-                bytes += write_mask(out, frame.index, &mask)?;
+                if !masks.is_empty() {
+                    let mask = read_masks(masks, size, frame.index)?;
+                    bytes += write_mask(out, frame.index, &mask)?;
+                }
             }
         }
     }
@@ -135,14 +137,18 @@ fn write_frame(
     files: &PictureFiles,
     size: [u32; 2],
 ) -> Result<u64, ClientError> {
-    let mask = read_masks(&files.masks, size, frame.index)?;
     let mut image = read_image(&files.image, size, frame.index)?;
-    if !files.over_black {
-        over_black(&mut image, &mask);
+    let mut written = 0;
+    // Without masks the picture stays as it is: the capture gets them from elsewhere.
+    if !files.masks.is_empty() {
+        let mask = read_masks(&files.masks, size, frame.index)?;
+        if !files.over_black {
+            over_black(&mut image, &mask);
+        }
+        written += write_mask(out, frame.index, &mask)?;
     }
     let path = out.join(format!("frames/{:06}.png", frame.index));
-    let written = encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?;
-    Ok(written + write_mask(out, frame.index, &mask)?)
+    Ok(written + encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?)
 }
 
 fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ClientError> {
@@ -162,6 +168,7 @@ fn over_black(image: &mut RgbImage, mask: &GrayImage) {
     }
 }
 
+/// Writes an image as PNG; its bytes.
 fn encode(
     path: &Path,
     pixels: &[u8],

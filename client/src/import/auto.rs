@@ -1,0 +1,82 @@
+//! Recognises the format of a capture by its files.
+
+use super::{Format, Options, pose_tools};
+use crate::api::ClientError;
+use std::path::Path;
+use yoto_proto::pose_track::{FILES, violation};
+
+/// Formats with the files that tell them, of which all must be there.
+const MARKS: [(Format, &[&str], &str); 6] = [
+    (Format::Zju, &["annots.npy"], "ZJU-MoCap"),
+    (
+        Format::HumanNerf,
+        &["mesh_infos.pkl"],
+        "HumanNeRF's prepared capture",
+    ),
+    (
+        Format::HumanNerf,
+        &["metadata.json", "images"],
+        "HumanNeRF's wild video",
+    ),
+    (
+        Format::PeopleSnapshot,
+        &["reconstructed_poses.hdf5", "camera.pkl"],
+        "PeopleSnapshot",
+    ),
+    (
+        Format::InstantAvatar,
+        &["cameras.npz", "poses.npz"],
+        "InstantAvatar",
+    ),
+    (
+        Format::InstantAvatar,
+        &["cameras.npz", "poses"],
+        "InstantAvatar",
+    ),
+];
+
+/// What was recognised.
+pub(super) enum Recognised {
+    /// A capture of another program, and its name.
+    Capture(Format, &'static str),
+    /// A pose tool's files, which say themselves what they are.
+    PoseTool,
+}
+
+/// The format of what is in `dir`, with `options`.
+///
+/// # Errors
+/// When nothing is recognised, with what was looked for.
+pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, ClientError> {
+    if FILES.iter().any(|name| dir.join(name).is_file()) {
+        return Ok(Recognised::Capture(Format::Folder, "a capture folder"));
+    }
+    let mut marks = MARKS.iter();
+    let found = marks.find(|(_, files, _)| files.iter().all(|file| dir.join(file).exists()));
+    if let Some((format, _, name)) = found {
+        return Ok(Recognised::Capture(*format, name));
+    }
+    if options.poses.is_some() || (dir.is_dir() && pose_tools::has_files(dir)) {
+        return Ok(Recognised::PoseTool);
+    }
+    let captures: Vec<String> = MARKS
+        .iter()
+        .map(|(_, files, name)| format!("{name} ({})", files.join(", ")))
+        .collect();
+    let tools: Vec<&str> = pose_tools::Tool::ALL
+        .iter()
+        .map(|tool| tool.name())
+        .collect();
+    let message = format!(
+        "of no format that is known; looked for a capture folder ({}), {}, and, with --poses, the files \
+         of {}",
+        FILES.join(", "),
+        captures.join(", "),
+        tools.join(", ")
+    );
+    let name = dir.file_name().unwrap_or_default().to_string_lossy();
+    Err(ClientError::BadCapture {
+        place: dir.display().to_string(),
+        violations: vec![violation("UNKNOWN", &name, None, "", message)],
+    })
+}

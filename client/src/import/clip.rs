@@ -1,0 +1,165 @@
+//! A clip that poses are of: a video, or a folder of pictures in order.
+
+use super::pictures::{Mask, PictureFiles, Pictures, image_size};
+use crate::api::ClientError;
+use std::path::{Path, PathBuf};
+use yoto_media::video::{Ffmpeg, Video};
+use yoto_media::{Fault, Limits, MediaError, sniff};
+use yoto_proto::pose_track::violation;
+
+/// Endings of pictures, lower case.
+pub(super) const PICTURES: [&str; 3] = [".png", ".jpg", ".jpeg"];
+
+/// A clip.
+#[derive(Clone, Debug)]
+pub(super) struct Clip {
+    path: PathBuf,
+    /// Of a folder, in the order of their names; empty for a video.
+    files: Vec<PathBuf>,
+    /// Width and height, as shown: after the rotation that a phone's video asks for.
+    pub size: [u32; 2],
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames per second, if the file has times.
+    pub fps: Option<f64>,
+}
+
+impl Clip {
+    /// Opens the clip at `path` and decodes its first frame.
+    ///
+    /// # Errors
+    /// When there is no video and no picture, or the first can't be decoded.
+    pub fn open(path: &Path) -> Result<Self, ClientError> {
+        if path.is_dir() {
+            return Self::pictures_in(path);
+        }
+        let (mut video, frames) = open_video(path)?;
+        let times = video.times();
+        let span = times.last().copied().unwrap_or_default();
+        let fps = (frames > 1 && span > 0.0).then(|| (frames - 1) as f64 / span);
+        let first = video.next(false).map_err(|error| unusable(path, error))?;
+        let first = first.ok_or_else(|| fault(path, "EMPTY", "the video has no frames"))?;
+        Ok(Self {
+            path: path.to_owned(),
+            files: Vec::new(),
+            size: [first.width as u32, first.height as u32],
+            frames,
+            fps,
+        })
+    }
+
+    fn pictures_in(path: &Path) -> Result<Self, ClientError> {
+        let files = listed(path, &PICTURES)?;
+        let Some(first) = files.first() else {
+            let message = "there are no pictures (PNG or JPEG) in this folder: a clip is a video, \
+                           or a folder of pictures in order";
+            return Err(fault(path, "MISSING", message));
+        };
+        Ok(Self {
+            size: image_size(first, 0)?,
+            frames: files.len(),
+            path: path.to_owned(),
+            files,
+            fps: None,
+        })
+    }
+
+    /// The clip's file or folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The frame whose picture has the name `name`, with or without ending.
+    pub fn named(&self, name: &str) -> Option<usize> {
+        let stem = Path::new(name).file_stem()?;
+        self.files
+            .iter()
+            .position(|file| file.file_stem() == Some(stem))
+    }
+
+    /// The pictures of `frames`, with the masks of each.
+    pub fn pictures(&self, frames: &[usize], masks: Vec<Vec<Mask>>) -> Pictures {
+        if self.files.is_empty() {
+            return Pictures::Video {
+                video: self.path.clone(),
+                masks,
+            };
+        }
+        let file = |(frame, masks): (&usize, Vec<Mask>)| {
+            Some(PictureFiles {
+                image: self.files.get(*frame)?.clone(),
+                masks,
+                over_black: false,
+            })
+        };
+        Pictures::Files(frames.iter().zip(masks).filter_map(file).collect())
+    }
+}
+
+/// Whether the file at `path` begins as a video.
+pub(super) fn is_video(path: &Path) -> bool {
+    use std::io::Read;
+    let mut start = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(sniff::PREFIX as u64).read_to_end(&mut start));
+    let kind = sniff::kind(&start);
+    read.is_ok()
+        && matches!(
+            kind,
+            sniff::Kind::Mp4 | sniff::Kind::Matroska | sniff::Kind::Avi | sniff::Kind::Mpeg
+        )
+}
+
+/// The video at `path` and the number of its frames.
+pub(super) fn open_video(path: &Path) -> Result<(Video, usize), ClientError> {
+    let limits = Limits::default();
+    let video = Video::open(path, &limits, &Ffmpeg::find(None), true)
+        .map_err(|error| unusable(path, error))?;
+    let frames = video.frames().unwrap_or_default();
+    Ok((video, frames))
+}
+
+/// The files of a folder that end in one of `endings`, in the order of their names.
+pub(super) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, ClientError> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(ClientError::file("listing", path))? {
+        let entry = entry.map_err(ClientError::file("listing", path))?;
+        let name = entry.file_name().to_string_lossy().to_ascii_lowercase();
+        if endings.iter().any(|ending| name.ends_with(ending)) && entry.path().is_file() {
+            files.push(entry.path());
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// An error of media, with the file's name.
+pub(super) fn unusable(path: &Path, error: MediaError) -> ClientError {
+    match error {
+        MediaError::Bad(found) => bad(path, found),
+        MediaError::Io { path, source } => ClientError::file("reading", path)(source),
+    }
+}
+
+fn bad(path: &Path, found: Fault) -> ClientError {
+    let (place, name) = located(path);
+    ClientError::BadCapture {
+        place,
+        violations: vec![found.at(&name, None)],
+    }
+}
+
+/// An error about the file at `path`.
+pub(super) fn fault(path: &Path, code: &str, message: impl Into<String>) -> ClientError {
+    let (place, name) = located(path);
+    ClientError::BadCapture {
+        place,
+        violations: vec![violation(code, &name, None, "", message)],
+    }
+}
+
+fn located(path: &Path) -> (String, String) {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let place = path.parent().unwrap_or(Path::new(""));
+    (place.display().to_string(), name.into_owned())
+}

@@ -1,0 +1,151 @@
+//! Which tool wrote a file or a folder, by their contents.
+
+use super::tool::{Found, Tool};
+use super::{easymocap, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
+use crate::api::ClientError;
+use crate::import::Options;
+use crate::import::source::{Part, Source};
+use std::path::Path;
+
+/// Folders below the given one, and beginnings and endings of the files in them that tools write.
+const PLACES: [(&str, &str, &str); 17] = [
+    ("", "wham_output", ".pkl"),
+    ("", "hmr4d_results", ".pt"),
+    ("", "results", ".pkl"),
+    ("hps", "hps_track", ".npy"),
+    ("", "hps_track", ".npy"),
+    ("results", "demo_", ".pkl"),
+    ("", "demo_", ".pkl"),
+    ("", "video_results", ".npz"),
+    ("smplx_params", "", ".json"),
+    ("smpl", "", ".json"),
+    ("output/smpl", "", ".json"),
+    ("output-smpl-3d/smpl", "", ".json"),
+    ("", "", ".pkl"),
+    ("", "", ".pt"),
+    ("", "", ".pth"),
+    ("", "", ".npz"),
+    ("", "", ".json"),
+];
+
+/// The contents of the file or folder at `path`, and the tool that wrote it; `forced` if the user says
+/// which.
+///
+/// # Errors
+/// When no tool's files are there, with what was looked for; when a file is recognised but wrong.
+pub(super) fn read(
+    path: &Path,
+    forced: Option<Tool>,
+    options: &Options,
+) -> Result<(Tool, Found), ClientError> {
+    if path.is_file() {
+        let source = Source::new(path.parent().unwrap_or(Path::new("")));
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        return read_file(&source, &name, forced, options)?
+            .ok_or_else(|| unknown(&source, &name, forced));
+    }
+    let source = Source::new(path);
+    if !path.is_dir() {
+        return Err(source.fault("MISSING", "", None, "", "there is no such file or folder"));
+    }
+    for name in candidates(&source)? {
+        if let Some(found) = read_file(&source, &name, forced, options)? {
+            return Ok(found);
+        }
+    }
+    Err(unknown(&source, "", forced))
+}
+
+/// Whether the folder holds files with the names of a tool's.
+pub(in crate::import) fn has_files(path: &Path) -> bool {
+    let source = Source::new(path);
+    let named = PLACES
+        .iter()
+        .filter(|(folder, start, _)| !folder.is_empty() || !start.is_empty());
+    named
+        .into_iter()
+        .any(|place| first(&source, place).is_ok_and(|name| name.is_some()))
+}
+
+/// The first file of every place, the surest first.
+fn candidates(source: &Source) -> Result<Vec<String>, ClientError> {
+    let mut names = Vec::new();
+    for place in &PLACES {
+        if let Some(name) = first(source, place)?
+            && !names.contains(&name)
+        {
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+fn first(source: &Source, place: &(&str, &str, &str)) -> Result<Option<String>, ClientError> {
+    let (folder, start, ending) = *place;
+    if !source.path(folder).is_dir() {
+        return Ok(None);
+    }
+    let names = source.list(folder, &[ending])?;
+    let starts = |name: &&String| {
+        let name = name
+            .rsplit_once('/')
+            .map_or(name.as_str(), |(_, name)| name);
+        name.starts_with(start)
+    };
+    let name = names.iter().find(starts);
+    Ok(name.map(|name| name.trim_start_matches('/').to_owned()))
+}
+
+/// The contents of `file`; `None` when it is no tool's, or another tool's than `forced`.
+fn read_file(
+    source: &Source,
+    file: &str,
+    forced: Option<Tool>,
+    options: &Options,
+) -> Result<Option<(Tool, Found)>, ClientError> {
+    let data = source.data(file, None)?;
+    let root = data.root();
+    let fits = |tool: &Tool| forced.is_none_or(|forced| forced == *tool) && fits(*tool, &root);
+    let Some(tool) = Tool::ALL.into_iter().find(|tool| fits(tool)) else {
+        return Ok(None);
+    };
+    let found = match tool {
+        Tool::Phalp => phalp::read(&root),
+        Tool::Wham => wham::read(&root),
+        Tool::Gvhmr => gvhmr::read(&root),
+        Tool::Tram => tram::read(source, file),
+        Tool::Romp => romp::read(&root, source, file),
+        Tool::PromptHmr => prompthmr::read(&root),
+        Tool::Lhm => lhm::read(source, file),
+        Tool::EasyMocap => easymocap::read(source, file, options),
+    }?;
+    if found.people.iter().all(|person| person.seen.is_empty()) {
+        let message = format!("{} saw nobody in any frame", tool.name());
+        return Err(source.fault("EMPTY", file, None, "", message));
+    }
+    Ok(Some((tool, found)))
+}
+
+fn fits(tool: Tool, root: &Part<'_>) -> bool {
+    match tool {
+        Tool::Phalp => phalp::fits(root),
+        Tool::Wham => wham::fits(root),
+        Tool::Gvhmr => gvhmr::fits(root),
+        Tool::Tram => tram::fits(root),
+        Tool::Romp => romp::fits(root),
+        Tool::PromptHmr => prompthmr::fits(root),
+        Tool::Lhm => lhm::fits(root),
+        Tool::EasyMocap => easymocap::fits(root),
+    }
+}
+
+/// The error about files of no tool, with what was looked for.
+fn unknown(source: &Source, file: &str, forced: Option<Tool>) -> ClientError {
+    let looked: Vec<String> = Tool::ALL
+        .into_iter()
+        .filter(|tool| forced.is_none_or(|forced| forced == *tool))
+        .map(|tool| format!("{}: {}", tool.name(), tool.files()))
+        .collect();
+    let message = format!("no pose tool's files; looked for {}", looked.join("; "));
+    source.fault("UNKNOWN", file, None, "", message)
+}
