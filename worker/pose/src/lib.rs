@@ -1,5 +1,31 @@
 //! Pose tracks from key points: inverse kinematics of all frames together.
+//!
+//! [`fit`] looks for a body whose bones keep their length, whose joints turn as joints do and
+//! whose points appear where a detector saw them, in every frame of a clip.
+//!
+//! ```text
+//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → report
+//! ```
 
+mod banded;
+mod check;
+mod error;
+mod fit;
+mod flips;
+mod forward;
+mod initial;
+mod joints;
 mod key_points;
+mod markers;
+mod normal;
+mod parameters;
+mod problem;
+mod report;
+mod residuals;
+mod rotation;
+mod skeleton;
+mod solve;
 
+pub use error::PoseError;
+pub use fit::{FitOptions, Fitted, MAX_FRAMES, fit};
 pub use key_points::{FrameKeyPoints, KeyPointSet, KeyPoints};

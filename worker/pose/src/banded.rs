@@ -1,0 +1,124 @@
+//! Cholesky factorisation of the normal equations.
+//!
+//! Frames couple to the next two: their blocks are factored one after the other, in time and
+//! memory that grow as the number of frames. The border of shared unknowns goes along as further
+//! right-hand sides, and leaves a small dense system (the Schur complement).
+
+use crate::joints::UNKNOWNS;
+use crate::normal::{Block, Normal};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
+use faer::prelude::Solve;
+use faer::{Mat, Par, Side};
+use yoto_capture::skeleton::transform::Mat3;
+
+/// A step of all unknowns.
+#[derive(Clone, Debug)]
+pub(crate) struct Step {
+    /// `[frames][UNKNOWNS]`.
+    pub frames: Vec<Vec<f64>>,
+    pub shared: Vec<f64>,
+}
+
+/// A factored frame.
+struct Factor {
+    /// Lower triangle.
+    own: Mat<f64>,
+    /// The factor's blocks of the next frame's rows and of those after, transposed.
+    ahead: [Mat<f64>; 2],
+    /// The border, solved by the factors so far.
+    border: Mat<f64>,
+}
+
+/// The step that solves `normal`, its diagonal grown by the share `damping`; none if it isn't
+/// positive definite.
+pub(crate) fn solve(normal: &Normal, damping: f64) -> Option<Step> {
+    let mut factors: Vec<Factor> = Vec::with_capacity(normal.blocks.len());
+    let unknowns = normal.slope.len();
+    let mut shared = normal.shared.clone();
+    let mut slope = Mat::from_fn(unknowns, 1, |row, _| -normal.slope[row]);
+    for row in 0..unknowns {
+        shared[(row, row)] += damping * shared[(row, row)] + 1e-9;
+    }
+    for block in &normal.blocks {
+        let factor = factor(block, &factors, damping)?;
+        let (pull, coupling) = factor.border.as_ref().split_at_col(1);
+        shared -= coupling.transpose() * coupling;
+        slope -= coupling.transpose() * pull;
+        factors.push(factor);
+    }
+    let shared = solve_shared(shared, slope, &normal.held)?;
+    let mut frames: Vec<Mat<f64>> = Vec::with_capacity(factors.len());
+    for factor in factors.iter().rev() {
+        let (pull, coupling) = factor.border.as_ref().split_at_col(1);
+        let mut right = pull - coupling * &shared;
+        // Frames solved so far are those after this one, the next last.
+        for (ahead, later) in factor.ahead.iter().zip(frames.iter().rev()) {
+            right -= ahead * later;
+        }
+        solve_upper_triangular_in_place(factor.own.transpose(), right.as_mut(), Par::Seq);
+        frames.push(right);
+    }
+    let list = |m: &Mat<f64>| -> Vec<f64> { m.col(0).iter().copied().collect() };
+    let step = Step {
+        frames: frames.iter().rev().map(list).collect(),
+        shared: list(&shared),
+    };
+    let finite = |values: &Vec<f64>| values.iter().all(|value| value.is_finite());
+    (finite(&step.shared) && step.frames.iter().all(finite)).then_some(step)
+}
+
+/// Factors a frame after all before it.
+fn factor(block: &Block, before: &[Factor], damping: f64) -> Option<Factor> {
+    let mut own = block.own.clone();
+    for row in 0..UNKNOWNS {
+        own[(row, row)] += damping * own[(row, row)] + 1e-9;
+    }
+    let mut border = Mat::from_fn(UNKNOWNS, block.border.ncols(), |row, column| {
+        let value = block.border[(row, column)];
+        if column == 0 { -value } else { value }
+    });
+    let mut ahead = [0, 1].map(|at| from_triples(&block.ahead[at]));
+    let mut earlier = before.iter().rev();
+    if let Some(last) = earlier.next() {
+        own -= last.ahead[0].transpose() * &last.ahead[0];
+        border -= last.ahead[0].transpose() * &last.border;
+        ahead[0] -= last.ahead[0].transpose() * &last.ahead[1];
+    }
+    if let Some(second) = earlier.next() {
+        own -= second.ahead[1].transpose() * &second.ahead[1];
+        border -= second.ahead[1].transpose() * &second.border;
+    }
+    let own = own.llt(Side::Lower).ok()?.L().to_owned();
+    for right in ahead.iter_mut().chain([&mut border]) {
+        solve_lower_triangular_in_place(own.as_ref(), right.as_mut(), Par::Seq);
+    }
+    Some(Factor { own, ahead, border })
+}
+
+/// Blocks of three as a matrix, transposed: rows are of the frame, columns of the later one.
+fn from_triples(triples: &[Mat3]) -> Mat<f64> {
+    let mut matrix = Mat::zeros(UNKNOWNS, UNKNOWNS);
+    for (at, triple) in triples.iter().enumerate() {
+        for (row, values) in triple.iter().enumerate() {
+            for (column, value) in values.iter().enumerate() {
+                matrix[(3 * at + column, 3 * at + row)] = *value;
+            }
+        }
+    }
+    matrix
+}
+
+fn solve_shared(mut shared: Mat<f64>, mut slope: Mat<f64>, held: &[bool]) -> Option<Mat<f64>> {
+    for (at, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+        for other in 0..held.len() {
+            shared[(at, other)] = 0.0;
+            shared[(other, at)] = 0.0;
+        }
+        shared[(at, at)] = 1.0;
+        slope[(at, 0)] = 0.0;
+    }
+    shared.llt(Side::Lower).ok()?.solve_in_place(slope.as_mut());
+    Some(slope)
+}

@@ -1,0 +1,84 @@
+//! The fit itself: from key points to a pose track.
+
+use crate::check::check;
+use crate::parameters::Shared;
+use crate::problem::Problem;
+use crate::solve::{Guess, improve};
+use crate::{KeyPoints, PoseError, initial, report};
+use yoto_proto::pose_track::PoseTrack;
+
+/// Frames that are fitted together, at most: the equations of one take a fifth of a megabyte.
+pub const MAX_FRAMES: usize = 10_000;
+/// Steps of the search, at most.
+const STEPS: usize = 60;
+/// What the first guess counts for in the progress, in steps.
+const GUESS: usize = 10;
+
+/// What a fit is told besides the key points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Focal length of the camera, pixels. Without it the fit finds one between 0.6 and 3 times
+    /// the longer side of the pictures, near 1.2 times unless the points tell otherwise.
+    pub focal: Option<f64>,
+    /// Height of the person, metres. One camera can't tell it: without it, 1.72.
+    pub height: Option<f64>,
+    /// Whether the person stands upright on the whole, in which case gravity is read off them.
+    pub upright: bool,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            focal: None,
+            height: None,
+            upright: true,
+        }
+    }
+}
+
+/// A person's poses, with what the fit found on the way.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// 24 joints of SMPL's tree; the world is the camera's axes.
+    pub track: PoseTrack,
+    /// Median distance between key points and the fitted body's in the picture, pixels.
+    pub reprojection_px: f64,
+    /// Focal length, pixels.
+    pub focal: f64,
+    /// How far the camera looks down, degrees, judged by the person's uprightness. The track is
+    /// not turned by it.
+    pub camera_down_degrees: f64,
+    /// Height of the fitted body, metres.
+    pub height: f64,
+    /// Assumptions and findings, for people to read.
+    pub notes: Vec<String>,
+}
+
+/// Fits a moving body to key points, all frames together.
+///
+/// `progress(done, all)` is told of steps, of which there are at most `all`.
+///
+/// # Errors
+/// [`PoseError`] with the frame and field that can't be fitted.
+pub fn fit(
+    points: &KeyPoints,
+    options: &FitOptions,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Fitted, PoseError> {
+    check(points, options)?;
+    let all = GUESS + STEPS;
+    progress(0, all);
+    let problem = Problem::new(points, options);
+    let shared = Shared::average(&problem.markers, problem.focal);
+    let stances = initial::stances(&problem, &shared);
+    progress(GUESS, all);
+    let guess = Guess::new(&problem, stances, shared);
+    if !guess.cost.is_finite() {
+        return Err(PoseError::Unsolvable);
+    }
+    let found = improve(&problem, guess, STEPS, &mut |step| {
+        progress(GUESS + step, all);
+    });
+    progress(all, all);
+    Ok(report::fitted(points, options, &problem, &found))
+}

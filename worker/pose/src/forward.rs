@@ -1,0 +1,86 @@
+//! From a stance to places in space, with derivatives.
+
+use crate::joints::{COLUMN, PLACE};
+use crate::markers::Marker;
+use crate::parameters::{PLACES, Shared, Stance};
+use crate::rotation::{column, product, turned};
+use crate::skeleton::{COUNT, GROUP, chain, offsets, parent};
+use yoto_capture::skeleton::Vec3;
+use yoto_capture::skeleton::transform::{Mat3, add, cross, sub};
+
+/// A stance's joints in the camera's axes.
+#[derive(Clone, Debug)]
+pub(crate) struct Posed {
+    /// Rotations from the T-pose to the camera's axes.
+    pub rotations: [Mat3; COUNT],
+    /// Places, metres.
+    pub joints: [Vec3; COUNT],
+    /// Each joint's offset from its parent, turned, metres.
+    bones: [Vec3; COUNT],
+}
+
+/// The derivatives of a point by all unknowns that a table has columns for.
+pub(crate) type Slopes = Vec<Vec3>;
+
+impl Posed {
+    /// The joints of `stance` on a body with `shared` bone lengths.
+    pub fn new(stance: &Stance, shared: &Shared) -> Self {
+        let offsets = offsets(&shared.factors());
+        let mut posed = Self {
+            rotations: stance.rotations,
+            joints: [stance.root; COUNT],
+            bones: [[0.0; 3]; COUNT],
+        };
+        for joint in 1..COUNT {
+            let above = parent(joint);
+            let bone = turned(&posed.rotations[above], offsets[joint]);
+            posed.rotations[joint] = product(&posed.rotations[above], &stance.rotations[joint]);
+            posed.joints[joint] = add(posed.joints[above], bone);
+            posed.bones[joint] = bone;
+        }
+        posed
+    }
+
+    /// Where a marker is.
+    pub fn marker(&self, marker: &Marker, shared: &Shared) -> Vec3 {
+        let [x, y, z] = shared.offset(marker.place);
+        let offset = turned(&self.rotations[marker.joint], [marker.side * x, y, z]);
+        add(self.joints[marker.joint], offset)
+    }
+
+    /// How a point `at` on `joint` moves with the unknowns: the frame's first, then, where
+    /// `width` has room for them, the shared ones.
+    pub fn slopes(&self, joint: usize, at: Vec3, frame: usize, width: usize) -> Slopes {
+        let mut slopes = vec![[0.0; 3]; width];
+        for above in chain(joint) {
+            if let Some(first) = COLUMN[above] {
+                let arm = sub(at, self.joints[above]);
+                for axis in 0..3 {
+                    slopes[first + axis] = cross(column(&self.rotations[above], axis), arm);
+                }
+            }
+            if let Some(group) = GROUP[above]
+                && width > frame
+            {
+                slopes[frame + group] = add(slopes[frame + group], self.bones[above]);
+            }
+        }
+        for axis in 0..3 {
+            slopes[PLACE + axis][axis] = 1.0;
+        }
+        slopes
+    }
+
+    /// As [`Posed::slopes`], of a marker.
+    pub fn marker_slopes(&self, marker: &Marker, at: Vec3, frame: usize, width: usize) -> Slopes {
+        let mut slopes = self.slopes(marker.joint, at, frame, width);
+        if width > frame {
+            let first = frame + PLACES + 3 * marker.place;
+            let turned = &self.rotations[marker.joint];
+            slopes[first] = column(turned, 0).map(|value| value * marker.side);
+            slopes[first + 1] = column(turned, 1);
+            slopes[first + 2] = column(turned, 2);
+        }
+        slopes
+    }
+}

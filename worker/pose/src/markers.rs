@@ -1,0 +1,276 @@
+//! Where key points sit on the body: a joint each, and an offset that the fit learns.
+
+use crate::KeyPointSet;
+use yoto_capture::skeleton::Vec3;
+
+/// A kind of place on the body, the same on both sides.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Its offset from its joint at the left, metres in T-pose.
+    pub offset: Vec3,
+    /// Standard deviation of each part of the offset between people and detectors, metres; 0
+    /// holds it.
+    pub spread: Vec3,
+}
+
+/// A key point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Marker {
+    pub joint: usize,
+    /// Its [`Place`] in [`Markers::places`].
+    pub place: usize,
+    /// 1 at the left, -1 at the right: the sign of the offset's x.
+    pub side: f64,
+}
+
+/// The key points of a set.
+#[derive(Clone, Debug)]
+pub(crate) struct Markers {
+    pub markers: Vec<Marker>,
+    pub places: Vec<Place>,
+    /// Pairs whose direction a detector's points in space tell.
+    pub bones: Vec<[usize; 2]>,
+    /// Where the points of the coarse figure are found.
+    pub figure: Figure,
+}
+
+/// The points that a first guess is made from, left before right; `None` where a set has none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Figure {
+    pub shoulders: [usize; 2],
+    pub elbows: [usize; 2],
+    pub wrists: [usize; 2],
+    pub hips: [usize; 2],
+    pub knees: [usize; 2],
+    pub ankles: [usize; 2],
+    pub toes: Option<[usize; 2]>,
+    pub ears: Option<[usize; 2]>,
+    pub nose: Option<usize>,
+}
+
+/// Names the kinds of places while a set's table is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Nose,
+    EyeInner,
+    Eye,
+    EyeOuter,
+    Ear,
+    Mouth,
+    Neck,
+    MidHip,
+    Shoulder,
+    Elbow,
+    Wrist,
+    Pinky,
+    Index,
+    Thumb,
+    Hip,
+    Knee,
+    Ankle,
+    Heel,
+    BigToe,
+    SmallToe,
+    FootIndex,
+    /// A joint of the tree itself.
+    Joint(usize),
+}
+
+use Kind::{
+    Ankle, BigToe, Ear, Elbow, Eye, EyeInner, EyeOuter, FootIndex, Heel, Hip, Index, Knee, MidHip,
+    Mouth, Neck, Nose, Pinky, Shoulder, SmallToe, Thumb, Wrist,
+};
+
+impl Kind {
+    /// Joint at the left, offset, spread.
+    fn place(self) -> (usize, Vec3, Vec3) {
+        let middle = [0.0, 0.02, 0.02];
+        let any = [0.012, 0.02, 0.02];
+        let joint = [0.012; 3];
+        match self {
+            Nose => (15, [0.0, 0.06, 0.12], middle),
+            EyeInner => (15, [0.017, 0.095, 0.095], any),
+            Eye => (15, [0.032, 0.095, 0.09], any),
+            EyeOuter => (15, [0.045, 0.095, 0.08], any),
+            Ear => (15, [0.075, 0.07, 0.0], any),
+            Mouth => (15, [0.025, 0.025, 0.095], any),
+            Neck => (12, [0.0, -0.04, 0.0], middle),
+            MidHip => (0, [0.0, -0.02, 0.0], [0.0, 0.02, 0.015]),
+            Shoulder => (16, [0.0; 3], [0.015; 3]),
+            Elbow => (18, [0.0; 3], joint),
+            Wrist => (20, [0.0; 3], joint),
+            Pinky => (20, [0.08, -0.005, -0.03], any),
+            Index => (20, [0.09, 0.0, 0.025], any),
+            Thumb => (20, [0.045, -0.01, 0.045], any),
+            Hip => (1, [0.01, 0.02, 0.0], [0.02, 0.025, 0.015]),
+            Knee => (4, [0.0; 3], joint),
+            Ankle => (7, [0.0; 3], joint),
+            Heel => (7, [0.0, -0.055, -0.04], any),
+            BigToe => (7, [-0.02, -0.06, 0.185], any),
+            SmallToe => (7, [0.05, -0.06, 0.15], any),
+            FootIndex => (7, [0.005, -0.06, 0.165], any),
+            Self::Joint(joint) => (joint, [0.0; 3], [0.0; 3]),
+        }
+    }
+}
+
+/// Points whose direction tells something, by kind; `true` where left and right are also joined
+/// across.
+const BONES: [(Kind, Kind); 13] = [
+    (Hip, Knee),
+    (Knee, Ankle),
+    (Ankle, FootIndex),
+    (Heel, FootIndex),
+    (Heel, BigToe),
+    (Hip, Shoulder),
+    (Shoulder, Elbow),
+    (Elbow, Wrist),
+    (Wrist, Index),
+    (Wrist, Pinky),
+    (Pinky, Index),
+    (Ear, Nose),
+    (Shoulder, Ear),
+];
+/// Kinds whose left and right are joined by a direction.
+const ACROSS: [Kind; 4] = [Hip, Shoulder, Ear, EyeOuter];
+
+/// A set's points in its order: kind, then 1 for left, -1 for right, 0 for the middle.
+fn table(set: KeyPointSet) -> Vec<(Kind, i8)> {
+    let both = |kinds: &[Kind]| -> Vec<(Kind, i8)> {
+        kinds
+            .iter()
+            .flat_map(|&kind| [(kind, 1), (kind, -1)])
+            .collect()
+    };
+    let row = |kinds: &[Kind], side: i8| kinds.iter().map(|&kind| (kind, side)).collect();
+    match set {
+        KeyPointSet::BlazePose33 => [
+            vec![(Nose, 0)],
+            row(&[EyeInner, Eye, EyeOuter], 1),
+            row(&[EyeInner, Eye, EyeOuter], -1),
+            both(&[Ear, Mouth, Shoulder, Elbow, Wrist, Pinky, Index, Thumb]),
+            both(&[Hip, Knee, Ankle, Heel, FootIndex]),
+        ]
+        .concat(),
+        KeyPointSet::Coco17 => [
+            vec![(Nose, 0)],
+            both(&[Eye, Ear, Shoulder, Elbow, Wrist, Hip, Knee, Ankle]),
+        ]
+        .concat(),
+        KeyPointSet::OpenPose25 => [
+            vec![(Nose, 0), (Neck, 0)],
+            row(&[Shoulder, Elbow, Wrist], -1),
+            row(&[Shoulder, Elbow, Wrist], 1),
+            vec![(MidHip, 0)],
+            row(&[Hip, Knee, Ankle], -1),
+            row(&[Hip, Knee, Ankle], 1),
+            vec![(Eye, -1), (Eye, 1), (Ear, -1), (Ear, 1)],
+            row(&[BigToe, SmallToe, Heel], 1),
+            row(&[BigToe, SmallToe, Heel], -1),
+        ]
+        .concat(),
+        KeyPointSet::Joints24 => (0..24).map(|joint| (Kind::Joint(joint), 0)).collect(),
+    }
+}
+
+impl Markers {
+    /// The markers of a set.
+    pub fn of(set: KeyPointSet) -> Self {
+        let table = table(set);
+        let mut kinds: Vec<Kind> = Vec::new();
+        let mut places = Vec::new();
+        let mut markers = Vec::with_capacity(table.len());
+        for &(kind, side) in &table {
+            let (left, offset, spread) = kind.place();
+            let place = kinds.iter().position(|&known| known == kind);
+            let place = place.unwrap_or_else(|| {
+                kinds.push(kind);
+                places.push(Place { offset, spread });
+                places.len() - 1
+            });
+            // A right joint follows its left one in the tree.
+            let paired = !matches!(left, 0 | 12 | 15);
+            markers.push(Marker {
+                joint: left + usize::from(side < 0 && paired),
+                place,
+                side: if side < 0 { -1.0 } else { 1.0 },
+            });
+        }
+        Self {
+            markers,
+            places,
+            bones: bones(&table),
+            figure: figure(&table),
+        }
+    }
+}
+
+fn bones(table: &[(Kind, i8)]) -> Vec<[usize; 2]> {
+    if table.iter().any(|(kind, _)| matches!(kind, Kind::Joint(_))) {
+        let tree = (1..table.len()).map(|joint| [crate::skeleton::parent(joint), joint]);
+        return tree.chain([[2, 1], [17, 16], [1, 16], [2, 17]]).collect();
+    }
+    let find = |kind: Kind, side: i8| table.iter().position(|&point| point == (kind, side));
+    let along = BONES.iter().flat_map(|&(from, to)| {
+        [1, -1].map(|side| {
+            let end = find(to, side).or_else(|| find(to, 0));
+            Some([find(from, side)?, end?])
+        })
+    });
+    let across = ACROSS
+        .iter()
+        .map(|&kind| Some([find(kind, -1)?, find(kind, 1)?]));
+    along.chain(across).flatten().collect()
+}
+
+fn figure(table: &[(Kind, i8)]) -> Figure {
+    let find = |kind: Kind, joint: usize, side: i8| {
+        table
+            .iter()
+            .position(|&point| point == (kind, side) || point.0 == Kind::Joint(joint))
+    };
+    let pair = |kind, left: usize| Some([find(kind, left, 1)?, find(kind, left + 1, -1)?]);
+    let sure = |kind, left| pair(kind, left).unwrap_or_default();
+    // No joint of the tree is an ear or a nose.
+    let none = usize::MAX - 1;
+    Figure {
+        shoulders: sure(Shoulder, 16),
+        elbows: sure(Elbow, 18),
+        wrists: sure(Wrist, 20),
+        hips: sure(Hip, 1),
+        knees: sure(Knee, 4),
+        ankles: sure(Ankle, 7),
+        toes: pair(FootIndex, 10).or_else(|| pair(BigToe, 10)),
+        ears: pair(Ear, none),
+        nose: find(Nose, none, 0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_set_has_its_points() {
+        for set in [
+            KeyPointSet::BlazePose33,
+            KeyPointSet::Coco17,
+            KeyPointSet::OpenPose25,
+            KeyPointSet::Joints24,
+        ] {
+            let markers = Markers::of(set);
+            assert_eq!(markers.markers.len(), set.points(), "{set:?}");
+            let figure = markers.figure;
+            let joints = |points: [usize; 2]| points.map(|point| markers.markers[point].joint);
+            assert_eq!(joints(figure.shoulders), [16, 17], "{set:?}");
+            assert_eq!(joints(figure.wrists), [20, 21], "{set:?}");
+            assert_eq!(joints(figure.hips), [1, 2], "{set:?}");
+            assert_eq!(joints(figure.ankles), [7, 8], "{set:?}");
+        }
+        let blaze = Markers::of(KeyPointSet::BlazePose33);
+        assert_eq!(blaze.figure.shoulders, [11, 12]);
+        assert_eq!(blaze.figure.ankles, [27, 28]);
+        assert_eq!(blaze.figure.toes, Some([31, 32]));
+        assert_eq!(Markers::of(KeyPointSet::OpenPose25).figure.ankles, [14, 11]);
+    }
+}

@@ -1,0 +1,126 @@
+//! What a fit found, as a track and for people to read.
+
+use crate::KeyPoints;
+use crate::fit::{FitOptions, Fitted};
+use crate::forward::Posed;
+use crate::parameters::{Shared, Stance};
+use crate::problem::{Problem, quantile};
+use crate::residuals::upright;
+use crate::rotation::logarithm;
+use crate::skeleton::{height, offsets, to_track};
+use crate::solve::Guess;
+use yoto_capture::skeleton::transform::scale;
+use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
+
+/// Height of a body that nobody told the height of, metres.
+const AVERAGE: f64 = 1.72;
+/// Points surer than this are measured.
+const SURE: f64 = 0.3;
+/// Reprojection beyond this share of the body's extent is told.
+const POOR: f64 = 0.015;
+
+/// The track and figures of a solved fit.
+pub(crate) fn fitted(
+    points: &KeyPoints,
+    options: &FitOptions,
+    problem: &Problem,
+    found: &Guess,
+) -> Fitted {
+    let offsets = offsets(&found.shared.factors());
+    let wanted = options.height.unwrap_or(AVERAGE);
+    // Pictures don't tell size: everything grows together.
+    let grown = wanted / height(&offsets);
+    let skeleton = to_track(&offsets.map(|offset| scale(offset, grown)));
+    let focal = found.shared.focal();
+    let [x, y] = problem.centre;
+    let frames = points.frames.iter().zip(&found.stances);
+    let frames = frames.map(|(frame, stance)| Frame {
+        index: frame.index,
+        pose: stance.rotations.iter().flat_map(logarithm).collect(),
+        translation: scale(stance.root, grown),
+        k: [[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]],
+        e: std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))),
+    });
+    let reprojection_px = reprojection(problem, &found.stances, &found.shared);
+    let down = down(&found.stances, &found.shared).to_degrees();
+    Fitted {
+        track: PoseTrack {
+            skeleton,
+            image_size: points.image_size,
+            fps: points.fps,
+            distortion: NO_DISTORTION,
+            frames: frames.collect(),
+        },
+        reprojection_px,
+        focal,
+        camera_down_degrees: down,
+        height: wanted,
+        notes: notes(options, problem, reprojection_px, focal, down),
+    }
+}
+
+fn notes(
+    options: &FitOptions,
+    problem: &Problem,
+    reprojection: f64,
+    focal: f64,
+    down: f64,
+) -> Vec<String> {
+    let mut extents: Vec<f64> = problem.frames.iter().map(|frame| frame.extent).collect();
+    let extent = quantile(&mut extents, 0.5);
+    let mut notes = vec![format!(
+        "poses fitted to key points: {reprojection:.1} px median error on a body of {extent:.0} px"
+    )];
+    if reprojection > POOR * extent {
+        notes.push(
+            "the fitted body is far from the key points: are they of one person throughout?".into(),
+        );
+    }
+    if options.focal.is_none() {
+        notes.push(format!(
+            "focal length: {focal:.0} px, found by the fit: give the camera's own if it is known"
+        ));
+    }
+    if options.height.is_none() {
+        notes.push(format!(
+            "height: {AVERAGE} m, as nothing tells it: sizes and distances follow it"
+        ));
+    }
+    if !problem.has_space() {
+        notes.push("no depths are given: which way limbs point was judged by their motion".into());
+    }
+    if options.upright {
+        let way = if down < 0.0 { "up" } else { "down" };
+        notes.push(format!(
+            "the camera looks {way} by {:.0}°, if the person stands upright",
+            down.abs()
+        ));
+    }
+    notes
+}
+
+/// The median distance of sure points from the body's, pixels.
+fn reprojection(problem: &Problem, stances: &[Stance], shared: &Shared) -> f64 {
+    let focal = shared.focal();
+    let mut distances = Vec::new();
+    for (observed, stance) in problem.frames.iter().zip(stances) {
+        let posed = Posed::new(stance, shared);
+        for seen in observed.seen.iter().filter(|seen| seen.confidence > SURE) {
+            if let Some(marker) = problem.markers.markers.get(seen.marker) {
+                let [x, y, z] = posed.marker(marker, shared);
+                let off = [focal * x / z - seen.at[0], focal * y / z - seen.at[1]];
+                distances.push(off[0].hypot(off[1]));
+            }
+        }
+    }
+    quantile(&mut distances, 0.5)
+}
+
+/// How far down the camera looks for the median body to stand upright, radians.
+fn down(stances: &[Stance], shared: &Shared) -> f64 {
+    let lean = |stance: &Stance| {
+        let way = upright::body(&Posed::new(stance, shared));
+        (-way[2]).atan2(-way[1])
+    };
+    quantile(&mut stances.iter().map(lean).collect::<Vec<_>>(), 0.5)
+}

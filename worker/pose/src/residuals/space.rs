@@ -1,0 +1,73 @@
+//! Directions between points as a detector guesses them in space.
+//!
+//! Directions tell nothing of size, and so hold whatever body the detector had in mind. Detectors
+//! guess how far a person leans towards the camera from little: one lean for all frames is free.
+
+use super::Rows;
+use crate::forward::Posed;
+use crate::joints::UNKNOWNS;
+use crate::parameters::{LEAN, Shared};
+use crate::problem::{Observed, Problem};
+use crate::rotation::turned;
+use yoto_capture::skeleton::Vec3;
+use yoto_capture::skeleton::transform::{cross, dot, length, rodrigues, scale, sub};
+
+/// Error of a point in space across a direction, metres.
+const ERROR: f64 = 0.07;
+/// Errors of directions beyond this many standard deviations are mistakes.
+const BOUND: f64 = 2.5;
+const X: Vec3 = [1.0, 0.0, 0.0];
+
+/// Adds three residuals a direction.
+pub(crate) fn add(
+    rows: &mut Rows,
+    problem: &Problem,
+    observed: &Observed,
+    posed: &Posed,
+    shared: &Shared,
+) {
+    let lean = rodrigues(scale(X, shared.values.get(LEAN).copied().unwrap_or(0.0)));
+    for direction in &observed.directions {
+        let [Some(from), Some(to)] = direction
+            .markers
+            .map(|marker| problem.markers.markers.get(marker))
+        else {
+            continue;
+        };
+        let (a, b) = (posed.marker(from, shared), posed.marker(to, shared));
+        let way = sub(b, a);
+        let distance = length(way).max(1e-6);
+        let (unit, wanted) = (scale(way, 1.0 / distance), turned(&lean, direction.towards));
+        let weight = direction.length / ERROR;
+        let off = scale(sub(unit, wanted), weight);
+        let factor = rows.robust(dot(off, off), BOUND);
+        if !rows.has_slopes() {
+            continue;
+        }
+        let (width, has_shared) = (rows.width, rows.has_shared());
+        let ends = posed.marker_slopes(to, b, UNKNOWNS, width);
+        let starts = posed.marker_slopes(from, a, UNKNOWNS, width);
+        let turns: Vec<Vec3> = ends
+            .iter()
+            .zip(&starts)
+            .map(|(end, start)| {
+                let by = sub(*end, *start);
+                scale(
+                    sub(by, scale(unit, dot(unit, by))),
+                    factor * weight / distance,
+                )
+            })
+            .collect();
+        let leaning = cross(X, wanted);
+        for axis in 0..3 {
+            rows.push(factor * off[axis], |row| {
+                for (out, by) in row.iter_mut().zip(&turns) {
+                    *out = by[axis];
+                }
+                if has_shared && let Some(out) = row.get_mut(UNKNOWNS + LEAN) {
+                    *out = -factor * weight * leaning[axis];
+                }
+            });
+        }
+    }
+}

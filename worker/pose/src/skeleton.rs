@@ -1,0 +1,157 @@
+//! The body that is fitted: an average adult's rest joints, whose bones grow in groups shared by
+//! left and right.
+
+use yoto_capture::skeleton::Vec3;
+use yoto_capture::skeleton::transform::{length, scale, sub};
+use yoto_proto::pose_track;
+use yoto_proto::smpl::JOINTS;
+
+/// Joints of the tree.
+pub(crate) const COUNT: usize = JOINTS.len();
+
+/// An average adult of 1.78 m in T-pose: y up from the floor, facing +z, left hand at +x; metres.
+/// The proportions are those of the synthetic people of `yoto-capture`.
+pub(crate) const REST: [Vec3; COUNT] = [
+    [0.0, 0.95, 0.0],
+    [0.085, 0.9, 0.0],
+    [-0.085, 0.9, 0.0],
+    [0.0, 1.06, -0.005],
+    [0.095, 0.49, 0.005],
+    [-0.095, 0.49, 0.005],
+    [0.0, 1.18, -0.005],
+    [0.1, 0.085, -0.025],
+    [-0.1, 0.085, -0.025],
+    [0.0, 1.27, -0.005],
+    [0.105, 0.03, 0.1],
+    [-0.105, 0.03, 0.1],
+    [0.0, 1.47, -0.01],
+    [0.075, 1.42, -0.01],
+    [-0.075, 1.42, -0.01],
+    [0.0, 1.57, 0.01],
+    [0.18, 1.43, -0.01],
+    [-0.18, 1.43, -0.01],
+    [0.45, 1.43, -0.015],
+    [-0.45, 1.43, -0.015],
+    [0.7, 1.43, -0.01],
+    [-0.7, 1.43, -0.01],
+    [0.78, 1.43, -0.005],
+    [-0.78, 1.43, -0.005],
+];
+
+/// From the ankle to the sole and from the head's joint to the crown, as shares of the shin and
+/// of the way from the chest to the head: what joints don't tell of a height.
+const SOLE: f64 = 0.085 / 0.405;
+const CROWN: f64 = 0.21 / 0.3;
+
+/// Groups of bones that grow together.
+pub(crate) const GROUPS: usize = 12;
+
+/// The group of the bone from a joint's parent to the joint; the root has none.
+pub(crate) const GROUP: [Option<usize>; COUNT] = [
+    None,
+    Some(0),
+    Some(0),
+    Some(1),
+    Some(4),
+    Some(4),
+    Some(1),
+    Some(5),
+    Some(5),
+    Some(1),
+    Some(6),
+    Some(6),
+    Some(2),
+    Some(7),
+    Some(7),
+    Some(3),
+    Some(8),
+    Some(8),
+    Some(9),
+    Some(9),
+    Some(10),
+    Some(10),
+    Some(11),
+    Some(11),
+];
+
+/// How far a group's length is from the average's, as the standard deviation of its logarithm.
+pub(crate) const GROUP_SPREAD: [f64; GROUPS] = [
+    0.1, 0.06, 0.08, 0.08, 0.07, 0.07, 0.08, 0.08, 0.08, 0.07, 0.07, 0.08,
+];
+
+/// The parent of a joint; the root's is itself.
+pub(crate) fn parent(joint: usize) -> usize {
+    JOINTS.get(joint).and_then(|(_, above)| *above).unwrap_or(0)
+}
+
+/// Joints from `joint` up to the root, both included.
+pub(crate) fn chain(joint: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(joint), |&at| (at != 0).then(|| parent(at)))
+}
+
+/// Offsets of joints from their parents, metres, of bones `factors` times as long as average.
+pub(crate) fn offsets(factors: &[f64; GROUPS]) -> [Vec3; COUNT] {
+    std::array::from_fn(|joint| match GROUP[joint] {
+        Some(group) => scale(sub(REST[joint], REST[parent(joint)]), factors[group]),
+        None => [0.0; 3],
+    })
+}
+
+/// Standing height of a body with these offsets, metres.
+pub(crate) fn height(offsets: &[Vec3; COUNT]) -> f64 {
+    let up = |joints: &[usize]| joints.iter().map(|&joint| offsets[joint][1]).sum::<f64>();
+    let shin = length(offsets[7]);
+    let head = up(&[12, 15]);
+    -up(&[1, 4, 7]) + SOLE * shin + up(&[3, 6, 9]) + (1.0 + CROWN) * head
+}
+
+/// The skeleton of a track: the root stands at the origin.
+pub(crate) fn to_track(offsets: &[Vec3; COUNT]) -> pose_track::Skeleton {
+    let mut rest_joints = vec![[0.0; 3]; COUNT];
+    for joint in 1..COUNT {
+        let above = rest_joints[parent(joint)];
+        rest_joints[joint] = std::array::from_fn(|i| above[i] + offsets[joint][i]);
+    }
+    pose_track::Skeleton {
+        names: JOINTS.iter().map(|(name, _)| (*name).to_owned()).collect(),
+        parents: JOINTS
+            .iter()
+            .map(|(_, above)| above.map_or(-1, |above| above as i32))
+            .collect(),
+        rest_joints,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_average_body_is_as_tall_as_told_and_symmetric() {
+        let offsets = offsets(&[1.0; GROUPS]);
+        assert!(
+            (height(&offsets) - 1.78).abs() < 0.02,
+            "{}",
+            height(&offsets)
+        );
+        for (left, right) in [
+            (1, 2),
+            (4, 5),
+            (7, 8),
+            (10, 11),
+            (13, 14),
+            (16, 17),
+            (22, 23),
+        ] {
+            let [x, y, z] = offsets[left];
+            assert_eq!(offsets[right], [-x, y, z]);
+            assert_eq!(GROUP[left], GROUP[right]);
+        }
+    }
+
+    #[test]
+    fn chains_end_at_the_root() {
+        assert_eq!(chain(20).collect::<Vec<_>>(), [20, 18, 16, 13, 9, 6, 3, 0]);
+        assert_eq!(chain(0).collect::<Vec<_>>(), [0]);
+    }
+}
