@@ -44,7 +44,7 @@ pub(super) struct Avatar {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Format of the clip and its poses.
-    #[arg(long, value_name = "FORMAT", default_value = "folder")]
+    #[arg(long, value_name = "FORMAT", default_value = "auto")]
     from: Format,
     /// Frames to use, by position, e.g. 0..300:2 or ..100 [default: all].
     #[arg(long = "range", value_name = "A..B:STEP")]

@@ -22,7 +22,13 @@ fn conv(padding: u8, stride: i32, activation: u8) -> Node {
 fn depthwise(padding: u8, stride: i32, activation: u8) -> Node {
     let (stride, padding) = (Node::I32(stride), Node::U8(padding));
     let activation = Node::U8(activation);
-    Node::Table(vec![padding, stride.clone(), stride, Node::I32(1), activation])
+    Node::Table(vec![
+        padding,
+        stride.clone(),
+        stride,
+        Node::I32(1),
+        activation,
+    ])
 }
 
 const SAME: u8 = 0;
@@ -66,9 +72,17 @@ fn convolutions_see_zeros_beyond_the_picture() {
         assert_eq!(out, same, "operator {code}");
     }
     // With a stride of 2 the corners remain; without padding, the middle.
-    let out = run(&tensors, Does(3, conv(SAME, 2, NONE), vec![0, 1, 2], 3), &input);
+    let out = run(
+        &tensors,
+        Does(3, conv(SAME, 2, NONE), vec![0, 1, 2], 3),
+        &input,
+    );
     assert_eq!(out, [12.0, 16.0, 24.0, 28.0]);
-    let out = run(&tensors, Does(3, conv(VALID, 1, NONE), vec![0, 1, 2], 3), &input);
+    let out = run(
+        &tensors,
+        Does(3, conv(VALID, 1, NONE), vec![0, 1, 2], 3),
+        &input,
+    );
     assert_eq!(out, [45.0]);
 }
 
@@ -81,7 +95,11 @@ fn padding_of_an_even_picture_is_at_its_end() {
         floats(&[1], &[0.0]),
         computed(&[1, 1, 2, 1]),
     ];
-    let out = run(&tensors, Does(4, depthwise(SAME, 2, NONE), vec![0, 1, 2], 3), &counting(4));
+    let out = run(
+        &tensors,
+        Does(4, depthwise(SAME, 2, NONE), vec![0, 1, 2], 3),
+        &counting(4),
+    );
     assert_eq!(out, [321.0, 43.0]);
 }
 
@@ -97,7 +115,11 @@ fn depthwise_convolutions_keep_channels_apart() {
         computed(&[1, 1, 1, 11]),
     ];
     let input = [[1.0; 11], [2.0; 11]].concat();
-    let out = run(&tensors, Does(4, depthwise(VALID, 1, NONE), vec![0, 1, 2], 3), &input);
+    let out = run(
+        &tensors,
+        Does(4, depthwise(VALID, 1, NONE), vec![0, 1, 2], 3),
+        &input,
+    );
     let wanted: Vec<f32> = (0..11).map(|at| (at + 2 * (at + 11) - at) as f32).collect();
     assert_eq!(out, wanted);
 }
@@ -105,7 +127,11 @@ fn depthwise_convolutions_keep_channels_apart() {
 #[test]
 fn shapes_change_without_their_numbers() {
     let reshape = Does(22, Node::Absent, vec![0, 1], 2);
-    let tensors = [computed(&[1, 2, 2, 4]), ints(&[2], &[1, -1]), computed(&[1, 16])];
+    let tensors = [
+        computed(&[1, 2, 2, 4]),
+        ints(&[2], &[1, -1]),
+        computed(&[1, 16]),
+    ];
     assert_eq!(run(&tensors, reshape, &counting(16)), counting(16));
 
     let block = Does(5, Node::Table(vec![Node::I32(2)]), vec![0], 1);
@@ -128,7 +154,11 @@ fn shapes_change_without_their_numbers() {
 fn pictures_grow_between_pixel_centres() {
     let half_pixels = Node::Table(vec![Node::Absent, Node::Absent, Node::U8(0), Node::U8(1)]);
     let does = Does(23, half_pixels, vec![0, 1], 2);
-    let tensors = [computed(&[1, 1, 2, 1]), ints(&[2], &[1, 4]), computed(&[1, 1, 4, 1])];
+    let tensors = [
+        computed(&[1, 1, 2, 1]),
+        ints(&[2], &[1, 4]),
+        computed(&[1, 1, 4, 1]),
+    ];
     assert_eq!(run(&tensors, does, &[0.0, 4.0]), [0.0, 1.0, 3.0, 4.0]);
 }
 
@@ -139,7 +169,10 @@ fn sums_largest_numbers_and_logistic() {
     assert_eq!(run(&tensors, does, &[-1.0, 0.0, 4.0]), [0.0, 0.0, 8.0]);
 
     let logistic = Does(14, Node::Absent, vec![0], 1);
-    assert_eq!(run(&tensors, logistic, &[0.0, 99.0, -99.0])[..2], [0.5, 1.0]);
+    assert_eq!(
+        run(&tensors, logistic, &[0.0, 99.0, -99.0])[..2],
+        [0.5, 1.0]
+    );
 
     let two = || Node::I32(2);
     let pool = Node::Table(vec![Node::U8(VALID), two(), two(), two(), two()]);
@@ -228,12 +261,36 @@ fn what_is_not_supported_is_named() {
 fn shapes_that_do_not_fit_are_refused() {
     let weights = |shape: &[i32], count| floats(shape, &vec![0.0; count]);
     let cases = [
-        (vec![1, 4, 4, 3], weights(&[2, 1, 1, 2], 4), weights(&[2], 2)),
-        (vec![1, 4, 4, 2], weights(&[2, 1, 1, 2], 4), weights(&[3], 3)),
-        (vec![1, 2, 2, 2], weights(&[2, 3, 3, 2], 36), weights(&[2], 2)),
-        (vec![2, 4, 4, 2], weights(&[2, 1, 1, 2], 4), weights(&[2], 2)),
-        (vec![1, 1 << 20, 1 << 20, 2], weights(&[2, 1, 1, 2], 4), weights(&[2], 2)),
-        (vec![1, -4, 4, 2], weights(&[2, 1, 1, 2], 4), weights(&[2], 2)),
+        (
+            vec![1, 4, 4, 3],
+            weights(&[2, 1, 1, 2], 4),
+            weights(&[2], 2),
+        ),
+        (
+            vec![1, 4, 4, 2],
+            weights(&[2, 1, 1, 2], 4),
+            weights(&[3], 3),
+        ),
+        (
+            vec![1, 2, 2, 2],
+            weights(&[2, 3, 3, 2], 36),
+            weights(&[2], 2),
+        ),
+        (
+            vec![2, 4, 4, 2],
+            weights(&[2, 1, 1, 2], 4),
+            weights(&[2], 2),
+        ),
+        (
+            vec![1, 1 << 20, 1 << 20, 2],
+            weights(&[2, 1, 1, 2], 4),
+            weights(&[2], 2),
+        ),
+        (
+            vec![1, -4, 4, 2],
+            weights(&[2, 1, 1, 2], 4),
+            weights(&[2], 2),
+        ),
     ];
     for (shape, filter, bias) in cases {
         let tensors = [computed(&shape), filter, bias, computed(&[1])];

@@ -14,11 +14,21 @@ pub(crate) enum Node {
 
 /// A tensor: shape, type, bytes if it is constant, sparsity.
 #[derive(Clone, Debug)]
-pub(crate) struct Values(pub(crate) Vec<i32>, pub(crate) u8, pub(crate) Vec<u8>, pub(crate) Node);
+pub(crate) struct Values(
+    pub(crate) Vec<i32>,
+    pub(crate) u8,
+    pub(crate) Vec<u8>,
+    pub(crate) Node,
+);
 
 /// An operator: code, options, inputs, output.
 #[derive(Clone, Debug)]
-pub(crate) struct Does(pub(crate) i32, pub(crate) Node, pub(crate) Vec<i32>, pub(crate) i32);
+pub(crate) struct Does(
+    pub(crate) i32,
+    pub(crate) Node,
+    pub(crate) Vec<i32>,
+    pub(crate) i32,
+);
 
 /// A tensor that is computed.
 pub(crate) fn computed(shape: &[i32]) -> Values {
