@@ -1,6 +1,6 @@
 //! `yoto avatar`: from a clip to a page, in one command.
 
-use super::import::ImportOptions;
+use super::import::{ClipMasks, ImportOptions};
 use super::motion::MotionArgs;
 use super::refine_poses::RefinePoses;
 use super::render_what::FrameRange;
@@ -50,6 +50,8 @@ pub(super) struct Avatar {
     #[arg(long = "range", value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     #[command(flatten)]
+    clip: ClipMasks,
+    #[command(flatten)]
     import: ImportOptions,
     /// Longest side of training images and renders, pixels.
     #[arg(long, value_name = "PX", default_value_t = 192, value_parser = clap::value_parser!(u32).range(16..=1024))]
@@ -96,7 +98,7 @@ impl Avatar {
         let options = AvatarOptions {
             source: self.source,
             format: self.from,
-            import: self.import.options(self.frames),
+            import: self.import.options(self.frames, self.clip.path()),
             name: self.name.unwrap_or_else(|| stem.to_string()),
             out,
             size: self.size,

@@ -47,7 +47,25 @@ pub(super) struct Import {
     #[arg(long = "range", alias = "frames", value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     #[command(flatten)]
+    clip: ClipMasks,
+    #[command(flatten)]
     what: ImportOptions,
+}
+
+/// Masks of a clip whose poses a pose tool or the pose model found.
+#[derive(Debug, Args)]
+pub(super) struct ClipMasks {
+    /// Masks of a clip: a folder of images, or a video [default: the pose tool's, or the pose
+    /// model's].
+    #[arg(long, value_name = "PATH")]
+    masks: Option<PathBuf>,
+}
+
+impl ClipMasks {
+    /// The folder or video, if one was named.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.masks.as_deref()
+    }
 }
 
 /// Inputs that an importer can't find in the files.
@@ -65,10 +83,6 @@ pub(super) struct ImportOptions {
     /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
     #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
-    /// Masks of a clip: a folder of images, or a video [default: the pose tool's, or the pose
-    /// model's].
-    #[arg(long, value_name = "PATH")]
-    masks: Option<PathBuf>,
     /// The person, by the number or name that the files give [default: the one most seen].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
@@ -99,15 +113,14 @@ impl ImportOptions {
             || self.view.is_some()
             || self.poses.is_some()
             || self.fps.is_some()
-            || self.masks.is_some()
             || self.person.is_some()
             || self.focal.is_some()
             || self.height.is_some()
             || self.best.is_some()
     }
 
-    /// These inputs and `frames`, by position, for an importer.
-    pub(super) fn options(&self, frames: Option<FrameRange>) -> Options {
+    /// These inputs, `frames` by position and `masks` of the clip, for an importer.
+    pub(super) fn options(&self, frames: Option<FrameRange>, masks: Option<&Path>) -> Options {
         let range = |range: FrameRange| {
             (
                 range.first as usize,
@@ -122,7 +135,7 @@ impl ImportOptions {
             poses: self.poses.clone(),
             fps: self.fps,
             frames: frames.map(range),
-            masks: self.masks.clone(),
+            masks: masks.map(Path::to_owned),
             person: self.person.clone(),
             focal: self.focal,
             height: self.height,
@@ -132,8 +145,8 @@ impl ImportOptions {
         }
     }
 
-    /// Reads the `frames` of the capture in `source`, by position, and writes them to `out`,
-    /// showing the progress.
+    /// Reads the `frames` of the capture in `source`, by position, with the clip's `masks`, and writes
+    /// them to `out`, showing the progress.
     pub(super) fn import(
         &self,
         format: Format,
@@ -141,8 +154,9 @@ impl ImportOptions {
         out: &Path,
         form: TrackForm,
         frames: Option<FrameRange>,
+        masks: Option<&Path>,
     ) -> anyhow::Result<()> {
-        to_folder(format, source, out, form, &self.options(frames))?;
+        to_folder(format, source, out, form, &self.options(frames, masks))?;
         Ok(())
     }
 }
@@ -154,8 +168,14 @@ impl Import {
         } else {
             TrackForm::Json
         };
-        self.what
-            .import(self.from, &self.source, &self.out, form, self.frames)?;
+        self.what.import(
+            self.from,
+            &self.source,
+            &self.out,
+            form,
+            self.frames,
+            self.clip.path(),
+        )?;
         say!("{}", self.out.display());
         output::put("files", output::paths(&[&self.out]));
         Ok(())

@@ -3,6 +3,7 @@
 use super::render_what::FrameRange;
 use crate::capture_dir::{CaptureOptions, Prefer};
 use clap::{Args, ValueEnum};
+use std::path::Path;
 use yoto_proto::correction::Correction;
 use yoto_proto::media_plan::{
     BackgroundSetting, MaskKind, MaskSource, PICTURE_ENDINGS, Selection, Timing, has_ending,
@@ -62,6 +63,11 @@ enum By {
 }
 
 impl MediaArgs {
+    /// Masks of a clip, for its import.
+    pub(super) fn masks(&self) -> Option<&Path> {
+        self.masks.as_deref().map(Path::new)
+    }
+
     /// The same for the library, with the correction of the track's numbers.
     pub(super) fn options(&self, correction: Correction) -> CaptureOptions {
         let masks = self.masks.as_ref().map(|name| match name.as_str() {

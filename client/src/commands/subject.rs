@@ -165,8 +165,14 @@ impl Add {
             return Ok(None);
         };
         let folder = tempfile::tempdir().context("making a temporary folder")?;
-        self.import
-            .import(format, place, folder.path(), TrackForm::Json, None)?;
+        self.import.import(
+            format,
+            place,
+            folder.path(),
+            TrackForm::Json,
+            None,
+            self.media.masks(),
+        )?;
         Ok(Some(folder))
     }
 
@@ -175,7 +181,11 @@ impl Add {
         let place = place.context("which capture?")?.clone();
         let imported = self.imported(&place)?;
         let folder = imported.as_ref().map_or(&*place, TempDir::path);
-        let options = self.media.options(self.correction.correction());
+        let mut options = self.media.options(self.correction.correction());
+        if imported.is_some() {
+            // They went into the import, which has written its own.
+            options.masks = None;
+        }
         let capture = CaptureDir::open_with(folder, &options)?;
         for note in &capture.notes {
             tell!("{}: {note}", self.name);
