@@ -122,3 +122,86 @@ fn solve_shared(mut shared: Mat<f64>, mut slope: Mat<f64>, held: &[bool]) -> Opt
     shared.llt(Side::Lower).ok()?.solve_in_place(slope.as_mut());
     Some(slope)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joints::UNKNOWNS;
+
+    /// Equations of five frames and two shared unknowns, and the same as one dense matrix.
+    fn equations() -> (Normal, Mat<f64>) {
+        let (frames, shared) = (5, 2);
+        let size = frames * UNKNOWNS + shared;
+        let mut dense = Mat::zeros(size, size);
+        let wave = |at: usize| (at as f64 * 12.9898).sin();
+        for row in 0..size {
+            dense[(row, row)] = 12.0 + wave(row);
+        }
+        let mut blocks = Vec::new();
+        for frame in 0..frames {
+            let mut block = Block {
+                own: Mat::zeros(UNKNOWNS, UNKNOWNS),
+                border: Mat::from_fn(UNKNOWNS, 1 + shared, |i, j| 0.3 * wave(7 * i + j + frame)),
+                ahead: [[[[0.0; 3]; 3]; UNKNOWNS / 3]; 2],
+            };
+            for row in 0..UNKNOWNS {
+                block.own[(row, row)] = dense[(frame * UNKNOWNS + row, frame * UNKNOWNS + row)];
+                for at in 0..shared {
+                    let value = block.border[(row, 1 + at)];
+                    dense[(frames * UNKNOWNS + at, frame * UNKNOWNS + row)] = value;
+                }
+            }
+            for (ahead, triples) in block.ahead.iter_mut().enumerate() {
+                let later = frame + 1 + ahead;
+                for (at, triple) in triples.iter_mut().enumerate().filter(|_| later < frames) {
+                    for (i, row) in triple.iter_mut().enumerate() {
+                        for (j, value) in row.iter_mut().enumerate() {
+                            *value = wave(9 * at + 3 * i + j + frame);
+                            let place = later * UNKNOWNS + 3 * at + i;
+                            dense[(place, frame * UNKNOWNS + 3 * at + j)] = *value;
+                        }
+                    }
+                }
+            }
+            blocks.push(block);
+        }
+        let normal = Normal {
+            blocks,
+            shared: Mat::from_fn(shared, shared, |i, j| {
+                dense[(frames * UNKNOWNS + i, frames * UNKNOWNS + j)]
+            }),
+            slope: vec![0.7, -0.4],
+            held: vec![false; shared],
+        };
+        (normal, dense)
+    }
+
+    #[test]
+    fn the_banded_solution_is_the_dense_one() {
+        let (mut normal, dense) = equations();
+        for is_held in [false, true] {
+            normal.held[1] = is_held;
+            let step = solve(&normal, 0.0).expect("positive definite");
+            let mut all: Vec<f64> = step.frames.concat();
+            all.extend(&step.shared);
+            let size = all.len();
+            assert!(!is_held || all[size - 1] == 0.0);
+            for row in 0..size - usize::from(is_held) {
+                let at = |column: usize| dense[(row.max(column), row.min(column))] * all[column];
+                let sum: f64 = (0..size).map(at).sum();
+                let slope = match normal.blocks.get(row / UNKNOWNS) {
+                    Some(block) => block.border[(row % UNKNOWNS, 0)],
+                    None => normal.slope[row - 5 * UNKNOWNS],
+                };
+                assert!((sum + slope).abs() < 1e-6, "row {row}: {sum} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn equations_without_a_minimum_have_no_step() {
+        let (mut normal, _) = equations();
+        normal.blocks[2].own[(5, 5)] = -1.0;
+        assert!(solve(&normal, 1e-3).is_none());
+    }
+}

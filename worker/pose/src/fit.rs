@@ -68,9 +68,9 @@ pub fn fit(
     check(points, options)?;
     let all = GUESS + STEPS;
     progress(0, all);
-    let problem = Problem::new(points, options);
+    let mut problem = Problem::new(points, options);
     let shared = Shared::average(&problem.markers, problem.focal);
-    let stances = initial::stances(&problem, &shared);
+    let (stances, relabelled) = initial::stances(&mut problem, &shared);
     progress(GUESS, all);
     let guess = Guess::new(&problem, stances, shared);
     if !guess.cost.is_finite() {
@@ -80,5 +80,11 @@ pub fn fit(
         progress(GUESS + step, all);
     });
     progress(all, all);
-    Ok(report::fitted(points, options, &problem, &found))
+    let mut fitted = report::fitted(points, options, &problem, &found);
+    if relabelled > 0 {
+        fitted.notes.push(format!(
+            "left and right were taken for each other in {relabelled} frames, by how the body turns"
+        ));
+    }
+    Ok(fitted)
 }

@@ -1,23 +1,19 @@
-//! Bodies that were guessed the wrong way round: front to back, and limbs towards the camera that
-//! point away from it.
+//! Bodies that a detector took the wrong way round, their back for their front, and so called
+//! left right.
 //!
-//! A picture tells neither; time does. Each frame has several stances that look alike, and the
-//! run of stances that moves least is taken.
+//! A picture of few pixels tells neither; time does: of the ways in which each frame can be read,
+//! the run that turns as people can is taken.
 
-use crate::parameters::{Shared, Stance};
-use crate::problem::Problem;
+use crate::parameters::Stance;
 use crate::rotation::{logarithm, product, transposed};
-use crate::solve::improve_frame;
-use rayon::prelude::*;
-use std::f64::consts::PI;
-use yoto_capture::skeleton::transform::{length, rodrigues};
+use yoto_capture::skeleton::transform::length;
 
 /// Faster turns of the root are mistakes, rad/s.
 const FASTEST: f64 = 12.0;
-/// Steps that mend a stance turned round.
-const STEPS: usize = 8;
-/// What a jump of the root costs by its angle squared.
-const JUMP: f64 = 40.0;
+/// Smallest turn between two frames that is looked at, radians.
+const LEAST: f64 = 1.5;
+/// What a turn beyond the fastest costs by its angle squared, radians.
+const JUMP: f64 = 1000.0;
 
 /// The choice per step whose own costs and changes add up to the least; `change(step, from, to)`
 /// is the cost between `step` and the next.
@@ -54,48 +50,54 @@ pub(crate) fn cheapest_run(
     run
 }
 
-/// Turns round the bodies of frames that face away from those around them, where the root would
-/// have to turn faster than people do.
-pub(crate) fn mend_fronts(problem: &Problem, shared: &Shared, stances: &mut Vec<Stance>) {
-    let times: Vec<f64> = problem.frames.iter().map(|frame| frame.time).collect();
-    let angle = |a: &Stance, b: &Stance| {
-        length(logarithm(&product(
-            &transposed(&a.rotations[0]),
-            &b.rotations[0],
-        )))
-    };
-    let jumps = stances.windows(2).zip(times.windows(2));
-    let jumps = jumps.filter(|(pair, span)| match (pair, span) {
-        ([a, b], [from, to]) => angle(a, b) > (FASTEST * (to - from)).max(1.5),
+/// Whether the root turns faster than people do between any two frames.
+pub(crate) fn has_jumps(stances: &[(Stance, f64)], times: &[f64]) -> bool {
+    let mut pairs = stances.windows(2).zip(times.windows(2));
+    pairs.any(|(pair, span)| match (pair, span) {
+        ([(a, _), (b, _)], [from, to]) => turn(a, b) > (FASTEST * (to - from)).max(LEAST),
         _ => false,
-    });
-    if jumps.count() == 0 {
-        return;
-    }
-    let both: Vec<[(Stance, f64); 2]> = problem
-        .frames
-        .par_iter()
-        .zip(stances.as_slice())
-        .map(|(seen, stance)| {
-            let mut round = stance.clone();
-            round.rotations[0] = product(&stance.rotations[0], &rodrigues([0.0, PI, 0.0]));
-            let mend = |stance: &Stance| improve_frame(problem, seen, stance, shared, STEPS);
-            [mend(stance), mend(&round)]
-        })
-        .collect();
-    let costs: Vec<Vec<f64>> = both
+    })
+}
+
+/// Of two stances a frame with their costs, the ones that turn as people can; true where that is
+/// the second.
+pub(crate) fn steadiest(
+    choices: Vec<[(Stance, f64); 2]>,
+    times: &[f64],
+) -> (Vec<Stance>, Vec<bool>) {
+    let costs: Vec<Vec<f64>> = choices
         .iter()
         .map(|pair| pair.iter().map(|(_, cost)| *cost).collect())
         .collect();
-    let change = |step: usize, from: usize, to: usize| match both.get(step..=step + 1) {
-        Some([before, after]) => JUMP * angle(&before[from].0, &after[to].0).powi(2),
+    let change = |step: usize, from: usize, to: usize| match (
+        choices.get(step..=step + 1),
+        times.get(step..=step + 1),
+    ) {
+        (Some([before, after]), Some([start, end])) => {
+            let turn = turn(&before[from].0, &after[to].0);
+            JUMP * (turn - FASTEST * (end - start)).max(0.0).powi(2)
+        }
         _ => 0.0,
     };
-    let run = cheapest_run(&costs, change);
-    for ((stance, pair), chosen) in stances.iter_mut().zip(both).zip(run) {
-        let [(ahead, _), (round, _)] = pair;
-        *stance = if chosen == 0 { ahead } else { round };
-    }
+    let is_second: Vec<bool> = cheapest_run(&costs, change)
+        .into_iter()
+        .map(|choice| choice == 1)
+        .collect();
+    let pick = |([first, second], is_second): ([(Stance, f64); 2], &bool)| {
+        if *is_second { second.0 } else { first.0 }
+    };
+    (
+        choices.into_iter().zip(&is_second).map(pick).collect(),
+        is_second,
+    )
+}
+
+/// The angle between two stances' roots, radians.
+fn turn(a: &Stance, b: &Stance) -> f64 {
+    length(logarithm(&product(
+        &transposed(&a.rotations[0]),
+        &b.rotations[0],
+    )))
 }
 
 #[cfg(test)]

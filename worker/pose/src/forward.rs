@@ -4,9 +4,9 @@ use crate::joints::{COLUMN, PLACE};
 use crate::markers::Marker;
 use crate::parameters::{PLACES, Shared, Stance};
 use crate::rotation::{column, product, turned};
-use crate::skeleton::{COUNT, GROUP, chain, offsets, parent};
+use crate::skeleton::{COUNT, GROUP, chain, growing, offsets, parent};
 use yoto_capture::skeleton::Vec3;
-use yoto_capture::skeleton::transform::{Mat3, add, cross, sub};
+use yoto_capture::skeleton::transform::{Mat3, add, cross, scale, sub};
 
 /// A stance's joints in the camera's axes.
 #[derive(Clone, Debug)]
@@ -15,8 +15,8 @@ pub(crate) struct Posed {
     pub rotations: [Mat3; COUNT],
     /// Places, metres.
     pub joints: [Vec3; COUNT],
-    /// Each joint's offset from its parent, turned, metres.
-    bones: [Vec3; COUNT],
+    /// How far each joint moves from its parent as its bone's group grows, metres.
+    growth: [Vec3; COUNT],
 }
 
 /// The derivatives of a point by all unknowns that a table has columns for.
@@ -25,18 +25,22 @@ pub(crate) type Slopes = Vec<Vec3>;
 impl Posed {
     /// The joints of `stance` on a body with `shared` bone lengths.
     pub fn new(stance: &Stance, shared: &Shared) -> Self {
-        let offsets = offsets(&shared.factors());
+        let factors = shared.factors();
+        let offsets = offsets(&factors);
         let mut posed = Self {
             rotations: stance.rotations,
             joints: [stance.root; COUNT],
-            bones: [[0.0; 3]; COUNT],
+            growth: [[0.0; 3]; COUNT],
         };
         for joint in 1..COUNT {
             let above = parent(joint);
             let bone = turned(&posed.rotations[above], offsets[joint]);
             posed.rotations[joint] = product(&posed.rotations[above], &stance.rotations[joint]);
             posed.joints[joint] = add(posed.joints[above], bone);
-            posed.bones[joint] = bone;
+            if let Some(group) = GROUP[joint] {
+                let growing = turned(&posed.rotations[above], growing(joint));
+                posed.growth[joint] = scale(growing, factors[group]);
+            }
         }
         posed
     }
@@ -62,7 +66,7 @@ impl Posed {
             if let Some(group) = GROUP[above]
                 && width > frame
             {
-                slopes[frame + group] = add(slopes[frame + group], self.bones[above]);
+                slopes[frame + group] = add(slopes[frame + group], self.growth[above]);
             }
         }
         for axis in 0..3 {

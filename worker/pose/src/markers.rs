@@ -30,6 +30,8 @@ pub(crate) struct Markers {
     pub places: Vec<Place>,
     /// Pairs whose direction a detector's points in space tell.
     pub bones: Vec<[usize; 2]>,
+    /// Each point's like on the other side; itself in the middle.
+    pub mirror: Vec<usize>,
     /// Where the points of the coarse figure are found.
     pub figure: Figure,
 }
@@ -200,6 +202,7 @@ impl Markers {
             markers,
             places,
             bones: bones(&table),
+            mirror: mirror(&table),
             figure: figure(&table),
         }
     }
@@ -221,6 +224,18 @@ fn bones(table: &[(Kind, i8)]) -> Vec<[usize; 2]> {
         .iter()
         .map(|&kind| Some([find(kind, -1)?, find(kind, 1)?]));
     along.chain(across).flatten().collect()
+}
+
+fn mirror(table: &[(Kind, i8)]) -> Vec<usize> {
+    let other = |&(kind, side): &(Kind, i8)| match kind {
+        Kind::Joint(joint) => Some(crate::skeleton::other_side(joint)),
+        _ => table.iter().position(|&point| point == (kind, -side)),
+    };
+    table
+        .iter()
+        .enumerate()
+        .map(|(at, point)| other(point).unwrap_or(at))
+        .collect()
 }
 
 fn figure(table: &[(Kind, i8)]) -> Figure {
@@ -266,6 +281,11 @@ mod tests {
             assert_eq!(joints(figure.wrists), [20, 21], "{set:?}");
             assert_eq!(joints(figure.hips), [1, 2], "{set:?}");
             assert_eq!(joints(figure.ankles), [7, 8], "{set:?}");
+            for (at, &other) in markers.mirror.iter().enumerate() {
+                assert_eq!(markers.mirror[other], at, "{set:?}");
+                let (a, b) = (markers.markers[at], markers.markers[other]);
+                assert_eq!(crate::skeleton::other_side(a.joint), b.joint, "{set:?}");
+            }
         }
         let blaze = Markers::of(KeyPointSet::BlazePose33);
         assert_eq!(blaze.figure.shoulders, [11, 12]);

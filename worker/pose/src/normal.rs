@@ -117,8 +117,8 @@ impl Normal {
             let own = product(&back, slope);
             for row in 0..3 {
                 block.border[(column + row, 0)] += pull[row];
-                for other in 0..3 {
-                    block.own[(column + row, column + other)] += own[row][other];
+                for (other, by) in own[row].iter().enumerate() {
+                    block.own[(column + row, column + other)] += by;
                 }
             }
             for (ahead, later) in bend.slopes.iter().skip(i + 1).enumerate() {

@@ -40,7 +40,7 @@ pub(crate) struct Observed {
     pub extent: f64,
     pub seen: Vec<Seen>,
     pub directions: Vec<Direction>,
-    /// Points in space, `[N]`; empty without a guess of depth.
+    /// Points in space, `[N]`, of all markers; empty without a guess of depth.
     pub space: Vec<Vec3>,
 }
 
@@ -88,6 +88,23 @@ impl Problem {
     pub fn has_space(&self) -> bool {
         let with = self.frames.iter().filter(|frame| !frame.space.is_empty());
         2 * with.count() > self.frames.len()
+    }
+}
+
+impl Observed {
+    /// The same with left called right; `mirror` tells each point's like.
+    pub fn relabelled(&self, mirror: &[usize]) -> Self {
+        let other = |at: usize| mirror.get(at).copied().unwrap_or(at);
+        let space = |at: usize| self.space.get(other(at)).copied();
+        let mut relabelled = self.clone();
+        for seen in &mut relabelled.seen {
+            seen.marker = other(seen.marker);
+        }
+        for direction in &mut relabelled.directions {
+            direction.markers = direction.markers.map(other);
+        }
+        relabelled.space = (0..self.space.len()).filter_map(space).collect();
+        relabelled
     }
 }
 

@@ -2,7 +2,7 @@
 //! left and right.
 
 use yoto_capture::skeleton::Vec3;
-use yoto_capture::skeleton::transform::{length, scale, sub};
+use yoto_capture::skeleton::transform::{add, length, scale, sub};
 use yoto_proto::pose_track;
 use yoto_proto::smpl::JOINTS;
 
@@ -46,11 +46,14 @@ const CROWN: f64 = 0.21 / 0.3;
 /// Groups of bones that grow together.
 pub(crate) const GROUPS: usize = 12;
 
+/// The group of the bones from the pelvis to the hips.
+const HIPS: usize = 0;
+
 /// The group of the bone from a joint's parent to the joint; the root has none.
 pub(crate) const GROUP: [Option<usize>; COUNT] = [
     None,
-    Some(0),
-    Some(0),
+    Some(HIPS),
+    Some(HIPS),
     Some(1),
     Some(4),
     Some(4),
@@ -76,7 +79,7 @@ pub(crate) const GROUP: [Option<usize>; COUNT] = [
 
 /// How far a group's length is from the average's, as the standard deviation of its logarithm.
 pub(crate) const GROUP_SPREAD: [f64; GROUPS] = [
-    0.1, 0.06, 0.08, 0.08, 0.07, 0.07, 0.08, 0.08, 0.08, 0.07, 0.07, 0.08,
+    0.03, 0.06, 0.08, 0.08, 0.07, 0.07, 0.08, 0.08, 0.08, 0.07, 0.07, 0.08,
 ];
 
 /// The parent of a joint; the root's is itself.
@@ -84,15 +87,38 @@ pub(crate) fn parent(joint: usize) -> usize {
     JOINTS.get(joint).and_then(|(_, above)| *above).unwrap_or(0)
 }
 
+/// The joint at the other side; itself in the middle. A right joint follows its left one.
+pub(crate) fn other_side(joint: usize) -> usize {
+    match JOINTS.get(joint).map(|(name, _)| name.split_at(2).0) {
+        Some("l_") => joint + 1,
+        Some("r_") => joint - 1,
+        _ => joint,
+    }
+}
+
 /// Joints from `joint` up to the root, both included.
 pub(crate) fn chain(joint: usize) -> impl Iterator<Item = usize> {
     std::iter::successors(Some(joint), |&at| (at != 0).then(|| parent(at)))
 }
 
+/// The part of a bone that grows with its group, in T-pose, metres. Hips grow apart only: the
+/// pelvis above them is a joint that nobody sees.
+pub(crate) fn growing(joint: usize) -> Vec3 {
+    let [x, y, z] = sub(REST[joint], REST[parent(joint)]);
+    match GROUP[joint] {
+        Some(HIPS) => [x, 0.0, 0.0],
+        Some(_) => [x, y, z],
+        None => [0.0; 3],
+    }
+}
+
 /// Offsets of joints from their parents, metres, of bones `factors` times as long as average.
 pub(crate) fn offsets(factors: &[f64; GROUPS]) -> [Vec3; COUNT] {
     std::array::from_fn(|joint| match GROUP[joint] {
-        Some(group) => scale(sub(REST[joint], REST[parent(joint)]), factors[group]),
+        Some(group) => {
+            let whole = sub(REST[joint], REST[parent(joint)]);
+            add(whole, scale(growing(joint), factors[group] - 1.0))
+        }
         None => [0.0; 3],
     })
 }

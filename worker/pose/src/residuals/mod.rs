@@ -8,6 +8,8 @@ pub(crate) mod picture;
 pub(crate) mod shared;
 pub(crate) mod smooth;
 pub(crate) mod space;
+#[cfg(test)]
+mod tests;
 pub(crate) mod upright;
 
 use crate::forward::Posed;
