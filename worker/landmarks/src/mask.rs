@@ -19,7 +19,7 @@ pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) 
     let lines = mask.par_chunks_exact_mut(width.max(1)).enumerate();
     lines.for_each(|(y, line)| {
         for (x, coverage) in line.iter_mut().enumerate() {
-            let place = region.from_picture([x as f32 + 0.5, y as f32 + 0.5]);
+            let place = region.place_of([x as f32 + 0.5, y as f32 + 0.5]);
             if place.iter().all(|at| (0.0..1.0).contains(at)) {
                 let level = between(&levels, place);
                 let share = (level - EDGE[0]) / (EDGE[1] - EDGE[0]);

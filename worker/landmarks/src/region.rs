@@ -66,7 +66,7 @@ impl Region {
     }
 
     /// The place in the square, from 0 to 1, of a place in the picture.
-    pub(crate) fn from_picture(self, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub(crate) fn place_of(self, [x, y]: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
         let [x, y] = [x - self.centre[0], y - self.centre[1]];
         [
@@ -157,7 +157,7 @@ mod tests {
         // The top of the square, where the head is, is on the right.
         let [x, y] = region.to_picture([0.5, 0.0]);
         assert!((x - 200.0).abs() < 1e-3 && (y - 100.0).abs() < 1e-3);
-        let [u, v] = region.from_picture([x, y]);
+        let [u, v] = region.place_of([x, y]);
         assert!((u - 0.5).abs() < 1e-5 && v.abs() < 1e-5);
     }
 

@@ -1,0 +1,146 @@
+//! The pose model itself. Its files are not part of the project: these tests run where
+//! `YOTO_POSE_MODEL` names them, and fail without it where `YOTO_TEST_POSE_MODEL=required`.
+
+use std::path::{Path, PathBuf};
+use yoto_landmarks::{LandmarkError, PoseModel, Seen, Watcher};
+use yoto_media::{Limits, Picture, decode_still};
+
+fn model() -> Option<PoseModel> {
+    let path = std::env::var_os("YOTO_POSE_MODEL").map(PathBuf::from);
+    let required =
+        std::env::var_os("YOTO_TEST_POSE_MODEL").is_some_and(|value| value == "required");
+    assert!(
+        path.is_some() || !required,
+        "YOTO_POSE_MODEL names no model: deploy/models/get.sh fetches it"
+    );
+    path.map(|path| PoseModel::open(&path).expect("the pose model"))
+}
+
+/// A person of the demo, on black, 124 × 126 pixels.
+fn person() -> Picture {
+    decode_still(include_bytes!("person.png"), &Limits::default()).expect("a picture")
+}
+
+fn look(watcher: &mut Watcher, picture: &Picture) -> Option<Seen> {
+    let size = [picture.width, picture.height];
+    watcher.look(&picture.rgb, size).expect("a picture")
+}
+
+/// BlazePose's points with left and right exchanged.
+fn other_side(point: usize) -> usize {
+    match point {
+        0 => 0,
+        1..=3 => point + 3,
+        4..=6 => point - 3,
+        _ if point % 2 == 1 => point + 1,
+        _ => point - 1,
+    }
+}
+
+#[test]
+fn a_person_is_found_with_landmarks_and_mask() {
+    let Some(model) = model() else { return };
+    let picture = person();
+    let mut watcher = Watcher::new(model);
+    for time in 0..3 {
+        let seen = look(&mut watcher, &picture).expect("a person");
+        assert!(seen.score > 0.9, "picture {time}: {}", seen.score);
+        // Nose above shoulders above hips above knees above ankles.
+        for (upper, lower) in [(0, 11), (11, 23), (12, 24), (23, 25), (24, 26), (26, 28)] {
+            let (upper, lower) = (seen.picture[upper][1], seen.picture[lower][1]);
+            assert!(upper < lower, "picture {time}: {:?}", seen.picture);
+        }
+        // A body of its own size: hips about 0.2 m apart, no limb of several metres.
+        let hips = (seen.space[23][0] - seen.space[24][0]).abs();
+        assert!((0.1..0.4).contains(&hips), "{hips}");
+        let (pixels, _) = picture.rgb.as_chunks::<3>();
+        let (mut both, mut either) = (0, 0);
+        for (pixel, coverage) in pixels.iter().zip(&seen.mask) {
+            let (drawn, found) = (pixel.iter().any(|level| *level > 40), *coverage > 127);
+            both += usize::from(drawn && found);
+            either += usize::from(drawn || found);
+        }
+        let share = both as f64 / either as f64;
+        assert!(
+            share > 0.8,
+            "picture {time}: the mask shares {share} with the person"
+        );
+    }
+}
+
+/// The picture with each pixel `times` as wide and high.
+fn enlarged(picture: &Picture, times: usize) -> Picture {
+    let (pixels, _) = picture.rgb.as_chunks::<3>();
+    let lines = pixels.chunks_exact(picture.width).flat_map(|line| {
+        let wide: Vec<u8> = line.iter().flat_map(|pixel| pixel.repeat(times)).collect();
+        wide.repeat(times)
+    });
+    Picture {
+        width: picture.width * times,
+        height: picture.height * times,
+        rgb: lines.collect(),
+        ..picture.clone()
+    }
+}
+
+/// The picture mirrored gives the landmarks mirrored, but for the model's own errors: mixed-up
+/// sides, or a region that is cut at another place than its landmarks are put back to, move them.
+#[test]
+fn a_mirrored_picture_has_mirrored_landmarks() {
+    let Some(model) = model() else { return };
+    let picture = enlarged(&person(), 8);
+    let mut mirrored = picture.clone();
+    for line in mirrored.rgb.chunks_exact_mut(3 * picture.width) {
+        line.as_chunks_mut::<3>().0.reverse();
+    }
+    let mut watcher = Watcher::new(model);
+    let one = look(&mut watcher, &picture).expect("a person");
+    let other = look(&mut watcher, &mirrored).expect("a person");
+    let differences = (0..33).map(|point| {
+        let x = other.picture[other_side(point)][0];
+        one.picture[point][0] + x - picture.width as f32
+    });
+    let mean = differences.sum::<f32>() / 33.0 / 2.0;
+    assert!(mean.abs() < 4.0, "{mean} pixels of 992 to one side");
+}
+
+#[test]
+fn an_empty_picture_has_nobody_and_a_person_after_it_is_found() {
+    let Some(model) = model() else { return };
+    let mut watcher = Watcher::new(model);
+    let picture = person();
+    assert!(look(&mut watcher, &picture).is_some());
+    let mut empty = picture.clone();
+    empty.rgb.fill(0);
+    assert!(look(&mut watcher, &empty).is_none());
+    assert!(look(&mut watcher, &picture).is_some());
+    let error = watcher
+        .look(&picture.rgb, [3, 3])
+        .expect_err("a wrong size");
+    assert!(error.to_string().contains("3x3"), "{error}");
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let open = |path: &Path| PoseModel::open(path).expect_err("no model");
+    let error = open(folder.path());
+    assert!(matches!(error, LandmarkError::Empty(_)));
+    assert!(
+        error.to_string().contains("deploy/models/get.sh"),
+        "{error}"
+    );
+    let heavy = folder.path().join("pose_landmark_heavy.tflite");
+    std::fs::write(&heavy, "no model").expect("a file");
+    let error = open(&heavy);
+    assert!(
+        error.to_string().contains("pose_detection.tflite"),
+        "{error}"
+    );
+    std::fs::write(folder.path().join("pose_detection.tflite"), "no model").expect("a file");
+    let error = open(folder.path());
+    assert!(
+        error.to_string().contains("not a TensorFlow Lite model"),
+        "{error}"
+    );
+}
