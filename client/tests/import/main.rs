@@ -5,6 +5,9 @@ mod bad;
 mod captures;
 mod dialects;
 mod motions;
+mod pickled;
+mod pose_tools;
+mod pose_tools_bad;
 mod projected;
 mod written;
 

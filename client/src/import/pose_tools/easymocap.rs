@@ -102,6 +102,7 @@ fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Cam
         focal: [*fx, *fy],
         centre: Some([*cx, *cy]),
         size: None,
+        margin: 0.0,
     };
     let file = relative(place, "extri.yml");
     if !source.has(&file) {

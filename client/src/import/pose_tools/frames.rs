@@ -10,6 +10,9 @@ const SLACK: usize = 2;
 /// The rate that tools convert clips to.
 const COMMON: f64 = 30.0;
 
+/// Numbers of frames are below this; longer ones in names are dates.
+const MOST: usize = 1_000_000_000;
+
 /// The last number in a file's name.
 pub(super) fn number_in(name: &str) -> Option<usize> {
     let stem = Path::new(name).file_stem()?.to_str()?;
@@ -18,7 +21,8 @@ pub(super) fn number_in(name: &str) -> Option<usize> {
     let start = head
         .rfind(|c: char| !c.is_ascii_digit())
         .map_or(0, |at| at + 1);
-    head.get(start..)?.parse().ok()
+    let number = head.get(start..)?.parse().ok();
+    number.filter(|number| *number < MOST)
 }
 
 /// How a tool's frames become the clip's.
@@ -94,7 +98,12 @@ impl Numbers {
         let frame = match self {
             Self::Names => clip.named(seen.image.as_deref()?)?,
             Self::From(first) => seen.number.checked_sub(first)?,
-            Self::Times(ratio) => (seen.number as f64 * ratio).round() as usize,
+            Self::Times(ratio) => {
+                let frame = (seen.number as f64 * ratio).round();
+                // Of several poses for one frame, the nearest in time.
+                let nearest = (frame / ratio).round() as usize;
+                (ratio >= 1.0 || nearest == seen.number).then_some(frame as usize)?
+            }
         };
         let frame = usize::try_from(i64::try_from(frame).ok()? + shift).ok()?;
         (frame < clip.frames).then_some(frame)
@@ -134,6 +143,7 @@ mod tests {
         assert_eq!(number_in("00001.json"), Some(1));
         assert_eq!(number_in("12b.png"), Some(12));
         assert_eq!(number_in("video.npz"), None);
+        assert_eq!(number_in("20240131235959000.png"), None);
     }
 
     #[test]

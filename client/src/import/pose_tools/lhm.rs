@@ -39,14 +39,12 @@ fn frame(root: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
     let t = root.get("trans")?.fixed()?;
     let mut seen = Seen::new(number, pose, t, root.get("betas")?.vector()?);
     if let Some(focal) = root.find("focal") {
-        let pad = root.find("pad_ratio").map_or(Ok(0.0), |pad| pad.number())?;
-        let outer: [f64; 2] = root.get("img_size_wh")?.fixed()?;
-        let centre: [f64; 2] = root.get("princpt")?.fixed()?;
-        let margin = outer.map(|side| side * (1.0 - 1.0 / (1.0 + pad.max(0.0))) / 2.0);
+        let margin = root.find("pad_ratio");
         seen.intrinsics = Some(Intrinsics {
             focal: focal.fixed()?,
-            centre: Some([centre[0] - margin[0], centre[1] - margin[1]]),
-            size: Some([outer[0] - 2.0 * margin[0], outer[1] - 2.0 * margin[1]]),
+            centre: Some(root.get("princpt")?.fixed()?),
+            size: Some(root.get("img_size_wh")?.fixed()?),
+            margin: margin.map_or(Ok(0.0), |margin| margin.number())?,
         });
     }
     Ok(seen)

@@ -179,13 +179,15 @@ fn imported(
         .filter(|frame| !unmasked.contains(frame))
         .collect();
     for (left_out, what) in [(absent, "pose of the person"), (unmasked, "mask")] {
-        if !left_out.is_empty() {
-            let runs = runs(&left_out);
-            notes.push(format!(
-                "{} frames without a {what} are left out: {runs}",
-                left_out.len()
-            ));
-        }
+        let count = match left_out.len() {
+            0 => continue,
+            1 => "1 frame".to_owned(),
+            many => format!("{many} frames"),
+        };
+        notes.push(format!(
+            "left out: {count} without a {what} ({})",
+            runs(&left_out)
+        ));
     }
     if frames.is_empty() {
         let message = "no frame is left that has a pose and, if there are masks, a mask";

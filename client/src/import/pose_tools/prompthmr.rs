@@ -20,6 +20,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         focal: [focal; 2],
         centre: Some(centre),
         size: Some(centre.map(|side| 2.0 * side)),
+        margin: 0.0,
     };
     let mut people = Vec::new();
     for (name, part) in root.get("people")?.members()? {

@@ -191,8 +191,14 @@ fn scaled(own: &Intrinsics, size: [f64; 2]) -> Result<([f64; 2], [f64; 2]), Stri
     let Some(of) = own.size else {
         return Ok((own.focal, centre));
     };
-    match ratio(of, size) {
-        Some(ratio) => Ok((own.focal.map(|v| v * ratio), centre.map(|v| v * ratio))),
+    // Margins are whole pixels, as wide on both sides as can be.
+    let whole = size.map(|side| (side * (1.0 + own.margin.max(0.0))).round());
+    let before = [0, 1].map(|axis: usize| ((whole[axis] - size[axis]) / 2.0).floor());
+    match ratio(of, whole) {
+        Some(ratio) => Ok((
+            own.focal.map(|v| v * ratio),
+            [centre[0] * ratio - before[0], centre[1] * ratio - before[1]],
+        )),
         None => Err(format!(
             "the camera is of images of {:.0}x{:.0}, the clip has {:.0}x{:.0}: was it cut or turned?",
             of[0], of[1], size[0], size[1]

@@ -7,6 +7,9 @@ use crate::import::Options;
 use crate::import::source::{Part, Source};
 use std::path::Path;
 
+/// Endings of files that tools write.
+const ENDINGS: [&str; 7] = ["pkl", "joblib", "pt", "pth", "npz", "npy", "json"];
+
 /// Folders below the given one, and beginnings and endings of the files in them that tools write.
 const PLACES: [(&str, &str, &str); 17] = [
     ("", "wham_output", ".pkl"),
@@ -48,12 +51,18 @@ pub(super) fn read(
     if !path.is_dir() {
         return Err(source.fault("MISSING", "", None, "", "there is no such file or folder"));
     }
+    // A file that is damaged, or of something else, does not hide the tool's beside it.
+    let mut first_fault = None;
     for name in candidates(&source)? {
-        if let Some(found) = read_file(&source, &name, forced, options)? {
-            return Ok(found);
+        match read_file(&source, &name, forced, options) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => {}
+            Err(fault) => {
+                first_fault.get_or_insert(fault);
+            }
         }
     }
-    Err(unknown(&source, "", forced))
+    Err(first_fault.unwrap_or_else(|| unknown(&source, "", forced)))
 }
 
 /// Whether the folder holds files with the names of a tool's.
@@ -103,6 +112,12 @@ fn read_file(
     forced: Option<Tool>,
     options: &Options,
 ) -> Result<Option<(Tool, Found)>, ClientError> {
+    let ending = Path::new(file)
+        .extension()
+        .and_then(|ending| ending.to_str());
+    if !ending.is_some_and(|ending| ENDINGS.contains(&ending)) {
+        return Ok(None);
+    }
     let data = source.data(file, None)?;
     let root = data.root();
     let fits = |tool: &Tool| forced.is_none_or(|forced| forced == *tool) && fits(*tool, &root);

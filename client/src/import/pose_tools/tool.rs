@@ -111,6 +111,8 @@ pub(super) struct Intrinsics {
     pub centre: Option<[f64; 2]>,
     /// Width and height of the images that it is of, if the file says.
     pub size: Option<[f64; 2]>,
+    /// Share of the clip's width and height that margins around its images add to these.
+    pub margin: f64,
 }
 
 impl Intrinsics {
@@ -120,6 +122,7 @@ impl Intrinsics {
             focal: [k[0], k[4]],
             centre: Some([k[2], k[5]]),
             size: Some([2.0 * k[2], 2.0 * k[5]]),
+            margin: 0.0,
         }
     }
 }

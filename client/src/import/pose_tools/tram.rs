@@ -35,6 +35,7 @@ pub(super) fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
             focal: [focal; 2],
             centre: Some(centre),
             size: Some(centre.map(|side| 2.0 * side)),
+            margin: 0.0,
         })
     } else {
         None

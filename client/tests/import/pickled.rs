@@ -1,0 +1,39 @@
+//! Writes small pickles, for files that break a tool's conventions on purpose.
+
+use serde_json::Value;
+use std::path::Path;
+
+/// Writes `value` as a pickle of protocol 2: dictionaries, lists, texts and floats; `null` is NaN.
+pub(crate) fn write(path: &Path, value: &Value) {
+    let mut bytes = vec![0x80, 2];
+    push(&mut bytes, value);
+    bytes.push(b'.');
+    std::fs::write(path, bytes).expect("writes");
+}
+
+fn push(bytes: &mut Vec<u8>, value: &Value) {
+    match value {
+        Value::Object(entries) => {
+            bytes.extend(b"}(");
+            for (key, value) in entries {
+                push(bytes, &Value::String(key.clone()));
+                push(bytes, value);
+            }
+            bytes.push(b'u');
+        }
+        Value::Array(items) => {
+            bytes.extend(b"](");
+            items.iter().for_each(|item| push(bytes, item));
+            bytes.push(b'e');
+        }
+        Value::String(text) => {
+            bytes.push(b'X');
+            bytes.extend((text.len() as u32).to_le_bytes());
+            bytes.extend(text.as_bytes());
+        }
+        other => {
+            bytes.push(b'G');
+            bytes.extend(other.as_f64().unwrap_or(f64::NAN).to_be_bytes());
+        }
+    }
+}
