@@ -2,6 +2,8 @@
 
 use super::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::api::ClientError;
+use std::collections::HashMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use yoto_media::video::{Ffmpeg, Video};
 use yoto_media::{Fault, Limits, MediaError, sniff};
@@ -16,6 +18,8 @@ pub(super) struct Clip {
     path: PathBuf,
     /// Of a folder, in the order of their names; empty for a video.
     files: Vec<PathBuf>,
+    /// Frames by the names of their pictures, without endings.
+    names: HashMap<OsString, usize>,
     /// Width and height, as shown: after the rotation that a phone's video asks for.
     pub size: [u32; 2],
     /// Number of frames.
@@ -42,6 +46,7 @@ impl Clip {
         Ok(Self {
             path: path.to_owned(),
             files: Vec::new(),
+            names: HashMap::new(),
             size: [first.width as u32, first.height as u32],
             frames,
             fps,
@@ -55,10 +60,13 @@ impl Clip {
                            or a folder of pictures in order";
             return Err(fault(path, "MISSING", message));
         };
+        let stem = |(frame, file): (usize, &PathBuf)| Some((file.file_stem()?.to_owned(), frame));
+        let names = files.iter().enumerate().filter_map(stem);
         Ok(Self {
             size: image_size(first, 0)?,
             frames: files.len(),
             path: path.to_owned(),
+            names: names.collect(),
             files,
             fps: None,
         })
@@ -71,10 +79,7 @@ impl Clip {
 
     /// The frame whose picture has the name `name`, with or without ending.
     pub fn named(&self, name: &str) -> Option<usize> {
-        let stem = Path::new(name).file_stem()?;
-        self.files
-            .iter()
-            .position(|file| file.file_stem() == Some(stem))
+        self.names.get(Path::new(name).file_stem()?).copied()
     }
 
     /// The pictures of `frames`, with the masks of each.

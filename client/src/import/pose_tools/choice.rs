@@ -13,6 +13,8 @@ use std::path::Path;
 
 /// People that are held against masks, those seen most often first.
 const MOST_PEOPLE: usize = 6;
+/// Figure of a reading that agrees well.
+const GOOD: f64 = 0.7;
 /// Readings named by an error.
 const NAMED: usize = 5;
 /// Sizes of an average adult that are tried, from the first to the last.
@@ -92,8 +94,8 @@ impl<'a> Choice<'a> {
         let documented = Reading::documented(tool, best.choice.person.seen.first(), options.focal);
         match &best.proven {
             None if masks.is_empty() => notes.push(format!(
-                "no masks, neither in the tool's files nor by --masks: nothing proves that the numbers are \
-                 as {} documents ({})",
+                "no masks, neither in the tool's files nor by --masks: the capture has none, and nothing \
+                 proves that the numbers are as {} documents ({})",
                 tool.name(),
                 documented.words()
             )),
@@ -249,21 +251,29 @@ fn said(
         );
         return Err(fault(at, "UNPROVEN", message));
     }
-    if taken.reading == *documented {
-        return Ok(format!(
+    let usual = tried.iter().find(|it| it.reading == *documented);
+    let mut note = if taken.reading == *documented {
+        format!(
             "read as {} documents ({}); the body agrees with {masks} to {}",
             tool.name(),
             taken.reading.words(),
             percent(taken.figure)
-        ));
+        )
+    } else {
+        format!(
+            "not as {} documents: {} agrees with {masks} to {}, the documented reading ({}) only to {}",
+            tool.name(),
+            taken.reading.words(),
+            percent(taken.figure),
+            documented.words(),
+            percent(usual.map_or(0.0, |it| it.figure))
+        )
+    };
+    if taken.figure < GOOD {
+        note += &format!(
+            ". That is poor, {} and more are usual: are these masks and poses of the same frames?",
+            percent(GOOD)
+        );
     }
-    let usual = tried.iter().find(|it| it.reading == *documented);
-    Ok(format!(
-        "not as {} documents: {} agrees with {masks} to {}, the documented reading ({}) only to {}",
-        tool.name(),
-        taken.reading.words(),
-        percent(taken.figure),
-        documented.words(),
-        percent(usual.map_or(0.0, |it| it.figure))
-    ))
+    Ok(note)
 }

@@ -4,7 +4,7 @@
 //! are 0), `shapes` `[1, 10]`. The posed body is turned by Rh about the world's origin and moved by Th,
 //! metres: a `Th` that is SMPL's translation is another meaning, which masks tell apart. Cameras are
 //! `intri.yml` and `extri.yml` of OpenCV, beside the folder or above it: `K_<name>`, `Rot_<name>`,
-//! `T_<name>`; without `extri.yml` the world is the camera's.
+//! `T_<name>`, and the lens's `dist_<name>`; without `extri.yml` the world is the camera's.
 
 use super::frames::number_in;
 use super::phalp::push;
@@ -14,6 +14,7 @@ use crate::import::Options;
 use crate::import::geometry::extrinsics;
 use crate::import::source::{Part, Source};
 use crate::import::track::SmplPose;
+use yoto_proto::pose_track::NO_DISTORTION;
 
 pub(super) fn fits(root: &Part<'_>) -> bool {
     let people = root.find("annots").unwrap_or_else(|| root.clone());
@@ -24,7 +25,14 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 pub(super) fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let camera = camera(source, folder, options)?;
+    if camera.is_none() && options.focal.is_none() {
+        let message = "there is no intri.yml beside the poses or above them, nor a --focal";
+        return Err(source.fault("MISSING", "intri.yml", None, "", message));
+    }
     let mut found = Found::of(Vec::new());
+    found.distortion = camera
+        .as_ref()
+        .map_or(NO_DISTORTION, |camera| camera.distortion);
     for (order, name) in source.list(folder, &[".json"])?.iter().enumerate() {
         let name = name.trim_start_matches('/');
         let number = number_in(name).unwrap_or(order);
@@ -34,8 +42,8 @@ pub(super) fn read(source: &Source, file: &str, options: &Options) -> Result<Fou
         for at in 0..people.len()? {
             let part = people.at(at)?;
             let mut seen = person(&part, number)?;
-            if let Some((intrinsics, e)) = camera {
-                (seen.intrinsics, seen.e) = (Some(intrinsics), e);
+            if let Some(camera) = &camera {
+                (seen.intrinsics, seen.e) = (Some(camera.intrinsics), camera.e);
             }
             let id = part.find("id").map_or(Ok(at as f64), |id| id.number())?;
             push(&mut found.people, id.to_string(), seen);
@@ -67,7 +75,12 @@ fn person(part: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
     Ok(Seen::new(number, pose, t, part.get("shapes")?.vector()?))
 }
 
-type Camera = (Intrinsics, Option<[[f64; 4]; 4]>);
+/// A camera of OpenCV's files.
+struct Camera {
+    intrinsics: Intrinsics,
+    distortion: [f64; 5],
+    e: Option<[[f64; 4]; 4]>,
+}
 
 /// The camera of `--view`, from OpenCV's files near the folder.
 fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Camera>, ClientError> {
@@ -104,9 +117,25 @@ fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Cam
         size: None,
         margin: 0.0,
     };
+    let lens = ["dist", "D"].into_iter();
+    let distortion = lens
+        .map(|kind| format!("{kind}_{name}"))
+        .find_map(|field| Some((matrix(&text, &field)?, field)));
+    let distortion = match distortion {
+        Some((numbers, field)) => {
+            let five = numbers.try_into();
+            five.map_err(|_| wrong(&file, field))?
+        }
+        None => NO_DISTORTION,
+    };
+    let mut camera = Camera {
+        intrinsics,
+        distortion,
+        e: None,
+    };
     let file = relative(place, "extri.yml");
     if !source.has(&file) {
-        return Ok(Some((intrinsics, None)));
+        return Ok(Some(camera));
     }
     let text = self::text(source, &file)?;
     let turn: Option<[f64; 9]> =
@@ -115,7 +144,8 @@ fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Cam
     let t: Option<[f64; 3]> = matrix(&text, &format!("T_{name}")).and_then(|m| m.try_into().ok());
     let t = t.ok_or_else(|| wrong(&file, format!("T_{name}")))?;
     let rows = std::array::from_fn(|i| std::array::from_fn(|j| turn[3 * i + j]));
-    Ok(Some((intrinsics, Some(extrinsics(&rows, t)))))
+    camera.e = Some(extrinsics(&rows, t));
+    Ok(Some(camera))
 }
 
 fn relative(place: &str, file: &str) -> String {

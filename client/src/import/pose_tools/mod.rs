@@ -71,7 +71,9 @@ pub(super) fn read(
     let choice = Choice::find(
         tool, &found, &masks, numbers, &clip, at, options, &mut notes,
     )?;
-    imported(&choice, numbers, &clip, at, options, notes)
+    let mut capture = imported(&choice, numbers, &clip, at, options, notes)?;
+    capture.track.distortion = found.distortion;
+    Ok(capture)
 }
 
 /// `4D-Humans (PHALP): 2 people, 301 frames`.

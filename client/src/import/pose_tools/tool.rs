@@ -5,6 +5,7 @@ use crate::import::geometry::{Mat3, Vec3, axis_angle, rotation};
 use crate::import::track::SmplPose;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
+use yoto_proto::pose_track::NO_DISTORTION;
 
 /// A program that finds the poses of people in a video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,6 +187,8 @@ pub(super) struct Found {
     pub frames: Option<usize>,
     /// Width and height of the tool's clip, if the files say.
     pub size: Option<[f64; 2]>,
+    /// OpenCV's k1 k2 p1 p2 k3 of the clip.
+    pub distortion: [f64; 5],
     /// Masks of all people together, by frame.
     pub masks: Vec<(usize, Arc<RunLengths>)>,
     pub notes: Vec<String>,
@@ -197,6 +200,7 @@ impl Found {
             people,
             frames: None,
             size: None,
+            distortion: NO_DISTORTION,
             masks: Vec::new(),
             notes: Vec::new(),
         }
