@@ -2,7 +2,8 @@
 //!
 //! Everything a worker writes has its job and fencing token in the key, so that a worker
 //! that lost its lease can't overwrite what its successor wrote. The database row that
-//! names a key is the commit point; an object without a row is garbage.
+//! names a key is the commit point; an object without a row is garbage, which is collected by the
+//! folder ([`Folder`]).
 
 /// An uploaded file of a capture: `uploads/{capture}/{path}`.
 pub fn upload(capture_id: &str, path: &str) -> String {
@@ -35,4 +36,131 @@ pub fn tradeoff(model_id: &str, job_id: &str, token: u64, step: u64) -> String {
 /// A file of a render job.
 pub fn render(job_id: &str, token: u64, file: &str) -> String {
     format!("renders/{job_id}/{token}/{file}")
+}
+
+/// Folders at the root of a store, and how many levels below each the folders are that live and end as a
+/// whole.
+pub const ROOTS: &[(&str, usize)] = &[
+    ("uploads", 1),
+    ("captures", 2),
+    ("models", 3),
+    ("renders", 2),
+];
+
+/// What a folder belongs to, which lives and ends as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Folder<'a> {
+    /// The files of an upload.
+    Upload {
+        /// Its capture's id.
+        capture: &'a str,
+    },
+    /// What an ingest job has made of a capture.
+    Shard {
+        /// The capture's id.
+        capture: &'a str,
+        /// The job.
+        by: Lease<'a>,
+    },
+    /// A checkpoint by a train job, or its trade-off by an evaluate job.
+    Checkpoint {
+        /// The model's id.
+        model: &'a str,
+        /// The job.
+        by: Lease<'a>,
+    },
+    /// The files of a render job.
+    Render {
+        /// The job.
+        by: Lease<'a>,
+    },
+}
+
+/// A lease of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lease<'a> {
+    /// The job's id.
+    pub job: &'a str,
+    /// Its fencing token.
+    pub token: u64,
+}
+
+impl<'a> Folder<'a> {
+    /// What the folder `key` belongs to; `None` for a folder of no known kind.
+    pub fn parse(key: &'a str) -> Option<Self> {
+        let parts: Vec<&str> = key.split('/').collect();
+        match parts.as_slice() {
+            ["uploads", capture] => Some(Self::Upload { capture }),
+            ["captures", capture, lease] => Some(Self::Shard {
+                capture,
+                by: Lease::parse(lease)?,
+            }),
+            ["models", model, lease, _step] => Some(Self::Checkpoint {
+                model,
+                by: Lease::parse(lease)?,
+            }),
+            ["renders", job, token] => Some(Self::Render {
+                by: Lease {
+                    job,
+                    token: token.parse().ok()?,
+                },
+            }),
+            _ => None,
+        }
+    }
+
+    /// The lease under which it was written; an upload has none.
+    pub fn lease(self) -> Option<Lease<'a>> {
+        match self {
+            Self::Upload { .. } => None,
+            Self::Shard { by, .. } | Self::Checkpoint { by, .. } | Self::Render { by } => Some(by),
+        }
+    }
+}
+
+impl<'a> Lease<'a> {
+    /// The lease in `{job}-{token}`.
+    fn parse(text: &'a str) -> Option<Self> {
+        let (job, token) = text.rsplit_once('-')?;
+        let token = token.parse().ok()?;
+        Some(Self { job, token })
+    }
+}
+
+/// The folder of the object `key`, and so of its manifest or shard that a row names.
+pub fn folder(key: &str) -> &str {
+    key.rsplit_once('/').map_or("", |(folder, _)| folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_are_read_as_they_are_made() {
+        let by = Lease {
+            job: "j-1",
+            token: 7,
+        };
+        let made = [
+            (shard("c", "j-1", 7), Folder::Shard { capture: "c", by }),
+            (check("c", "j-1", 7), Folder::Shard { capture: "c", by }),
+            (
+                tradeoff("m", "j-1", 7, 40),
+                Folder::Checkpoint { model: "m", by },
+            ),
+            (render("j-1", 7, "0.png"), Folder::Render { by }),
+            (upload("c", "poses.json"), Folder::Upload { capture: "c" }),
+        ];
+        for (key, expected) in made {
+            let found = folder(&key);
+            assert_eq!(Folder::parse(found), Some(expected), "{key}");
+            let depth = found.split('/').count() - 1;
+            let root = found.split('/').next().unwrap_or_default();
+            assert!(ROOTS.contains(&(root, depth)), "{key}");
+        }
+        for other in ["", "uploads", "models/m/j/5", "renders/j/x", "lost+found/a"] {
+            assert_eq!(Folder::parse(other), None, "{other}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::error::ServerError;
+use crate::{checkpoints::retention::Retention, error::ServerError};
 use std::{path::PathBuf, time::Duration};
 use url::Url;
 
@@ -27,6 +27,45 @@ pub struct ServerConfig {
     pub shutdown_grace: Duration,
     /// Limits of one uploaded capture.
     pub upload: UploadLimits,
+    /// What is stored, and for how long.
+    pub storage: StorageLimits,
+}
+
+/// What is stored, and for how long.
+#[derive(Debug, Clone)]
+pub struct StorageLimits {
+    /// Newest checkpoints that a model keeps unless it says otherwise, at least 1.
+    pub keep_newest: u32,
+    /// A model keeps every so many-th published checkpoint unless it says otherwise; 0: none of them.
+    pub keep_every: u32,
+    /// Time from the moment when objects are found to belong to nothing until they are removed.
+    pub grace: Duration,
+    /// Interval of the search for such objects.
+    pub collect_interval: Duration,
+    /// Free bytes of the disk below which uploads and trainings are refused.
+    pub min_free_bytes: u64,
+}
+
+impl Default for StorageLimits {
+    fn default() -> Self {
+        Self {
+            keep_newest: 3,
+            keep_every: 10,
+            grace: Duration::from_secs(24 * 3600),
+            collect_interval: Duration::from_secs(3600),
+            min_free_bytes: 2 << 30,
+        }
+    }
+}
+
+impl StorageLimits {
+    /// Which checkpoints a model keeps unless it says otherwise.
+    pub(crate) fn retention(&self) -> Retention {
+        Retention {
+            newest: self.keep_newest,
+            every: self.keep_every,
+        }
+    }
 }
 
 /// Limits of one uploaded capture, enforced before anything is decoded.
@@ -59,6 +98,7 @@ impl ServerConfig {
                 files: 200_000,
                 idle: Duration::from_secs(60),
             },
+            storage: StorageLimits::default(),
         }
     }
 
@@ -74,6 +114,10 @@ impl ServerConfig {
         if self.reap_interval.is_zero() || self.watch_poll.is_zero() {
             let message = "reap_interval and watch_poll must be above 0".to_owned();
             return Err(ServerError::Config(message));
+        }
+        if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {
+            let message = "storage.collect_interval and storage.keep_newest must be above 0";
+            return Err(ServerError::Config(message.to_owned()));
         }
         if self.max_lost_workers == 0 {
             return Err(ServerError::Config(

@@ -2,9 +2,10 @@
 
 use crate::{
     config::ServerConfig,
+    error::RequestError,
     jobs::{changes::JobChanges, roster::Roster},
     lock::DataDirLock,
-    objects::Objects,
+    objects::{Objects, room},
     store::Store,
 };
 use std::{sync::Arc, time::SystemTime};
@@ -29,4 +30,18 @@ pub struct Context {
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.
     pub lock: DataDirLock,
+    /// Held during a collection of garbage: one at a time.
+    pub collecting: tokio::sync::Mutex<()>,
+}
+
+impl Context {
+    /// Refuses if the disk of the object store would have less than the configured free space with
+    /// `coming` more bytes.
+    pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
+        room::check(
+            self.objects.disk(),
+            coming,
+            self.config.storage.min_free_bytes,
+        )
+    }
 }

@@ -66,6 +66,17 @@ pub enum RequestError {
         /// Human-readable.
         message: String,
     },
+    /// The disk is nearly full.
+    #[error(
+        "the disk of the service has {free} bytes free, and {needed} are needed: `yoto gc` removes what \
+         belongs to nothing, `yoto model checkpoints` and `yoto job list` show what can be deleted"
+    )]
+    DiskFull {
+        /// Free bytes.
+        free: u64,
+        /// Bytes that must be free, with those that were to come.
+        needed: u64,
+    },
     /// The coordinator is shutting down; a later call may succeed.
     #[error("the coordinator is shutting down")]
     ShuttingDown,

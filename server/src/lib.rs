@@ -5,6 +5,7 @@
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod api;
+mod checkpoints;
 pub mod config;
 mod context;
 mod error;
@@ -15,7 +16,7 @@ mod objects;
 mod serve;
 mod store;
 
-pub use config::{MAX_MESSAGE_BYTES, ServerConfig, UploadLimits};
+pub use config::{MAX_MESSAGE_BYTES, ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use objects::ObjectsError;
@@ -25,7 +26,7 @@ use context::Context;
 use futures::Stream;
 use jobs::{changes::JobChanges, reaper, roster::Roster};
 use lock::DataDirLock;
-use objects::{Objects, upload};
+use objects::{Objects, collect, upload};
 use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
 use store::SqliteStore;
 use tokio::{
@@ -41,11 +42,11 @@ const DATABASE_FILE: &str = "yoto.db";
 /// The objects' folder in the data folder.
 const OBJECTS_FOLDER: &str = "objects";
 
-/// An open coordinator: it owns its data folder and takes jobs back from lost workers.
+/// An open coordinator: it owns its data folder, takes jobs back from lost workers and collects garbage.
 /// [`Coordinator::close`] ends it in order; dropping it stops it as well.
 pub struct Coordinator {
     context: Arc<Context>,
-    reaper: JoinHandle<()>,
+    tasks: Vec<JoinHandle<()>>,
 }
 
 impl Coordinator {
@@ -74,10 +75,14 @@ impl Coordinator {
             started: SystemTime::now(),
             stop: CancellationToken::new(),
             lock,
+            collecting: tokio::sync::Mutex::new(()),
         });
         remove_cut_uploads(&context).await?;
-        let reaper = tokio::spawn(reaper::run(Arc::clone(&context)));
-        Ok(Self { context, reaper })
+        let tasks = vec![
+            tokio::spawn(reaper::run(Arc::clone(&context))),
+            tokio::spawn(collect::run(Arc::clone(&context))),
+        ];
+        Ok(Self { context, tasks })
     }
 
     /// Serves all services, with health and reflection, on `incoming` until `shutdown` is
@@ -106,13 +111,15 @@ impl Coordinator {
         self.context.objects.url()
     }
 
-    /// Stops serving and reaping, closes the database, and unlocks the data folder.
+    /// Stops serving, reaping and collecting, closes the database, and unlocks the data folder.
     pub async fn close(mut self) {
         self.context.stop.cancel();
         let grace = self.context.config.shutdown_grace;
-        if tokio::time::timeout(grace, &mut self.reaper).await.is_err() {
-            tracing::warn!("the reaper did not stop in time");
-            self.reaper.abort();
+        for task in &mut self.tasks {
+            if tokio::time::timeout(grace, &mut *task).await.is_err() {
+                tracing::warn!("a background task did not stop in time");
+                task.abort();
+            }
         }
         if tokio::time::timeout(grace, self.context.store.close())
             .await

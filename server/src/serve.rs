@@ -1,7 +1,7 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
 use crate::{
-    api::{JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, SubjectApi, WorkerApi},
+    api::{JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, WorkerApi},
     config::MAX_MESSAGE_BYTES,
     context::Context,
     error::ServerError,
@@ -18,8 +18,8 @@ use tonic_health::{ServingStatus, server::HealthReporter};
 use yoto_proto::v1::{
     job_service_server::JobServiceServer, model_service_server::ModelServiceServer,
     object_service_server::ObjectServiceServer, render_service_server::RenderServiceServer,
-    status_service_server::StatusServiceServer, subject_service_server::SubjectServiceServer,
-    worker_service_server::WorkerServiceServer,
+    status_service_server::StatusServiceServer, storage_service_server::StorageServiceServer,
+    subject_service_server::SubjectServiceServer, worker_service_server::WorkerServiceServer,
 };
 
 /// Interval of keep-alive pings on idle connections.
@@ -68,6 +68,7 @@ async fn routes(
     let objects = ObjectServiceServer::new(ObjectApi { context: context() });
     let renders = RenderServiceServer::new(RenderApi { context: context() });
     let status = StatusServiceServer::new(StatusApi { context: context() });
+    let storage = StorageServiceServer::new(StorageApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
@@ -82,6 +83,7 @@ async fn routes(
         .add_service(objects.max_decoding_message_size(limit))
         .add_service(renders.max_decoding_message_size(limit))
         .add_service(status)
+        .add_service(storage)
         .add_service(workers.max_decoding_message_size(limit));
     Ok((routes, reporter))
 }

@@ -5,6 +5,7 @@ use crate::{
     context::Context,
     error::RequestError,
     jobs::{queue, watch},
+    store::Target,
 };
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
@@ -13,8 +14,9 @@ use tonic::{Request, Response, Status};
 use yoto_proto::{
     names::Collection,
     v1::{
-        CancelJobRequest, CreateJobRequest, GetJobRequest, Job, ListJobsRequest, ListJobsResponse,
-        WatchJobRequest, WatchJobResponse, job, job_service_server::JobService,
+        CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job,
+        ListJobsRequest, ListJobsResponse, WatchJobRequest, WatchJobResponse, job,
+        job_service_server::JobService,
     },
 };
 
@@ -77,6 +79,15 @@ impl JobService for JobApi {
     ) -> Result<Response<Job>, Status> {
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         Ok(Response::new(queue::cancel(&self.context, &id).await?))
+    }
+
+    async fn delete_job(
+        &self,
+        request: Request<DeleteJobRequest>,
+    ) -> Result<Response<Deleted>, Status> {
+        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
+        let deleted = self.context.store.delete(Target::Job(&id)).await;
+        Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
     type WatchJobStream = BoxStream<'static, Result<WatchJobResponse, Status>>;

@@ -9,6 +9,7 @@ mod paging;
 mod renders;
 mod service_status;
 mod status;
+mod storage;
 mod subjects;
 mod workers;
 
@@ -17,5 +18,6 @@ pub use models::ModelApi;
 pub use objects::ObjectApi;
 pub use renders::RenderApi;
 pub use service_status::StatusApi;
+pub use storage::StorageApi;
 pub use subjects::SubjectApi;
 pub use workers::WorkerApi;

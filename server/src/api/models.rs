@@ -1,7 +1,12 @@
 //! `yoto.v1.ModelService`.
 
 use super::{fields, paging};
-use crate::{context::Context, error::RequestError, jobs::best::best_first, store::NewModel};
+use crate::{
+    checkpoints::best::best_first,
+    context::Context,
+    error::RequestError,
+    store::{NewModel, Target},
+};
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -10,12 +15,26 @@ use yoto_proto::{
     names::{self, Collection},
     tiers,
     v1::{
-        AddIdentityRequest, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
-        GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
-        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
-        RemoveIdentityRequest, Tradeoff, model_service_server::ModelService,
+        AddIdentityRequest, CreateModelRequest, DeleteCheckpointRequest, DeleteModelRequest,
+        Deleted, GetModelRequest, GetRefinedPosesRequest, GetRefinedPosesResponse,
+        GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListCheckpointsResponse,
+        ListModelsRequest, ListModelsResponse, Model, ObjectRef, RemoveIdentityRequest, Retention,
+        Tradeoff, UpdateModelRequest, model_service_server::ModelService,
     },
 };
+
+/// The field of a model that can be changed.
+const RETENTION: &str = "retention";
+
+/// Which checkpoints to keep, if it is possible: without the newest one no training could go on.
+fn retention(field: &str, wanted: Option<Retention>) -> Result<Retention, RequestError> {
+    let wanted = wanted.unwrap_or_default();
+    if wanted.newest == Some(0) {
+        let message = "a model keeps at least its newest checkpoint";
+        return Err(RequestError::invalid(format!("{field}.newest"), message));
+    }
+    Ok(wanted)
+}
 
 /// Shared networks and the identity slots inside them.
 pub struct ModelApi {
@@ -43,6 +62,7 @@ impl ModelService for ModelApi {
             display_name: fields::display_name(&request.display_name)?,
             tier: request.tier,
             variant: request.variant,
+            retention: retention("retention", request.retention)?,
         };
         let model = self.context.store.create_model(new, key).await;
         Ok(Response::new(model.map_err(RequestError::from)?))
@@ -69,6 +89,44 @@ impl ModelService for ModelApi {
             models,
             next_page_token,
         }))
+    }
+
+    async fn update_model(
+        &self,
+        request: Request<UpdateModelRequest>,
+    ) -> Result<Response<Model>, Status> {
+        let request = request.into_inner();
+        let model = request.model.unwrap_or_default();
+        let id = fields::id(Collection::Models, "model.name", &model.name)?;
+        let paths = request.update_mask.unwrap_or_default().paths;
+        if paths != [RETENTION] {
+            let message = format!("only {RETENTION} can be changed, and has to be named");
+            return Err(RequestError::invalid("update_mask", message).into());
+        }
+        let wanted = retention("model.retention", model.retention)?;
+        let default = self.context.config.storage.retention();
+        let model = self.context.store.set_retention(&id, wanted, default).await;
+        Ok(Response::new(model.map_err(RequestError::from)?))
+    }
+
+    async fn delete_model(
+        &self,
+        request: Request<DeleteModelRequest>,
+    ) -> Result<Response<Deleted>, Status> {
+        let id = fields::id(Collection::Models, "name", &request.get_ref().name)?;
+        let deleted = self.context.store.delete(Target::Model(&id)).await;
+        Ok(Response::new(deleted.map_err(RequestError::from)?))
+    }
+
+    async fn delete_checkpoint(
+        &self,
+        request: Request<DeleteCheckpointRequest>,
+    ) -> Result<Response<Deleted>, Status> {
+        let (model, step) = names::parse_checkpoint(&request.get_ref().name)
+            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
+        let target = Target::Checkpoint { model, step };
+        let deleted = self.context.store.delete(target).await;
+        Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
     async fn add_identity(
@@ -98,7 +156,8 @@ impl ModelService for ModelApi {
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
         let model = fields::id(Collection::Models, "model", &request.get_ref().model)?;
-        let checkpoints = self.context.store.checkpoints(&model, u32::MAX).await;
+        let default = self.context.config.storage.retention();
+        let checkpoints = self.context.store.kept_checkpoints(&model, default).await;
         let mut checkpoints = checkpoints.map_err(RequestError::from)?;
         let best = best_first(checkpoints.clone()).into_iter().next();
         for checkpoint in &mut checkpoints {

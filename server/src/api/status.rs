@@ -22,6 +22,10 @@ impl From<RequestError> for Status {
             RequestError::Precondition { reason, .. } => {
                 status(Code::FailedPrecondition, text, reason, &[])
             }
+            RequestError::DiskFull { free, needed } => {
+                let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
+                status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
+            }
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),

@@ -1,15 +1,20 @@
 //! `yoto.v1.SubjectService`.
 
 use super::{fields, paging};
-use crate::{context::Context, error::RequestError, objects::upload, store::NewSubject};
+use crate::{
+    context::Context,
+    error::RequestError,
+    objects::upload,
+    store::{NewSubject, Target},
+};
 use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
 use yoto_proto::{
     names::Collection,
     v1::{
-        Capture, CreateSubjectRequest, GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest,
-        ListSubjectsResponse, Subject, UploadCaptureRequest, UploadCaptureResponse,
-        subject_service_server::SubjectService,
+        Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
+        GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, ListSubjectsResponse, Subject,
+        UploadCaptureRequest, UploadCaptureResponse, subject_service_server::SubjectService,
     },
 };
 
@@ -87,5 +92,23 @@ impl SubjectService for SubjectApi {
         let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
         let capture = self.context.store.capture(&id).await;
         Ok(Response::new(capture.map_err(RequestError::from)?))
+    }
+
+    async fn delete_subject(
+        &self,
+        request: Request<DeleteSubjectRequest>,
+    ) -> Result<Response<Deleted>, Status> {
+        let id = fields::id(Collection::Subjects, "name", &request.get_ref().name)?;
+        let deleted = self.context.store.delete(Target::Subject(&id)).await;
+        Ok(Response::new(deleted.map_err(RequestError::from)?))
+    }
+
+    async fn delete_capture(
+        &self,
+        request: Request<DeleteCaptureRequest>,
+    ) -> Result<Response<Deleted>, Status> {
+        let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
+        let deleted = self.context.store.delete(Target::Capture(&id)).await;
+        Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 }

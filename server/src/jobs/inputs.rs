@@ -1,7 +1,9 @@
 //! Inputs of a leased job, resolved from the catalogue: a worker needs no other calls.
 
-use super::best::best_first;
-use crate::{context::Context, error::RequestError, objects::upload, store::StoreError};
+use crate::{
+    checkpoints::best::to_use, context::Context, error::RequestError, objects::upload,
+    store::StoreError,
+};
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{
@@ -13,8 +15,13 @@ use yoto_proto::{
 /// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
 const CHECKPOINTS: usize = 8;
 
-/// The inputs of a job.
-pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, RequestError> {
+/// The inputs of the job `job_id`, which is leased.
+pub async fn resolve(
+    context: &Context,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<Inputs, RequestError> {
+    let pinned = context.store.pinned_step(job_id).await?;
     match &spec.kind {
         Some(job_spec::Kind::Ingest(ingest)) => ingest_inputs(context, ingest).await,
         Some(job_spec::Kind::Train(train)) => {
@@ -31,10 +38,8 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
                 people
             };
             let kept = |all| {
-                let mut all = chosen(all, &render.checkpoint);
-                // Predicted figures do not apply to a checkpoint without a measured trade-off.
-                all.retain(|it| render.quality.is_none() || it.tradeoff.is_some());
-                all
+                let tradeoff = render.quality.is_some();
+                pinned_first(to_use(all, &render.checkpoint, tradeoff), pinned)
             };
             of_model(context, &render.model, people, kept).await
         }
@@ -44,7 +49,7 @@ pub async fn resolve(context: &Context, spec: &JobSpec) -> Result<Inputs, Reques
                     |it: &String| evaluate.subjects.is_empty() || evaluate.subjects.contains(it);
                 everybody(model).into_iter().filter(asked).collect()
             };
-            let kept = |all| chosen(all, &evaluate.checkpoint);
+            let kept = |all| pinned_first(to_use(all, &evaluate.checkpoint, false), pinned);
             of_model(context, &evaluate.model, people, kept).await
         }
         None => Err(unreadable("the job has no kind").into()),
@@ -92,12 +97,13 @@ fn everybody(model: &Model) -> Vec<String> {
     model.slots.iter().map(|it| it.subject.clone()).collect()
 }
 
-/// The checkpoint called `wanted`, or all of them, the best first.
-fn chosen(mut all: Vec<Checkpoint>, wanted: &str) -> Vec<Checkpoint> {
-    if wanted.is_empty() {
-        return best_first(all);
+/// With the checkpoint of the `pinned` step, which stays while the job runs, first.
+fn pinned_first(mut all: Vec<Checkpoint>, pinned: Option<u64>) -> Vec<Checkpoint> {
+    let place = all.iter().position(|it| Some(it.step) == pinned);
+    if let Some(place) = place {
+        let used = all.remove(place);
+        all.insert(0, used);
     }
-    all.retain(|it| it.name == wanted);
     all
 }
 

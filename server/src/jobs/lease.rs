@@ -48,7 +48,9 @@ pub async fn lease(context: &Context, worker_id: &str) -> Result<Option<Lease>, 
         worker = worker_id,
         "job leased"
     );
-    match inputs::resolve(context, &job.spec.clone().unwrap_or_default()).await {
+    let spec = job.spec.clone().unwrap_or_default();
+    let id = Collection::Jobs.parse(&job.name).unwrap_or_default();
+    match inputs::resolve(context, id, &spec).await {
         Ok(inputs) => {
             let token = job.lease;
             Ok(Some(Lease {

@@ -1,6 +1,5 @@
 //! The rules of the queue: accepted jobs, leases, outcomes and watches.
 
-pub mod best;
 pub mod changes;
 mod inputs;
 pub mod lease;

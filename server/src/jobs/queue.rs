@@ -1,12 +1,12 @@
 //! Queues and cancels jobs.
 //!
 //! A job that the catalogue can't serve is refused now instead of failing later. The checked
-//! entries (shards, checkpoints, and slots while a job of their model waits) are never removed, so
-//! the checks still hold when the job is leased.
+//! entries (shards, the checkpoint to use, slots) are not removed while a job that uses them waits or
+//! runs, so the checks still hold when the job is leased.
 
-use super::best::best_first;
 use super::spec;
 use crate::{
+    checkpoints::best::best_first,
     context::Context,
     error::RequestError,
     store::{JobKind, RequestKey, StoreError},
@@ -66,6 +66,7 @@ pub async fn cancel(context: &Context, id: &str) -> Result<Job, RequestError> {
 
 async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
     spec::check_train(train)?;
+    context.ensure_room(0)?;
     let model = model(context, "spec.train.model", &train.model).await?;
     if model.slots.is_empty() {
         let message = format!("{} has no people; add one first", model.display_name);

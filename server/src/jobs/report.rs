@@ -83,7 +83,9 @@ pub async fn publish(
         in_folder,
     )
     .await?;
-    context.store.publish_checkpoint(lease, checkpoint).await?;
+    let default = context.config.storage.retention();
+    let published = context.store.publish_checkpoint(lease, checkpoint, default);
+    published.await?;
     tracing::info!(job = lease.job_id, step, "checkpoint published");
     Ok(())
 }

@@ -1,6 +1,9 @@
 //! The object store, for everything too large for the database.
 
+pub mod collect;
+mod folders;
 mod paths;
+pub mod room;
 pub mod upload;
 
 use bytes::Bytes;
@@ -12,7 +15,7 @@ use object_store::{
 use std::{ops::Range, path::PathBuf, sync::Arc};
 use thiserror::Error;
 use url::Url;
-use yoto_proto::v1::ObjectRef;
+use yoto_proto::{keys, v1::ObjectRef};
 
 /// A failure of the object store.
 #[derive(Debug, Error)]
@@ -210,13 +213,23 @@ impl Objects {
         // A local store keeps empty folders, which would accumulate.
         match tokio::fs::remove_dir_all(self.root.join(folder)).await {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                let cause = object_store::Error::Generic {
-                    store: "local folder",
-                    source: Box::new(error),
-                };
-                Err(failed("deleting", folder, cause))
+                Err(local("deleting", folder, error))
             }
-            _ => Ok(()),
+            _ => {
+                self.remove_empty_parents(folder).await;
+                Ok(())
+            }
+        }
+    }
+
+    /// Removes the folders above `folder` that are empty now. A writer makes them again.
+    async fn remove_empty_parents(&self, folder: &str) {
+        let mut parent = keys::folder(folder);
+        while !parent.is_empty() {
+            if tokio::fs::remove_dir(self.root.join(parent)).await.is_err() {
+                return;
+            }
+            parent = keys::folder(parent);
         }
     }
 }
@@ -283,6 +296,14 @@ fn failed(action: &'static str, key: &str, cause: object_store::Error) -> Object
         key: key.to_owned(),
         cause,
     }
+}
+
+fn local(action: &'static str, key: &str, error: std::io::Error) -> ObjectsError {
+    let cause = object_store::Error::Generic {
+        store: "local folder",
+        source: Box::new(error),
+    };
+    failed(action, key, cause)
 }
 
 fn same_size(object: &ObjectRef, found: u64) -> Result<(), ObjectsError> {

@@ -51,6 +51,7 @@ where
     let subject = Collection::Subjects
         .parse(&header.subject)
         .map_err(|error| RequestError::invalid("header.subject", error.to_string()))?;
+    context.ensure_room(0)?;
     let id = context.store.begin_capture(subject).await?;
     let received = receive_files(&context, &id, &mut parts).await;
     match received {
@@ -231,6 +232,7 @@ impl<'a> Upload<'a> {
             );
             return Err(RequestError::invalid("file.bytes", message));
         }
+        self.context.ensure_room(header.bytes)?;
         // A message in a list costs its length, a tag, and up to four bytes for the length.
         self.listing_bytes += 5 + input_file(self.capture_id, &uploaded(&header)).encoded_len();
         if self.done.len() >= self.limits.files || self.listing_bytes > MAX_LISTING_BYTES {

@@ -8,14 +8,15 @@ mod types;
 
 pub use sqlite::SqliteStore;
 pub use types::{
-    Ending, Entry, JobKind, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped, RequestKey,
-    StoreError, UploadedFile, new_id,
+    Ending, Entry, JobKind, KnownGarbage, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped,
+    Reference, RequestKey, StoreError, Target, UploadedFile, new_id,
 };
 
+use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use yoto_proto::v1::{
-    Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
-    SubjectShard, WorkerStatus, job,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobResult, JobSpec, Model, Progress,
+    Subject, SubjectShard, WorkerStatus, job,
 };
 
 /// The catalogue and the job queue. Every method fails with [`StoreError::Database`] when
@@ -69,6 +70,29 @@ pub trait Store: Send + Sync + 'static {
     async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError>;
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
+    /// All checkpoints of a model, newest first, with the reasons for which they are kept.
+    async fn kept_checkpoints(
+        &self,
+        model_id: &str,
+        default: Retention,
+    ) -> Result<Vec<Checkpoint>, StoreError>;
+    /// Changes which checkpoints a model keeps, and removes the others in the same transaction.
+    async fn set_retention(
+        &self,
+        model_id: &str,
+        retention: v1::Retention,
+        default: Retention,
+    ) -> Result<Model, StoreError>;
+
+    /// Deletes the rows of something that no open job uses, and notes its objects as garbage, in one
+    /// transaction.
+    async fn delete(&self, target: Target<'_>) -> Result<Deleted, StoreError>;
+    /// The folders that are known as garbage.
+    async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError>;
+    /// What refers to each of these folders of the object store.
+    async fn references(&self, folders: &[String]) -> Result<Vec<Reference>, StoreError>;
+    /// Notes the `new` folders as garbage from now on, and forgets the `gone` ones.
+    async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError>;
 
     /// Queues a job, or repeats the earlier answer to `request`.
     async fn create_job(
@@ -80,6 +104,8 @@ pub trait Store: Send + Sync + 'static {
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
     /// Jobs in one of `states`, or all, newest first.
     async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// Step of the checkpoint that a render or evaluate job uses.
+    async fn pinned_step(&self, job_id: &str) -> Result<Option<u64>, StoreError>;
     /// Numbers of QUEUED and RUNNING jobs.
     async fn open_jobs(&self) -> Result<(u64, u64), StoreError>;
     /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed.
@@ -107,11 +133,13 @@ pub trait Store: Send + Sync + 'static {
         progress: Option<Progress>,
         lease_seconds: f64,
     ) -> Result<bool, StoreError>;
-    /// Puts a checkpoint of the leased train job's model into the catalogue.
+    /// Puts a checkpoint of the leased train job's model into the catalogue, and removes those that the
+    /// model no longer keeps. A repeated call changes nothing, even after the checkpoint was removed.
     async fn publish_checkpoint(
         &self,
         lease: &LeaseKey,
         checkpoint: Checkpoint,
+        default: Retention,
     ) -> Result<(), StoreError>;
     /// Ends a leased job with its result. In the same transaction, an ingest job's capture becomes
     /// READY, and a measured trade-off is stored with its checkpoint.

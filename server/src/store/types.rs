@@ -2,7 +2,7 @@
 
 use prost::Message;
 use thiserror::Error;
-use yoto_proto::v1::{JobError, JobSpec, WorkerDevice, job_spec};
+use yoto_proto::v1::{self, JobError, JobSpec, WorkerDevice, job_spec};
 
 /// A new id: unique, and in the alphabet that resource names allow.
 pub fn new_id() -> String {
@@ -130,6 +130,50 @@ pub struct NewModel {
     pub tier: String,
     /// One of [`yoto_proto::tiers::VARIANTS`].
     pub variant: String,
+    /// Which checkpoints it keeps.
+    pub retention: v1::Retention,
+}
+
+/// Something to delete, by id.
+#[derive(Debug, Clone, Copy)]
+pub enum Target<'a> {
+    /// A person, with their captures.
+    Subject(&'a str),
+    /// A capture.
+    Capture(&'a str),
+    /// A model, with its checkpoints and jobs.
+    Model(&'a str),
+    /// A checkpoint.
+    Checkpoint {
+        /// Its model.
+        model: &'a str,
+        /// Its step.
+        step: u64,
+    },
+    /// A job that has ended.
+    Job(&'a str),
+}
+
+/// A folder of the object store that is known as garbage.
+#[derive(Debug, Clone)]
+pub struct KnownGarbage {
+    /// Its key. If it was deleted, everything below is garbage as well.
+    pub folder: String,
+    /// Whether it belonged to something that was deleted.
+    pub deleted: bool,
+    /// Seconds since it was found.
+    pub age: f64,
+}
+
+/// What refers to a folder of the object store.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reference {
+    /// A row of the catalogue: its objects are in use.
+    Row,
+    /// A running job that may write to it.
+    Lease,
+    /// Nothing does, and nothing ever will again.
+    Nothing,
 }
 
 /// A worker that registers.

@@ -259,7 +259,7 @@ impl Service {
             display_name: display_name.into(),
             tier: "draft".into(),
             variant: "yoto".into(),
-            request_id: String::new(),
+            ..<_>::default()
         };
         self.models()
             .create_model(request)

@@ -137,6 +137,15 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, Store
     })
 }
 
+/// The id of the person in a capture.
+pub fn subject_id(capture: &Capture) -> Result<&str, StoreError> {
+    let id = Collection::Subjects.parse(&capture.subject);
+    id.map_err(|error| StoreError::Corrupt {
+        what: "captures.subject",
+        detail: error.to_string(),
+    })
+}
+
 async fn violations(conn: &mut SqliteConnection, id: &str) -> Result<Vec<Violation>, StoreError> {
     let rows = sqlx::query("SELECT * FROM capture_violations WHERE capture = ?1 ORDER BY number")
         .bind(id)

@@ -1,7 +1,7 @@
 //! The users' side of jobs: create, read, list, cancel.
 
 use super::{
-    outcome, requests,
+    outcome, pins, requests,
     rows::{Columns, During, state},
 };
 use crate::store::{Entry, JobKind, Page, RequestKey, StoreError, new_id};
@@ -85,15 +85,20 @@ pub async fn insert(conn: &mut SqliteConnection, spec: JobSpec) -> Result<String
         .map_err(|error| unreadable(error.to_string()))?;
     let ingest = kind == JobKind::Ingest;
     let id = new_id();
-    sqlx::query("INSERT INTO jobs (id, kind, capture, model, spec) VALUES (?1, ?2, ?3, ?4, ?5)")
-        .bind(&id)
-        .bind(kind.as_str())
-        .bind(ingest.then_some(target))
-        .bind((!ingest).then_some(target))
-        .bind(spec.encode_to_vec())
-        .execute(conn)
-        .await
-        .during("queueing a job")?;
+    let pinned = pins::chosen(conn, &spec).await?;
+    sqlx::query(
+        "INSERT INTO jobs (id, kind, capture, model, spec, pinned_step)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+    )
+    .bind(&id)
+    .bind(kind.as_str())
+    .bind(ingest.then_some(target))
+    .bind((!ingest).then_some(target))
+    .bind(spec.encode_to_vec())
+    .bind(pinned)
+    .execute(conn)
+    .await
+    .during("queueing a job")?;
     Ok(id)
 }
 

@@ -4,10 +4,13 @@
 //! token and the state RUNNING; a worker that lost its lease matches no row.
 
 use super::{
-    jobs, models,
+    checkpoints, jobs, pins,
     rows::{Columns, During, integer},
 };
-use crate::store::{LeaseKey, StoreError};
+use crate::{
+    checkpoints::retention::Retention,
+    store::{LeaseKey, StoreError},
+};
 use prost::Message;
 use sqlx::SqliteConnection;
 use yoto_proto::{
@@ -63,10 +66,15 @@ pub async fn lease(
     .fetch_optional(&mut *conn)
     .await
     .during("leasing a job")?;
-    match leased {
-        Some(row) => jobs::get(conn, &row.text("id")?).await.map(Some),
-        None => Ok(None),
+    let Some(row) = leased else {
+        return Ok(None);
+    };
+    let id = row.text("id")?;
+    let job = jobs::get(conn, &id).await?;
+    if let Some(spec) = &job.spec {
+        pins::renew(conn, &id, spec).await?;
     }
+    Ok(Some(job))
 }
 
 /// The reason why a guarded write matched no row: the job does not exist, or the lease is stale.
@@ -115,11 +123,12 @@ pub async fn heartbeat(
     }
 }
 
-/// Records a checkpoint of the leased train job's model.
+/// Records a checkpoint of the leased train job's model, and removes those that it no longer keeps.
 pub async fn publish(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     checkpoint: Checkpoint,
+    default: Retention,
 ) -> Result<(), StoreError> {
     integer("checkpoint.step", checkpoint.step)?;
     // The transaction holds the write lock, so the lease can't change before the commit.
@@ -134,7 +143,9 @@ pub async fn publish(
     .during("checking a lease")?;
     match row {
         Some(row) => {
-            models::record_checkpoint(conn, &row.text("model")?, &lease.job_id, checkpoint).await
+            let model = row.text("model")?;
+            checkpoints::record(conn, &model, &lease.job_id, checkpoint).await?;
+            checkpoints::thin_out(conn, &model, default).await
         }
         None => Err(refusal(conn, lease).await),
     }

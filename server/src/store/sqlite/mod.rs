@@ -4,10 +4,15 @@
 //! fails because of an earlier read; readers have their own connections and never wait.
 
 mod captures;
+mod checkpoints;
+mod deletion;
+mod garbage;
 mod jobs;
 mod leases;
+mod migrations;
 mod models;
 mod outcome;
+mod pins;
 mod reaping;
 mod requests;
 mod rows;
@@ -17,54 +22,27 @@ mod upgrade_tests;
 mod workers;
 
 use super::{
-    Ending, Entry, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped, RequestKey, Store,
-    StoreError, UploadedFile,
+    Ending, Entry, KnownGarbage, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped,
+    Reference, RequestKey, Store, StoreError, Target, UploadedFile,
 };
+use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use rows::During;
 use sqlx::{
-    SqlSafeStr, Sqlite, SqlitePool, Transaction,
-    migrate::{Migration, MigrationType, Migrator},
+    Sqlite, SqlitePool, Transaction,
     pool::PoolConnection,
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
 };
 use std::{path::Path, time::Duration};
 use yoto_proto::v1::{
-    Capture, Checkpoint, IdentitySlot, Job, JobResult, JobSpec, Model, Progress, Subject,
-    SubjectShard, WorkerStatus, job,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobResult, JobSpec, Model, Progress,
+    Subject, SubjectShard, WorkerStatus, job,
 };
 
 /// Longest wait of a statement for a lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 /// Number of read-only connections.
 const READERS: u32 = 4;
-
-/// The schema, step by step.
-fn migrations() -> Migrator {
-    let init = include_str!("../../../../migrations/sqlite/0001_init.sql").into_sql_str();
-    let evaluate =
-        include_str!("../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
-    let tradeoffs = include_str!("../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
-    let retries = include_str!("../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
-    let slots = include_str!("../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
-    let frames =
-        include_str!("../../../../migrations/sqlite/0006_frame_numbers.sql").into_sql_str();
-    let shards =
-        include_str!("../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
-    let step = |version, name: &'static str, sql, own_transaction| {
-        let kind = MigrationType::Simple;
-        Migration::new(version, name.into(), kind, sql, own_transaction)
-    };
-    Migrator::with_migrations(vec![
-        step(1, "init", init, false),
-        step(2, "evaluate jobs", evaluate, true),
-        step(3, "tradeoffs", tradeoffs, false),
-        step(4, "retries", retries, false),
-        step(5, "trained slots", slots, false),
-        step(6, "frame numbers", frames, false),
-        step(7, "checkpoint shards", shards, false),
-    ])
-}
 
 /// The SQLite store; see the module's documentation.
 #[derive(Debug)]
@@ -93,7 +71,7 @@ impl SqliteStore {
             .connect_with(writable)
             .await
             .during("opening the database for writing")?;
-        migrations()
+        migrations::migrations()
             .run(&writer)
             .await
             .map_err(sqlx::Error::from)
@@ -224,7 +202,48 @@ impl Store for SqliteStore {
     }
 
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError> {
-        models::checkpoints(&mut *self.read().await?, model_id, limit).await
+        checkpoints::list(&mut *self.read().await?, model_id, limit).await
+    }
+
+    async fn kept_checkpoints(
+        &self,
+        model_id: &str,
+        default: Retention,
+    ) -> Result<Vec<Checkpoint>, StoreError> {
+        checkpoints::explained(&mut *self.read().await?, model_id, default).await
+    }
+
+    async fn set_retention(
+        &self,
+        model_id: &str,
+        retention: v1::Retention,
+        default: Retention,
+    ) -> Result<Model, StoreError> {
+        let mut tx = self.write().await?;
+        let model = models::set_retention(&mut tx, model_id, &retention, default).await?;
+        commit(tx).await?;
+        Ok(model)
+    }
+
+    async fn delete(&self, target: Target<'_>) -> Result<Deleted, StoreError> {
+        let mut tx = self.write().await?;
+        let deleted = deletion::delete(&mut tx, target).await?;
+        commit(tx).await?;
+        Ok(deleted)
+    }
+
+    async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError> {
+        garbage::known(&mut *self.read().await?).await
+    }
+
+    async fn references(&self, folders: &[String]) -> Result<Vec<Reference>, StoreError> {
+        garbage::references(&mut *self.read().await?, folders).await
+    }
+
+    async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        garbage::note(&mut tx, new, gone).await?;
+        commit(tx).await
     }
 
     async fn create_job(
@@ -244,6 +263,10 @@ impl Store for SqliteStore {
 
     async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError> {
         jobs::list(&mut *self.read().await?, page, states).await
+    }
+
+    async fn pinned_step(&self, job_id: &str) -> Result<Option<u64>, StoreError> {
+        pins::of_job(&mut *self.read().await?, job_id).await
     }
 
     async fn open_jobs(&self) -> Result<(u64, u64), StoreError> {
@@ -302,9 +325,10 @@ impl Store for SqliteStore {
         &self,
         lease: &LeaseKey,
         checkpoint: Checkpoint,
+        default: Retention,
     ) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        leases::publish(&mut tx, lease, checkpoint).await?;
+        leases::publish(&mut tx, lease, checkpoint, default).await?;
         commit(tx).await
     }
 

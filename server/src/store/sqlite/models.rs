@@ -1,15 +1,18 @@
 //! Models, their identity slots, and their checkpoints.
 
 use super::{
-    requests,
-    rows::{Columns, During, integer},
+    checkpoints, pins, requests,
+    rows::{Columns, During},
     subjects,
 };
-use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use crate::{
+    checkpoints::retention::Retention,
+    store::{Entry, NewModel, Page, RequestKey, StoreError, new_id},
+};
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
-    names::{self, Collection},
-    v1::{Checkpoint, IdentitySlot, Model, ObjectRef, subject},
+    names::Collection,
+    v1::{self, IdentitySlot, Model, subject},
 };
 
 /// The variant with a single subject per model.
@@ -25,14 +28,19 @@ pub async fn create(
         return get(conn, &id).await;
     }
     let id = new_id();
-    sqlx::query("INSERT INTO models (id, display_name, tier, variant) VALUES (?1, ?2, ?3, ?4)")
-        .bind(&id)
-        .bind(&new.display_name)
-        .bind(&new.tier)
-        .bind(&new.variant)
-        .execute(&mut *conn)
-        .await
-        .during("creating a model")?;
+    sqlx::query(
+        "INSERT INTO models (id, display_name, tier, variant, keep_newest, keep_every)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+    )
+    .bind(&id)
+    .bind(&new.display_name)
+    .bind(&new.tier)
+    .bind(&new.variant)
+    .bind(new.retention.newest)
+    .bind(new.retention.every)
+    .execute(&mut *conn)
+    .await
+    .during("creating a model")?;
     requests::remember(conn, request.as_ref(), &id).await?;
     get(conn, &id).await
 }
@@ -60,7 +68,30 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
         variant: row.text("variant")?,
         slots: slots.collect::<Result<_, StoreError>>()?,
         create_time: row.time("create_time")?,
+        retention: Some(v1::Retention {
+            newest: row.maybe_number("keep_newest")?,
+            every: row.maybe_number("keep_every")?,
+        }),
     })
+}
+
+/// Changes which checkpoints a model keeps, and removes the others.
+pub async fn set_retention(
+    conn: &mut SqliteConnection,
+    id: &str,
+    retention: &v1::Retention,
+    default: Retention,
+) -> Result<Model, StoreError> {
+    get(conn, id).await?;
+    sqlx::query("UPDATE models SET keep_newest = ?2, keep_every = ?3 WHERE id = ?1")
+        .bind(id)
+        .bind(retention.newest)
+        .bind(retention.every)
+        .execute(&mut *conn)
+        .await
+        .during("changing which checkpoints a model keeps")?;
+    checkpoints::thin_out(conn, id, default).await?;
+    get(conn, id).await
 }
 
 /// Slots that the newest checkpoint of a model was trained with.
@@ -92,23 +123,10 @@ async fn trained(conn: &mut SqliteConnection, model_id: &str) -> Result<Trained,
     let Some(row) = row else {
         return Ok(Trained::None);
     };
-    Ok(match trained_slots(&row)? {
+    Ok(match checkpoints::trained_slots(&row)? {
         slots if slots.is_empty() => Trained::All,
         slots => Trained::Slots(slots),
     })
-}
-
-/// The slots of a checkpoint's row; empty where it does not say.
-fn trained_slots(row: &SqliteRow) -> Result<Vec<u32>, StoreError> {
-    let text = row.maybe_text("slots")?.unwrap_or_default();
-    let slots = text.split(',').filter(|slot| !slot.is_empty());
-    let slots = slots.map(|slot| {
-        slot.parse().map_err(|_| StoreError::Corrupt {
-            what: "checkpoints.slots",
-            detail: text.clone(),
-        })
-    });
-    slots.collect()
 }
 
 /// A model by id.
@@ -199,12 +217,6 @@ pub async fn add_identity(
     })
 }
 
-/// The parts of a column that are separated by commas; none of NULL.
-fn split(text: Option<String>) -> Vec<String> {
-    let parts = text.iter().flat_map(|text| text.split(','));
-    parts.map(str::to_owned).collect()
-}
-
 /// Takes a subject's slot away, which no checkpoint knows yet. Its number is not used again.
 pub async fn remove_identity(
     conn: &mut SqliteConnection,
@@ -228,23 +240,7 @@ pub async fn remove_identity(
             ),
         });
     }
-    let waiting = sqlx::query(
-        "SELECT id FROM jobs WHERE model = ?1 AND state IN ('QUEUED', 'RUNNING') ORDER BY ord LIMIT 1",
-    )
-    .bind(model_id)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("looking for jobs of a model")?;
-    if let Some(job) = waiting {
-        let job = Collection::Jobs.name(&job.text("id")?);
-        return Err(StoreError::Rule {
-            reason: "MODEL_BUSY",
-            message: format!(
-                "{job} uses {}: wait for it, or cancel it",
-                model.display_name
-            ),
-        });
-    }
+    pins::ensure_idle(conn, &model).await?;
     sqlx::query("DELETE FROM slots WHERE model = ?1 AND subject = ?2")
         .bind(model_id)
         .bind(subject_id)
@@ -252,101 +248,4 @@ pub async fn remove_identity(
         .await
         .during("removing a slot")?;
     get(conn, model_id).await
-}
-
-/// Checkpoints of a model, newest first.
-pub async fn checkpoints(
-    conn: &mut SqliteConnection,
-    model_id: &str,
-    limit: u32,
-) -> Result<Vec<Checkpoint>, StoreError> {
-    let model = get(conn, model_id).await?;
-    let rows =
-        sqlx::query("SELECT * FROM checkpoints WHERE model = ?1 ORDER BY step DESC LIMIT ?2")
-            .bind(model_id)
-            .bind(limit)
-            .fetch_all(conn)
-            .await
-            .during("listing checkpoints")?;
-    rows.iter()
-        .map(|row| {
-            let step = row.number("step")?;
-            Ok(Checkpoint {
-                name: names::checkpoint(&model.name, step),
-                step,
-                manifest: row.object("manifest_key", "manifest_bytes", "manifest_sha256")?,
-                bytes: row.number("bytes")?,
-                psnr: row.real("psnr")?,
-                create_time: row.time("create_time")?,
-                tradeoff: row.object("tradeoff_key", "tradeoff_bytes", "tradeoff_sha256")?,
-                slots: trained_slots(row)?,
-                image_size: row.maybe_number("image_size")?.unwrap_or_default(),
-                shards: split(row.maybe_text("shards")?),
-                best: false,
-            })
-        })
-        .collect()
-}
-
-/// Stores the measured trade-off of a checkpoint, replacing an earlier one.
-pub async fn record_tradeoff(
-    conn: &mut SqliteConnection,
-    checkpoint: &str,
-    object: &ObjectRef,
-) -> Result<(), StoreError> {
-    let unreadable = |error: names::NameError| StoreError::Corrupt {
-        what: "result.evaluate.checkpoint",
-        detail: error.to_string(),
-    };
-    let (model_id, step) = names::parse_checkpoint(checkpoint).map_err(unreadable)?;
-    let done = sqlx::query(
-        "UPDATE checkpoints SET tradeoff_key = ?3, tradeoff_bytes = ?4, tradeoff_sha256 = ?5
-         WHERE model = ?1 AND step = ?2",
-    )
-    .bind(model_id)
-    .bind(integer("checkpoint.step", step)?)
-    .bind(&object.key)
-    .bind(integer("result.evaluate.tradeoff.bytes", object.bytes)?)
-    .bind(&object.sha256)
-    .execute(conn)
-    .await
-    .during("storing a trade-off")?;
-    if done.rows_affected() == 0 {
-        let name = checkpoint.to_owned();
-        return Err(StoreError::NotFound { name });
-    }
-    Ok(())
-}
-
-/// Records a checkpoint. One of the same step, left by an earlier lease, is replaced.
-pub async fn record_checkpoint(
-    conn: &mut SqliteConnection,
-    model_id: &str,
-    job_id: &str,
-    checkpoint: Checkpoint,
-) -> Result<(), StoreError> {
-    let manifest = checkpoint.manifest.unwrap_or_default();
-    let slots: Vec<String> = checkpoint.slots.iter().map(u32::to_string).collect();
-    let slots = slots.join(",");
-    sqlx::query(
-        "INSERT OR REPLACE INTO checkpoints
-             (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr, slots,
-              image_size, shards)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
-    )
-    .bind(model_id)
-    .bind(integer("checkpoint.step", checkpoint.step)?)
-    .bind(job_id)
-    .bind(manifest.key)
-    .bind(integer("checkpoint.manifest.bytes", manifest.bytes)?)
-    .bind(manifest.sha256)
-    .bind(integer("checkpoint.bytes", checkpoint.bytes)?)
-    .bind(checkpoint.psnr)
-    .bind((!slots.is_empty()).then_some(slots))
-    .bind(checkpoint.image_size)
-    .bind((!checkpoint.shards.is_empty()).then(|| checkpoint.shards.join(",")))
-    .execute(conn)
-    .await
-    .during("recording a checkpoint")?;
-    Ok(())
 }

@@ -3,7 +3,7 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{captures, jobs, leases, models, rows::Columns, rows::During};
+use super::{captures, checkpoints, jobs, leases, rows::Columns, rows::During};
 use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
@@ -36,7 +36,7 @@ pub async fn complete(
     if let Some(job_result::Kind::Evaluate(evaluate)) = &result.kind
         && let Some(object) = &evaluate.tradeoff
     {
-        models::record_tradeoff(conn, &evaluate.checkpoint, object).await?;
+        checkpoints::record_tradeoff(conn, &evaluate.checkpoint, object).await?;
     }
     Ok(())
 }

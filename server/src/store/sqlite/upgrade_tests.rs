@@ -1,6 +1,6 @@
 //! Databases of earlier schemas, opened by this program.
 
-use super::{SqliteStore, migrations};
+use super::{SqliteStore, migrations::migrations};
 use crate::store::{JobKind, NewWorker, Store};
 use sqlx::{
     Executor,
@@ -65,10 +65,16 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     // References to the recreated tables are still enforced.
     let error = store
         .writer
+        .execute("DELETE FROM workers WHERE id = 'w'")
+        .await
+        .expect_err("a job refers to it");
+    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+    store
+        .writer
         .execute("DELETE FROM jobs WHERE id = 'trained'")
         .await
-        .expect_err("a checkpoint refers to it");
-    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+        .expect("a checkpoint outlives its job");
+    assert_eq!(store.checkpoints("m", 9).await.expect("is kept").len(), 1);
     store.close().await;
 
     SqliteStore::open(&path).await.expect("opens again");

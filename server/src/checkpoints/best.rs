@@ -18,6 +18,25 @@ pub fn best_first(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     checkpoints
 }
 
+/// The checkpoints to load for a render or an evaluation, the first one first: the one called `wanted`,
+/// or all of them if it is empty; of these those with a measured trade-off where one is needed.
+pub fn to_use(mut all: Vec<Checkpoint>, wanted: &str, tradeoff: bool) -> Vec<Checkpoint> {
+    if wanted.is_empty() {
+        all = best_first(all);
+    } else {
+        all.retain(|it| it.name == wanted);
+    }
+    // Predicted figures do not apply to a checkpoint without a measured trade-off.
+    all.retain(|it| !tradeoff || it.tradeoff.is_some());
+    all
+}
+
+/// Whether two checkpoints learned from the same captures of the same people at the same size, so that
+/// their figures can be compared.
+pub fn alike(a: &Checkpoint, b: &Checkpoint) -> bool {
+    (&a.slots, a.image_size, &a.shards) == (&b.slots, b.image_size, &b.shards)
+}
+
 /// Place of the best one; `None` without any.
 fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     let newest = checkpoints.first()?;
@@ -25,10 +44,8 @@ fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     if newest.slots.is_empty() {
         return Some(0);
     }
-    let learned = |it: &Checkpoint| (it.slots.clone(), it.image_size, it.shards.clone());
-    let alike = |it: &Checkpoint| learned(it) == learned(newest);
     let measured = checkpoints.iter().enumerate();
-    let measured = measured.filter(|(_, it)| alike(it));
+    let measured = measured.filter(|(_, it)| alike(it, newest));
     let measured = measured.filter_map(|(place, it)| Some((place, it.psnr?)));
     let measured: Vec<(usize, f64)> = measured.collect();
     let best = measured

@@ -1,0 +1,54 @@
+//! `yoto.v1.StorageService`.
+
+use crate::{
+    context::Context,
+    objects::collect::{self, Found},
+};
+use std::sync::Arc;
+use tonic::{Request, Response, Status};
+use yoto_proto::v1::{
+    CollectGarbageRequest, CollectGarbageResponse, GarbageFolder,
+    storage_service_server::StorageService,
+};
+
+/// Most folders of one answer.
+const MAX_LISTED: usize = 1000;
+
+/// The object store, for operators.
+pub struct StorageApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+}
+
+#[tonic::async_trait]
+impl StorageService for StorageApi {
+    async fn collect_garbage(
+        &self,
+        request: Request<CollectGarbageRequest>,
+    ) -> Result<Response<CollectGarbageResponse>, Status> {
+        let CollectGarbageRequest { dry_run, now } = *request.get_ref();
+        let options = collect::Options { dry_run, now };
+        let mut found = collect::collect(&self.context, options).await?;
+        found.sort_by_key(|it| std::cmp::Reverse(it.folder.bytes));
+        let bytes = |it: &Found| it.folder.bytes;
+        let grace = self.context.config.storage.grace;
+        Ok(Response::new(CollectGarbageResponse {
+            count: found.len() as u64,
+            bytes: found.iter().map(bytes).sum(),
+            due_bytes: found.iter().filter(|it| it.due).map(bytes).sum(),
+            grace_seconds: grace.as_secs_f64(),
+            folders: found.into_iter().take(MAX_LISTED).map(listed).collect(),
+        }))
+    }
+}
+
+fn listed(found: Found) -> GarbageFolder {
+    GarbageFolder {
+        key: found.folder.key,
+        files: found.folder.files,
+        bytes: found.folder.bytes,
+        deleted: found.deleted,
+        age_seconds: found.age,
+        due: found.due,
+    }
+}

@@ -1,0 +1,167 @@
+//! Collection of garbage: folders of the object store that nothing refers to.
+//!
+//! A folder lives while a row names its objects, or a job runs under its token. Any other is noted, and
+//! removed once it was garbage for a time of grace, in which an operator can still get a deleted thing
+//! back by hand, and whoever reads it can end.
+
+use super::folders::Folder;
+use crate::{
+    context::Context,
+    error::RequestError,
+    store::{KnownGarbage, Reference},
+};
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
+use tokio::time::{MissedTickBehavior, interval};
+use yoto_proto::keys;
+
+/// How to collect.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Change nothing.
+    pub dry_run: bool,
+    /// Do not wait for the time of grace with what belonged to deleted things.
+    pub now: bool,
+}
+
+/// A folder that is garbage.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The folder.
+    pub folder: Folder,
+    /// Whether it belonged to something that was deleted.
+    pub deleted: bool,
+    /// Seconds since it was found.
+    pub age: f64,
+    /// Whether it was removed, or would be if that was not excluded.
+    pub due: bool,
+}
+
+/// Collects at once and then at each interval, until the coordinator stops.
+pub async fn run(context: Arc<Context>) {
+    let mut turns = interval(context.config.storage.collect_interval);
+    turns.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            _ = turns.tick() => {}
+        }
+        if let Err(error) = collect(&context, Options::default()).await {
+            tracing::error!(%error, "could not collect garbage");
+        }
+    }
+}
+
+/// Finds all garbage, and removes what is due.
+///
+/// # Errors
+/// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
+pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, RequestError> {
+    let _one_at_a_time = context.collecting.lock().await;
+    // In this order: an object is written before a row names it, and noted before it is looked for.
+    let known = context.store.garbage().await?;
+    let folders = context.objects.folders().await?;
+    let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
+    let references = context.store.references(&keys).await?;
+    let grace = context.config.storage.grace.as_secs_f64();
+    let mut found = judge(folders, &references, &known);
+    for it in &mut found {
+        it.due = it.age >= grace || (options.now && it.deleted);
+    }
+    if options.dry_run {
+        return Ok(found);
+    }
+    let gone = forgotten(context, &known, &keys, &found).await?;
+    let noted: HashSet<&str> = known.iter().map(|it| it.folder.as_str()).collect();
+    let new = found.iter().map(|it| &it.folder.key);
+    let new: Vec<String> = new
+        .filter(|key| !noted.contains(key.as_str()))
+        .cloned()
+        .collect();
+    if !new.is_empty() || !gone.is_empty() {
+        context.store.note_garbage(&new, &gone).await?;
+    }
+    for it in found.iter_mut().filter(|it| it.due) {
+        if context.stop.is_cancelled() {
+            it.due = false;
+            continue;
+        }
+        match context.objects.delete_folder(&it.folder.key).await {
+            Ok(()) => {
+                let Folder { key, bytes, .. } = &it.folder;
+                tracing::info!(key, bytes, deleted = it.deleted, "garbage removed");
+            }
+            Err(error) => {
+                tracing::error!(%error, "could not remove garbage");
+                it.due = false;
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The garbage among `folders`, none of it due yet.
+fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Found> {
+    let known: HashMap<&str, &KnownGarbage> =
+        known.iter().map(|it| (it.folder.as_str(), it)).collect();
+    let judged = folders.into_iter().zip(references);
+    let garbage = judged.filter_map(|(folder, reference)| {
+        let deleted = deleted(&known, &folder.key);
+        let found = known.get(folder.key.as_str()).or(deleted.as_ref());
+        let age = found.map_or(0.0, |it| it.age);
+        // A training removes checkpoints while it runs.
+        let live = match reference {
+            Reference::Row => true,
+            Reference::Lease => deleted.is_none(),
+            Reference::Nothing => false,
+        };
+        (!live).then_some(Found {
+            deleted: deleted.is_some(),
+            age,
+            due: false,
+            folder,
+        })
+    });
+    garbage.collect()
+}
+
+/// The note that this folder, or one above it, was deleted.
+fn deleted<'a>(known: &HashMap<&str, &'a KnownGarbage>, key: &str) -> Option<&'a KnownGarbage> {
+    let mut at = key;
+    while !at.is_empty() {
+        if let Some(it) = known.get(at).filter(|it| it.deleted) {
+            return Some(it);
+        }
+        at = keys::folder(at);
+    }
+    None
+}
+
+/// The notes that are of no more use: of folders that are not there, or not garbage. That of a checkpoint
+/// stays while its training runs, so that a late call can't publish it again.
+async fn forgotten(
+    context: &Context,
+    known: &[KnownGarbage],
+    listed: &[String],
+    found: &[Found],
+) -> Result<Vec<String>, RequestError> {
+    let garbage: HashSet<&str> = found.iter().map(|it| it.folder.key.as_str()).collect();
+    let inside = |key: &str, folder: &str| {
+        let rest = key.strip_prefix(folder);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+    };
+    let there = |folder: &str| listed.iter().any(|key| inside(key, folder));
+    let (deleted, others): (Vec<_>, Vec<_>) = known.iter().partition(|it| it.deleted);
+    let others = others
+        .into_iter()
+        .filter(|it| !garbage.contains(it.folder.as_str()));
+    let deleted = deleted.into_iter().filter(|it| !there(&it.folder));
+    let deleted: Vec<String> = deleted.map(|it| it.folder.clone()).collect();
+    let references = context.store.references(&deleted).await?;
+    let deleted = deleted.into_iter().zip(references);
+    let deleted = deleted.filter(|(_, reference)| *reference != Reference::Lease);
+    let others = others.map(|it| it.folder.clone());
+    Ok(others.chain(deleted.map(|(folder, _)| folder)).collect())
+}

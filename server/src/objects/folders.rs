@@ -1,0 +1,92 @@
+//! The folders of a local store that live and end as a whole, with their sizes.
+
+use super::{Objects, ObjectsError, local};
+use std::{
+    fs::{self, DirEntry},
+    io::{self, ErrorKind},
+    path::Path,
+};
+use yoto_proto::keys;
+
+/// A folder of the object store ([`keys::Folder`]).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Folder {
+    /// Its key.
+    pub key: String,
+    /// Number of files in it, those that were never completed included.
+    pub files: u64,
+    /// Their bytes.
+    pub bytes: u64,
+}
+
+impl Objects {
+    /// All folders, as the file system has them: unlike a list of objects, this has the remains of a
+    /// writer that was killed, and folders that are empty.
+    ///
+    /// # Errors
+    /// When a folder can't be read.
+    pub async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
+        let root = self.root.clone();
+        let walked = tokio::task::spawn_blocking(move || {
+            let mut found = Vec::new();
+            for (name, depth) in keys::ROOTS {
+                collect(&root.join(name), (*name).to_owned(), *depth, &mut found)?;
+            }
+            Ok(found)
+        });
+        let walked = walked
+            .await
+            .unwrap_or_else(|error| Err(io::Error::other(error)));
+        walked.map_err(|error| local("listing", "", error))
+    }
+}
+
+/// Appends the folders that are `depth` levels below `place`.
+fn collect(place: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> io::Result<()> {
+    if depth == 0 {
+        let (files, bytes) = size(place)?;
+        found.push(Folder { key, files, bytes });
+        return Ok(());
+    }
+    for entry in entries(place)? {
+        // Keys are ASCII: a name that is not UTF-8 is nobody's.
+        if let (true, Some(name)) = (is_folder(&entry)?, entry.file_name().to_str()) {
+            collect(&entry.path(), format!("{key}/{name}"), depth - 1, found)?;
+        }
+    }
+    Ok(())
+}
+
+/// Number and bytes of the files below `place`.
+fn size(place: &Path) -> io::Result<(u64, u64)> {
+    let (mut files, mut bytes) = (0, 0);
+    for entry in entries(place)? {
+        let (more, larger) = if is_folder(&entry)? {
+            size(&entry.path())?
+        } else {
+            (1, gone(entry.metadata())?.map_or(0, |it| it.len()))
+        };
+        files += more;
+        bytes += larger;
+    }
+    Ok((files, bytes))
+}
+
+/// The entries of a folder; none of one that is gone.
+fn entries(place: &Path) -> io::Result<Vec<DirEntry>> {
+    gone(fs::read_dir(place))?.map_or(Ok(Vec::new()), Iterator::collect)
+}
+
+/// Whether the entry is a folder, and not a link to one.
+fn is_folder(entry: &DirEntry) -> io::Result<bool> {
+    Ok(gone(entry.file_type())?.is_some_and(|kind| kind.is_dir()))
+}
+
+/// `None` for what was removed meanwhile.
+fn gone<T>(result: io::Result<T>) -> io::Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,31 @@
+//! Free space, below which nothing large is begun: a disk that is full stops the database as well.
+
+use super::Disk;
+use crate::error::RequestError;
+
+/// Refuses if `disk` would have less than `min_free` bytes free with `coming` more. A disk whose figures
+/// can't be told is taken to have room.
+pub fn check(disk: Option<Disk>, coming: u64, min_free: u64) -> Result<(), RequestError> {
+    let needed = min_free.saturating_add(coming);
+    match disk {
+        Some(Disk { free, .. }) if free < needed => Err(RequestError::DiskFull { free, needed }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_comes_counts_as_well() {
+        let disk = |free| Some(Disk { free, total: 100 });
+        assert!(check(disk(30), 10, 20).is_ok());
+        assert!(check(disk(29), 9, 20).is_ok());
+        assert!(check(disk(29), u64::MAX, 20).is_err());
+        assert!(check(None, 10, 20).is_ok());
+        let refused = check(disk(29), 10, 20).expect_err("one byte is missing");
+        let text = refused.to_string();
+        assert!(text.contains("29 bytes free, and 30 are needed"), "{text}");
+    }
+}

@@ -1,0 +1,266 @@
+//! Checkpoints of models: recorded, listed, thinned out.
+
+use super::{
+    garbage, models, pins,
+    rows::{Columns, During, integer},
+};
+use crate::{
+    checkpoints::retention::{self, Published, Retention},
+    store::StoreError,
+};
+use sqlx::{SqliteConnection, sqlite::SqliteRow};
+use yoto_proto::{
+    keys,
+    names::{self, Collection},
+    v1::{Checkpoint, ObjectRef},
+};
+
+/// Checkpoints of a model, newest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    limit: u32,
+) -> Result<Vec<Checkpoint>, StoreError> {
+    let model = models::get(conn, model_id).await?;
+    let rows =
+        sqlx::query("SELECT * FROM checkpoints WHERE model = ?1 ORDER BY step DESC LIMIT ?2")
+            .bind(model_id)
+            .bind(limit)
+            .fetch_all(conn)
+            .await
+            .during("listing checkpoints")?;
+    rows.iter().map(|row| read(&model.name, row)).collect()
+}
+
+fn read(model: &str, row: &SqliteRow) -> Result<Checkpoint, StoreError> {
+    let step = row.number("step")?;
+    Ok(Checkpoint {
+        name: names::checkpoint(model, step),
+        step,
+        manifest: row.object("manifest_key", "manifest_bytes", "manifest_sha256")?,
+        bytes: row.number("bytes")?,
+        psnr: row.real("psnr")?,
+        create_time: row.time("create_time")?,
+        tradeoff: row.object("tradeoff_key", "tradeoff_bytes", "tradeoff_sha256")?,
+        slots: trained_slots(row)?,
+        image_size: row.maybe_number("image_size")?.unwrap_or_default(),
+        shards: split(row.maybe_text("shards")?),
+        best: false,
+        kept_for: Vec::new(),
+    })
+}
+
+/// The slots of a checkpoint's row; empty where it does not say.
+pub fn trained_slots(row: &SqliteRow) -> Result<Vec<u32>, StoreError> {
+    let text = row.maybe_text("slots")?.unwrap_or_default();
+    let slots = text.split(',').filter(|slot| !slot.is_empty());
+    let slots = slots.map(|slot| {
+        slot.parse().map_err(|_| StoreError::Corrupt {
+            what: "checkpoints.slots",
+            detail: text.clone(),
+        })
+    });
+    slots.collect()
+}
+
+/// The parts of a column that are separated by commas; none of NULL.
+fn split(text: Option<String>) -> Vec<String> {
+    let parts = text.iter().flat_map(|text| text.split(','));
+    parts.map(str::to_owned).collect()
+}
+
+/// All checkpoints of a model with their numbers, newest first, and why each is kept.
+async fn judged(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    default: Retention,
+) -> Result<Vec<(Checkpoint, Vec<String>)>, StoreError> {
+    let rows = sqlx::query(
+        "SELECT c.*, m.keep_newest, m.keep_every FROM checkpoints c JOIN models m ON m.id = c.model
+         WHERE c.model = ?1 ORDER BY c.step DESC",
+    )
+    .bind(model_id)
+    .fetch_all(&mut *conn)
+    .await
+    .during("listing checkpoints")?;
+    let Some(first) = rows.first() else {
+        return Ok(Vec::new());
+    };
+    let rule = Retention {
+        newest: first.maybe_number("keep_newest")?.unwrap_or(default.newest),
+        every: first.maybe_number("keep_every")?.unwrap_or(default.every),
+    };
+    let model = Collection::Models.name(model_id);
+    let mut all = Vec::with_capacity(rows.len());
+    for row in &rows {
+        all.push(Published {
+            checkpoint: read(&model, row)?,
+            number: row.number("number")?,
+        });
+    }
+    let reasons = retention::reasons(&all, rule, &pins::of_model(conn, model_id).await?);
+    Ok(all
+        .into_iter()
+        .map(|it| it.checkpoint)
+        .zip(reasons)
+        .collect())
+}
+
+/// All checkpoints of a model, newest first, with the reasons for which they are kept.
+pub async fn explained(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    default: Retention,
+) -> Result<Vec<Checkpoint>, StoreError> {
+    models::get(conn, model_id).await?;
+    let judged = judged(conn, model_id, default).await?.into_iter();
+    let explained = judged.map(|(it, kept_for)| Checkpoint { kept_for, ..it });
+    Ok(explained.collect())
+}
+
+/// Removes the checkpoints that a model does not keep.
+pub async fn thin_out(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    default: Retention,
+) -> Result<(), StoreError> {
+    for (checkpoint, reasons) in judged(conn, model_id, default).await? {
+        if reasons.is_empty() {
+            remove(conn, model_id, checkpoint.step).await?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a checkpoint, and notes its objects as garbage. Returns whether there was one.
+pub async fn remove(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    step: u64,
+) -> Result<bool, StoreError> {
+    let row = sqlx::query(
+        "DELETE FROM checkpoints WHERE model = ?1 AND step = ?2 RETURNING manifest_key",
+    )
+    .bind(model_id)
+    .bind(integer("checkpoint.step", step)?)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("removing a checkpoint")?;
+    let Some(row) = row else {
+        return Ok(false);
+    };
+    garbage::deleted(conn, keys::folder(&row.text("manifest_key")?)).await?;
+    Ok(true)
+}
+
+/// Stores the measured trade-off of a checkpoint, replacing an earlier one.
+pub async fn record_tradeoff(
+    conn: &mut SqliteConnection,
+    checkpoint: &str,
+    object: &ObjectRef,
+) -> Result<(), StoreError> {
+    let unreadable = |error: names::NameError| StoreError::Corrupt {
+        what: "result.evaluate.checkpoint",
+        detail: error.to_string(),
+    };
+    let (model_id, step) = names::parse_checkpoint(checkpoint).map_err(unreadable)?;
+    let done = sqlx::query(
+        "UPDATE checkpoints SET tradeoff_key = ?3, tradeoff_bytes = ?4, tradeoff_sha256 = ?5
+         WHERE model = ?1 AND step = ?2",
+    )
+    .bind(model_id)
+    .bind(integer("checkpoint.step", step)?)
+    .bind(&object.key)
+    .bind(integer("result.evaluate.tradeoff.bytes", object.bytes)?)
+    .bind(&object.sha256)
+    .execute(conn)
+    .await
+    .during("storing a trade-off")?;
+    if done.rows_affected() == 0 {
+        let name = checkpoint.to_owned();
+        return Err(StoreError::NotFound { name });
+    }
+    Ok(())
+}
+
+/// Records a checkpoint. One of the same step, left by an earlier lease, is replaced. A repeated call
+/// changes nothing; after the checkpoint was removed it would bring back a row without objects.
+pub async fn record(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    job_id: &str,
+    checkpoint: Checkpoint,
+) -> Result<(), StoreError> {
+    let manifest = checkpoint.manifest.unwrap_or_default();
+    let folder = keys::folder(&manifest.key).to_owned();
+    if garbage::is_deleted(conn, &folder).await? {
+        return Ok(());
+    }
+    let step = integer("checkpoint.step", checkpoint.step)?;
+    let number = match earlier(conn, model_id, step).await? {
+        Some(row) => {
+            let key = row.text("manifest_key")?;
+            if key == manifest.key && row.text("manifest_sha256")? == manifest.sha256 {
+                return Ok(());
+            }
+            if key != manifest.key {
+                garbage::deleted(conn, keys::folder(&key)).await?;
+            }
+            row.number("number")?
+        }
+        None => next_number(conn, model_id).await?,
+    };
+    let slots: Vec<String> = checkpoint.slots.iter().map(u32::to_string).collect();
+    let slots = slots.join(",");
+    sqlx::query(
+        "INSERT OR REPLACE INTO checkpoints
+             (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr, slots,
+              image_size, shards, number)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+    )
+    .bind(model_id)
+    .bind(step)
+    .bind(job_id)
+    .bind(manifest.key)
+    .bind(integer("checkpoint.manifest.bytes", manifest.bytes)?)
+    .bind(manifest.sha256)
+    .bind(integer("checkpoint.bytes", checkpoint.bytes)?)
+    .bind(checkpoint.psnr)
+    .bind((!slots.is_empty()).then_some(slots))
+    .bind(checkpoint.image_size)
+    .bind((!checkpoint.shards.is_empty()).then(|| checkpoint.shards.join(",")))
+    .bind(number)
+    .execute(conn)
+    .await
+    .during("recording a checkpoint")?;
+    Ok(())
+}
+
+/// The row of the same step.
+async fn earlier(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    step: i64,
+) -> Result<Option<SqliteRow>, StoreError> {
+    sqlx::query(
+        "SELECT manifest_key, manifest_sha256, number FROM checkpoints
+         WHERE model = ?1 AND step = ?2",
+    )
+    .bind(model_id)
+    .bind(step)
+    .fetch_optional(conn)
+    .await
+    .during("looking for a checkpoint of the same step")
+}
+
+/// Counts one more published checkpoint.
+async fn next_number(conn: &mut SqliteConnection, model_id: &str) -> Result<i64, StoreError> {
+    let row = sqlx::query(
+        "UPDATE models SET published = published + 1 WHERE id = ?1 RETURNING published",
+    )
+    .bind(model_id)
+    .fetch_one(conn)
+    .await
+    .during("counting a checkpoint")?;
+    row.number("published")
+}

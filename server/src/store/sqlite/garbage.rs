@@ -1,0 +1,176 @@
+//! Folders of the object store that nothing refers to.
+//!
+//! A folder without a reference never gets one again: rows name only folders of a lease that runs, and
+//! tokens only grow. A folder that was noted as deleted is never named again either.
+
+use super::rows::{Columns, During};
+use crate::store::{KnownGarbage, Reference, StoreError};
+use sqlx::SqliteConnection;
+use yoto_proto::keys::{Folder, Lease};
+
+/// Notes a folder, with everything below it, as belonging to something that was deleted.
+pub async fn deleted(conn: &mut SqliteConnection, folder: &str) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO garbage (folder, deleted) VALUES (?1, 1)
+         ON CONFLICT (folder) DO UPDATE SET deleted = 1",
+    )
+    .bind(folder)
+    .execute(conn)
+    .await
+    .during("noting deleted objects")?;
+    Ok(())
+}
+
+/// Whether this very folder was noted as deleted.
+pub async fn is_deleted(conn: &mut SqliteConnection, folder: &str) -> Result<bool, StoreError> {
+    exists(
+        sqlx::query(
+            "SELECT EXISTS (SELECT 1 FROM garbage WHERE folder = ?1 AND deleted = 1) AS found",
+        )
+        .bind(folder)
+        .fetch_one(conn)
+        .await,
+    )
+}
+
+/// All that is known.
+pub async fn known(conn: &mut SqliteConnection) -> Result<Vec<KnownGarbage>, StoreError> {
+    let rows =
+        sqlx::query("SELECT folder, deleted, unixepoch('subsec') - first_seen AS age FROM garbage")
+            .fetch_all(conn)
+            .await
+            .during("listing garbage")?;
+    rows.iter()
+        .map(|row| {
+            Ok(KnownGarbage {
+                folder: row.text("folder")?,
+                deleted: row.flag("deleted")?,
+                age: row.real("age")?.unwrap_or_default(),
+            })
+        })
+        .collect()
+}
+
+/// Notes `new` folders and forgets those that are `gone`.
+pub async fn note(
+    conn: &mut SqliteConnection,
+    new: &[String],
+    gone: &[String],
+) -> Result<(), StoreError> {
+    for folder in new {
+        sqlx::query("INSERT OR IGNORE INTO garbage (folder, deleted) VALUES (?1, 0)")
+            .bind(folder)
+            .execute(&mut *conn)
+            .await
+            .during("noting garbage")?;
+    }
+    for folder in gone {
+        sqlx::query("DELETE FROM garbage WHERE folder = ?1")
+            .bind(folder)
+            .execute(&mut *conn)
+            .await
+            .during("forgetting garbage")?;
+    }
+    Ok(())
+}
+
+/// What refers to each of `folders`. One of an unknown kind counts as referred to.
+pub async fn references(
+    conn: &mut SqliteConnection,
+    folders: &[String],
+) -> Result<Vec<Reference>, StoreError> {
+    let mut references = Vec::with_capacity(folders.len());
+    for key in folders {
+        let reference = match Folder::parse(key) {
+            None => Reference::Row,
+            Some(folder) if named(conn, key, folder).await? => Reference::Row,
+            Some(folder) if runs(conn, folder.lease()).await? => Reference::Lease,
+            Some(_) => Reference::Nothing,
+        };
+        references.push(reference);
+    }
+    Ok(references)
+}
+
+/// Whether a row names objects of the folder `key`. The files of an upload are needed until its ingest
+/// job has ended.
+async fn named(
+    conn: &mut SqliteConnection,
+    key: &str,
+    folder: Folder<'_>,
+) -> Result<bool, StoreError> {
+    let inside = format!("{key}/");
+    let found = match folder {
+        Folder::Upload { capture } => {
+            sqlx::query(
+                "SELECT EXISTS (SELECT 1 FROM captures
+                     WHERE id = ?1 AND state IN ('UPLOADING', 'INGESTING')) AS found",
+            )
+            .bind(capture)
+            .fetch_one(conn)
+            .await
+        }
+        Folder::Shard { capture, .. } => {
+            sqlx::query(
+                "SELECT EXISTS (SELECT 1 FROM captures
+                     WHERE id = ?1 AND substr(shard_key, 1, length(?2)) = ?2) AS found",
+            )
+            .bind(capture)
+            .bind(inside)
+            .fetch_one(conn)
+            .await
+        }
+        Folder::Checkpoint { model, by } => {
+            sqlx::query(
+                "SELECT EXISTS (SELECT 1 FROM checkpoints WHERE model = ?1
+                         AND (substr(manifest_key, 1, length(?2)) = ?2
+                              OR substr(tradeoff_key, 1, length(?2)) = ?2))
+                     OR EXISTS (SELECT 1 FROM jobs WHERE id = ?3 AND lease = ?4
+                         AND kind = 'evaluate' AND state = 'SUCCEEDED') AS found",
+            )
+            .bind(model)
+            .bind(inside)
+            .bind(by.job)
+            .bind(token(by))
+            .fetch_one(conn)
+            .await
+        }
+        Folder::Render { by } => {
+            sqlx::query(
+                "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND lease = ?2
+                     AND kind = 'render' AND state = 'SUCCEEDED') AS found",
+            )
+            .bind(by.job)
+            .bind(token(by))
+            .fetch_one(conn)
+            .await
+        }
+    };
+    exists(found)
+}
+
+/// Whether the job runs under this very lease.
+async fn runs(conn: &mut SqliteConnection, lease: Option<Lease<'_>>) -> Result<bool, StoreError> {
+    let Some(lease) = lease else {
+        return Ok(false);
+    };
+    exists(
+        sqlx::query(
+            "SELECT EXISTS (SELECT 1 FROM jobs
+                 WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING') AS found",
+        )
+        .bind(lease.job)
+        .bind(token(lease))
+        .fetch_one(conn)
+        .await,
+    )
+}
+
+/// The token in the column's type. One beyond its range was never issued, as was none below 0.
+fn token(lease: Lease<'_>) -> i64 {
+    i64::try_from(lease.token).unwrap_or(-1)
+}
+
+fn exists(found: Result<sqlx::sqlite::SqliteRow, sqlx::Error>) -> Result<bool, StoreError> {
+    found.during("looking for references")?.flag("found")
+}

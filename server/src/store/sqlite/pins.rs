@@ -1,0 +1,136 @@
+//! What open jobs use, and so must stay.
+//!
+//! A render or an evaluation uses one checkpoint: the one that its order names, or the best one. It is
+//! chosen when the job is queued, and again when it is leased, since a better one may have come; in
+//! between, the one that the order was checked with stays.
+
+use super::{
+    checkpoints,
+    rows::{Columns, During, integer},
+};
+use crate::{
+    checkpoints::{best::to_use, retention::Pins},
+    store::StoreError,
+};
+use sqlx::SqliteConnection;
+use yoto_proto::{
+    names::Collection,
+    v1::{JobSpec, Model, job_spec},
+};
+
+/// Step of the checkpoint that a job uses.
+pub async fn of_job(conn: &mut SqliteConnection, job_id: &str) -> Result<Option<u64>, StoreError> {
+    let row = sqlx::query("SELECT pinned_step FROM jobs WHERE id = ?1")
+        .bind(job_id)
+        .fetch_optional(conn)
+        .await
+        .during("reading which checkpoint a job uses")?;
+    row.map_or(Ok(None), |row| row.maybe_number("pinned_step"))
+}
+
+/// What the open jobs of a model use.
+pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pins, StoreError> {
+    let rows = sqlx::query(
+        "SELECT id, pinned_step FROM jobs
+         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate')
+         ORDER BY ord",
+    )
+    .bind(model_id)
+    .fetch_all(conn)
+    .await
+    .during("reading which checkpoints are in use")?;
+    let mut pins = Pins::default();
+    for row in &rows {
+        let job = Collection::Jobs.name(&row.text("id")?);
+        match row.maybe_number("pinned_step")? {
+            Some(step) => drop(pins.steps.entry(step).or_insert(job)),
+            None => drop(pins.all.get_or_insert(job)),
+        }
+    }
+    Ok(pins)
+}
+
+/// Step of the checkpoint that a job with this order uses, which must exist; `None` for jobs that use no
+/// certain one.
+pub async fn chosen(
+    conn: &mut SqliteConnection,
+    spec: &JobSpec,
+) -> Result<Option<i64>, StoreError> {
+    let (model, wanted, tradeoff) = match &spec.kind {
+        Some(job_spec::Kind::Render(it)) => (&it.model, &it.checkpoint, it.quality.is_some()),
+        Some(job_spec::Kind::Evaluate(it)) => (&it.model, &it.checkpoint, false),
+        Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
+    };
+    let model_id = Collection::Models.parse(model);
+    let model_id = model_id.map_err(|error| StoreError::Corrupt {
+        what: "spec",
+        detail: error.to_string(),
+    })?;
+    let all = checkpoints::list(conn, model_id, u32::MAX).await?;
+    let Some(used) = to_use(all, wanted, tradeoff).into_iter().next() else {
+        return Err(StoreError::Rule {
+            reason: "NO_CHECKPOINT",
+            message: format!("the checkpoint of {model} to use was removed meanwhile"),
+        });
+    };
+    integer("checkpoint.step", used.step).map(Some)
+}
+
+/// Chooses the checkpoint of a leased job again.
+pub async fn renew(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<(), StoreError> {
+    let step = match chosen(conn, spec).await {
+        Ok(Some(step)) => step,
+        // The worker finds no checkpoint and says so.
+        Ok(None) | Err(StoreError::Rule { .. }) => return Ok(()),
+        Err(error) => return Err(error),
+    };
+    sqlx::query("UPDATE jobs SET pinned_step = ?2 WHERE id = ?1")
+        .bind(job_id)
+        .bind(step)
+        .execute(conn)
+        .await
+        .during("recording which checkpoint a job uses")?;
+    Ok(())
+}
+
+/// An open job of the model, of `kind` if it is not empty.
+pub async fn open_job(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    kind: &str,
+) -> Result<Option<String>, StoreError> {
+    let row = sqlx::query(
+        "SELECT id FROM jobs WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1
+             AND (?2 = '' OR kind = ?2) ORDER BY ord LIMIT 1",
+    )
+    .bind(model_id)
+    .bind(kind)
+    .fetch_optional(conn)
+    .await
+    .during("looking for jobs of a model")?;
+    row.map(|row| Ok(Collection::Jobs.name(&row.text("id")?)))
+        .transpose()
+}
+
+/// Refuses if a job of the model is open.
+pub async fn ensure_idle(conn: &mut SqliteConnection, model: &Model) -> Result<(), StoreError> {
+    let id = Collection::Models.parse(&model.name);
+    let id = id.map_err(|error| StoreError::Corrupt {
+        what: "models.id",
+        detail: error.to_string(),
+    })?;
+    match open_job(conn, id, "").await? {
+        Some(job) => Err(in_use(&job, &model.display_name, "MODEL_BUSY")),
+        None => Ok(()),
+    }
+}
+
+/// The refusal that names the job.
+pub fn in_use(job: &str, what: &str, reason: &'static str) -> StoreError {
+    let message = format!("{job} uses {what}: wait for it, or cancel it");
+    StoreError::Rule { reason, message }
+}
