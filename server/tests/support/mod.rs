@@ -21,13 +21,15 @@ use tonic::{Status, transport::Channel};
 use yoto_proto::{
     keys, names, sha256_hex,
     v1::{
-        AddIdentityRequest, Capture, Checkpoint, CompleteJobRequest, CreateJobRequest,
-        CreateModelRequest, CreateSubjectRequest, GetCaptureRequest, GetJobRequest,
-        GetSubjectRequest, IngestResult, Job, JobResult, JobSpec, Lease, LeaseJobRequest, Model,
-        ObjectRef, PublishCheckpointRequest, RegisterWorkerRequest, Subject, TrainSpec,
-        UploadCaptureResponse, WorkerDevice, job_result, job_service_client::JobServiceClient,
-        job_spec, model_service_client::ModelServiceClient,
+        AddIdentityRequest, Capture, Checkpoint, CollectGarbageRequest, CollectGarbageResponse,
+        CompleteJobRequest, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
+        GetCaptureRequest, GetJobRequest, GetSubjectRequest, IngestResult, Job, JobResult, JobSpec,
+        Lease, LeaseJobRequest, ListCheckpointsRequest, Model, ObjectRef, Orbit,
+        PublishCheckpointRequest, RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile,
+        Subject, TrainResult, TrainSpec, UploadCaptureResponse, WorkerDevice, job_result,
+        job_service_client::JobServiceClient, job_spec, model_service_client::ModelServiceClient,
         object_service_client::ObjectServiceClient, render_service_client::RenderServiceClient,
+        render_spec::What, storage_service_client::StorageServiceClient,
         subject_service_client::SubjectServiceClient, worker_service_client::WorkerServiceClient,
     },
 };
@@ -93,6 +95,20 @@ impl Service {
 
     pub fn renders(&self) -> RenderServiceClient<Channel> {
         RenderServiceClient::new(self.channel.clone())
+    }
+
+    pub fn storage(&self) -> StorageServiceClient<Channel> {
+        StorageServiceClient::new(self.channel.clone())
+    }
+
+    /// The garbage of the object store, of which what is due is removed.
+    pub async fn collect(&self, dry_run: bool, now: bool) -> CollectGarbageResponse {
+        let request = CollectGarbageRequest { dry_run, now };
+        self.storage()
+            .collect_garbage(request)
+            .await
+            .expect("collects")
+            .into_inner()
     }
 
     pub fn workers(&self) -> WorkerServiceClient<Channel> {
@@ -347,6 +363,76 @@ impl Service {
         };
         self.workers().publish_checkpoint(request).await?;
         Ok(checkpoint)
+    }
+
+    /// Checkpoints of a model, newest first.
+    pub async fn checkpoints(&self, model: &str) -> Vec<Checkpoint> {
+        let request = ListCheckpointsRequest {
+            model: model.into(),
+        };
+        self.models()
+            .list_checkpoints(request)
+            .await
+            .expect("lists")
+            .into_inner()
+            .checkpoints
+    }
+
+    /// Queues a render of one picture.
+    pub async fn render(&self, model: &Model, subject: &Subject, checkpoint: &str) -> Job {
+        let spec = RenderSpec {
+            model: model.name.clone(),
+            subject: subject.name.clone(),
+            checkpoint: checkpoint.into(),
+            what: Some(What::Orbit(Orbit {
+                frame: 0,
+                views: 1,
+                size: 8,
+            })),
+            ..<_>::default()
+        };
+        self.create_job(job_spec::Kind::Render(spec))
+            .await
+            .expect("is queued")
+    }
+
+    /// Completes a leased render with one picture; the picture's key.
+    pub async fn complete_render(&self, lease: &Lease) -> String {
+        let key = keys::render(id(&job_name(lease)), lease.token, "000000.png");
+        let files = vec![RenderedFile {
+            file: "000000.png".into(),
+            object: Some(self.put(&key, b"picture").await),
+        }];
+        let result = RenderResult {
+            files,
+            ..<_>::default()
+        };
+        self.complete(lease, job_result::Kind::Render(result))
+            .await
+            .expect("completes");
+        key
+    }
+
+    /// Ends a leased training with `checkpoint` as its result.
+    pub async fn complete_training(&self, lease: &Lease, checkpoint: &Checkpoint) {
+        let result = TrainResult {
+            checkpoint: checkpoint.name.clone(),
+            ..<_>::default()
+        };
+        self.complete(lease, job_result::Kind::Train(result))
+            .await
+            .expect("completes");
+    }
+
+    /// Whether the object store has this file or folder.
+    pub fn has(&self, key: &str) -> bool {
+        self.path(key).exists()
+    }
+
+    /// Where the object store has `key`.
+    pub fn path(&self, key: &str) -> PathBuf {
+        let root = self.coordinator.objects_url().to_file_path();
+        root.expect("a local store").join(key)
     }
 
     /// Every file below the object store's root.

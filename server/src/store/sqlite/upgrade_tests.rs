@@ -1,9 +1,12 @@
 //! Databases of earlier schemas, opened by this program.
 
 use super::{SqliteStore, migrations::migrations};
-use crate::store::{JobKind, NewWorker, Store};
+use crate::{
+    checkpoints::retention::Retention,
+    store::{JobKind, NewWorker, Store},
+};
 use sqlx::{
-    Executor,
+    Executor, Row,
     sqlite::{SqliteConnectOptions, SqlitePoolOptions},
 };
 use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
@@ -17,6 +20,7 @@ const CONTENT: &str = "
     INSERT INTO jobs (ord, id, kind, model, state, spec, lease, worker, end_time)
         VALUES (7, 'trained', 'train', 'm', 'SUCCEEDED', x'', 3, 'w', 1.5);
     INSERT INTO jobs (ord, id, kind, model, spec) VALUES (9, 'waits', 'train', 'm', x'');
+    INSERT INTO jobs (ord, id, kind, model, spec) VALUES (10, 'looks', 'render', 'm', x'');
     INSERT INTO checkpoints
         (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes)
         VALUES ('m', 40, 'trained', 'k', 1, 's', 1);
@@ -46,6 +50,19 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     let checkpoints = store.checkpoints("m", 9).await.expect("are kept");
     assert_eq!(checkpoints.len(), 1);
     assert_eq!(checkpoints[0].tradeoff, None, "it was never measured");
+    let none = Retention {
+        newest: 1,
+        every: 0,
+    };
+    let kept = store.kept_checkpoints("m", none).await.expect("are kept");
+    // The render does not say which checkpoint it uses.
+    assert_eq!(kept[0].kept_for, ["newest", "best", "jobs/looks"]);
+    let row = sqlx::query("SELECT m.published, c.number FROM models m JOIN checkpoints c")
+        .fetch_one(&store.readers)
+        .await
+        .expect("counts");
+    let counted: (i64, i64) = (row.get("published"), row.get("number"));
+    assert_eq!(counted, (1, 1));
     let spec = JobSpec {
         kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
             model: "models/m".into(),
@@ -53,7 +70,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         })),
     };
     let evaluation = store.create_job(spec, None).await.expect("is queued");
-    assert_eq!(evaluation.queue_position, 1, "behind the job that waits");
+    assert_eq!(evaluation.queue_position, 2, "behind the jobs that wait");
     let new = NewWorker {
         display_name: "new".into(),
         device: WorkerDevice::default(),

@@ -1,0 +1,266 @@
+//! Bytes: removed once nothing refers to them, and never before.
+
+mod support;
+
+use std::{fs, time::Duration};
+use support::{File, Service, assert_refused, file, id, job_name, parts};
+use tonic::Code;
+use yoto_proto::{
+    keys,
+    v1::{
+        CreateJobRequest, DeleteJobRequest, FailJobRequest, JobError, JobSpec, TrainSpec, job_spec,
+        upload_capture_request::Part,
+    },
+};
+use yoto_server::ServerConfig;
+
+const HOUR: Duration = Duration::from_secs(3600);
+
+/// Garbage goes at once; only the best and newest checkpoints are kept.
+fn at_once(config: &mut ServerConfig) {
+    config.storage.grace = Duration::ZERO;
+    config.storage.collect_interval = HOUR;
+    config.storage.keep_newest = 1;
+    config.storage.keep_every = 0;
+}
+
+#[tokio::test]
+async fn garbage_waits_for_its_time() {
+    let service = Service::start_with(|config| {
+        at_once(config);
+        config.storage.grace = HOUR;
+    })
+    .await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let first = service
+        .publish_with(&lease, 1, 20.0)
+        .await
+        .expect("publishes");
+    let second = service
+        .publish_with(&lease, 2, 30.0)
+        .await
+        .expect("publishes");
+    let key = |it: &yoto_proto::v1::Checkpoint| it.manifest.clone().expect("has one").key;
+    let (first, second) = (key(&first), key(&second));
+    let lost = "renders/somebody/3";
+    service.put(&format!("{lost}/000000.png"), b"lost").await;
+
+    // The second call has the notes of the first.
+    for _ in 0..2 {
+        let found = service.collect(false, false).await;
+        assert!(
+            found
+                .folders
+                .iter()
+                .all(|it| !it.due && it.age_seconds < 60.0)
+        );
+        let listed = |key: &str| found.folders.iter().find(|it| it.key == key);
+        let removed = listed(keys::folder(&first)).expect("no longer kept");
+        assert_eq!(
+            (removed.deleted, removed.files, removed.bytes),
+            (true, 1, 2)
+        );
+        assert!(!listed(lost).expect("nobody's").deleted);
+        assert!(listed(keys::folder(&second)).is_none());
+        assert_eq!(found.due_bytes, 0);
+    }
+    let told = service.collect(true, true).await;
+    assert_eq!(told.due_bytes, 2, "what was deleted would go");
+    assert!(service.has(&first) && service.has(lost));
+    let done = service.collect(false, true).await;
+    assert_eq!(done.due_bytes, 2);
+    assert!(!service.has(keys::folder(&first)) && service.has(lost));
+    assert!(service.has(&second));
+
+    // The same age is enough now.
+    let dir = service.stop().await;
+    let service = Service::start_in(dir, at_once).await;
+    service.collect(false, false).await;
+    assert!(!service.has(lost) && !service.has("renders"));
+    assert!(service.has(&second), "its row names it");
+    assert_eq!(service.collect(false, false).await.count, 0);
+}
+
+#[tokio::test]
+async fn what_a_running_job_writes_is_not_garbage_until_it_ends() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    let job = service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let folder = |token| keys::checkpoint(id(&model.name), id(&job.name), token, 5);
+    let (own, other) = (folder(lease.token), folder(lease.token + 1));
+    for folder in [&own, &other] {
+        service.put(&format!("{folder}/weights"), b"weights").await;
+    }
+    service.collect(false, false).await;
+    assert!(service.has(&own), "it may be published yet");
+    assert!(!service.has(&other), "nobody has this token");
+
+    let ended = FailJobRequest {
+        job: job_name(&lease),
+        token: lease.token,
+        error: Some(JobError {
+            code: "DIVERGED".into(),
+            ..<_>::default()
+        }),
+        ..<_>::default()
+    };
+    service.workers().fail_job(ended).await.expect("fails");
+    service.collect(false, false).await;
+    assert!(!service.has(&own));
+}
+
+#[tokio::test]
+async fn a_removed_checkpoint_goes_while_its_training_runs() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let first = service
+        .publish_with(&lease, 1, 20.0)
+        .await
+        .expect("publishes");
+    let second = service
+        .publish_with(&lease, 2, 30.0)
+        .await
+        .expect("publishes");
+    let first = first.manifest.expect("has one").key;
+    service.collect(false, false).await;
+    assert!(!service.has(&first));
+    // The objects are written again, the call comes late: the row must not come back without them.
+    service
+        .publish_with(&lease, 1, 20.0)
+        .await
+        .expect("is known");
+    service.collect(false, false).await;
+    assert!(!service.has(&first));
+    let listed = service.checkpoints(&model.name).await;
+    assert_eq!(listed.len(), 1);
+    assert!(service.has(&second.manifest.expect("has one").key));
+}
+
+#[tokio::test]
+async fn an_upload_is_kept_until_it_was_read() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.subject("Ada").await;
+    let uploaded = service.upload_good(&ada.name).await;
+    let capture = uploaded.capture.expect("has one").name;
+    let upload = keys::upload(id(&capture), "poses.json");
+    service.collect(false, false).await;
+    assert!(service.has(&upload));
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    service.collect(false, false).await;
+    assert!(service.has(&upload));
+    service.complete_ingest(&lease).await;
+    service.collect(false, false).await;
+    assert!(!service.has(keys::folder(&upload)));
+    let shard = keys::shard(id(&capture), id(&job_name(&lease)), lease.token);
+    assert!(service.has(&shard));
+}
+
+#[tokio::test]
+async fn the_remains_of_a_killed_writer_and_empty_folders_go() {
+    let service = Service::start_with(at_once).await;
+    let staged = "models/m/j-1/000000005/weights.safetensors#1";
+    let path = service.path(staged);
+    fs::create_dir_all(path.parent().expect("has one")).expect("makes folders");
+    fs::write(&path, b"half").expect("writes");
+    fs::create_dir_all(service.path("renders/j/2")).expect("makes folders");
+    let foreign = service.path("backup/notes.txt");
+    fs::create_dir_all(foreign.parent().expect("has one")).expect("makes folders");
+    fs::write(&foreign, b"not ours").expect("writes");
+    let found = service.collect(false, false).await;
+    assert_eq!((found.count, found.bytes), (2, 4));
+    assert!(!service.has("models") && !service.has("renders"));
+    assert!(
+        foreign.exists(),
+        "a folder of an unknown kind is not touched"
+    );
+}
+
+#[tokio::test]
+async fn a_deleted_render_is_gone_with_its_pictures() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train", "render"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    service.publish(&training, 1).await.expect("publishes");
+    let job = service.render(&model, &ada, "").await;
+    let lease = service.lease(&worker).await.expect("the render waits");
+    let key = service.complete_render(&lease).await;
+    service.collect(false, false).await;
+    assert!(service.has(&key));
+    let name = job.name;
+    let request = DeleteJobRequest { name };
+    service.jobs().delete_job(request).await.expect("deletes");
+    service.collect(false, false).await;
+    assert!(!service.has(&key));
+}
+
+#[tokio::test]
+async fn a_disk_that_is_nearly_full_takes_no_uploads_and_trainings() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    let dir = service.stop().await;
+    let service = Service::start_in(dir, |config| config.storage.min_free_bytes = u64::MAX).await;
+    let before = service.stored_files().len();
+    let upload = service
+        .upload(&ada.name, vec![file("poses.json", b"{}")])
+        .await;
+    let message = upload
+        .as_ref()
+        .expect_err("is refused")
+        .message()
+        .to_owned();
+    assert!(message.contains(&u64::MAX.to_string()), "{message}");
+    assert_refused(upload, Code::ResourceExhausted, "DISK_FULL");
+    let spec = TrainSpec {
+        model: model.name.clone(),
+        seconds: 1.0,
+        ..<_>::default()
+    };
+    let request = CreateJobRequest {
+        spec: Some(JobSpec {
+            kind: Some(job_spec::Kind::Train(spec)),
+        }),
+        ..<_>::default()
+    };
+    let training = service.jobs().create_job(request).await;
+    assert_refused(training, Code::ResourceExhausted, "DISK_FULL");
+    assert_eq!(service.stored_files().len(), before);
+    assert_eq!(service.get_subject(&ada.name).await.captures.len(), 1);
+}
+
+#[tokio::test]
+async fn a_file_that_would_fill_the_disk_is_refused_at_its_header() {
+    let dir = tempfile::TempDir::new().expect("a folder");
+    let free = fs4::available_space(dir.path()).expect("has a disk");
+    let large = 8 << 30;
+    // Other programs use the same disk meanwhile.
+    let min_free = free.saturating_sub(large / 2);
+    let service = Service::start_in(dir, |config| config.storage.min_free_bytes = min_free).await;
+    let ada = service.subject("Ada").await;
+    let files: Vec<File> = vec![file("video.mp4", b"")];
+    let mut parts = parts(&ada.name, files);
+    for part in &mut parts {
+        if let Some(Part::File(header)) = &mut part.part {
+            header.bytes = large;
+        }
+    }
+    let mut subjects = service.subjects();
+    let answer = subjects.upload_capture(futures::stream::iter(parts)).await;
+    assert_refused(answer, Code::ResourceExhausted, "DISK_FULL");
+    assert!(service.get_subject(&ada.name).await.captures.is_empty());
+}
