@@ -18,7 +18,8 @@ use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_server::{
-    Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, in_memory,
+    Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, StorageLimits,
+    in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -43,6 +44,8 @@ pub struct EmbeddedOptions {
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
+    /// What is stored, and for how long.
+    pub storage: StorageLimits,
 }
 
 /// The reason why the embedded service can't start or continue.
@@ -114,6 +117,7 @@ impl Embedded {
             .and_then(|listener| listener.local_addr().ok());
         let config = ServerConfig {
             shutdown_grace: SERVER_GRACE,
+            storage: options.storage,
             ..ServerConfig::new(options.data)
         };
         let coordinator = Coordinator::open(config).await?;
@@ -306,6 +310,7 @@ mod tests {
             worker: true,
             ingest: IngestSettings::default(),
             lpips: None,
+            storage: StorageLimits::default(),
         }
     }
 

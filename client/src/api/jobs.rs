@@ -3,8 +3,8 @@
 use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, EvaluateSpec, GetJobRequest, IngestSpec, Job, JobSpec,
-    ListJobsRequest, RenderSpec, TrainSpec, job, job_spec,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, GetJobRequest,
+    IngestSpec, Job, JobSpec, ListJobsRequest, RenderSpec, TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -115,6 +115,19 @@ impl YotoClient {
         Ok(answer
             .map_err(ClientError::refused(format!("cancelling {name}")))?
             .into_inner())
+    }
+
+    /// Deletes a job that has ended, with its pictures and figures.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while it is queued or running.
+    pub async fn delete_job(&self, name: &str) -> Result<Deleted, ClientError> {
+        let request = DeleteJobRequest {
+            name: name.to_owned(),
+        };
+        let answer = self.job_service().delete_job(request).await;
+        let doing = format!("deleting {name}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
     }
 
     /// Follows a job from its current state to its end.

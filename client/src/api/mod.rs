@@ -12,6 +12,7 @@ mod objects;
 mod renders;
 mod resolve;
 mod status;
+mod storage;
 mod subjects;
 mod upload;
 mod watch;

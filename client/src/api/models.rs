@@ -1,12 +1,14 @@
 //! Models: shared networks, and the identity slots of the people in them.
 
 use super::{ClientError, YotoClient, request_id};
+use prost_types::FieldMask;
 use yoto_proto::pose_track::{PoseTrack, describe};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
-    AddIdentityRequest, Checkpoint, CreateModelRequest, GetModelRequest, GetRefinedPosesRequest,
-    GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
-    RemoveIdentityRequest,
+    AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Deleted, GetModelRequest, GetRefinedPosesRequest, GetTradeoffRequest,
+    IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model, RemoveIdentityRequest,
+    Retention, UpdateModelRequest,
 };
 
 impl YotoClient {
@@ -30,6 +32,7 @@ impl YotoClient {
             tier: tier.to_owned(),
             variant: variant.to_owned(),
             request_id: request_id(),
+            retention: None,
         };
         let answer = self.model_service().create_model(request).await;
         Ok(answer
@@ -176,5 +179,55 @@ impl YotoClient {
             )))?
             .into_inner()
             .json)
+    }
+
+    /// Changes which checkpoints a model keeps; the others are removed at once.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for one that keeps none.
+    pub async fn set_retention(
+        &self,
+        model: &str,
+        retention: Retention,
+    ) -> Result<Model, ClientError> {
+        let request = UpdateModelRequest {
+            model: Some(Model {
+                name: model.to_owned(),
+                retention: Some(retention),
+                ..Model::default()
+            }),
+            update_mask: Some(FieldMask {
+                paths: vec!["retention".to_owned()],
+            }),
+        };
+        let answer = self.model_service().update_model(request).await;
+        let doing = format!("changing what {model} keeps");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+
+    /// Deletes a model with its checkpoints and jobs.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while a job of it is queued or running.
+    pub async fn delete_model(&self, name: &str) -> Result<Deleted, ClientError> {
+        let request = DeleteModelRequest {
+            name: name.to_owned(),
+        };
+        let answer = self.model_service().delete_model(request).await;
+        let doing = format!("deleting {name}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+
+    /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`).
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while a job uses it.
+    pub async fn delete_checkpoint(&self, name: &str) -> Result<Deleted, ClientError> {
+        let request = DeleteCheckpointRequest {
+            name: name.to_owned(),
+        };
+        let answer = self.model_service().delete_checkpoint(request).await;
+        let doing = format!("deleting {name}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
     }
 }

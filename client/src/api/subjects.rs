@@ -3,8 +3,8 @@
 use super::{ClientError, YotoClient, request_id};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
 use yoto_proto::v1::{
-    Capture, CreateSubjectRequest, GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest,
-    Subject,
+    Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
+    GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, Subject,
 };
 
 impl YotoClient {
@@ -89,5 +89,31 @@ impl YotoClient {
         Ok(answer
             .map_err(ClientError::refused(format!("reading {name}")))?
             .into_inner())
+    }
+
+    /// Deletes a person and their captures.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while a model has them.
+    pub async fn delete_subject(&self, name: &str) -> Result<Deleted, ClientError> {
+        let request = DeleteSubjectRequest {
+            name: name.to_owned(),
+        };
+        let answer = self.subject_service().delete_subject(request).await;
+        let doing = format!("deleting {name}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+
+    /// Deletes a capture.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. while a job uses it.
+    pub async fn delete_capture(&self, name: &str) -> Result<Deleted, ClientError> {
+        let request = DeleteCaptureRequest {
+            name: name.to_owned(),
+        };
+        let answer = self.subject_service().delete_capture(request).await;
+        let doing = format!("deleting {name}");
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
     }
 }

@@ -1,10 +1,10 @@
-//! `yoto job`: list, show, watch, fetch and cancel jobs.
+//! `yoto job`: list, show, watch, fetch, cancel and delete jobs.
 
 use super::job_list::{JobList, span};
 use super::out_folder::OutFolder;
 use super::titles::{Titles, kind};
 use super::waiting::wait;
-use super::{Server, evaluate, job_fetch, train};
+use super::{Server, evaluate, job_fetch, table, train};
 use crate::api::{ClientError, YotoClient};
 use crate::output;
 use crate::progress::{ProgressDisplay, describe};
@@ -37,7 +37,14 @@ A queued job ends at once, a running job after its worker's next heartbeat.
 Example:
   yoto job cancel 9f31c2aa";
 
-/// List, show, watch, fetch and cancel jobs.
+const DELETE_HELP: &str = "\
+Its pictures and figures go with it. The checkpoints of a training stay with their model, and the capture
+of an ingest job with its person.
+
+Example:
+  yoto job delete 9f31c2aa";
+
+/// List, show, watch, fetch, cancel and delete jobs.
 #[derive(Debug, Args)]
 pub(super) struct JobCommand {
     #[command(subcommand)]
@@ -66,6 +73,9 @@ enum Action {
     /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
     Cancel(Which),
+    /// Delete a job that has ended, with its pictures and figures.
+    #[command(after_help = DELETE_HELP)]
+    Delete(Which),
 }
 
 #[derive(Debug, Args)]
@@ -107,6 +117,12 @@ impl JobCommand {
                 };
                 say!("{} {}{asked}", job.name, job.state().as_str_name());
                 output::put("job", output::message(&job));
+                Ok(())
+            }
+            Action::Delete(which) => {
+                let (client, job) = which.find().await?;
+                let deleted = client.delete_job(&job.name).await?;
+                table::say_deleted(&job.name, &deleted);
                 Ok(())
             }
         }

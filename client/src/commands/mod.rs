@@ -135,6 +135,7 @@ enum Command {
     Train(train::Train),
     Job(job::JobCommand),
     Status(status::Status),
+    Gc(status::gc::Gc),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     #[cfg(feature = "embedded")]
@@ -207,6 +208,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Train(command) => runtime.block_on(command.run()),
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Status(command) => runtime.block_on(command.run()),
+        Command::Gc(command) => runtime.block_on(command.run()),
         Command::Motion(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

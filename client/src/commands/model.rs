@@ -1,5 +1,7 @@
 //! `yoto model`: shared networks and the people in them.
 
+mod keep;
+
 use super::titles::Titles;
 use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
@@ -38,7 +40,7 @@ const LIST_HELP: &str = "\
 Example:
   yoto model list";
 
-/// Create, list, show and export models, and add people to them.
+/// Create, list, show, export and delete models, and add people to them.
 #[derive(Debug, Args)]
 pub(super) struct ModelCommand {
     #[command(subcommand)]
@@ -70,6 +72,18 @@ enum Action {
     /// Remove a person with whom a model was not trained yet.
     #[command(name = "remove-person", after_help = REMOVE_HELP)]
     RemovePerson(ModelPerson),
+    /// List the checkpoints of a model, and why each is kept.
+    #[command(after_help = keep::CHECKPOINTS_HELP)]
+    Checkpoints(keep::Which),
+    /// Choose which checkpoints a model keeps.
+    #[command(after_help = keep::KEEP_HELP)]
+    Keep(keep::Keep),
+    /// Delete a checkpoint.
+    #[command(name = "delete-checkpoint", after_help = keep::DELETE_CHECKPOINT_HELP)]
+    DeleteCheckpoint(keep::DeleteCheckpoint),
+    /// Delete a model with its checkpoints, its jobs and their pictures.
+    #[command(after_help = keep::DELETE_HELP)]
+    Delete(keep::Which),
     /// Write the files of a checkpoint to a folder.
     #[command(after_help = super::model_export::AFTER_HELP)]
     Export(super::model_export::Export),
@@ -185,6 +199,10 @@ impl ModelCommand {
             Action::Show { model, server } => show(&server.connect().await?, &model).await,
             Action::AddPerson(person) => person.add().await,
             Action::RemovePerson(person) => person.remove().await,
+            Action::Checkpoints(which) => which.checkpoints().await,
+            Action::Keep(keep) => keep.run().await,
+            Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,
+            Action::Delete(which) => which.delete().await,
             Action::Export(export) => export.run().await,
             #[cfg(feature = "embedded")]
             Action::Info(info) => info.run().await,

@@ -5,6 +5,8 @@ use anyhow::Context;
 use clap::Args;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
+use std::time::Duration;
+use yoto_server::StorageLimits;
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
@@ -36,11 +38,46 @@ pub(super) struct Serve {
     #[arg(long)]
     insecure: bool,
     #[command(flatten)]
+    storage: Storage,
+    #[command(flatten)]
     pub(super) logs: super::LogArgs,
     #[command(flatten)]
     ingest: super::ingest_args::IngestArgs,
     #[command(flatten)]
     lpips: super::lpips_args::LpipsArgs,
+}
+
+/// What the service stores, and for how long.
+#[derive(Debug, Args)]
+struct Storage {
+    /// Newest checkpoints that a model keeps, unless `yoto model keep` says otherwise.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    keep_newest: u32,
+    /// A model keeps every N-th checkpoint besides; 0: none for this reason.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    keep_every: u32,
+    /// Hours until bytes that belong to nothing are removed.
+    #[arg(long, value_name = "HOURS", default_value_t = 24.0)]
+    grace_hours: f64,
+    /// Free space of the disk, GiB, below which uploads and trainings are refused.
+    #[arg(long, value_name = "GIB", default_value_t = 2.0)]
+    min_free_gib: f64,
+}
+
+impl Storage {
+    fn limits(&self) -> anyhow::Result<StorageLimits> {
+        let grace = Duration::try_from_secs_f64(self.grace_hours * 3600.0);
+        let grace = grace.with_context(|| format!("--grace-hours {}", self.grace_hours))?;
+        let free = self.min_free_gib;
+        anyhow::ensure!(free >= 0.0, "--min-free-gib {free} is below 0");
+        Ok(StorageLimits {
+            keep_newest: self.keep_newest,
+            keep_every: self.keep_every,
+            grace,
+            min_free_bytes: (free * (1_u64 << 30) as f64) as u64,
+            ..StorageLimits::default()
+        })
+    }
 }
 
 impl Serve {
@@ -52,6 +89,7 @@ impl Serve {
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
+            storage: self.storage.limits()?,
         };
         let mut service = Embedded::start(options)
             .await
@@ -124,6 +162,35 @@ mod tests {
         );
         for bad in ["localhost", "6000", "no such host:1"] {
             assert!(address(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn limits_are_those_of_the_service_unless_told() {
+        let storage = |grace_hours, min_free_gib| Storage {
+            keep_newest: 3,
+            keep_every: 10,
+            grace_hours,
+            min_free_gib,
+        };
+        let limits = storage(24.0, 2.0).limits().expect("good");
+        let default = StorageLimits::default();
+        assert_eq!(
+            (limits.keep_newest, limits.keep_every),
+            (default.keep_newest, default.keep_every)
+        );
+        assert_eq!(
+            (limits.grace, limits.min_free_bytes),
+            (default.grace, default.min_free_bytes)
+        );
+        for (hours, gib) in [
+            (-1.0, 2.0),
+            (f64::NAN, 2.0),
+            (1e300, 2.0),
+            (1.0, f64::NAN),
+            (1.0, -1.0),
+        ] {
+            assert!(storage(hours, gib).limits().is_err(), "{hours} {gib}");
         }
     }
 

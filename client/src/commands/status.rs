@@ -1,5 +1,7 @@
 //! `yoto status`: the service at a glance.
 
+pub(super) mod gc;
+
 use super::job_list::span;
 use super::titles::{Titles, kind};
 use super::{Server, table};

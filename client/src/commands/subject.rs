@@ -1,5 +1,7 @@
 //! `yoto subject`: people and the captures of them.
 
+mod delete;
+
 use super::import::ImportOptions;
 use super::subject_poses::SubjectPoses;
 use super::waiting::wait_for_new;
@@ -70,6 +72,12 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Delete a person and their captures.
+    #[command(after_help = delete::SUBJECT_HELP)]
+    Delete(delete::DeleteSubject),
+    /// Delete a capture.
+    #[command(name = "delete-capture", after_help = delete::CAPTURE_HELP)]
+    DeleteCapture(delete::DeleteCapture),
     /// Write the poses of a person as a training has refined them.
     Poses(Box<SubjectPoses>),
 }
@@ -118,6 +126,8 @@ impl SubjectCommand {
             Action::Add(add) => add.run().await,
             Action::List { server } => list(&server).await,
             Action::Show { name, server } => show(&server, &name).await,
+            Action::Delete(subject) => subject.run().await,
+            Action::DeleteCapture(capture) => capture.run().await,
             Action::Poses(poses) => poses.run().await,
         }
     }

@@ -1,6 +1,8 @@
 //! Plain tables on stdout, and arguments shared by several commands.
 
-use yoto_proto::{protocols, tiers};
+use crate::output;
+use crate::progress::count;
+use yoto_proto::{protocols, tiers, v1::Deleted};
 
 /// Rows of equal length as aligned columns under a header.
 pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -28,6 +30,30 @@ pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
             .map(|row| line(&mut row.iter().map(String::as_str))),
     );
     lines.join("\n")
+}
+
+/// Tells that `what` was deleted, and what went with it.
+pub(super) fn say_deleted(what: &str, deleted: &Deleted) {
+    output::put("deleted", output::message(deleted));
+    say!("{what} is deleted: {}", taken(deleted));
+    tell!("its bytes go after the service's time of grace; `yoto gc --now` removes them now");
+}
+
+/// `2 checkpoints, 1 job`.
+fn taken(deleted: &Deleted) -> String {
+    let all = [
+        (deleted.captures, "capture"),
+        (deleted.checkpoints, "checkpoint"),
+        (deleted.jobs, "job"),
+    ];
+    let all = all.iter().filter(|(number, _)| *number > 0);
+    let all: Vec<String> = all
+        .map(|(number, what)| count(*number as usize, what))
+        .collect();
+    match all.is_empty() {
+        true => "it had nothing".to_owned(),
+        false => all.join(", "),
+    }
 }
 
 /// The longest side of pictures, in words; 0 is the captures' own.
@@ -95,6 +121,17 @@ pub(super) fn explained(table: &[(&str, &str)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_went_with_a_deletion_is_counted() {
+        let deleted = Deleted {
+            checkpoints: 2,
+            jobs: 1,
+            captures: 0,
+        };
+        assert_eq!(taken(&deleted), "2 checkpoints, 1 job");
+        assert_eq!(taken(&Deleted::default()), "it had nothing");
+    }
 
     #[test]
     fn columns_align() {

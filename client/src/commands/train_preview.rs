@@ -4,6 +4,7 @@ use crate::api::{ClientError, YotoClient};
 use std::path::{Path, PathBuf};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
+use tonic::Code;
 use yoto_proto::manifest::files::PREVIEW;
 use yoto_proto::names;
 use yoto_proto::v1::{Job, job_result};
@@ -62,13 +63,14 @@ async fn fetch(
     while steps.changed().await.is_ok() {
         let step = *steps.borrow_and_update();
         let checkpoint = names::checkpoint(model, step);
-        let objects = client.list_objects(&checkpoint).await?;
-        // The checkpoint of an interrupted training has none.
-        let Some(mut preview) = objects.into_iter().find(|it| it.file == PREVIEW) else {
-            continue;
+        let fetched = match fetch_one(client, &checkpoint, step, dir).await {
+            // The model keeps newer ones only: they have come faster than this.
+            Err(ClientError::Refused(refusal)) if refusal.code() == Code::NotFound => continue,
+            fetched => fetched?,
         };
-        preview.file = format!("{step:06}.png");
-        let fetched = client.fetch_objects(&[preview], dir, &mut |_| ()).await?;
+        if fetched.is_empty() {
+            continue;
+        }
         if paths.is_empty() {
             let shown = dir.join("STEP.png");
             tell!(
@@ -79,4 +81,19 @@ async fn fetch(
         paths.extend(fetched);
     }
     Ok(paths)
+}
+
+/// The preview of a checkpoint; that of an interrupted training has none.
+async fn fetch_one(
+    client: &YotoClient,
+    checkpoint: &str,
+    step: u64,
+    dir: &Path,
+) -> Result<Vec<PathBuf>, ClientError> {
+    let objects = client.list_objects(checkpoint).await?;
+    let Some(mut preview) = objects.into_iter().find(|it| it.file == PREVIEW) else {
+        return Ok(Vec::new());
+    };
+    preview.file = format!("{step:06}.png");
+    client.fetch_objects(&[preview], dir, &mut |_| ()).await
 }

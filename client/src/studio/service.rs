@@ -21,6 +21,7 @@ pub async fn with_service<T>(
         worker: true,
         ingest: yoto_ingest::IngestSettings::default(),
         lpips,
+        storage: yoto_server::StorageLimits::default(),
     })
     .await
     .context("starting the embedded service")?;

@@ -73,7 +73,8 @@ fn best_of_each_kind(published: &[Published]) -> (Vec<u64>, Vec<u64>) {
     while let Some(newest) = rest.first().cloned() {
         let (kind, others): (Vec<_>, Vec<_>) = rest.into_iter().partition(|it| alike(it, &newest));
         let measured = kind.iter().filter_map(|it| Some((it.psnr?, it.step)));
-        let top = measured.max_by(|(a, _), (b, _)| a.total_cmp(b));
+        // Of equal ones the last is taken, which is the newest.
+        let top = measured.rev().max_by(|(a, _), (b, _)| a.total_cmp(b));
         highest.extend(top.map(|(_, step)| step));
         best.extend(best_first(kind).first().map(|it| it.step));
         rest = others;
@@ -221,7 +222,7 @@ mod tests {
         for number in 1..=30 {
             all.insert(
                 0,
-                published(number, number, 30.0 - 0.05 * number as f64, &[0]),
+                published(number, number, 30.0 - 0.04 * number as f64, &[0]),
             );
             let rule = Retention {
                 newest: 1,
@@ -232,7 +233,7 @@ mod tests {
             all.retain(|_| kept.next() == Some(true));
         }
         let steps: Vec<u64> = all.iter().map(|it| it.checkpoint.step).collect();
-        assert_eq!(steps, [30, 2, 1], "the newest, the best, the highest");
+        assert_eq!(steps, [30, 3, 1], "the newest, the best, the highest");
     }
 
     #[test]

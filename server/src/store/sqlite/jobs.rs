@@ -1,7 +1,7 @@
 //! The users' side of jobs: create, read, list, cancel.
 
 use super::{
-    outcome, pins, requests,
+    models, outcome, pins, requests,
     rows::{Columns, During, state},
 };
 use crate::store::{Entry, JobKind, Page, RequestKey, StoreError, new_id};
@@ -85,6 +85,10 @@ pub async fn insert(conn: &mut SqliteConnection, spec: JobSpec) -> Result<String
         .map_err(|error| unreadable(error.to_string()))?;
     let ingest = kind == JobKind::Ingest;
     let id = new_id();
+    if !ingest {
+        // It may have been deleted since the order was checked.
+        models::get(conn, target).await?;
+    }
     let pinned = pins::chosen(conn, &spec).await?;
     sqlx::query(
         "INSERT INTO jobs (id, kind, capture, model, spec, pinned_step)

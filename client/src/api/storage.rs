@@ -1,0 +1,24 @@
+//! The object store of the service.
+
+use super::{ClientError, YotoClient};
+use yoto_proto::v1::storage_service_client::StorageServiceClient;
+use yoto_proto::v1::{CollectGarbageRequest, CollectGarbageResponse};
+
+impl YotoClient {
+    /// Finds the objects that nothing refers to, and removes those whose time of grace is over; `now`:
+    /// those of deleted things at once; `dry_run`: none.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn collect_garbage(
+        &self,
+        dry_run: bool,
+        now: bool,
+    ) -> Result<CollectGarbageResponse, ClientError> {
+        let mut service = StorageServiceClient::new(self.channel.clone());
+        let request = CollectGarbageRequest { dry_run, now };
+        let answer = service.collect_garbage(request).await;
+        let doing = "collecting garbage";
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+}
