@@ -7,8 +7,8 @@ use tokio_stream::wrappers::TcpListenerStream;
 use tonic::{Code, Request, Response, Status};
 use yoto_proto::v1::job_service_server::{JobService, JobServiceServer};
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, GetJobRequest, Job, ListJobsRequest, ListJobsResponse,
-    WatchJobRequest, WatchJobResponse, job,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job,
+    ListJobsRequest, ListJobsResponse, WatchJobRequest, WatchJobResponse, job,
 };
 
 /// What one connection sends: the request it expects, and its messages.
@@ -52,6 +52,9 @@ impl JobService for Scripted {
         Err(Status::unimplemented("only watching is scripted"))
     }
     async fn cancel_job(&self, _: Request<CancelJobRequest>) -> Answer<Job> {
+        Err(Status::unimplemented("only watching is scripted"))
+    }
+    async fn delete_job(&self, _: Request<DeleteJobRequest>) -> Answer<Deleted> {
         Err(Status::unimplemented("only watching is scripted"))
     }
 }
