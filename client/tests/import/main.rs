@@ -8,6 +8,7 @@ mod motions;
 mod pickled;
 mod pose_tools;
 mod pose_tools_bad;
+mod pose_tools_bodies;
 mod projected;
 mod written;
 
