@@ -12,10 +12,14 @@ const AFTER_HELP: &str = "\
 Files of each format, with their units, are described in docs/formats.md. Shape parameters become
 rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
+Poses of a video alone are found by a pose model that deploy/models/get.sh fetches (see
+deploy/models/README.md). So are its masks, unless --masks has better ones.
+
 Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM or EasyMocap are recognised by
 their contents, and held against masks: see docs/pose-tools.md.
 
 Examples:
+  yoto import walk.mp4 --pose-model models --out captures/walk
   yoto import walk.mp4 --poses outputs/results/demo_walk.pkl --out captures/walk
   yoto import walk.mp4 --poses hmr4d_results.pt --masks masks/ --smpl SMPLX_NEUTRAL.npz \\
       --out captures/walk
@@ -31,7 +35,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Import {
-    /// Folder of the capture; or a video, or a folder of pictures, whose poses are in --poses.
+    /// Folder of the capture; or a video, or a folder of pictures, whose poses are in --poses or
+    /// are found by --pose-model.
     #[arg(value_name = "SRC")]
     source: PathBuf,
     /// Folder to write: pose track, frames, masks.

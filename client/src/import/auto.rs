@@ -1,5 +1,6 @@
 //! Recognises the format of a capture by its files.
 
+use super::clip::{PICTURES, is_video, listed};
 use super::{Format, Options, pose_tools};
 use crate::api::ClientError;
 use std::path::Path;
@@ -59,6 +60,10 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
     if options.poses.is_some() || (dir.is_dir() && pose_tools::has_files(dir)) {
         return Ok(Recognised::PoseTool);
     }
+    let has_pictures = || listed(dir, &PICTURES).is_ok_and(|files| !files.is_empty());
+    if is_video(dir) || (dir.is_dir() && has_pictures()) {
+        return Ok(Recognised::Capture(Format::Film, "a clip alone"));
+    }
     let captures: Vec<String> = MARKS
         .iter()
         .map(|(_, files, name)| format!("{name} ({})", files.join(", ")))
@@ -68,8 +73,8 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
         .map(|tool| tool.name())
         .collect();
     let message = format!(
-        "of no format that is known; looked for a capture folder ({}), {}, and, with --poses, the files \
-         of {}",
+        "of no format that is known; looked for a video or pictures, a capture folder ({}), {}, and, with \
+         --poses, the files of {}",
         FILES.join(", "),
         captures.join(", "),
         tools.join(", ")

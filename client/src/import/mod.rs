@@ -7,13 +7,15 @@
 //!
 //! ```text
 //! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
-//!     clip (video or pictures) → pose_tools ┘
+//!     clip (video or pictures) → pose_tools ┤
+//!                              → film ──────┘
 //! ```
 
 mod auto;
 pub mod best;
 mod body_model;
 mod clip;
+mod film;
 mod folder;
 mod geometry;
 mod hdf5;
@@ -64,6 +66,8 @@ pub enum Format {
     InstantAvatar,
     /// This project's own: poses.json or poses.pb, frames, masks.
     Folder,
+    /// A video, or a folder of pictures, alone: poses and masks by --pose-model.
+    Film,
     /// 4D-Humans' tracker PHALP: --poses outputs/results/demo_*.pkl, with its video.
     Phalp,
     /// WHAM: --poses wham_output.pkl, with its video.
@@ -195,6 +199,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::PeopleSnapshot => people_snapshot::read(&source, options),
         Format::InstantAvatar => instant_avatar::read(&source, options),
         Format::Folder => folder::read(&source, options),
+        Format::Film => film::read(dir, options),
         Format::Phalp => tool(Tool::Phalp),
         Format::Wham => tool(Tool::Wham),
         Format::Gvhmr => tool(Tool::Gvhmr),

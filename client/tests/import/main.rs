@@ -4,6 +4,7 @@
 mod bad;
 mod captures;
 mod dialects;
+mod film;
 mod motions;
 mod pickled;
 mod pose_tools;

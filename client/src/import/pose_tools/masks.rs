@@ -76,6 +76,31 @@ impl Masks {
     }
 }
 
+/// Masks by frame, with where they are from.
+pub(in crate::import) struct MasksByFrame {
+    pub words: String,
+    pub frames: BTreeMap<usize, Mask>,
+}
+
+/// All masks in `path`, a folder or a video, of a clip that no tool has seen.
+///
+/// # Errors
+/// When `path` holds no masks.
+pub(in crate::import) fn masks_given(
+    path: &Path,
+    clip: &Clip,
+) -> Result<Vec<MasksByFrame>, ClientError> {
+    let masks = Masks::find(Some(path), &Found::of(Vec::new()), clip)?;
+    let by_frame = |masks: Masks| match masks.from {
+        From::Poses => None,
+        From::Frames(frames) => Some(MasksByFrame {
+            words: masks.words,
+            frames,
+        }),
+    };
+    Ok(masks.into_iter().filter_map(by_frame).collect())
+}
+
 /// The masks in the tool's files.
 fn own(found: &Found) -> Vec<Masks> {
     let has = |person: &Person| person.seen.iter().any(|seen| seen.mask.is_some());

@@ -27,6 +27,7 @@ mod tool;
 mod tram;
 mod wham;
 
+pub(super) use masks::{MasksByFrame, masks_given};
 pub(super) use recognise::has_files;
 pub(super) use tool::Tool;
 
