@@ -1,7 +1,7 @@
 //! Recognises the format of a capture by its files.
 
 use super::clip::{PICTURES, is_video, listed};
-use super::{Format, Options, pose_tools};
+use super::{Format, Options, key_points, pose_tools};
 use crate::api::ClientError;
 use std::path::Path;
 use yoto_proto::pose_track::{FILES, violation};
@@ -40,6 +40,8 @@ const MARKS: [(Format, &[&str], &str); 6] = [
 pub(super) enum Recognised {
     /// A capture of another program, and its name.
     Capture(Format, &'static str),
+    /// Key points of a detector.
+    KeyPoints,
     /// A pose tool's files, which say themselves what they are.
     PoseTool,
 }
@@ -56,6 +58,9 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
     let found = marks.find(|(_, files, _)| files.iter().all(|file| dir.join(file).exists()));
     if let Some((format, _, name)) = found {
         return Ok(Recognised::Capture(*format, name));
+    }
+    if options.poses.as_deref().is_some_and(key_points::has_files) {
+        return Ok(Recognised::KeyPoints);
     }
     if options.poses.is_some() || (dir.is_dir() && pose_tools::has_files(dir)) {
         return Ok(Recognised::PoseTool);
@@ -74,10 +79,11 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
         .collect();
     let message = format!(
         "of no format that is known; looked for a video or pictures, a capture folder ({}), {}, and, with \
-         --poses, the files of {}",
+         --poses, the files of {}, or {}",
         FILES.join(", "),
         captures.join(", "),
-        tools.join(", ")
+        tools.join(", "),
+        key_points::FILES
     );
     let name = dir.file_name().unwrap_or_default().to_string_lossy();
     Err(ClientError::BadCapture {

@@ -22,6 +22,7 @@ mod hdf5;
 mod humannerf_prepared;
 mod humannerf_wild;
 mod instant_avatar;
+mod key_points;
 pub mod motion;
 mod people_snapshot;
 mod pictures;
@@ -86,6 +87,9 @@ pub enum Format {
     /// EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video.
     #[value(name = "easymocap")]
     EasyMocap,
+    /// Key points of OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body: --poses
+    /// their files, with the clip; a body is fitted to them.
+    KeyPoints,
 }
 
 /// Inputs that an importer can't find in the files.
@@ -186,6 +190,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
                     imported.notes.insert(0, format!("recognised: {name}"));
                     Ok(imported)
                 }
+                Recognised::KeyPoints => checked(&source, key_points::read(dir, options)?, options),
                 Recognised::PoseTool => {
                     checked(&source, pose_tools::read(dir, options, None)?, options)
                 }
@@ -208,6 +213,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::PromptHmr => tool(Tool::PromptHmr),
         Format::Lhm => tool(Tool::Lhm),
         Format::EasyMocap => tool(Tool::EasyMocap),
+        Format::KeyPoints => key_points::read(dir, options),
     }?;
     checked(&source, imported, options)
 }

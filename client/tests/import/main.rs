@@ -5,6 +5,7 @@ mod bad;
 mod captures;
 mod dialects;
 mod film;
+mod key_points;
 mod motions;
 mod pickled;
 mod pose_tools;

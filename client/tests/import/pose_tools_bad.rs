@@ -232,11 +232,7 @@ fn files_known_to_be_wrong_are_refused_by_name() {
         text.contains("ran without SMPL") && text.contains("--calc_smpl"),
         "{text}"
     );
-    for path in [
-        "clip/masks/00000.png",
-        "mmpose/results_walk.json",
-        "clip/frames",
-    ] {
+    for path in ["clip/masks/00000.png", "clip/frames"] {
         let text = of(path);
         for tool in [
             "4D-Humans (PHALP)",

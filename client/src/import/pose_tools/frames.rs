@@ -111,7 +111,7 @@ impl Numbers {
 }
 
 /// Runs of numbers for people: `3, 7–9`.
-pub(super) fn runs(numbers: &[usize]) -> String {
+pub(in crate::import) fn runs(numbers: &[usize]) -> String {
     let mut runs: Vec<(usize, usize)> = Vec::new();
     for &number in numbers {
         match runs.last_mut() {

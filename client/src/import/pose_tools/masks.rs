@@ -27,7 +27,7 @@ const BRIGHTEST_LABEL: u8 = 32;
 
 /// Masks of one person (or of all together).
 #[derive(Clone, Debug)]
-pub(super) struct Masks {
+pub(in crate::import) struct Masks {
     /// Where they are from, for people: `masks/00012.png and others, colour #800000`.
     pub words: String,
     from: From,

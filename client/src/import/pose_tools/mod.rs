@@ -27,9 +27,10 @@ mod tool;
 mod tram;
 mod wham;
 
-pub(super) use masks::{MasksByFrame, masks_given};
+pub(super) use frames::runs;
+pub(super) use masks::{Masks, MasksByFrame, masks_given};
 pub(super) use recognise::has_files;
-pub(super) use tool::Tool;
+pub(super) use tool::{Found, Seen, Tool};
 
 use super::clip::{Clip, fault, listed};
 use super::geometry::{Mat3, Vec3, add, apply, sub, transpose};
@@ -37,11 +38,9 @@ use super::track::{Camera, Placed, empty_track, smpl_skeleton};
 use super::{Imported, Options};
 use crate::api::ClientError;
 use choice::Choice;
-use frames::{Numbers, runs};
-use masks::Masks;
+use frames::Numbers;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tool::Found;
 
 /// Endings of videos, lower case.
 const VIDEOS: [&str; 6] = [".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi"];

@@ -105,7 +105,7 @@ impl Body {
 
 /// Intrinsics that a file has.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Intrinsics {
+pub(in crate::import) struct Intrinsics {
     /// Pixels.
     pub focal: [f64; 2],
     /// Principal point, pixels from the first pixel's centre; the image's middle if absent.
@@ -130,7 +130,7 @@ impl Intrinsics {
 
 /// A person in one frame.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(in crate::import) struct Seen {
     /// Frame of the tool's clip, from 0.
     pub number: usize,
     /// The picture's name, if the file has it.
@@ -172,7 +172,7 @@ impl Seen {
 
 /// A person of a clip.
 #[derive(Clone, Debug)]
-pub(super) struct Person {
+pub(in crate::import) struct Person {
     /// The tool's number or name.
     pub name: String,
     /// In the order of their frames.
@@ -181,7 +181,7 @@ pub(super) struct Person {
 
 /// The contents of a tool's files.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(in crate::import) struct Found {
     pub people: Vec<Person>,
     /// Frames of the tool's clip, if the files say.
     pub frames: Option<usize>,

@@ -1,0 +1,137 @@
+//! A capture of the chosen person: a body fitted to the key points of all frames.
+
+use super::detections::{Detection, Detections};
+use super::{mask, people};
+use crate::api::ClientError;
+use crate::import::clip::{Clip, fault};
+use crate::import::pose_tools::runs;
+use crate::import::{Imported, Options};
+use std::path::Path;
+use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
+
+/// Frames per second of a clip that has no times.
+const FPS: f64 = 30.0;
+
+/// The capture of a person in `found`, whose files are at `at`.
+///
+/// # Errors
+/// When the person or the masks are not there; when no body fits the points.
+pub(super) fn read(
+    clip: &Clip,
+    found: &Detections,
+    at: &Path,
+    options: &Options,
+) -> Result<Imported, ClientError> {
+    let mut notes = vec![format!(
+        "{}: key points of {} frames",
+        found.name,
+        found.frames.len()
+    )];
+    let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
+    let numbers = found.numbers(clip, at)?;
+    let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
+    let wanted: Vec<usize> = (first..end.min(clip.frames)).step_by(step.max(1)).collect();
+    let mut seen: Vec<(usize, &Detection)> = Vec::new();
+    for &(place, detection) in &person.seen {
+        let frame = numbers.get(place).copied().flatten();
+        if let Some(frame) = frame.filter(|frame| wanted.binary_search(frame).is_ok())
+            && seen.last().is_none_or(|(last, _)| *last < frame)
+        {
+            seen.push((frame, detection));
+        }
+    }
+    if seen.is_empty() {
+        let message = "no frame of the clip has key points of the person";
+        return Err(fault(at, "EMPTY", message));
+    }
+    let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
+    left_out(&wanted, "key points of the person", is_seen, &mut notes);
+    let masks = match &options.masks {
+        Some(given) => Some(mask::find(given, clip, &seen, &mut notes)?),
+        None => {
+            notes.push("no masks: training needs them (--masks)".to_owned());
+            None
+        }
+    };
+    let fitted = fit(
+        &key_points(clip, found, &seen, options, &mut notes),
+        &FitOptions {
+            focal: options.focal.or(found.focal),
+            height: options.height,
+            upright: true,
+        },
+        &mut |_, _| (),
+    )
+    .map_err(|error| fault(at, "UNSUITABLE", error.to_string()))?;
+    notes.extend(fitted.notes);
+    let mut track = fitted.track;
+    if let Some(masks) = &masks {
+        let frames: Vec<usize> = seen.iter().map(|(frame, _)| *frame).collect();
+        let has_mask = |frame: &usize| masks.contains_key(frame);
+        left_out(&frames, "mask", has_mask, &mut notes);
+        track
+            .frames
+            .retain(|frame| has_mask(&(frame.index as usize)));
+    }
+    let indices: Vec<usize> = track
+        .frames
+        .iter()
+        .map(|frame| frame.index as usize)
+        .collect();
+    let mask = |frame: &usize| masks.as_ref().and_then(|masks| masks.get(frame)).cloned();
+    let of_frames = indices
+        .iter()
+        .map(|frame| mask(frame).into_iter().collect());
+    Ok(Imported {
+        track,
+        pictures: clip.pictures(&indices, of_frames.collect()),
+        notes,
+    })
+}
+
+/// Tells which of `frames` lack something.
+fn left_out(frames: &[usize], what: &str, has: impl Fn(&usize) -> bool, notes: &mut Vec<String>) {
+    let without: Vec<usize> = frames.iter().copied().filter(|frame| !has(frame)).collect();
+    if !without.is_empty() {
+        notes.push(format!(
+            "{} frames without {what} are left out: {}",
+            without.len(),
+            runs(&without)
+        ));
+    }
+}
+
+fn key_points(
+    clip: &Clip,
+    found: &Detections,
+    seen: &[(usize, &Detection)],
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> KeyPoints {
+    let fps = options.fps.or(clip.fps.filter(|fps| fps.is_finite()));
+    let fps = fps.unwrap_or_else(|| {
+        notes.push(format!(
+            "no file says how fast the frames are: {FPS} a second (--fps)"
+        ));
+        FPS
+    });
+    if options.focal.is_none()
+        && let Some(focal) = found.focal
+    {
+        notes.push(format!(
+            "focal length: {focal:.0} px, which {} worked with (--focal for another)",
+            found.name
+        ));
+    }
+    let frames = seen.iter().map(|(frame, detection)| FrameKeyPoints {
+        index: *frame as u32,
+        picture: detection.picture.clone(),
+        space: detection.space.clone(),
+    });
+    KeyPoints {
+        set: found.set,
+        image_size: clip.size,
+        fps,
+        frames: frames.collect(),
+    }
+}
