@@ -39,14 +39,14 @@ impl Default for FitOptions {
 /// A person's poses, with what the fit found on the way.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// 24 joints of SMPL's tree; the world is the camera's axes.
+    /// 24 joints of SMPL's tree. The world has its origin in the camera and y down along gravity; in a
+    /// fit that reads no gravity off the person, it has the camera's axes.
     pub track: PoseTrack,
     /// Median distance between key points and the fitted body's in the picture, pixels.
     pub reprojection_px: f64,
     /// Focal length, pixels.
     pub focal: f64,
-    /// How far the camera looks down, degrees, judged by the person's uprightness. The track is
-    /// not turned by it.
+    /// How far the camera looks down, degrees, judged by the person's uprightness.
     pub camera_down_degrees: f64,
     /// Height of the fitted body, metres.
     pub height: f64,

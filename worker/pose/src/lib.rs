@@ -25,6 +25,7 @@ mod residuals;
 mod rotation;
 mod skeleton;
 mod solve;
+mod world;
 
 pub use error::PoseError;
 pub use fit::{FitOptions, Fitted, MAX_FRAMES, fit};

@@ -6,9 +6,9 @@ use crate::forward::Posed;
 use crate::parameters::{Shared, Stance};
 use crate::problem::{Problem, quantile};
 use crate::residuals::upright;
-use crate::rotation::logarithm;
 use crate::skeleton::{height, offsets, to_track};
 use crate::solve::Guess;
+use crate::world::World;
 use yoto_capture::skeleton::transform::scale;
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 
@@ -33,16 +33,19 @@ pub(crate) fn fitted(
     let skeleton = to_track(&offsets.map(|offset| scale(offset, grown)));
     let focal = found.shared.focal();
     let [x, y] = problem.centre;
+    let down = down(&found.stances, &found.shared);
+    let world = World::of_camera(if options.upright { down } else { 0.0 });
+    let rest = skeleton.rest_joints.first().copied().unwrap_or_default();
     let frames = points.frames.iter().zip(&found.stances);
     let frames = frames.map(|(frame, stance)| Frame {
         index: frame.index,
-        pose: stance.rotations.iter().flat_map(logarithm).collect(),
-        translation: scale(stance.root, grown),
+        pose: world.pose(&stance.rotations),
+        translation: world.translation(rest, scale(stance.root, grown)),
         k: [[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]],
-        e: std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j)))),
+        e: world.extrinsics(),
     });
     let reprojection_px = reprojection(problem, &found.stances, &found.shared);
-    let down = down(&found.stances, &found.shared).to_degrees();
+    let down = down.to_degrees();
     Fitted {
         track: PoseTrack {
             skeleton,
@@ -92,7 +95,7 @@ fn notes(
     if options.upright {
         let way = if down < 0.0 { "up" } else { "down" };
         notes.push(format!(
-            "the camera looks {way} by {:.0}°, if the person stands upright",
+            "the camera looks {way} by {:.0}°, so that the person stands upright on the whole",
             down.abs()
         ));
     }

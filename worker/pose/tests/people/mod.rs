@@ -7,6 +7,7 @@ use yoto_capture::skeleton::transform::{add, apply, length, scale, sub};
 use yoto_capture::skeleton::{Pose, Skeleton, Vec3};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_pose::{Fitted, FrameKeyPoints, KeyPointSet, KeyPoints};
+use yoto_proto::pose_track::Frame;
 
 /// What a detector gets wrong.
 #[derive(Clone, Copy, Debug)]
@@ -187,7 +188,16 @@ fn normal(rng: &mut impl Rng) -> f64 {
 /// Fitted joints in the camera's axes, `[frames][24]`, metres.
 pub fn joints(fitted: &Fitted) -> Vec<Vec<Vec3>> {
     let skeleton = Skeleton::from_track(&fitted.track.skeleton).expect("a skeleton");
-    let posed = |frame| skeleton.posed_joints(&Pose::from_frame(frame).expect("a pose"));
+    let posed = |frame: &Frame| {
+        let pose = Pose::from_frame(frame).expect("a pose");
+        let see = |joint: Vec3| -> Vec3 {
+            std::array::from_fn(|i| {
+                let [x, y, z, by] = frame.e[i];
+                x * joint[0] + y * joint[1] + z * joint[2] + by
+            })
+        };
+        skeleton.posed_joints(&pose).into_iter().map(see).collect()
+    };
     fitted.track.frames.iter().map(posed).collect()
 }
 

@@ -1,0 +1,70 @@
+//! From the camera's axes, in which a body is fitted, to a world in which people stand upright: orbits
+//! and motions turn about the world's up.
+
+use crate::rotation::{logarithm, product, transposed, turned};
+use crate::skeleton::COUNT;
+use yoto_capture::skeleton::Vec3;
+use yoto_capture::skeleton::transform::{Mat3, add, rodrigues, sub};
+
+/// The world of one camera that stands still.
+pub(crate) struct World {
+    /// From the camera's axes to the world's.
+    turn: Mat3,
+}
+
+impl World {
+    /// For a camera that looks down by `down` radians. The world's origin is the camera's, its y points
+    /// down along gravity, its x to the camera's right.
+    pub(crate) fn of_camera(down: f64) -> Self {
+        Self {
+            turn: rodrigues([-down, 0.0, 0.0]),
+        }
+    }
+
+    /// Axis-angles of all joints, of which the root's is in the world.
+    pub(crate) fn pose(&self, rotations: &[Mat3; COUNT]) -> Vec<f64> {
+        let mut rotations = *rotations;
+        rotations[0] = product(&self.turn, &rotations[0]);
+        rotations.iter().flat_map(logarithm).collect()
+    }
+
+    /// The world's translation of a root that rests at `rest` and is translated by `by` in the camera's
+    /// axes.
+    pub(crate) fn translation(&self, rest: Vec3, by: Vec3) -> Vec3 {
+        sub(turned(&self.turn, add(rest, by)), rest)
+    }
+
+    /// World to camera.
+    pub(crate) fn extrinsics(&self) -> [[f64; 4]; 4] {
+        let back = transposed(&self.turn);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| match (back.get(i), j) {
+                (Some(row), 0..3) => row[j],
+                _ => f64::from(u8::from(i == j)),
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::residuals::upright::up;
+
+    #[test]
+    fn gravity_becomes_the_worlds_y_and_the_camera_sees_the_same() {
+        let world = World::of_camera(0.3);
+        let [sky, ..] = up(0.3, 0.0);
+        for (value, wanted) in turned(&world.turn, sky).iter().zip([0.0, -1.0, 0.0]) {
+            assert!((value - wanted).abs() < 1e-12, "{value} {wanted}");
+        }
+        let (rest, by) = ([0.1, 0.9, 0.0], [0.3, -0.2, 3.0]);
+        let place = add(rest, world.translation(rest, by));
+        let e = world.extrinsics();
+        for (axis, wanted) in add(rest, by).iter().enumerate() {
+            let seen: f64 = (0..3).map(|j| e[axis][j] * place[j]).sum();
+            assert!((seen - wanted).abs() < 1e-12, "{seen} {wanted}");
+        }
+        assert_eq!(e[3], [0.0, 0.0, 0.0, 1.0]);
+    }
+}
