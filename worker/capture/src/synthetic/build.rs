@@ -113,7 +113,40 @@ pub(super) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
 pub(super) struct Extras {
     /// Where a skirt or a coat ends: 1 at the knee, none without either.
     pub hem: Option<f64>,
-    pub long_hair: bool,
+    /// Width of a hem's edge; 1 hangs straight.
+    pub flare: f64,
+    pub hair: Hair,
+    /// Thickness of sleeves at the wrist; 1 is the arm's.
+    pub sleeves: f64,
+    /// Thickness of trousers at the ankle; 1 is the leg's.
+    pub trousers: f64,
+    /// Thickness of what is carried on the back, metres; 0 without.
+    pub pack: f64,
+}
+
+impl Default for Extras {
+    /// Short hair and tight clothes.
+    fn default() -> Self {
+        Self {
+            hem: None,
+            flare: 1.0,
+            hair: Hair::Short,
+            sleeves: 1.0,
+            trousers: 1.0,
+            pack: 0.0,
+        }
+    }
+}
+
+/// How hair is worn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hair {
+    Short,
+    Long,
+    Ponytail,
+    Bun,
+    /// Standing off on all sides.
+    Full,
 }
 
 /// Height of the unscaled body below, metres.
@@ -183,9 +216,10 @@ impl Build {
     pub fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
         let mut parts = Vec::new();
         self.torso(skeleton, &mut parts);
+        self.pack(extras, &mut parts);
         self.head(skeleton, extras, &mut parts);
         for side in 0..2 {
-            self.arm(skeleton, side, &mut parts);
+            self.arm(skeleton, side, extras, &mut parts);
             self.leg(skeleton, side, extras, &mut parts);
         }
         parts
@@ -252,31 +286,64 @@ impl Build {
         push(joint::HEAD, Part::Head, nose, nose, [0.014, 0.014]);
         let (front, back) = (beside([0.0, 0.135, 0.015]), beside([0.0, 0.1, -0.03]));
         push(joint::HEAD, Part::Hair, front, back, [0.088, 0.09]);
-        if extras.long_hair {
-            let ends = beside([0.0, -0.1, -0.075]);
-            push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
+        match extras.hair {
+            Hair::Short => {}
+            Hair::Long => {
+                let ends = beside([0.0, -0.1, -0.075]);
+                push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
+            }
+            Hair::Ponytail => {
+                let (tie, ends) = (beside([0.0, 0.12, -0.15]), beside([0.0, -0.2, -0.19]));
+                push(joint::HEAD, Part::Hair, tie, ends, [0.045, 0.03]);
+            }
+            Hair::Bun => {
+                let bun = beside([0.0, 0.21, -0.08]);
+                push(joint::HEAD, Part::Hair, bun, bun, [0.065; 2]);
+            }
+            Hair::Full => {
+                let (low, high) = (beside([0.0, 0.04, -0.05]), beside([0.0, 0.17, -0.03]));
+                push(joint::HEAD, Part::Hair, low, high, [0.13, 0.15]);
+            }
         }
     }
 
-    fn arm(&self, skeleton: &Skeleton, side: usize, parts: &mut Vec<Capsule>) {
+    fn pack(&self, extras: Extras, parts: &mut Vec<Capsule>) {
+        if extras.pack <= 0.0 {
+            return;
+        }
+        let s = self.scale();
+        let behind = -0.1 * self.girth - 0.5 * extras.pack;
+        parts.push(Capsule {
+            joint: joint::SPINE3,
+            part: Part::Torso,
+            from: scale([0.0, 1.12, behind], s),
+            to: scale([0.0, 1.36, behind], s),
+            radii: [0.6 * extras.pack + 0.05; 2],
+            cut: None,
+        });
+    }
+
+    fn arm(&self, skeleton: &Skeleton, side: usize, extras: Extras, parts: &mut Vec<Capsule>) {
         let at = |joint: usize| skeleton.rest[joint + side];
         let fingers = add(
             at(joint::L_HAND),
             scale(sub(at(joint::L_HAND), at(joint::L_WRIST)), 0.9),
         );
         let thickness = self.scale() * self.limbs;
+        // Half of what sleeves are wider at the wrist, they are at the elbow.
+        let wide = 0.5 * (1.0 + extras.sleeves);
         let bones = [
             (
                 joint::L_SHOULDER,
                 Part::UpperArm,
                 at(joint::L_ELBOW),
-                [0.056, 0.045],
+                [0.056, 0.045 * wide],
             ),
             (
                 joint::L_ELBOW,
                 Part::Forearm,
                 at(joint::L_WRIST),
-                [0.045, 0.034],
+                [0.045 * wide, 0.034 * extras.sleeves],
             ),
             (
                 joint::L_WRIST,
@@ -305,6 +372,7 @@ impl Build {
         let foot = at(joint::L_FOOT);
         let beside = |p: Vec3, y: f64, z: f64| [p[0], y * s, p[2] + z * s];
         let limb = |radii: [f64; 2]| radii.map(|r| r * s * self.limbs);
+        let wide = 0.5 * (1.0 + extras.trousers);
         let mut push = |joint: usize, part, from, to, radii| {
             parts.push(Capsule {
                 joint,
@@ -320,14 +388,14 @@ impl Build {
             Part::Thigh,
             hip,
             knee,
-            limb([0.09, 0.062]),
+            limb([0.09, 0.062 * wide]),
         );
         push(
             joint::L_KNEE + side,
             Part::Shin,
             knee,
             ankle,
-            limb([0.062, 0.044]),
+            limb([0.062 * wide, 0.044 * extras.trousers]),
         );
         let heel = beside(ankle, 0.045, -0.03);
         let ball = beside(foot, 0.042, 0.0);
@@ -348,7 +416,7 @@ impl Build {
         );
         if let Some(length) = extras.hem {
             let hem = self.hem(hip, knee, length);
-            let radii = [0.115 * s * self.girth, self.hem_radius()];
+            let radii = [0.115 * s * self.girth, extras.flare * self.hem_radius()];
             // Cloth between the legs, which hangs from the pelvis.
             let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
             let middle = scale(add(hip, hem), 0.5);
@@ -377,7 +445,8 @@ impl Build {
     pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
         let hem = extras.hem.map(|length| {
             let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
-            (self.hem(hip, knee, length)[1], self.hem_radius())
+            let radius = extras.flare * self.hem_radius();
+            (self.hem(hip, knee, length)[1], radius)
         });
         Drape::new(skeleton, self.scale(), hem, sleeves)
     }

@@ -15,6 +15,7 @@ mod estimator;
 mod motion;
 mod outfit;
 mod raycast;
+mod varied;
 
 pub use estimator::{Estimate, Estimator, Mistake};
 
@@ -52,6 +53,14 @@ impl SyntheticPerson {
     /// same people, and a larger `n` only adds to them.
     pub fn cast(n: usize, seed: u64) -> Vec<Self> {
         cast::cast(n, seed)
+    }
+
+    /// `n` people as unlike as those who are filmed: thin and stout, in skirts, coats, wide sleeves and
+    /// trousers, with ponytails, full hair and bags, in colours from black to white, who turn once or
+    /// twice and raise their arms or not. The same seed gives the same people, and a larger `n` only
+    /// adds to them.
+    pub fn varied(n: usize, seed: u64) -> Vec<Self> {
+        varied::varied(n, seed)
     }
 
     /// A name that no other person of the cast has.
