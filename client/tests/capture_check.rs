@@ -50,6 +50,12 @@ fn the_truth_passes_and_a_wrong_scale_of_k_is_named_and_marked_on_the_sheet() {
     let truth = checked(dir.path(), &CaptureOptions::default());
     assert_eq!(truth.failed(), 0, "{}", truth.text());
     assert!(truth.report.causes.is_empty(), "{}", truth.text());
+    // Two turns in 24 frames.
+    assert!(
+        truth.text().contains("advice: the body turns by"),
+        "{}",
+        truth.text()
+    );
 
     let mut options = CaptureOptions::default();
     options.correction.k_scale = 0.5;

@@ -121,6 +121,9 @@ impl Checked {
         for cause in &report.causes {
             text += &format!("most likely cause: {}\n", cause.sentence());
         }
+        for advice in &report.advice {
+            text += &format!("advice: {advice}\n");
+        }
         text
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release -p yoto-capture --example check_bounds -- [PEOPLE] [PIXELS] [FRAMES] [SEED]`
 //!
+//! `YOTO_CASES=noise` tries only the mistakes whose names hold that word.
+//!
 //! Films people as unlike as [`SyntheticPerson::varied`] makes them, checks each film with its exact
 //! poses and with every mistake, and prints for each measure what it found in exact films, how many
 //! of them it doubts wrongly, and for each mistake how often it is named.
@@ -10,7 +12,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Camera;
-use yoto_capture::check::{Checker, Grade, Kind, Report};
+use yoto_capture::check::{Checker, Grade, Kind, Report, jumps};
 use yoto_capture::synthetic::{Estimator, SyntheticPerson};
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror};
 use yoto_proto::pose_track::PoseTrack;
@@ -160,7 +162,7 @@ fn camera(person: usize, size: u32) -> Camera {
     } else {
         std::f64::consts::TAU * steps
     };
-    let (distance, height) = (2.8 + steps.fract(), 0.9 + 0.8 * (3.0 * steps).fract());
+    let (distance, height) = (2.8 + steps.fract(), 1.15 + 0.7 * (3.0 * steps).fract());
     let eye = [distance * angle.sin(), height, distance * angle.cos()];
     let focal = f64::from(size) * distance / 2.5;
     Camera::look_at(eye, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], focal, size, size)
@@ -188,6 +190,23 @@ fn check(track: PoseTrack, images: &[FrameImage]) -> Result<Report, Fault> {
         checker.look(position, &images[position]);
     }
     Ok(checker.finish())
+}
+
+/// Jumping jacks at two a second and squats, in which a body jumps with its feet, not from frame to frame.
+fn jumps_in_fast_motion(cast: &[SyntheticPerson], fps: usize) -> Result<Vec<usize>, Fault> {
+    let camera = camera(0, 96);
+    let found = cast.iter().map(|person| {
+        let poses = (0..).zip(person.unseen_motion(2 * fps));
+        let track = PoseTrack {
+            skeleton: person.skeleton(),
+            image_size: [camera.width, camera.height],
+            fps: fps as f64,
+            distortion: [0.0; 5],
+            frames: poses.map(|(i, pose)| camera.to_frame(i, &pose)).collect(),
+        };
+        Ok(jumps(&track)?.len())
+    });
+    found.collect()
 }
 
 fn quantiles(mut values: Vec<f64>) -> String {
@@ -250,6 +269,16 @@ fn main() -> Result<(), Fault> {
             quantiles(values.collect())
         );
     }
+    println!("\nfast motion without jumps: people in whom jumps are found, and at how many frames");
+    for fps in [15, 30, 60] {
+        let found = jumps_in_fast_motion(&cast, fps)?;
+        let people = found.iter().filter(|jumps| **jumps > 0).count();
+        println!(
+            "{fps:>2} frames a second{people:>10}{:>6}",
+            found.iter().sum::<usize>()
+        );
+    }
+
     println!("\nmistakes: missed, and the figure of what should tell them");
     for (at, case) in cases.iter().filter(|it| wanted(it.name)).enumerate() {
         let reports: Vec<&Report> = found.iter().map(|(_, with)| &with[at]).collect();

@@ -31,8 +31,11 @@ pub(super) struct Agreement {
     /// Share of mask inside the projected box.
     pub mask_in_box: Option<f64>,
     pub mask_out: Vec<u32>,
-    /// Overlap of what images show with the masks; none for images with a background.
+    /// Share that masks have of what they and the images show together; none for images with a
+    /// background. Black clothes over black take nothing from it.
     pub image_in_mask: Option<f64>,
+    /// Overlap of what images show with the masks, likewise.
+    pub image_is_mask: Option<f64>,
     pub image_out: Vec<u32>,
 }
 
@@ -42,6 +45,7 @@ impl Agreement {
         let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
         let people = spread(&people, MOST);
         let (mut joints, mut boxes, mut images) = (Vec::new(), Vec::new(), Vec::new());
+        let mut same = Vec::new();
         for it in &people {
             let frame = &track.frames[it.position];
             let (pose, camera) = view(frame, track.image_size);
@@ -60,7 +64,8 @@ impl Agreement {
             });
             let held = held.map(|(_, &mask)| f64::from(mask)).sum::<f64>() / 255.0;
             boxes.push((frame.index, held / it.mask.area.max(1e-9)));
-            images.push((frame.index, it.content.overlap_with(&it.mask)));
+            images.push((frame.index, it.mask.share_with(&it.content)));
+            same.push((frame.index, it.content.overlap_with(&it.mask)));
         }
         let mut spill: Vec<f64> = people
             .iter()
@@ -76,6 +81,7 @@ impl Agreement {
             mask_in_box: mean(&boxes),
             mask_out: worst(boxes),
             image_in_mask: mean(&images).filter(|_| over_black),
+            image_is_mask: mean(&same).filter(|_| over_black),
             image_out: worst(images),
         }
     }

@@ -94,6 +94,30 @@ impl<'a> Figure<'a> {
         Self { skeleton, capsules }
     }
 
+    /// The part of the body that each capsule belongs to.
+    pub(super) fn regions(&self) -> Vec<Region> {
+        let bounds = self.skeleton.rest_bounds(0.0);
+        let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
+        let height = (bounds.max[1] - bounds.min[1]).max(1e-9);
+        let widest = size(self.skeleton).max(1e-9);
+        let capsules = self.capsules.iter();
+        capsules
+            .map(|(_, capsule)| {
+                let [x, y, _] = scale(add(capsule.ends[0], capsule.ends[1]), 0.5);
+                Region::at((y - bounds.min[1]) / height, (x - middle).abs() / widest)
+            })
+            .collect()
+    }
+
+    /// Where the body's front (z at rest) points at each capsule, in the world.
+    pub(super) fn fronts(&self, pose: &Pose) -> Vec<Vec3> {
+        let transforms = self.skeleton.world_transforms(pose);
+        let capsules = self.capsules.iter();
+        capsules
+            .map(|(joint, _)| transforms[*joint].map(|row| row[2]))
+            .collect()
+    }
+
     /// The capsules in the world.
     pub(super) fn posed(&self, pose: &Pose) -> Vec<Capsule> {
         let transforms = self.skeleton.world_transforms(pose);
@@ -104,6 +128,47 @@ impl<'a> Figure<'a> {
             radii: capsule.radii,
         });
         placed.collect()
+    }
+}
+
+/// A part of the body whose thickness is its own: clothes and hair change one and not the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Region {
+    Head,
+    Chest,
+    Hips,
+    Thighs,
+    Shins,
+    Feet,
+    UpperArms,
+    Forearms,
+}
+
+impl Region {
+    pub(super) const ALL: [Self; 8] = [
+        Self::Head,
+        Self::Chest,
+        Self::Hips,
+        Self::Thighs,
+        Self::Shins,
+        Self::Feet,
+        Self::UpperArms,
+        Self::Forearms,
+    ];
+
+    /// The part that is so far up the body, and so far from its middle; shares of the heights that
+    /// the rest joints have, and of their widest extent.
+    fn at(up: f64, aside: f64) -> Self {
+        match (up, aside) {
+            (0.35.., 0.26..) => Self::Forearms,
+            (0.6.., 0.13..) => Self::UpperArms,
+            (0.9.., _) => Self::Head,
+            (0.7.., _) => Self::Chest,
+            (0.5.., _) => Self::Hips,
+            (0.3.., _) => Self::Thighs,
+            (0.08.., _) => Self::Shins,
+            _ => Self::Feet,
+        }
     }
 }
 

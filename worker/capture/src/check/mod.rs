@@ -7,17 +7,21 @@
 //! one without which bodies and masks decisively agree. What needs no other reading (views,
 //! jumps, duplicates, blur, exposure) is measured beside it. Pure functions: no files.
 
+mod advice;
 mod agreement;
 mod causes;
 mod drawing;
 mod figure;
 mod fit;
+mod gait;
+mod least_squares;
 mod measures;
 mod motion;
 mod observe;
 mod plan;
 mod precision;
 mod report;
+mod shape;
 mod silhouette;
 mod timing;
 

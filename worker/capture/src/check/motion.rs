@@ -7,20 +7,29 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Nothing that a person does moves a joint faster, metres a second.
 const FASTEST: f64 = 15.0;
-/// A jump is also so many times the usual step of the joint that moves most.
+/// A joint that jumps sets off and stops within a frame: it changes its speed by so many times what is
+/// usual in the film, and at least so fast, metres a second in a second.
 const UNUSUAL: f64 = 6.0;
+const SUDDEN: f64 = 50.0;
 /// A step shorter than this is none, metres.
-const STEP: f64 = 0.08;
+const STEP: f64 = 0.15;
 
 /// Motion over a whole track.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     /// Frames before which a joint jumps.
     pub jumps: Vec<u32>,
+    /// How long the film is.
+    pub seconds: f64,
     /// Typical tremble of a joint, metres; none with fewer than four neighbouring frames.
     pub jitter: Option<f64>,
     /// Frames seen from each of 12 directions around the body, from its front to its left.
     pub headings: [usize; 12],
+    /// How far aside hands are at the least and at the most, as shares of how far they are with the
+    /// arms stretched out; none of a skeleton without arms that are stretched out at rest.
+    pub reach: Option<[f64; 2]>,
+    /// How fast the body turns before the camera where it does, degrees a second.
+    pub turning: f64,
 }
 
 impl Motion {
@@ -30,10 +39,14 @@ impl Motion {
             .iter()
             .map(|frame| skeleton.posed_joints(&view(frame, track.image_size).0))
             .collect();
+        let turns = turns(track, skeleton);
         Self {
             jumps: jumps(track, &joints),
+            seconds: seconds(track),
             jitter: jitter(track, &joints),
-            headings: headings(track, skeleton),
+            headings: headings(&turns),
+            reach: reach(track, skeleton, &joints),
+            turning: turning(track, &turns),
         }
     }
 }
@@ -44,28 +57,54 @@ fn gap(track: &PoseTrack, position: usize) -> f64 {
     (index(position) - index(position - 1)).abs().max(1) as f64
 }
 
+/// How long `track` is.
+fn seconds(track: &PoseTrack) -> f64 {
+    let gaps = (1..track.frames.len()).map(|position| gap(track, position));
+    (1.0 + gaps.sum::<f64>()) / track.fps.max(1.0)
+}
+
+/// Frames before which a joint moves too fast, or sets off and stops at once. Speeds and their changes
+/// are those of a second, so that the same motion is judged alike at every frame rate.
 fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
-    // A step is what the fastest joint moves from a frame to the next.
-    let steps: Vec<f64> = joints
+    let fps = track.fps.max(1.0);
+    let steps: Vec<Vec<Vec3>> = joints
         .windows(2)
         .enumerate()
         .map(|(i, pair)| {
-            let moved = pair[0]
-                .iter()
-                .zip(&pair[1])
-                .map(|(a, b)| length(sub(*b, *a)));
-            moved.fold(0.0, f64::max) / gap(track, i + 1)
+            let frames = gap(track, i + 1);
+            let moved = pair[0].iter().zip(&pair[1]);
+            moved
+                .map(|(a, b)| scale(sub(*b, *a), 1.0 / frames))
+                .collect()
         })
         .collect();
-    let mut sorted = steps.clone();
+    let changed = |joint: usize, a: usize, b: usize| -> Option<f64> {
+        let (a, b) = (steps.get(a)?.get(joint)?, steps.get(b)?.get(joint)?);
+        Some(length(sub(*a, *b)))
+    };
+    // Of each step, what the fastest joint moves, and by how much the most sudden one changes its step
+    // both before and after.
+    let found: Vec<[f64; 2]> = (0..steps.len())
+        .map(|i| {
+            let fastest = steps[i].iter().map(|step| length(*step));
+            let sudden = (0..steps[i].len()).map(|joint| {
+                let before = i.checked_sub(1).and_then(|last| changed(joint, i, last));
+                let sides = [before, changed(joint, i, i + 1)];
+                let least = sides.into_iter().flatten().fold(f64::INFINITY, f64::min);
+                if least.is_finite() { least } else { 0.0 }
+            });
+            [fastest.fold(0.0, f64::max), sudden.fold(0.0, f64::max)]
+        })
+        .collect();
+    let mut sorted: Vec<f64> = found.iter().map(|[_, sudden]| *sudden).collect();
     sorted.sort_by(f64::total_cmp);
     let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let limit = FASTEST / track.fps.max(1.0);
-    let jumped = |&(_, step): &(usize, &f64)| {
-        *step > STEP && (*step > limit.max(STEP) || *step > UNUSUAL * usual.max(STEP / 2.0))
+    let limit = STEP.max(UNUSUAL * usual).max(SUDDEN / (fps * fps));
+    let jumped = |&(_, [fastest, sudden]): &(usize, &[f64; 2])| {
+        *fastest > STEP.max(FASTEST / fps) || *sudden > limit
     };
-    let found = steps.iter().enumerate().filter(jumped);
-    found.map(|(i, _)| track.frames[i + 1].index).collect()
+    let jumps = found.iter().enumerate().filter(jumped);
+    jumps.map(|(i, _)| track.frames[i + 1].index).collect()
 }
 
 /// The third difference of a position, which smooth motion has hardly any of, is noise times
@@ -91,18 +130,66 @@ fn jitter(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Option<f64> {
     Some(found[found.len() / 2] / (1.538 * 20f64.sqrt()))
 }
 
-/// Directions are told in the root's frame: y up and z forward at rest, as SMPL stands.
-fn headings(track: &PoseTrack, skeleton: &Skeleton) -> [usize; 12] {
+/// The direction from which each frame shows the body, degrees from its front towards its left, in the
+/// root's frame: y up and z forward at rest, as SMPL stands.
+fn turns(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
+    let frames = track.frames.iter();
+    frames
+        .map(|frame| {
+            let (pose, camera) = view(frame, track.image_size);
+            let eye = apply(&inverse(&skeleton.body_to_world(&pose)), camera.centre());
+            let [x, _, z] = sub(eye, skeleton.root());
+            x.atan2(z).to_degrees().rem_euclid(360.0)
+        })
+        .collect()
+}
+
+fn headings(turns: &[f64]) -> [usize; 12] {
     let mut counts = [0; 12];
-    for frame in &track.frames {
-        let (pose, camera) = view(frame, track.image_size);
-        let root = skeleton.root();
-        let eye = apply(&inverse(&skeleton.body_to_world(&pose)), camera.centre());
-        let [x, _, z] = sub(eye, root);
-        let turn = x.atan2(z).to_degrees().rem_euclid(360.0);
+    for turn in turns {
         counts[((turn + 15.0) / 30.0) as usize % 12] += 1;
     }
     counts
+}
+
+/// The median speed over the frames in which the body turns, degrees a second.
+fn turning(track: &PoseTrack, turns: &[f64]) -> f64 {
+    /// Slower, it stands.
+    const STANDING: f64 = 10.0;
+    let pairs = turns.windows(2).enumerate();
+    let mut speeds: Vec<f64> = pairs
+        .map(|(i, pair)| {
+            let by = (pair[1] - pair[0] + 180.0).rem_euclid(360.0) - 180.0;
+            by.abs() * track.fps.max(1.0) / gap(track, i + 1)
+        })
+        .filter(|speed| *speed > STANDING)
+        .collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.get(speeds.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Hands are the joints farthest aside at rest; how far aside of the root they are in the body's own
+/// frame, the farther of both, since one arm at a time will do.
+fn reach(track: &PoseTrack, skeleton: &Skeleton, joints: &[Vec<Vec3>]) -> Option<[f64; 2]> {
+    let [root_x, _, _] = skeleton.root();
+    let aside = |joint: &usize| skeleton.rest[*joint][0] - root_x;
+    let all = || 0..skeleton.rest.len();
+    let left = all().max_by(|a, b| aside(a).total_cmp(&aside(b)))?;
+    let right = all().min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
+    let bounds = skeleton.rest_bounds(0.0);
+    let height = bounds.max[1] - bounds.min[1];
+    // With arms that hang at rest nothing tells how far they reach.
+    if aside(&left) < 0.3 * height || aside(&right) > -0.3 * height {
+        return None;
+    }
+    let mut reach = [f64::INFINITY, f64::NEG_INFINITY];
+    for (frame, joints) in track.frames.iter().zip(joints) {
+        let to_body = inverse(&skeleton.body_to_world(&view(frame, track.image_size).0));
+        let share = |joint: usize| (apply(&to_body, joints[joint])[0] - root_x) / aside(&joint);
+        let farther = share(left).max(share(right));
+        reach = [reach[0].min(farther), reach[1].max(farther)];
+    }
+    reach[0].is_finite().then_some(reach)
 }
 
 #[cfg(test)]
@@ -161,6 +248,20 @@ mod tests {
             }
         });
         assert_eq!(jump.jumps, [50]);
+        // The same motion at two rates. Steps of 0.3 m at the lower one are no jump.
+        let fast = |frames: usize, fps: f64| {
+            motion(frames, |track| {
+                track.fps = fps;
+                for (i, frame) in track.frames.iter_mut().enumerate() {
+                    let time = i as f64 / fps;
+                    frame.translation[0] += 0.4 * (std::f64::consts::TAU * 2.5 * time).sin();
+                }
+            })
+        };
+        let rates = [fast(40, 15.0), fast(80, 30.0)].map(|it| (it.jumps.len(), it.seconds));
+        assert_eq!(rates[0].0, 0, "{rates:?}");
+        assert_eq!(rates[1].0, 0, "{rates:?}");
+        assert!((rates[0].1 - rates[1].1).abs() < 1e-9, "{rates:?}");
         let smooth = motion(120, |_| {}).jitter.expect("enough frames");
         let mut state = 1u32;
         let mut uniform = move || {

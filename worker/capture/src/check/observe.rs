@@ -37,6 +37,8 @@ pub(super) struct Observation {
     pub burnt: f64,
     /// Share of the person's pixels that are black.
     pub black: f64,
+    /// Luma under which 98 % of the person's pixels are, 0 to 1.
+    pub lights: f64,
 }
 
 impl Observation {
@@ -58,6 +60,7 @@ impl Observation {
             brightness: light.mean,
             burnt: light.burnt,
             black: light.black,
+            lights: light.lights,
         }
     }
 
@@ -85,11 +88,13 @@ struct Light {
     mean: f64,
     burnt: f64,
     black: f64,
+    lights: f64,
 }
 
 impl Light {
     fn of(frame: &FrameImage) -> Self {
         let (mut sum, mut burnt, mut black, mut count) = (0u64, 0u64, 0u64, 0u64);
+        let mut levels = [0u64; 256];
         for (pixel, &mask) in frame.rgb.chunks_exact(3).zip(&frame.mask) {
             if mask < PERSON {
                 continue;
@@ -97,14 +102,21 @@ impl Light {
             let luma = luma(pixel);
             sum += u64::from(luma);
             count += 1;
+            levels[usize::from(luma)] += 1;
             burnt += u64::from(luma >= BURNT);
             black += u64::from(luma <= BLACK / 2);
         }
+        let mut above = 0;
+        let lights = levels.iter().rposition(|level| {
+            above += level;
+            above > count / 50
+        });
         let share = |part: u64| part as f64 / count.max(1) as f64;
         Self {
             mean: share(sum) / 255.0,
             burnt: share(burnt),
             black: share(black),
+            lights: lights.unwrap_or(0) as f64 / 255.0,
         }
     }
 }

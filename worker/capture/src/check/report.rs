@@ -166,6 +166,9 @@ pub struct Report {
     /// Frames seen from each of 12 directions of 30 degrees around the body, from its front
     /// towards its left.
     pub headings: [usize; 12],
+    /// What to film next time, in words; empty where nothing is missing.
+    #[serde(default)]
+    pub advice: Vec<String>,
     /// The readings that were tried, the best first.
     pub tried: Vec<Tried>,
     /// Overlap of the body with the mask so many frames later, as gain over no shift.

@@ -144,6 +144,17 @@ impl Thumb {
         if either > 0.0 { both / either } else { 0.0 }
     }
 
+    /// This mask's share of what it and another cover together.
+    pub(super) fn share_with(&self, other: &Self) -> f64 {
+        let pairs = self.cells.iter().zip(&other.cells);
+        let either: u64 = pairs.map(|(a, b)| u64::from(*a.max(b))).sum();
+        if either > 0 {
+            255.0 * self.area / either as f64
+        } else {
+            0.0
+        }
+    }
+
     /// Intersection over union with another mask.
     pub(super) fn overlap_with(&self, other: &Self) -> f64 {
         let (mut both, mut either) = (0u64, 0u64);

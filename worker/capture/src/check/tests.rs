@@ -333,6 +333,104 @@ fn estimated_poses_are_told_from_exact_ones() {
 }
 
 #[test]
+fn few_small_frames_tell_estimated_poses_too() {
+    let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(32, 64);
+    let estimator = Estimator {
+        mistakes: 0.0,
+        ..Estimator::default()
+    };
+    let estimate = estimator.estimate(&track, 1).expect("an estimate").track;
+    let value = |track: PoseTrack| {
+        let mut shard = crate::ShardBuilder::new(track);
+        for image in &images {
+            shard.push(image).expect("fits");
+        }
+        let shard = shard.finish().expect("a shard");
+        precision(&shard).expect("a skeleton").expect("frames")
+    };
+    let (exact, found) = (value(track), value(estimate));
+    assert!(exact < PRECISE && found > PRECISE, "{exact} {found}");
+}
+
+#[test]
+fn sides_are_told_by_how_outlines_move() {
+    let (track, images) = film();
+    let mirror = |mirror| Correction {
+        mirror,
+        ..Correction::default()
+    };
+    for (mistake, options) in [
+        (Mirror::None, None),
+        (Mirror::Poses, Some("--mirror poses")),
+        (Mirror::Limbs, Some("--mirror limbs")),
+    ] {
+        let read = mirror(mistake).apply(&track).expect("applies").track;
+        let looked = images.iter().enumerate();
+        let seen: Vec<_> = looked.map(|(i, it)| Observation::of(i, it)).collect();
+        let people = plan::spread(&seen.iter().collect::<Vec<_>>(), 12);
+        let mut fitter = fit::Fitter::new(&read, people);
+        let given = fitter.fit(&Correction::default()).expect("a fit");
+        // As if single outlines had told nothing.
+        let mut search = causes::Search {
+            best: Correction::default(),
+            best_fit: given.clone(),
+            given,
+            cause: None,
+            tried: Vec::new(),
+        };
+        gait::mirror(&mut search, &mut fitter, &read, &seen);
+        let found = search.cause.as_ref().map(|it| it.options.as_str());
+        assert_eq!(found, options);
+        assert_eq!(search.best, mirror(mistake));
+    }
+}
+
+#[test]
+fn black_clothes_over_black_are_no_fault_and_black_people_are() {
+    let painted = |dressed: usize| {
+        broken(|_, images| {
+            for image in images {
+                let first = image.mask.iter().position(|&it| it > 128).expect("a head");
+                let from = 3 * SIZE as usize * (first / SIZE as usize + dressed);
+                image.rgb[from..].fill(2);
+            }
+        })
+    };
+    let suit = painted(14);
+    for kind in [Kind::ImageInMask, Kind::Exposure] {
+        let measure = suit.measure(kind).expect("measured");
+        assert_eq!(measure.grade, Grade::Pass, "{measure:?}");
+    }
+    assert_eq!(grade(&painted(0), Kind::Exposure), Grade::Fail);
+    // What images show beside their masks is still a fault.
+    let beside = broken(|_, images| {
+        for image in images {
+            let legs = image.mask.len() * 75 / 100;
+            image.mask[legs..].fill(0);
+        }
+    });
+    let measure = beside.measure(Kind::ImageInMask).expect("measured");
+    assert!(measure.grade > Grade::Pass, "{measure:?}");
+}
+
+#[test]
+fn what_was_not_filmed_is_told_in_words() {
+    let all = broken(|_, _| {});
+    let said = |report: &Report, words: &str| report.advice.iter().any(|it| it.contains(words));
+    assert!(!said(&all, "never"), "{:?}", all.advice);
+    let front = broken(|track, images| {
+        track.frames.truncate(5);
+        images.truncate(5);
+    });
+    assert!(
+        said(&front, "never seen: it will be guessed"),
+        "{:?}",
+        front.advice
+    );
+    assert!(said(&front, "turn once, slowly"), "{:?}", front.advice);
+}
+
+#[test]
 fn any_skeleton_and_any_track_can_be_checked() {
     // A lone joint, one frame, nobody in sight: no measure, no panic.
     let (mut track, images) = film();

@@ -121,10 +121,10 @@ fn person(i: usize, rng: &mut impl Rng) -> SyntheticPerson {
         gait: Gait {
             turn: if rng.random() { 1.0 } else { -1.0 },
             phase: rng.random_range(0.0..TAU),
-            vigour: rng.random_range(0.3..1.2),
+            vigour: rng.random_range(0.1..1.2),
             turns: f64::from(rng.random_range(1..=2_u8)),
             strides: rng.random_range(4.0..9.0),
-            arms: if rng.random_bool(0.25) {
+            arms: if rng.random_bool(0.4) {
                 0.0
             } else {
                 rng.random_range(0.3..1.0)

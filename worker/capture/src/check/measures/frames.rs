@@ -93,15 +93,18 @@ pub(super) fn views(motion: &Motion) -> Measure {
     it
 }
 
-pub(super) fn jumps(track: &PoseTrack, motion: &Motion) -> Measure {
+/// Jumps a second from which a film fails.
+const JUMPS: f64 = 0.75;
+
+pub(super) fn jumps(motion: &Motion) -> Measure {
     let count = motion.jumps.len();
-    let value = count as f64 / track.frames.len().max(1) as f64;
+    let a_second = count as f64 / motion.seconds.max(1e-9);
     let meaning = "frames before which a joint jumps as no body can";
     let mut it = measure(
         Kind::Jumps,
-        at_most(value, 0.0, 0.05),
+        at_most(a_second, 0.0, JUMPS),
         Some(count as f64),
-        format!("{count} frames"),
+        format!("{count} in {:.1} s", motion.seconds),
         meaning,
     );
     if count > 0 {
@@ -131,7 +134,7 @@ pub(super) fn jitter(motion: &Motion) -> Measure {
 }
 
 pub(super) fn wander(value: Option<f64>) -> Measure {
-    let meaning = "how far bodies wander off their masks; detail smaller than that is lost";
+    let meaning = "how far bodies wander off their masks beyond what their shape explains; detail smaller than that is lost";
     let Some(value) = value else {
         let shown = "too few frames".to_owned();
         return measure(Kind::Precision, Grade::Pass, None, shown, meaning);
@@ -192,11 +195,19 @@ pub(super) fn blur(track: &PoseTrack, seen: &[Observation]) -> Measure {
     it
 }
 
+/// Luma of a person's lightest places from which exposure passes, and warns: skin and eyes are light
+/// beside black clothes, and nothing is in too little light.
+const LIGHTS: [f64; 2] = [0.15, 0.05];
+
 pub(super) fn exposure(seen: &[Observation]) -> Measure {
     let people = || seen.iter().filter(|it| it.somebody());
     let burnt = median(people().map(|it| it.burnt)).unwrap_or(0.0);
     let black = median(people().map(|it| it.black)).unwrap_or(0.0);
     let bright = median(people().map(|it| it.brightness)).unwrap_or(0.0);
+    // Somebody in black may be seen from the back: the front will tell.
+    let mut lights: Vec<f64> = people().map(|it| it.lights).collect();
+    lights.sort_by(f64::total_cmp);
+    let lights = lights.get(9 * lights.len() / 10).copied().unwrap_or(0.0);
     let shown = format!(
         "{} burnt out, {} black, mean {:.2}",
         percent(burnt),
@@ -204,7 +215,7 @@ pub(super) fn exposure(seen: &[Observation]) -> Measure {
         bright
     );
     let meaning = "colours at either end are lost";
-    let grade = at_most(burnt, 0.05, 0.5).max(at_most(black, 0.3, 0.8));
+    let grade = at_most(burnt, 0.05, 0.5).max(at_least(lights, LIGHTS[0], LIGHTS[1]));
     let mut it = measure(
         Kind::Exposure,
         grade,

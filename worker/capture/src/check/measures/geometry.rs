@@ -114,8 +114,8 @@ pub(super) fn silhouette(fit: Option<f64>) -> Measure {
     it
 }
 
-/// Overlap of images and masks from which on it passes, and warns.
-pub(super) const IMAGE_IN_MASK: [f64; 2] = [0.85, 0.6];
+/// Share of what images show in masks from which on it passes, and warns.
+pub(super) const IMAGE_IN_MASK: [f64; 2] = [0.85, 0.7];
 
 pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
     let Some(value) = agreement.image_in_mask else {
@@ -128,7 +128,7 @@ pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
             meaning,
         );
     };
-    let meaning = "overlap of what images show with masks; the rest is learnt as haze or holes";
+    let meaning = "share of what images show that is in masks; the rest is learnt as haze";
     let mut it = share(Kind::ImageInMask, Some(value), IMAGE_IN_MASK, meaning);
     if it.grade != Grade::Pass {
         it.cause = Some("masks are of other frames, or rough".to_owned());

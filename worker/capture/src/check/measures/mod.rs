@@ -7,10 +7,12 @@ mod frames;
 mod geometry;
 mod grading;
 
+use super::advice::advice;
 use super::agreement::Agreement;
 use super::causes::{Search, search, what};
 use super::figure::size;
 use super::fit::Fitter;
+use super::gait;
 use super::motion::Motion;
 use super::observe::Observation;
 use super::plan::spread;
@@ -50,7 +52,11 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         seen
     };
     let people: Vec<&Observation> = seen_right.iter().filter(|it| it.somebody()).collect();
-    let found = search(&mut Fitter::new(track, spread(&people, SAMPLE)));
+    let mut fitter = Fitter::new(track, spread(&people, SAMPLE));
+    let mut found = search(&mut fitter);
+    if let Some(search) = &mut found {
+        gait::mirror(search, &mut fitter, track, seen_right);
+    }
     let reading = found
         .as_ref()
         .map_or_else(Correction::default, |it| it.best);
@@ -80,7 +86,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         causes.extend(found.as_ref().and_then(|it| it.cause.clone()));
     }
     let fitting = agreement
-        .image_in_mask
+        .image_is_mask
         .is_some_and(|it| it >= IMAGE_IN_MASK[0]);
     let late = late(&bodies, &images, fitting, &reading);
     let geometry = causes.first().cloned();
@@ -98,9 +104,9 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         image_in_mask(&agreement),
         masks(track, seen, inverted),
         views(&motion),
-        jumps(track, &motion),
+        jumps(&motion),
         jitter(&motion),
-        wander(precision::scatter(track, &reading, fatness, seen_right)),
+        wander(precision::wander(track, &reading, fatness, seen_right)),
         repeats(track, skeleton, seen),
         blur(track, seen),
         exposure(seen),
@@ -125,6 +131,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         measures,
         causes,
         headings: motion.headings,
+        advice: advice(&motion),
         tried: found.map(|it| it.tried).unwrap_or_default(),
         mask_shifts: bodies.gains,
     }
