@@ -11,7 +11,7 @@ use yoto_tests::people::{write_capture, write_json};
 use yoto_tests::process::{Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
-const FRAMES: usize = 24;
+const FRAMES: usize = 48;
 const SIZE: u32 = 48;
 
 /// Bytes of the picture of a render of `what`.
