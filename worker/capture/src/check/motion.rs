@@ -78,9 +78,12 @@ fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
                 .collect()
         })
         .collect();
-    let changed = |joint: usize, a: usize, b: usize| -> Option<f64> {
-        let (a, b) = (steps.get(a)?.get(joint)?, steps.get(b)?.get(joint)?);
-        Some(length(sub(*a, *b)))
+    // Per frame: where frames are left out, a step is the mean of several, and they change more.
+    let changed = |joint: usize, earlier: usize, later: usize| -> Option<f64> {
+        let from = steps.get(earlier)?.get(joint)?;
+        let to = steps.get(later)?.get(joint)?;
+        let apart = 0.5 * (gap(track, earlier + 1) + gap(track, later + 1));
+        Some(length(sub(*to, *from)) / apart)
     };
     // Of each step, what the fastest joint moves, and by how much the most sudden one changes its step
     // both before and after.
@@ -88,7 +91,7 @@ fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
         .map(|i| {
             let fastest = steps[i].iter().map(|step| length(*step));
             let sudden = (0..steps[i].len()).map(|joint| {
-                let before = i.checked_sub(1).and_then(|last| changed(joint, i, last));
+                let before = i.checked_sub(1).and_then(|last| changed(joint, last, i));
                 let sides = [before, changed(joint, i, i + 1)];
                 let least = sides.into_iter().flatten().fold(f64::INFINITY, f64::min);
                 if least.is_finite() { least } else { 0.0 }
@@ -262,6 +265,16 @@ mod tests {
         assert_eq!(rates[0].0, 0, "{rates:?}");
         assert_eq!(rates[1].0, 0, "{rates:?}");
         assert!((rates[0].1 - rates[1].1).abs() < 1e-9, "{rates:?}");
+        // Every second frame of the faster one.
+        let thinned = motion(40, |track| {
+            track.fps = 30.0;
+            for (i, frame) in track.frames.iter_mut().enumerate() {
+                frame.index *= 2;
+                let time = i as f64 / 15.0;
+                frame.translation[0] += 0.4 * (std::f64::consts::TAU * 2.5 * time).sin();
+            }
+        });
+        assert!(thinned.jumps.is_empty(), "{:?}", thinned.jumps);
         let smooth = motion(120, |_| {}).jitter.expect("enough frames");
         let mut state = 1u32;
         let mut uniform = move || {
