@@ -64,8 +64,20 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
     }
     ensure!(page.contains("check/sheet.png") && out.join("check/sheet.png").is_file());
 
-    // A second run replaces what the first has made; another's folder stays.
-    std::fs::remove_file(out.join("service/made-by-yoto-avatar"))?;
+    // A run that fails takes nothing away of what an earlier one has made.
+    let failed = yoto(dir.path(), "avatar nothing.mp4 --out out/ada")?;
+    ensure!(!failed.status.success() && image::open(out.join("orbit.png")).is_ok());
+    let itself = yoto(dir.path(), "avatar out/ada/capture --out out/ada")?;
+    ensure!(
+        said(&itself).contains("choose another --out"),
+        "{}",
+        said(&itself)
+    );
+    ensure!(out.join("capture/poses.json").is_file());
+    // Nor does one in somebody else's folder.
+    for folder in ["capture", "check", "pictures", "service"] {
+        std::fs::remove_file(out.join(folder).join("made-by-yoto-avatar"))?;
+    }
     let again = yoto(dir.path(), &line)?;
     ensure!(!again.status.success() && said(&again).contains("was not made by"));
     Ok(())
@@ -88,7 +100,7 @@ fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     ensure!(!made.status.success(), "{said}");
     ensure!(said.contains("--despite-check"), "{said}");
     ensure!(!said.contains("training"), "{said}");
-    ensure!(dir.path().join("o/check/sheet.png").is_file());
+    ensure!(dir.path().join("o/attempt/check/sheet.png").is_file());
     Ok(())
 }
 

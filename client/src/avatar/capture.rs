@@ -54,6 +54,7 @@ pub(super) struct Checked {
 pub(super) fn check(folder: &Path, out: &Path, despite: bool) -> anyhow::Result<Checked> {
     let started = Instant::now();
     let checked = capture_check::check(folder, &CaptureOptions::default(), None)?;
+    std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     let report = out.join("report.json");
     let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;
     std::fs::write(&report, json).with_context(|| format!("writing {}", report.display()))?;

@@ -19,8 +19,8 @@ use crate::studio::service::with_service;
 use crate::studio::shots::{Shot, Shots};
 use crate::studio::training::train;
 use crate::studio::{folder, person};
-use anyhow::Context;
-use std::path::PathBuf;
+use anyhow::{Context, ensure};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_proto::v1::{Orbit, PoseRefinement, TrainSpec, render_spec};
 
@@ -29,6 +29,9 @@ const MAKER: &str = "avatar";
 /// Quality tier and variant of the model.
 const TIER: &str = "fast";
 const VARIANT: &str = "yoto";
+/// The page, and the folders beside it.
+const PAGE: &str = "index.html";
+const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
 /// Views of the orbit.
 const ORBIT_VIEWS: u32 = 24;
 /// Frames per second of the orbit's animation: it goes around in two seconds.
@@ -61,6 +64,32 @@ pub struct AvatarOptions {
     pub despite_check: bool,
 }
 
+/// Checks that nothing of the user's would be replaced.
+fn ensure_replaceable(options: &AvatarOptions) -> anyhow::Result<()> {
+    let out = &options.out;
+    let own = FOLDERS.iter().map(|name| out.join(name));
+    if let (Ok(source), Ok(out)) = (options.source.canonicalize(), out.canonicalize()) {
+        ensure!(
+            !source.starts_with(&out),
+            "{} is in the folder for the results: choose another --out",
+            options.source.display()
+        );
+    }
+    let page = out.join(PAGE);
+    ensure!(
+        !page.exists() || own.into_iter().any(|folder| folder::is_of(&folder, MAKER)),
+        "{} is there already and was not made by an earlier `yoto {MAKER}`: choose another --out",
+        page.display()
+    );
+    Ok(())
+}
+
+/// The folders of results, empty.
+fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
+    let [capture, check, pictures, service] = FOLDERS.map(|name| folder::fresh(out, name, MAKER));
+    Ok([capture?, check?, pictures?, service?])
+}
+
 /// Makes the avatar: `index.html`, `report.json` and what they show, in the folder of the options.
 ///
 /// # Errors
@@ -68,17 +97,21 @@ pub struct AvatarOptions {
 pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let out = &options.out;
-    let folder = folder::fresh(out, "capture", MAKER)?;
-    let checks = folder::fresh(out, "check", MAKER)?;
-    let pictures = folder::fresh(out, "pictures", MAKER)?;
-    let data = folder::fresh(out, "service", MAKER)?;
-
-    let (captured, refused) = tokio::task::block_in_place(|| {
-        let captured = capture::import(options, &folder)?;
-        let refused = capture::check(&folder, &checks, options.despite_check)?;
-        anyhow::Ok((captured, refused))
+    ensure_replaceable(options)?;
+    // What an earlier run has made stays until this one has a capture that can be trained.
+    let attempt = folder::fresh(out, "attempt", MAKER)?;
+    let (captured, checked) = tokio::task::block_in_place(|| {
+        let captured = capture::import(options, &attempt.join("capture"))?;
+        let checks = attempt.join("check");
+        let checked = capture::check(&attempt.join("capture"), &checks, options.despite_check)?;
+        anyhow::Ok((captured, checked))
     })?;
-    let mut report = Report::new(options, captured, refused);
+    let [folder, checks, pictures, data] = folders(out)?;
+    for (made, place) in [("capture", &folder), ("check", &checks)] {
+        folder::move_into(&attempt.join(made), place)?;
+    }
+    std::fs::remove_dir_all(&attempt).with_context(|| format!("removing {}", attempt.display()))?;
+    let mut report = Report::new(options, captured, checked);
     let made = with_service(data, None, async |client| {
         let consent = "made by `yoto avatar` on the user's own machine";
         let subject = person::upload(client, &options.name, consent, &folder).await?;
@@ -137,7 +170,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let path = out.join("report.json");
     let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
     std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
-    page::write(&out.join("index.html"), &report)?;
+    page::write(&out.join(PAGE), &report)?;
     tell!("done in {}", duration(report.seconds.total));
     Ok(report)
 }

@@ -10,7 +10,8 @@ use crate::import::Format;
 use crate::output;
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use yoto_proto::pose_track::FILES;
 use yoto_proto::v1::PoseRefinement;
 
 const AFTER_HELP: &str = "\
@@ -81,7 +82,8 @@ impl Avatar {
         let source = std::fs::canonicalize(&self.source)
             .with_context(|| format!("reading {}", self.source.display()))?;
         let stem = source.file_stem().unwrap_or_default().to_string_lossy();
-        let stem = if stem == "video" {
+        let is_capture = |folder: &Path| FILES.iter().any(|name| folder.join(name).is_file());
+        let stem = if stem == "video" && source.parent().is_some_and(is_capture) {
             // A capture's own name is its folder's.
             let folder = source.parent().and_then(|it| it.file_name());
             folder.unwrap_or_default().to_string_lossy()

@@ -92,10 +92,10 @@ pub(super) struct ImportOptions {
     #[arg(long, value_name = "ID")]
     person: Option<String>,
     /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].
-    #[arg(long, value_name = "PX")]
+    #[arg(long, value_name = "PX", value_parser = focal)]
     focal: Option<f64>,
     /// Height of the person, metres, where nothing else tells sizes.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = height)]
     height: Option<f64>,
     /// The pose model: a file, or the folder that deploy/models/get.sh filled.
     #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
@@ -108,6 +108,22 @@ pub(super) struct ImportOptions {
     best: Option<NonZeroUsize>,
     #[command(flatten)]
     ffmpeg: FfmpegArg,
+}
+
+/// Parses a focal length.
+fn focal(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value
+        .filter(|value| (1.0..=1e6).contains(value))
+        .ok_or_else(|| "a focal length is 1 to 1000000 pixels".to_owned())
+}
+
+/// Parses a person's height.
+fn height(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value
+        .filter(|value| (0.3..=3.0).contains(value))
+        .ok_or_else(|| "a height is 0.3 to 3 metres".to_owned())
 }
 
 impl ImportOptions {

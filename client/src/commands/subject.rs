@@ -170,7 +170,8 @@ impl Add {
         let Some(format) = self.from else {
             anyhow::ensure!(
                 !self.import.any(),
-                "--rest-joints, --view, --poses, --fps and --best belong to an import: say --from"
+                "--rest-joints, --view, --poses, --fps, --person, --focal, --height and --best belong to \
+                 an import: say --from"
             );
             return Ok(None);
         };

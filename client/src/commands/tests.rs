@@ -116,6 +116,8 @@ fn what_a_newcomer_types_parses() {
 #[test]
 fn contradictions_are_refused() {
     for line in [
+        "yoto avatar walk.mp4 --height 175",
+        "yoto avatar walk.mp4 --focal 0",
         "yoto train duo --seconds 60 --steps 5",
         "yoto train duo --tier fast",
         "yoto train duo --seconds -3",

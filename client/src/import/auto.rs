@@ -51,6 +51,7 @@ pub(super) enum Recognised {
 /// # Errors
 /// When nothing is recognised, with what was looked for.
 pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, ClientError> {
+    std::fs::metadata(dir).map_err(ClientError::file("reading", dir))?;
     if FILES.iter().any(|name| dir.join(name).is_file()) {
         return Ok(Recognised::Capture(Format::Folder, "a capture folder"));
     }

@@ -124,7 +124,8 @@ pub(super) fn open_video(path: &Path) -> Result<(Video, usize), ClientError> {
     Ok((video, frames))
 }
 
-/// The files of a folder that end in one of `endings`, in the order of their names.
+/// The files of a folder that end in one of `endings`, in the order of their names, in which numbers
+/// count as numbers: 2 comes before 10.
 pub(super) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, ClientError> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(path).map_err(ClientError::file("listing", path))? {
@@ -134,8 +135,32 @@ pub(super) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, Clie
             files.push(entry.path());
         }
     }
-    files.sort();
+    files.sort_by_cached_key(|path| by_numbers(&path.to_string_lossy()));
     Ok(files)
+}
+
+/// A key that orders names as people count: with digits in a row as one number. Names that differ only
+/// in leading zeros keep the order of their letters.
+fn by_numbers(name: &str) -> (Vec<(usize, String)>, String) {
+    let mut parts: Vec<(usize, String)> = Vec::new();
+    let mut digits = false;
+    for letter in name.chars() {
+        let digit = letter.is_ascii_digit();
+        match parts.last_mut() {
+            Some((_, part)) if digit == digits => part.push(letter),
+            // Text has no length, so that it comes by its letters; numbers come before it.
+            _ => parts.push((usize::MAX, letter.into())),
+        }
+        digits = digit;
+    }
+    for (length, part) in &mut parts {
+        if part.starts_with(|letter: char| letter.is_ascii_digit()) {
+            *part = part.trim_start_matches('0').to_owned();
+            // A longer number is a larger one.
+            *length = part.len();
+        }
+    }
+    (parts, name.to_owned())
 }
 
 /// An error of media, with the file's name.
@@ -167,4 +192,30 @@ fn located(path: &Path) -> (String, String) {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let place = path.parent().unwrap_or(Path::new(""));
     (place.display().to_string(), name.into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_in_the_order_of_their_numbers() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in [
+            "10.png",
+            "1.png",
+            "frame2.PNG",
+            "2.png",
+            "frame10.png",
+            "x.txt",
+        ] {
+            std::fs::write(folder.path().join(name), b"").expect("writes");
+        }
+        let files = listed(folder.path(), &[".png"]).expect("lists");
+        let names: Vec<_> = files.iter().filter_map(|path| path.file_name()).collect();
+        assert_eq!(
+            names,
+            ["1.png", "2.png", "10.png", "frame2.PNG", "frame10.png"]
+        );
+    }
 }

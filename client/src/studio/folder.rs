@@ -10,10 +10,9 @@ use std::path::{Path, PathBuf};
 /// When a folder of this name was not made by `maker`; when it can't be replaced or made.
 pub fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
     let folder = out.join(name);
-    let marker = format!("made-by-yoto-{maker}");
     if folder.exists() {
         ensure!(
-            folder.join(&marker).is_file(),
+            is_of(&folder, maker),
             "{} exists and was not made by an earlier `yoto {maker}`; move it away or choose another \
              --out",
             folder.display()
@@ -22,13 +21,37 @@ pub fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
             .with_context(|| format!("removing {}", folder.display()))?;
     }
     std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
-    let marker = folder.join(marker);
+    let marker = marker(&folder, maker);
     std::fs::write(
         &marker,
         format!("The next `yoto {maker}` replaces this folder.\n"),
     )
     .with_context(|| format!("writing {}", marker.display()))?;
     Ok(folder)
+}
+
+/// Whether `maker` made `folder`.
+pub fn is_of(folder: &Path, maker: &str) -> bool {
+    marker(folder, maker).is_file()
+}
+
+fn marker(folder: &Path, maker: &str) -> PathBuf {
+    folder.join(format!("made-by-yoto-{maker}"))
+}
+
+/// Moves everything in the folder `from` into the folder `to`, on the same file system.
+///
+/// # Errors
+/// When something can't be moved.
+pub fn move_into(from: &Path, to: &Path) -> anyhow::Result<()> {
+    let reading = || format!("reading {}", from.display());
+    for entry in std::fs::read_dir(from).with_context(reading)? {
+        let entry = entry.with_context(reading)?;
+        let place = to.join(entry.file_name());
+        std::fs::rename(entry.path(), &place)
+            .with_context(|| format!("moving {} to {}", entry.path().display(), place.display()))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

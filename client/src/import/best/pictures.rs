@@ -1,10 +1,10 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
-use super::super::pictures::{read_image, read_masks};
+use super::super::pictures::{Mask, read_image, read_masks};
 use super::super::{Imported, Pictures};
 use super::sharpness;
 use crate::api::ClientError;
-use image::RgbImage;
+use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_media::source::{Source, SourceError, Wanted};
@@ -12,6 +12,14 @@ use yoto_media::video::Ffmpeg;
 use yoto_media::{Limits, MediaError};
 use yoto_proto::media_plan::{self, Timing};
 use yoto_proto::pose_track::violation;
+
+/// Where a frame's sharpness counts: in its masks, or everywhere if it has none.
+fn inside(masks: &[Mask], size: [u32; 2], index: u32) -> Result<GrayImage, ClientError> {
+    if masks.is_empty() {
+        return Ok(GrayImage::from_pixel(size[0], size[1], image::Luma([255])));
+    }
+    read_masks(masks, size, index)
+}
 
 /// The sharpness of each frame.
 pub(super) fn sharpness(
@@ -28,10 +36,7 @@ pub(super) fn sharpness(
             for (&index, files) in indices.iter().zip(files) {
                 progress(sharp.len(), total);
                 let picture = read_image(&files.image, size, index)?;
-                sharp.push(sharpness::of(
-                    &picture,
-                    &read_masks(&files.masks, size, index)?,
-                ));
+                sharp.push(sharpness::of(&picture, &inside(&files.masks, size, index)?));
             }
         }
         Pictures::Video { video, masks } => {
@@ -39,7 +44,7 @@ pub(super) fn sharpness(
             for (&index, masks) in indices.iter().zip(masks) {
                 progress(sharp.len(), total);
                 let picture = film.picture(index, size)?;
-                sharp.push(sharpness::of(&picture, &read_masks(masks, size, index)?));
+                sharp.push(sharpness::of(&picture, &inside(masks, size, index)?));
             }
         }
     }
