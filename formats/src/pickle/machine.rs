@@ -2,7 +2,7 @@
 
 use super::numpy::RawArray;
 use super::storage::{Data, Stored, Tensor};
-use super::{MAX_NODES, PickleError};
+use super::{MAX_ENCODED, MAX_NODES, PickleError};
 use crate::dtype::Dtype;
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -71,6 +71,15 @@ pub(super) struct Entry {
 pub(super) const EMPTY: PickleError = PickleError::Malformed("an instruction without its operands");
 
 impl<'a> Machine<'a> {
+    /// Counts `bytes` that a call makes: one instruction of a few bytes may make many, again and again.
+    pub(super) fn spend(&self, bytes: usize) -> Result<(), PickleError> {
+        self.encoded.set(self.encoded.get().saturating_add(bytes));
+        if self.encoded.get() > MAX_ENCODED {
+            return Err(PickleError::TooLarge);
+        }
+        Ok(())
+    }
+
     pub fn new(bytes: &'a [u8]) -> Self {
         Self {
             bytes,

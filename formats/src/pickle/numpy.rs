@@ -3,7 +3,7 @@
 
 use super::machine::{Id, Machine, Node};
 use super::storage::{self, Data};
-use super::{MAX_ENCODED, MAX_NAME, PickleError, joblib};
+use super::{MAX_NAME, PickleError, joblib};
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;
 use crate::{Array, Value};
@@ -106,6 +106,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         })),
         "numpy.core.multiarray.scalar" => {
             let (dtype, bytes) = (dtype(argument(0)?)?, bytes(argument(1)?)?);
+            machine.spend(bytes.len())?;
             if let Some([Value::Text(text)]) = dtype.texts(&bytes).as_deref() {
                 return Ok(Node::Text(text.as_str().into()));
             }
@@ -119,10 +120,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         // Bytes that Python 3 wrote for Python 2: each as the character with its number.
         "_codecs.encode" => {
             let text = text(argument(0)?)?;
-            machine.encoded.set(machine.encoded.get() + text.len());
-            if machine.encoded.get() > MAX_ENCODED {
-                return Err(PickleError::TooLarge);
-            }
+            machine.spend(text.len())?;
             let bytes: Result<Vec<u8>, _> = text.chars().map(|c| u8::try_from(c as u32)).collect();
             let bytes =
                 bytes.map_err(|_| PickleError::Malformed("bytes of characters over 255"))?;
@@ -137,7 +135,10 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
                 return Ok(Node::List(Vec::new()));
             }
             match argument(0)? {
-                Node::List(items) if items.len() <= MAX_SET => Ok(Node::List(items.clone())),
+                Node::List(items) if items.len() <= MAX_SET => {
+                    machine.spend(size_of::<Id>() * items.len())?;
+                    Ok(Node::List(items.clone()))
+                }
                 Node::List(_) => Err(PickleError::TooLarge),
                 _ => Err(PickleError::Malformed(
                     "a set of a value that is not a list",
@@ -190,6 +191,7 @@ fn path(machine: &Machine, parts: &[Id]) -> Result<Node, PickleError> {
             return Err(LONG);
         }
     }
+    machine.spend(path.len())?;
     Ok(Node::Text(path.into()))
 }
 

@@ -2,7 +2,7 @@
 
 use super::machine::{Entry, Id, Machine, Node};
 use super::numpy::text;
-use super::{MAX_ENCODED, PickleError, legacy};
+use super::{PickleError, legacy};
 use crate::array::count;
 use crate::dtype::Dtype;
 use crate::{Array, Value};
@@ -249,11 +249,11 @@ pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleE
     }
     let mut part = Machine::new(bytes);
     part.inner = true;
+    // One account for the file and all files in it.
+    part.encoded.set(machine.encoded.get());
     let (root, read) = legacy::run(&mut part)?;
-    machine.encoded.set(machine.encoded.get() + read);
-    if machine.encoded.get() > MAX_ENCODED {
-        return Err(PickleError::TooLarge);
-    }
+    machine.encoded.set(part.encoded.get());
+    machine.spend(read)?;
     let Node::Storage(stored) = part.node(root)? else {
         return Err(BAD);
     };

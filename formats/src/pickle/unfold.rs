@@ -64,7 +64,7 @@ impl Machine<'_> {
             }
             Node::Array(array) => {
                 if array.is_text() {
-                    left.values(array.len())?;
+                    left.values(array.len() + array.data.len() / TEXT)?;
                 }
                 left.numbers(array.len())?;
                 array.value(self.bytes)?

@@ -9,7 +9,7 @@ use crate::{
 use std::time::SystemTime;
 use yoto_proto::{
     names::Collection,
-    v1::{Job, Lease},
+    v1::{Job, JobError, Lease},
 };
 
 /// Adds a worker and returns its id.
@@ -61,14 +61,16 @@ pub async fn lease(context: &Context, worker_id: &str) -> Result<Option<Lease>, 
             }))
         }
         Err(error) => {
-            give_back(context, &job).await;
+            give_back(context, &job, &error).await;
             Err(error)
         }
     }
 }
 
-/// If this fails as well, the reaper takes the job back when the lease expires.
-async fn give_back(context: &Context, job: &Job) {
+/// Puts a job back whose inputs can't be found. It is tried later, and not for ever: at once it would come
+/// first again, and no job behind it would ever run. If this fails as well, the reaper takes the job back
+/// when the lease expires.
+async fn give_back(context: &Context, job: &Job, error: &RequestError) {
     let Ok(id) = Collection::Jobs.parse(&job.name) else {
         return;
     };
@@ -76,7 +78,12 @@ async fn give_back(context: &Context, job: &Job) {
         job_id: id.to_owned(),
         token: job.lease,
     };
-    if let Err(error) = context.store.end_job(&key, Ending::Requeued).await {
+    let missing = JobError {
+        code: "INPUTS".to_owned(),
+        message: format!("its inputs can't be found: {error}"),
+        violations: Vec::new(),
+    };
+    if let Err(error) = context.store.end_job(&key, Ending::TryLater(missing)).await {
         tracing::warn!(job = job.name, %error, "could not put a job back into the queue");
     }
     context.changes.announce();

@@ -54,9 +54,9 @@ fn clean(mut levels: Vec<f32>) -> Vec<f32> {
     for ((level, near), (inside, is_person)) in levels
         .iter_mut()
         .zip(near)
-        .zip(inside.into_iter().zip(&is_person))
+        .zip(inside.iter().zip(&is_person))
     {
-        if !near || (*is_person && !inside) {
+        if !near || (*is_person && !*inside) {
             *level = 0.0;
         }
     }
@@ -65,7 +65,12 @@ fn clean(mut levels: Vec<f32>) -> Vec<f32> {
             let (row, column) = (at / SIDE, at % SIDE);
             row == 0 || column == 0 || row + 1 == SIDE || column + 1 == SIDE
         };
-        if part.len() <= SMALL_HOLE && !part.iter().any(at_border) {
+        if part.len() > SMALL_HOLE || part.iter().any(at_border) {
+            continue;
+        }
+        // The pixel above a hole's first is of the part around it, which may have gone.
+        let above = part.first().and_then(|first| first.checked_sub(SIDE));
+        if above.is_some_and(|above| inside[above]) {
             part.iter().for_each(|&at| levels[at] = 1.0);
         }
     }

@@ -116,8 +116,7 @@ impl Kind {
     }
 }
 
-/// Points whose direction tells something, by kind; `true` where left and right are also joined
-/// across.
+/// Points whose direction tells something, by kind.
 const BONES: [(Kind, Kind); 13] = [
     (Hip, Knee),
     (Knee, Ankle),

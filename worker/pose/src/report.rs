@@ -3,7 +3,7 @@
 use crate::KeyPoints;
 use crate::fit::{FitOptions, Fitted};
 use crate::forward::Posed;
-use crate::parameters::{Shared, Stance};
+use crate::parameters::{ROLL, Shared, Stance};
 use crate::problem::{Problem, quantile};
 use crate::residuals::upright;
 use crate::skeleton::{height, offsets, to_track};
@@ -34,7 +34,12 @@ pub(crate) fn fitted(
     let focal = found.shared.focal();
     let [x, y] = problem.centre;
     let down = down(&found.stances, &found.shared);
-    let world = World::of_camera(if options.upright { down } else { 0.0 });
+    let [tilt, roll] = if options.upright {
+        [down, found.shared.values[ROLL]]
+    } else {
+        [0.0; 2]
+    };
+    let world = World::of_camera(tilt, roll);
     let rest = skeleton.rest_joints.first().copied().unwrap_or_default();
     let frames = points.frames.iter().zip(&found.stances);
     let frames = frames.map(|(frame, stance)| Frame {

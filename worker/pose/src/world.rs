@@ -13,11 +13,12 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// For a camera that looks down by `down` radians. The world's origin is the camera's, its y points
-    /// down along gravity, its x to the camera's right.
-    pub(crate) fn of_camera(down: f64) -> Self {
+    /// For a camera that looks down by `down` radians and is turned by `roll`, as in
+    /// [`upright::up`](crate::residuals::upright::up). The world's origin is the camera's, its y points down
+    /// along gravity.
+    pub(crate) fn of_camera(down: f64, roll: f64) -> Self {
         Self {
-            turn: rodrigues([-down, 0.0, 0.0]),
+            turn: product(&rodrigues([-down, 0.0, 0.0]), &rodrigues([0.0, 0.0, -roll])),
         }
     }
 
@@ -53,8 +54,8 @@ mod tests {
 
     #[test]
     fn gravity_becomes_the_worlds_y_and_the_camera_sees_the_same() {
-        let world = World::of_camera(0.3);
-        let [sky, ..] = up(0.3, 0.0);
+        let world = World::of_camera(0.3, 0.1);
+        let [sky, ..] = up(0.3, 0.1);
         for (value, wanted) in turned(&world.turn, sky).iter().zip([0.0, -1.0, 0.0]) {
             assert!((value - wanted).abs() < 1e-12, "{value} {wanted}");
         }

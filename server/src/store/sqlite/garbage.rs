@@ -83,9 +83,15 @@ pub async fn references(
     for key in folders {
         let reference = match Folder::parse(key) {
             None => Reference::Row,
-            Some(folder) if named(conn, key, folder).await? => Reference::Row,
-            Some(folder) if runs(conn, folder.lease()).await? => Reference::Lease,
-            Some(_) => Reference::Nothing,
+            Some(folder) => {
+                // In this order: a job that ends between the two has left its row before the second.
+                let runs = runs(conn, folder.lease()).await?;
+                match (named(conn, key, folder).await?, runs) {
+                    (true, _) => Reference::Row,
+                    (false, true) => Reference::Lease,
+                    (false, false) => Reference::Nothing,
+                }
+            }
         };
         references.push(reference);
     }

@@ -20,6 +20,9 @@ struct Depthwise {
     range: [f32; 2],
 }
 
+/// Places of a filter, at most; those of BlazePose have 25. Each output pixel looks at all of them.
+const MAX_TAPS: usize = 1 << 10;
+
 /// A convolution of each channel with its own part of the filter `[1, rows, columns, channels]`.
 pub(super) fn depthwise(
     shape: &[usize],
@@ -36,6 +39,11 @@ pub(super) fn depthwise(
         return Err(format!(
             "a filter of {filter:?} and {} biases for a picture of {shape:?}",
             bias.len()
+        ));
+    }
+    if filter_rows.saturating_mul(filter_columns) > MAX_TAPS {
+        return Err(format!(
+            "a filter of {filter_rows}x{filter_columns} places: {MAX_TAPS} are allowed"
         ));
     }
     let [rows, columns] = window.sides([height, width], [filter_rows, filter_columns])?;

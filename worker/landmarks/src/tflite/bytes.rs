@@ -1,5 +1,8 @@
 //! Tables of a flatbuffer: every access is checked against the file's length.
 
+/// Numbers of a short list, at most: sides of a tensor, tensors of an operator or at a graph's ends.
+const FEW: usize = 64;
+
 /// A place in a flatbuffer, with the whole file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Table<'a> {
@@ -84,10 +87,16 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The 32-bit numbers of field `number`; none if it is absent.
-    pub(super) fn i32s(&self, number: usize) -> Vec<i32> {
+    /// The 32-bit numbers of field `number`, of which there are a few; none if it is absent. Tables may
+    /// share one long list, so that a short file would fill the memory.
+    pub(super) fn i32s(&self, number: usize) -> Result<Vec<i32>, String> {
         let vector = self.vector(number, 4);
-        vector.map(|vector| vector.i32s()).unwrap_or_default()
+        match vector {
+            Some(vector) if vector.len() > FEW => {
+                Err(format!("a list of {}: {FEW} are allowed", vector.len()))
+            }
+            vector => Ok(vector.map(|vector| vector.i32s()).unwrap_or_default()),
+        }
     }
 }
 
@@ -156,7 +165,7 @@ mod tests {
         let table = Table::root(&bytes).expect("a root");
         assert_eq!(table.u8(0), None);
         assert_eq!(table.u8(1), Some(7));
-        assert_eq!(table.i32s(2), [1, -2]);
+        assert_eq!(table.i32s(2).expect("a short list"), [1, -2]);
         assert_eq!(table.u8(3), None, "beyond the vtable");
     }
 
@@ -168,7 +177,7 @@ mod tests {
         assert!(table.vector(2, 4).is_none());
         for length in 0..bytes.len() {
             if let Some(table) = Table::root(&bytes[..length]) {
-                table.i32s(2);
+                let _ = table.i32s(2);
                 table.u8(1);
             }
         }

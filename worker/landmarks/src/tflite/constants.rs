@@ -104,11 +104,11 @@ fn sparse(
     values: &[f32],
 ) -> Result<Vec<f32>, String> {
     let unsupported = || "weights are sparse in a way that is not supported".to_owned();
-    let order = sparsity.i32s(0);
+    let order = sparsity.i32s(0)?;
     let in_order = order.iter().zip(0..).all(|(&at, expected)| at == expected);
     let dimensions = sparsity.vector(2, 4).ok_or_else(unsupported)?;
     let columns = *shape.last().ok_or_else(unsupported)?;
-    if order.len() != shape.len() || !in_order || !sparsity.i32s(1).is_empty() || columns == 0 {
+    if order.len() != shape.len() || !in_order || !sparsity.i32s(1)?.is_empty() || columns == 0 {
         return Err(unsupported());
     }
     let mut last = None;

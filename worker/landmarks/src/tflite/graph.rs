@@ -74,10 +74,10 @@ impl Graph {
             let code = i32::from(code.u8(0).unwrap_or(0)).max(code.i32(3).unwrap_or(0));
             let kind = kind::read(code, table.table(4))
                 .map_err(|message| format!("operator {at}: {message}"))?;
-            let inputs = table.i32s(1).into_iter().filter(|&at| at >= 0);
+            let inputs = table.i32s(1)?.into_iter().filter(|&at| at >= 0);
             let inputs = inputs.map(|at| Ok(at_source[known(at)?]));
             let inputs = inputs.collect::<Result<Vec<_>, String>>()?;
-            let [output] = table.i32s(2)[..] else {
+            let [output] = table.i32s(2)?[..] else {
                 return Err(format!("operator {at}: one output is needed"));
             };
             let output = known(output)?;
@@ -94,7 +94,7 @@ impl Graph {
                 _ => return Err(format!("operator {at}: unpacks what is not a constant")),
             }
         }
-        let ends = |field| graph.i32s(field).into_iter().map(known).collect();
+        let ends = |field| graph.i32s(field)?.into_iter().map(known).collect();
         let (inputs, outputs): (Result<_, _>, Result<_, _>) = (ends(1), ends(2));
         let (inputs, outputs) = (inputs?, outputs?);
         Ok(Self {
@@ -121,7 +121,7 @@ fn tables(table: Table<'_>, field: usize) -> Result<Vec<Table<'_>>, String> {
 }
 
 fn read_tensor(table: Table, buffers: Vector, budget: &mut Budget) -> Result<Tensor, String> {
-    let shape = table.i32s(0).into_iter().map(usize::try_from);
+    let shape = table.i32s(0)?.into_iter().map(usize::try_from);
     let shape = shape.collect::<Result<Vec<_>, _>>();
     let shape = shape.map_err(|_| "a side is negative")?;
     let buffer = table.u32(2).unwrap_or(0) as usize;
