@@ -72,14 +72,9 @@ fn field<'a>(machine: &'a Machine, state: Id, name: &str) -> Result<&'a Node, Pi
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::bytes;
     use super::super::{PickleError, read, read_without};
     use crate::{Array, Value};
-
-    fn bytes(hex: &str) -> Vec<u8> {
-        (0..hex.len() / 2)
-            .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).expect("hex"))
-            .collect()
-    }
 
     /// `{"a": arange(6, dtype="f4").reshape(2, 3), "o": array([1, "x"], object)}`, protocol 2.
     const PLAIN: &str = concat!(

@@ -100,7 +100,8 @@ mod tests {
         }
     }
 
-    fn bytes(hex: &str) -> Vec<u8> {
+    /// The bytes of hexadecimal digits.
+    pub(super) fn bytes(hex: &str) -> Vec<u8> {
         (0..hex.len() / 2)
             .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).expect("hex"))
             .collect()

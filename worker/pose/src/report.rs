@@ -9,11 +9,10 @@ use crate::residuals::upright;
 use crate::skeleton::{height, offsets, to_track};
 use crate::solve::Guess;
 use crate::world::World;
+use yoto_capture::skeleton::smpl::ASSUMED_HEIGHT;
 use yoto_capture::skeleton::transform::scale;
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 
-/// Height of a body that nobody told the height of, metres.
-const AVERAGE: f64 = 1.72;
 /// Points surer than this are measured.
 const SURE: f64 = 0.3;
 /// Reprojection beyond this share of the body's extent is told.
@@ -27,7 +26,7 @@ pub(crate) fn fitted(
     found: &Guess,
 ) -> Fitted {
     let offsets = offsets(&found.shared.factors());
-    let wanted = options.height.unwrap_or(AVERAGE);
+    let wanted = options.height.unwrap_or(ASSUMED_HEIGHT);
     // Pictures don't tell size: everything grows together.
     let grown = wanted / height(&offsets);
     let skeleton = to_track(&offsets.map(|offset| scale(offset, grown)));
@@ -91,7 +90,7 @@ fn notes(
     }
     if options.height.is_none() {
         notes.push(format!(
-            "height: {AVERAGE} m, as nothing tells it: sizes and distances follow it"
+            "height: {ASSUMED_HEIGHT} m, as nothing tells it: sizes and distances follow it"
         ));
     }
     if !problem.has_space() {

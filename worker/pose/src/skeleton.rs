@@ -1,6 +1,8 @@
 //! The body that is fitted: an average adult's rest joints, whose bones grow in groups shared by
 //! left and right.
 
+pub(crate) use yoto_capture::skeleton::smpl::AVERAGE_REST as REST;
+
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{add, length, scale, sub};
 use yoto_proto::pose_track;
@@ -8,35 +10,6 @@ use yoto_proto::smpl::JOINTS;
 
 /// Joints of the tree.
 pub(crate) const COUNT: usize = JOINTS.len();
-
-/// An average adult of 1.78 m in T-pose: y up from the floor, facing +z, left hand at +x; metres.
-/// The proportions are those of the synthetic people of `yoto-capture`.
-pub(crate) const REST: [Vec3; COUNT] = [
-    [0.0, 0.95, 0.0],
-    [0.085, 0.9, 0.0],
-    [-0.085, 0.9, 0.0],
-    [0.0, 1.06, -0.005],
-    [0.095, 0.49, 0.005],
-    [-0.095, 0.49, 0.005],
-    [0.0, 1.18, -0.005],
-    [0.1, 0.085, -0.025],
-    [-0.1, 0.085, -0.025],
-    [0.0, 1.27, -0.005],
-    [0.105, 0.03, 0.1],
-    [-0.105, 0.03, 0.1],
-    [0.0, 1.47, -0.01],
-    [0.075, 1.42, -0.01],
-    [-0.075, 1.42, -0.01],
-    [0.0, 1.57, 0.01],
-    [0.18, 1.43, -0.01],
-    [-0.18, 1.43, -0.01],
-    [0.45, 1.43, -0.015],
-    [-0.45, 1.43, -0.015],
-    [0.7, 1.43, -0.01],
-    [-0.7, 1.43, -0.01],
-    [0.78, 1.43, -0.005],
-    [-0.78, 1.43, -0.005],
-];
 
 /// From the ankle to the sole and from the head's joint to the crown, as shares of the shin and
 /// of the way from the chest to the head: what joints don't tell of a height.

@@ -79,7 +79,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
     detections(rows.collect(), given, size).map_err(|message| part.fault("SIZE_MISMATCH", message))
 }
 
-/// `[F, 33, 4]`; a visibility of 1 where there is none.
+/// `[F, 33, 4]`; visibility is 1 if the file has none.
 fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
     let array = part.array()?;
     let (rows, width) = match array.shape[..] {

@@ -218,7 +218,7 @@ fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result
         }
     }
     rest.scale(best.1);
-    Ok(super::rest::ADULT * best.1)
+    Ok(yoto_capture::skeleton::smpl::ASSUMED_HEIGHT * best.1)
 }
 
 /// A note about the reading that was taken.

@@ -10,39 +10,9 @@ use crate::import::rest_joints::RestJoints;
 use crate::import::track::{SmplPose, median_rows};
 use crate::import::{Options, clip};
 use std::path::Path;
+use yoto_capture::skeleton::smpl::{ASSUMED_HEIGHT, AVERAGE_HEIGHT, AVERAGE_REST};
 use yoto_proto::smpl::JOINTS;
 
-/// An average adult's joints in a T-pose, metres from the ground.
-const AVERAGE: [Vec3; 24] = [
-    [0.0, 0.95, 0.0],
-    [0.085, 0.9, 0.0],
-    [-0.085, 0.9, 0.0],
-    [0.0, 1.06, -0.005],
-    [0.095, 0.49, 0.005],
-    [-0.095, 0.49, 0.005],
-    [0.0, 1.18, -0.005],
-    [0.1, 0.085, -0.025],
-    [-0.1, 0.085, -0.025],
-    [0.0, 1.27, -0.005],
-    [0.105, 0.03, 0.1],
-    [-0.105, 0.03, 0.1],
-    [0.0, 1.47, -0.01],
-    [0.075, 1.42, -0.01],
-    [-0.075, 1.42, -0.01],
-    [0.0, 1.57, 0.01],
-    [0.18, 1.43, -0.01],
-    [-0.18, 1.43, -0.01],
-    [0.45, 1.43, -0.015],
-    [-0.45, 1.43, -0.015],
-    [0.7, 1.43, -0.01],
-    [-0.7, 1.43, -0.01],
-    [0.78, 1.43, -0.005],
-    [-0.78, 1.43, -0.005],
-];
-/// Height of the body with [`AVERAGE`]'s joints, metres.
-const AVERAGE_HEIGHT: f64 = 1.78;
-/// Height of a person of whom nothing is known, metres.
-pub(super) const ADULT: f64 = 1.7;
 /// Most frames that measure a skeleton.
 const MOST: usize = 200;
 
@@ -109,7 +79,7 @@ impl Rest {
                 pelvis,
             });
         }
-        let height = options.height.unwrap_or(ADULT);
+        let height = options.height.unwrap_or(ASSUMED_HEIGHT);
         let offsets = average(height);
         if let Some(joints) = measured(person, &offsets, at)? {
             notes.push(
@@ -193,8 +163,8 @@ pub(super) fn posed(rest: &[Vec3], pose: &SmplPose, root: Vec3) -> Vec<Vec3> {
 /// Offsets from the parent of an average adult of `height`.
 fn average(height: f64) -> Vec<Vec3> {
     let offset = |(joint, (_, parent)): (usize, &(&str, Option<usize>))| {
-        let above = parent.and_then(|parent| AVERAGE.get(parent));
-        let place = AVERAGE.get(joint).copied().unwrap_or_default();
+        let above = parent.and_then(|parent| AVERAGE_REST.get(parent));
+        let place = AVERAGE_REST.get(joint).copied().unwrap_or_default();
         above.map_or([0.0; 3], |above| {
             scale(sub(place, *above), height / AVERAGE_HEIGHT)
         })

@@ -1,3 +1,41 @@
-//! The joint tree of SMPL, as the contract has it.
+//! The joint tree of SMPL, as the contract has it, and an average adult's body on it, for people of whom
+//! no skeleton is known.
 
 pub use yoto_proto::smpl::JOINTS;
+
+use super::Vec3;
+
+/// An average adult of [`AVERAGE_HEIGHT`] in T-pose: y up from the floor, facing +z, left hand at +x;
+/// metres. The proportions are those of the synthetic people of this crate.
+pub const AVERAGE_REST: [Vec3; JOINTS.len()] = [
+    [0.0, 0.95, 0.0],
+    [0.085, 0.9, 0.0],
+    [-0.085, 0.9, 0.0],
+    [0.0, 1.06, -0.005],
+    [0.095, 0.49, 0.005],
+    [-0.095, 0.49, 0.005],
+    [0.0, 1.18, -0.005],
+    [0.1, 0.085, -0.025],
+    [-0.1, 0.085, -0.025],
+    [0.0, 1.27, -0.005],
+    [0.105, 0.03, 0.1],
+    [-0.105, 0.03, 0.1],
+    [0.0, 1.47, -0.01],
+    [0.075, 1.42, -0.01],
+    [-0.075, 1.42, -0.01],
+    [0.0, 1.57, 0.01],
+    [0.18, 1.43, -0.01],
+    [-0.18, 1.43, -0.01],
+    [0.45, 1.43, -0.015],
+    [-0.45, 1.43, -0.015],
+    [0.7, 1.43, -0.01],
+    [-0.7, 1.43, -0.01],
+    [0.78, 1.43, -0.005],
+    [-0.78, 1.43, -0.005],
+];
+
+/// Height of the body with [`AVERAGE_REST`]'s joints, from the soles to the crown, metres.
+pub const AVERAGE_HEIGHT: f64 = 1.78;
+
+/// Height that is taken for a person of whom nothing tells it, metres.
+pub const ASSUMED_HEIGHT: f64 = 1.72;
