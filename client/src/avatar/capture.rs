@@ -47,13 +47,19 @@ pub(super) struct Checked {
     pub seconds: f64,
 }
 
-/// Checks the capture in `folder` and writes report and sheet to `out`.
+/// Checks the capture in `folder` and writes report and sheet to `out`; videos of other kinds are
+/// decoded by the program `ffmpeg`, which is searched for when it has no name.
 ///
 /// # Errors
 /// When a measure fails, unless `despite` that the training is wanted.
-pub(super) fn check(folder: &Path, out: &Path, despite: bool) -> anyhow::Result<Checked> {
+pub(super) fn check(
+    folder: &Path,
+    out: &Path,
+    ffmpeg: Option<&Path>,
+    despite: bool,
+) -> anyhow::Result<Checked> {
     let started = Instant::now();
-    let checked = capture_check::check(folder, &CaptureOptions::default(), None)?;
+    let checked = capture_check::check(folder, &CaptureOptions::default(), ffmpeg)?;
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     let report = out.join("report.json");
     let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;

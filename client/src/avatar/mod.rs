@@ -22,6 +22,7 @@ use crate::studio::{folder, person};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use yoto_ingest::IngestSettings;
 use yoto_proto::v1::{Orbit, PoseRefinement, TrainSpec, render_spec};
 
 /// Name of this command, on the folders that it may replace.
@@ -103,7 +104,9 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let (captured, checked) = tokio::task::block_in_place(|| {
         let captured = capture::import(options, &attempt.join("capture"))?;
         let checks = attempt.join("check");
-        let checked = capture::check(&attempt.join("capture"), &checks, options.despite_check)?;
+        let ffmpeg = options.import.ffmpeg.as_deref();
+        let folder = attempt.join("capture");
+        let checked = capture::check(&folder, &checks, ffmpeg, options.despite_check)?;
         anyhow::Ok((captured, checked))
     })?;
     let [folder, checks, pictures, data] = folders(out)?;
@@ -112,7 +115,11 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     }
     std::fs::remove_dir_all(&attempt).with_context(|| format!("removing {}", attempt.display()))?;
     let mut report = Report::new(options, captured, checked);
-    let made = with_service(data, None, async |client| {
+    let ingest = IngestSettings {
+        ffmpeg: options.import.ffmpeg.clone(),
+        ..IngestSettings::default()
+    };
+    let made = with_service(data, ingest, None, async |client| {
         let consent = "made by `yoto avatar` on the user's own machine";
         let subject = person::upload(client, &options.name, consent, &folder).await?;
         let model = client.create_model(&options.name, TIER, VARIANT).await?;

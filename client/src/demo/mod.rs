@@ -19,6 +19,7 @@ use people::Actor;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::v1::{PoseRefinement, TrainSpec};
 
@@ -89,7 +90,8 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     for actor in &actors {
         actor.write_capture(&capture_folder(&options.out, &actor.name))?;
     }
-    let report = with_service(data, options.lpips.clone(), async |client| {
+    let ingest = IngestSettings::default();
+    let report = with_service(data, ingest, options.lpips.clone(), async |client| {
         drive(client, options, &actors).await
     })
     .await?;

@@ -20,6 +20,8 @@ pub(super) struct Clip {
     files: Vec<PathBuf>,
     /// Frames by the names of their pictures, without endings.
     names: HashMap<OsString, usize>,
+    /// Decodes videos that are not decoded in this process.
+    ffmpeg: Ffmpeg,
     /// Width and height, as shown: after the rotation that a phone's video asks for.
     pub size: [u32; 2],
     /// Number of frames.
@@ -29,15 +31,17 @@ pub(super) struct Clip {
 }
 
 impl Clip {
-    /// Opens the clip at `path` and decodes its first frame.
+    /// Opens the clip at `path` and decodes its first frame; videos of other kinds by the program
+    /// `ffmpeg`, which is searched for when it has no name.
     ///
     /// # Errors
     /// When there is no video and no picture, or the first can't be decoded.
-    pub fn open(path: &Path) -> Result<Self, ClientError> {
+    pub fn open(path: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
+        let ffmpeg = Ffmpeg::find(ffmpeg);
         if path.is_dir() {
-            return Self::pictures_in(path);
+            return Self::pictures_in(path, ffmpeg);
         }
-        let (mut video, frames) = open_video(path)?;
+        let (mut video, frames) = open_video(path, &ffmpeg)?;
         let times = video.times();
         let span = times.last().copied().unwrap_or_default();
         let fps = (frames > 1 && span > 0.0).then(|| (frames - 1) as f64 / span);
@@ -47,13 +51,14 @@ impl Clip {
             path: path.to_owned(),
             files: Vec::new(),
             names: HashMap::new(),
+            ffmpeg,
             size: [first.width as u32, first.height as u32],
             frames,
             fps,
         })
     }
 
-    fn pictures_in(path: &Path) -> Result<Self, ClientError> {
+    fn pictures_in(path: &Path, ffmpeg: Ffmpeg) -> Result<Self, ClientError> {
         let files = listed(path, &PICTURES)?;
         let Some(first) = files.first() else {
             let message = "there are no pictures (PNG or JPEG) in this folder: a clip is a video, \
@@ -67,9 +72,15 @@ impl Clip {
             frames: files.len(),
             path: path.to_owned(),
             names: names.collect(),
+            ffmpeg,
             files,
             fps: None,
         })
+    }
+
+    /// The video at `path`, of this clip or of masks for it, and the number of its frames.
+    pub fn video(&self, path: &Path) -> Result<(Video, usize), ClientError> {
+        open_video(path, &self.ffmpeg)
     }
 
     /// The clip's file or folder.
@@ -115,11 +126,9 @@ pub(super) fn is_video(path: &Path) -> bool {
         )
 }
 
-/// The video at `path` and the number of its frames.
-pub(super) fn open_video(path: &Path) -> Result<(Video, usize), ClientError> {
+fn open_video(path: &Path, ffmpeg: &Ffmpeg) -> Result<(Video, usize), ClientError> {
     let limits = Limits::default();
-    let video = Video::open(path, &limits, &Ffmpeg::find(None), true)
-        .map_err(|error| unusable(path, error))?;
+    let video = Video::open(path, &limits, ffmpeg, true).map_err(|error| unusable(path, error))?;
     let frames = video.frames().unwrap_or_default();
     Ok((video, frames))
 }

@@ -5,13 +5,15 @@ use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_ingest::IngestSettings;
 
-/// Starts a service on the folder `data`, does `work` with a client of it, and stops the service.
+/// Starts a service on the folder `data`, which reads uploads as `ingest` says, does `work` with a client of it, and stops the service.
 ///
 /// # Errors
 /// When the work fails, the service fails or can't start, or the user interrupts.
 pub async fn with_service<T>(
     data: PathBuf,
+    ingest: IngestSettings,
     lpips: Option<LpipsWeights>,
     work: impl AsyncFnOnce(&YotoClient) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
@@ -19,7 +21,7 @@ pub async fn with_service<T>(
         data,
         listen: None,
         worker: true,
-        ingest: yoto_ingest::IngestSettings::default(),
+        ingest,
         lpips,
         storage: yoto_server::StorageLimits::default(),
     })

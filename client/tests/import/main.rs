@@ -4,6 +4,7 @@
 mod bad;
 mod captures;
 mod dialects;
+mod ffmpeg;
 mod film;
 mod key_points;
 mod motions;

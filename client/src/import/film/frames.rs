@@ -1,7 +1,7 @@
 //! The frames of a clip, decoded one at a time.
 
 use crate::api::ClientError;
-use crate::import::clip::{Clip, PICTURES, fault, listed, open_video, unusable};
+use crate::import::clip::{Clip, PICTURES, fault, listed, unusable};
 use crate::import::pictures::read_image;
 
 /// Gives `each` the pixels `[height, width, 3]` of the frames in `wanted`, which rise.
@@ -23,7 +23,7 @@ pub(super) fn for_each(
         }
         return Ok(());
     }
-    let (mut video, _) = open_video(path)?;
+    let (mut video, _) = clip.video(path)?;
     let mut next = 0;
     for &frame in wanted {
         while next < frame {
@@ -54,7 +54,7 @@ mod tests {
 
     /// Brightness of each frame in `wanted` of the clip at `path`.
     fn sums(path: &Path, wanted: &[usize]) -> Result<Vec<(usize, u64)>, ClientError> {
-        let clip = Clip::open(path)?;
+        let clip = Clip::open(path, None)?;
         let mut sums = Vec::new();
         for_each(&clip, wanted, |frame, rgb| {
             sums.push((frame, rgb.iter().map(|level| u64::from(*level)).sum()));

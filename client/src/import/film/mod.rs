@@ -37,7 +37,7 @@ pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         return Err(fault(source, "UNSUPPORTED", message));
     }
     let model = open_model(source, options)?;
-    let clip = Clip::open(source)?;
+    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
     let mut notes = Vec::new();
     let wanted = wanted(&clip, options, &mut notes)?;
     let started = Instant::now();
@@ -142,7 +142,7 @@ mod tests {
             let path = folder.join(format!("{frame:06}.png"));
             picture.save(path).expect("a picture");
         }
-        Clip::open(folder).expect("a clip")
+        Clip::open(folder, None).expect("a clip")
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
                        THESE, where CLIP is a video or a folder of pictures";
         return Err(super::clip::fault(source, "MISSING", message));
     };
-    let clip = Clip::open(source)?;
+    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
     let detections = recognise::read(at, clip.size)?;
     capture::read(&clip, &detections, at, options)
 }

@@ -7,7 +7,7 @@
 use super::frames::number_in;
 use super::tool::{Found, Person, Seen};
 use crate::api::ClientError;
-use crate::import::clip::{Clip, PICTURES, fault, is_video, listed, open_video, unusable};
+use crate::import::clip::{Clip, PICTURES, fault, is_video, listed, unusable};
 use crate::import::pictures::{Mask, MaskKind, read_image};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
@@ -222,7 +222,7 @@ fn by_frame(files: &[PathBuf], clip: &Clip) -> BTreeMap<usize, PathBuf> {
 
 /// The masks of a video: its alpha channel, or its brightness.
 fn video(path: &Path, clip: &Clip) -> Result<Masks, ClientError> {
-    let (mut video, _) = open_video(path)?;
+    let (mut video, _) = clip.video(path)?;
     let mut masks = BTreeMap::new();
     for frame in 0..clip.frames {
         let Some(picture) = video.next(false).map_err(|error| unusable(path, error))? else {

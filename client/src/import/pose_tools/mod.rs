@@ -58,12 +58,13 @@ pub(super) fn read(
     let (tool, found) = recognise::read(at, forced, options)?;
     let mut notes = vec![summary(tool, &found)];
     notes.extend(found.notes.iter().cloned());
+    let ffmpeg = options.ffmpeg.as_deref();
     let clip = if options.poses.is_some() {
-        Clip::open(source)?
+        Clip::open(source, ffmpeg)?
     } else {
         let inside = clip_in(source)?;
         notes.push(format!("the clip: {}", inside.display()));
-        Clip::open(&inside)?
+        Clip::open(&inside, ffmpeg)?
     };
     ensure_size(&found, &clip, at, tool)?;
     let numbers = Numbers::find(&found, &clip, at, &mut notes)?;
