@@ -5,7 +5,7 @@
 
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;
-use crate::pickle::{self, PickleError};
+use crate::pickle::{self, Budget, PickleError};
 use crate::{Array, Value};
 use thiserror::Error;
 
@@ -58,6 +58,18 @@ pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
 /// # Errors
 /// As [`read`].
 pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, NpyError> {
+    read_within(bytes, without, &mut Budget::default())
+}
+
+/// As [`read_without`], for one of several arrays of a file, whose pickles share `budget`.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn read_within(
+    bytes: &[u8],
+    without: &[&str],
+    budget: &mut Budget,
+) -> Result<Value, NpyError> {
     let (header, rest) = split(bytes)?;
     let code = quoted(field(header, "descr")?).ok_or_else(|| {
         let code = field(header, "descr").unwrap_or_default();
@@ -65,7 +77,7 @@ pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, NpyError> {
     })?;
     let dtype = Dtype::new(code);
     if dtype.is_object() {
-        return Ok(pickle::read_without(rest, without)?);
+        return Ok(pickle::read_within(rest, without, budget)?);
     }
     let shape = shape(field(header, "shape")?)?;
     let columns_first = field(header, "fortran_order")?.starts_with("True");

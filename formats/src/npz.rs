@@ -2,6 +2,7 @@
 
 use crate::Value;
 use crate::npy::{self, NpyError};
+use crate::pickle::Budget;
 use std::io::{Cursor, Read};
 use thiserror::Error;
 use zip::ZipArchive;
@@ -37,7 +38,7 @@ pub enum NpzError {
 }
 
 /// The arrays of an archive, by name, as [`npy::read`] returns them. At most `limit` bytes are
-/// unpacked.
+/// unpacked, and the pickles of arrays of objects share the limits of one.
 ///
 /// # Errors
 /// When the bytes are not a valid archive, or unpack to more.
@@ -56,6 +57,9 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
         return Err(NpzError::TooLarge(limit));
     }
     let mut left = limit;
+    // Arrays of objects are pickles, each of which can unfold to more than the bytes of its entry.
+    let mut budget = Budget::default();
+    budget.unpacked = budget.unpacked.min(limit);
     let mut arrays = Vec::new();
     for at in 0..archive.len() {
         let entry = archive.by_index(at)?;
@@ -67,7 +71,7 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
         let mut data = Vec::new();
         // The archive's own sizes may be false, so only the unpacked bytes count.
         entry
-            .take(left + 1)
+            .take(left.saturating_add(1))
             .read_to_end(&mut data)
             .map_err(|source| NpzError::Unpack {
                 name: name.clone(),
@@ -76,7 +80,8 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
         left = left
             .checked_sub(data.len() as u64)
             .ok_or(NpzError::TooLarge(limit))?;
-        let value = npy::read_without(&data, without).map_err(|source| NpzError::Array {
+        let value = npy::read_within(&data, without, &mut budget);
+        let value = value.map_err(|source| NpzError::Array {
             name: name.clone(),
             source,
         })?;
@@ -88,6 +93,8 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pickle::PickleError;
+    use flate2::write::ZlibEncoder;
     use std::io::Write;
     use zip::CompressionMethod;
     use zip::write::{SimpleFileOptions, ZipWriter};
@@ -122,5 +129,47 @@ mod tests {
         let less = read_without(&bomb, 1 << 20, &["a"]).expect("reads");
         assert_eq!(less.get("a"), Some(&Value::Nothing));
         assert!(matches!(read(b"no archive", 9), Err(NpzError::Archive(_))));
+        let all = read(&archive(CompressionMethod::Stored, 3), u64::MAX);
+        assert!(all.is_ok(), "the largest limit is one, too: {all:?}");
+    }
+
+    /// An archive of `count` arrays of an object each: `pickle`, compressed as joblib does.
+    fn of_objects(pickle: &[u8], count: usize) -> Vec<u8> {
+        let header = "{'descr': '|O', 'fortran_order': False, 'shape': (), }";
+        let mut npy = b"\x93NUMPY\x01\x00".to_vec();
+        npy.extend((header.len() as u16).to_le_bytes());
+        npy.extend(header.as_bytes());
+        let mut packed = ZlibEncoder::new(npy, flate2::Compression::fast());
+        packed.write_all(pickle).expect("writes");
+        let npy = packed.finish().expect("finishes");
+        let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+        for at in 0..count {
+            let options = SimpleFileOptions::default();
+            let started = writer.start_file(format!("{at}.npy"), options);
+            started.expect("starts");
+            writer.write_all(&npy).expect("writes");
+        }
+        writer.finish().expect("finishes").into_inner()
+    }
+
+    #[test]
+    fn bombs_in_the_arrays_of_objects_share_the_limits_of_the_file() {
+        // A text of 60,000 letters.
+        let text = [b"X".as_slice(), &60_000u32.to_le_bytes()].concat();
+        let text = [b"\x80\x02", &text[..], &[b'a'; 60_000], b"."].concat();
+        assert!(read(&of_objects(&text, 1), 100_000).is_ok());
+        let two = read(&of_objects(&text, 2), 100_000);
+        assert!(matches!(
+            two,
+            Err(NpzError::Array { name, source: NpyError::Pickle(PickleError::Unpacked(_)) }) if name == "1"
+        ));
+        // A list of a million numbers.
+        let numbers = [b"\x80\x02](", &b"K\x07".repeat(1 << 20)[..], b"e."].concat();
+        assert!(read(&of_objects(&numbers, 3), 1 << 30).is_ok());
+        let four = read(&of_objects(&numbers, 4), 1 << 30);
+        assert!(matches!(
+            four,
+            Err(NpzError::Array { name, source: NpyError::Pickle(PickleError::TooLarge) }) if name == "3"
+        ));
     }
 }

@@ -4,6 +4,7 @@
 //! accepts only the few that describe such data. Protocols 0 to 5, of Python 2 and 3; files of
 //! joblib, with and without compression.
 
+mod budget;
 mod execute;
 mod joblib;
 mod legacy;
@@ -15,6 +16,7 @@ mod unfold;
 mod unpack;
 
 use crate::Value;
+use std::borrow::Cow;
 use thiserror::Error;
 
 /// Deepest nesting.
@@ -78,13 +80,29 @@ pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
 /// # Errors
 /// As [`read`].
 pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, PickleError> {
-    let bytes = unpack::unpacked(bytes, MAX_UNPACKED)?;
+    read_within(bytes, without, &mut Budget::default())
+}
+
+/// As [`read_without`], for one of several pickles of a file, which share `budget`.
+///
+/// # Errors
+/// As [`read`].
+pub(crate) fn read_within(
+    bytes: &[u8],
+    without: &[&str],
+    budget: &mut Budget,
+) -> Result<Value, PickleError> {
+    let bytes = unpack::unpacked(bytes, budget.unpacked)?;
+    if let Cow::Owned(unpacked) = &bytes {
+        budget.unpacked -= unpacked.len() as u64;
+    }
     let mut machine = machine::Machine::new(&bytes);
     machine.without = without;
     let root = machine.run()?;
-    machine.unfold(root)
+    machine.unfold_within(root, budget)
 }
 
+pub(crate) use budget::Budget;
 pub(crate) use legacy::{MAGIC, read as read_legacy};
 pub(crate) use storage::read as read_with_storages;
 

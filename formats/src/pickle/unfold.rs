@@ -1,47 +1,25 @@
 //! Builds a value from the parts of a pickle.
 
+use super::budget::Budget;
 use super::machine::{Id, Machine, Node};
-use super::{MAX_DEPTH, MAX_EXPANDED, MAX_NUMBERS, MAX_VALUES, PickleError};
+use super::{MAX_DEPTH, PickleError};
 use crate::Value;
 
 /// Bytes of text, or of bytes, that count as one value.
 const TEXT: usize = 64;
 
-/// Remaining limits.
-struct Left {
-    values: usize,
-    numbers: usize,
-    expanded: usize,
-}
-
-impl Left {
-    fn values(&mut self, count: usize) -> Result<(), PickleError> {
-        self.values = self
-            .values
-            .checked_sub(count)
-            .ok_or(PickleError::TooLarge)?;
-        Ok(())
-    }
-
-    fn numbers(&mut self, count: usize) -> Result<(), PickleError> {
-        let left = self.numbers.checked_sub(count);
-        self.numbers = left.ok_or(PickleError::TooLarge)?;
-        Ok(())
-    }
-}
-
 impl Machine<'_> {
     /// The value of a node and all below it, but for the values of the keys in `self.without`.
     pub fn unfold(&self, root: Id) -> Result<Value, PickleError> {
-        let mut left = Left {
-            values: MAX_VALUES,
-            numbers: MAX_NUMBERS,
-            expanded: MAX_EXPANDED,
-        };
-        self.value(root, MAX_DEPTH, &mut left)
+        self.unfold_within(root, &mut Budget::default())
     }
 
-    fn value(&self, id: Id, depth: usize, left: &mut Left) -> Result<Value, PickleError> {
+    /// As [`Self::unfold`], out of the file's `budget`.
+    pub fn unfold_within(&self, root: Id, budget: &mut Budget) -> Result<Value, PickleError> {
+        self.value(root, MAX_DEPTH, budget)
+    }
+
+    fn value(&self, id: Id, depth: usize, left: &mut Budget) -> Result<Value, PickleError> {
         left.values(1)?;
         let depth = depth.checked_sub(1).ok_or(PickleError::TooLarge)?;
         Ok(match self.node(id)? {
@@ -73,8 +51,7 @@ impl Machine<'_> {
                 let count = tensor.count().ok_or(PickleError::TooLarge)?;
                 left.numbers(count)?;
                 let beyond = count.saturating_sub(tensor.stored());
-                let expanded = left.expanded.checked_sub(beyond);
-                left.expanded = expanded.ok_or(PickleError::TooLarge)?;
+                left.expanded(beyond)?;
                 Value::Array(tensor.array(self)?)
             }
             Node::Bytes(bytes) => {
@@ -101,7 +78,7 @@ impl Machine<'_> {
         &self,
         items: &[Id],
         depth: usize,
-        left: &mut Left,
+        left: &mut Budget,
     ) -> Result<Vec<Value>, PickleError> {
         items
             .iter()

@@ -39,7 +39,7 @@ pub(super) fn unpacked(bytes: &[u8], limit: u64) -> Result<Cow<'_, [u8]>, Pickle
 
 fn limited<'a>(from: impl Read, limit: u64) -> Result<Cow<'a, [u8]>, PickleError> {
     let mut unpacked = Vec::new();
-    from.take(limit + 1)
+    from.take(limit.saturating_add(1))
         .read_to_end(&mut unpacked)
         .map_err(|error| PickleError::Damaged(error.to_string()))?;
     if unpacked.len() as u64 > limit {
