@@ -132,6 +132,29 @@ fn easymocap_needs_its_camera_and_keeps_its_lens() {
     .expect("writes");
     let found = import(&options(dir.path(), at.clone()));
     assert_eq!(found.track.distortion, [-0.1, 0.02, 0.0, 0.001, 0.0]);
+    for (numbers, expected) in [
+        ("-0.1, 0.02, 0, 0.001", Some([-0.1, 0.02, 0.0, 0.001, 0.0])),
+        ("-0.1, much, 0, 0.001, 0", None),
+        ("-0.1, 0.02", None),
+    ] {
+        std::fs::write(at.join("intri.yml"), text.replace(lens, numbers)).expect("writes");
+        let read = read(
+            Format::Auto,
+            &files("clip/frames"),
+            &options(dir.path(), at.clone()),
+        );
+        match (read, expected) {
+            (Ok(found), Some(expected)) => assert_eq!(found.track.distortion, expected),
+            (Err(error), None) => {
+                let text = error.to_string();
+                assert!(
+                    text.contains("intri.yml: dist_01: not the 5 numbers"),
+                    "{text}"
+                );
+            }
+            (read, _) => panic!("{numbers}: {read:?}"),
+        }
+    }
     let second = Options {
         camera: Some(1),
         ..options(dir.path(), at.clone())

@@ -117,15 +117,12 @@ fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Cam
         size: None,
         margin: 0.0,
     };
-    let lens = ["dist", "D"].into_iter();
-    let distortion = lens
-        .map(|kind| format!("{kind}_{name}"))
-        .find_map(|field| Some((matrix(&text, &field)?, field)));
-    let distortion = match distortion {
-        Some((numbers, field)) => {
-            let five = numbers.try_into();
-            five.map_err(|_| wrong(&file, field))?
-        }
+    let lens = ["dist", "D"].map(|kind| format!("{kind}_{name}"));
+    let distortion = match lens.into_iter().find(|field| is_there(&text, field)) {
+        Some(field) => distortion(matrix(&text, &field)).ok_or_else(|| {
+            let message = "not the 5 numbers k1 k2 p1 p2 k3 of a lens, nor the first 4 of them";
+            source.fault("UNREADABLE", &file, None, field, message)
+        })?,
         None => NO_DISTORTION,
     };
     let mut camera = Camera {
@@ -167,6 +164,21 @@ fn names(text: &str) -> Vec<String> {
     items
         .map(|name| name.trim().trim_matches('"').to_owned())
         .collect()
+}
+
+/// The lens of OpenCV's 4 or 5 numbers.
+fn distortion(numbers: Option<Vec<f64>>) -> Option<[f64; 5]> {
+    let mut numbers = numbers?;
+    if numbers.len() == 4 {
+        numbers.push(0.0);
+    }
+    numbers.try_into().ok()
+}
+
+/// Whether a file of OpenCV's has an entry of this name, of any content.
+fn is_there(text: &str, name: &str) -> bool {
+    let start = format!("{name}:");
+    text.lines().any(|line| line.starts_with(&start))
 }
 
 /// The numbers of a matrix of a file of OpenCV's, rows first.
