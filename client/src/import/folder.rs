@@ -28,7 +28,8 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
             "is an archive; unpack it to import it",
         )
     })?;
-    let positions = options.positions(source, "poses.json", track.frames.len())?;
+    let available = track.frames.len();
+    let positions = options.positions(source, "poses.json", available)?;
     let all = std::mem::take(&mut track.frames);
     let wanted = positions
         .iter()
@@ -62,6 +63,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     Ok(Imported {
         track,
         pictures,
+        available,
         notes,
     })
 }

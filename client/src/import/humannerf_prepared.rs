@@ -77,6 +77,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     Ok(Imported {
         track,
         pictures: Pictures::Files(pictures),
+        available: entries.len(),
         notes,
     })
 }

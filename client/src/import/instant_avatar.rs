@@ -81,6 +81,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     Ok(Imported {
         track,
         pictures: Pictures::Files(pictures),
+        available: images.len(),
         notes,
     })
 }

@@ -143,13 +143,12 @@ impl Options {
         Ok(wanted)
     }
 
-    /// A note about selected frames that the capture does not have.
-    fn beyond_last(&self, track: &PoseTrack) -> Option<String> {
-        let (first, end, step) = self.frames?;
-        let asked = end.saturating_sub(first).div_ceil(step.max(1));
-        let there = track.frames.len();
-        (end != u32::MAX as usize && asked > there)
-            .then(|| format!("the range is of {asked} frames, and the capture has {there} of them"))
+    /// A note about a range that goes beyond the `available` frames. Frames that are left out for
+    /// other reasons have notes of their own.
+    fn beyond_last(&self, available: usize) -> Option<String> {
+        let (_, end, _) = self.frames?;
+        (end != u32::MAX as usize && end > available)
+            .then(|| format!("the range goes to frame {end}, and there are {available} frames"))
     }
 
     /// The user's value, or `assumed` with a note.
@@ -170,6 +169,8 @@ pub struct Imported {
     pub track: PoseTrack,
     /// The pictures of each frame, in the track's order.
     pub pictures: Pictures,
+    /// Frames that the source has, of which a range selects some.
+    pub available: usize,
     /// Assumptions, for people to read.
     pub notes: Vec<String>,
 }
@@ -224,7 +225,9 @@ fn checked(
     mut imported: Imported,
     options: &Options,
 ) -> Result<Imported, ClientError> {
-    imported.notes.extend(options.beyond_last(&imported.track));
+    imported
+        .notes
+        .extend(options.beyond_last(imported.available));
     let violations = imported.track.check();
     if violations.is_empty() {
         Ok(imported)

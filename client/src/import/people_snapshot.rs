@@ -72,6 +72,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     Ok(Imported {
         track,
         pictures,
+        available: pose.len(),
         notes,
     })
 }

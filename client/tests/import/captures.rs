@@ -76,7 +76,7 @@ fn zju_is_in_millimetres_and_turns_about_the_origin() {
             ..smpl()
         };
         let found = read(Format::Zju, &captures(name), &beyond).expect(name);
-        let told = "the range is of 450 frames, and the capture has 1 of them";
+        let told = "the range goes to frame 900, and there are 3 frames";
         assert!(found.notes.iter().any(|it| it == told), "{:?}", found.notes);
     }
 }

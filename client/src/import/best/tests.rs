@@ -52,6 +52,7 @@ fn clip(folder: &Path, angles: &[f64], blurred: &[usize]) -> Imported {
     Imported {
         track,
         pictures: Pictures::Files(files),
+        available: angles.len(),
         notes: Vec::new(),
     }
 }

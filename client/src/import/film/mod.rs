@@ -83,6 +83,7 @@ pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     Ok(Imported {
         track: fitted.track,
         pictures: clip.pictures(&indices, masks),
+        available: clip.frames,
         notes,
     })
 }

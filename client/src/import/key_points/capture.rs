@@ -85,6 +85,7 @@ pub(super) fn read(
     Ok(Imported {
         track,
         pictures: clip.pictures(&indices, of_frames.collect()),
+        available: clip.frames,
         notes,
     })
 }

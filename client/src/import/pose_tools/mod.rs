@@ -210,6 +210,7 @@ fn imported(
     Ok(Imported {
         track,
         pictures: clip.pictures(&indices, masks),
+        available: clip.frames,
         notes,
     })
 }
