@@ -46,6 +46,7 @@ pub fn choose(
     match &mut imported.pictures {
         Pictures::Files(files) => keep(files, &taken),
         Pictures::Video { masks, .. } => keep(masks, &taken),
+        Pictures::Capture(frames) => keep(&mut frames.positions, &taken),
     }
     imported.notes.push(format!(
         "{count} of {total} frames are taken, by pose, view and sharpness"

@@ -14,6 +14,7 @@
 mod auto;
 pub mod best;
 mod body_model;
+mod capture_frames;
 mod clip;
 mod film;
 mod folder;
@@ -35,6 +36,7 @@ mod write;
 mod zju;
 
 pub use body_model::BodyModel;
+pub use capture_frames::CaptureFrames;
 pub use hdf5::MaskStack;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 pub use to_folder::to_folder;

@@ -1,5 +1,6 @@
 //! Pictures of a capture, and their decoding.
 
+use super::capture_frames::CaptureFrames;
 use super::hdf5::MaskStack;
 use crate::api::ClientError;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
@@ -24,6 +25,8 @@ pub enum Pictures {
         /// In the track's order.
         masks: Vec<Vec<Mask>>,
     },
+    /// Frames of a capture, with their masks.
+    Capture(CaptureFrames),
 }
 
 /// The files of a frame.

@@ -43,7 +43,7 @@ pub fn write(
     ensure_no_capture(out)?;
     for folder in ["frames", "masks"] {
         let folder = out.join(folder);
-        if folder.ends_with("masks") || matches!(imported.pictures, Pictures::Files(_)) {
+        if folder.ends_with("masks") || !matches!(imported.pictures, Pictures::Video { .. }) {
             std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
         }
     }
@@ -68,6 +68,19 @@ pub fn write(
                 }
             }
         }
+        Pictures::Capture(frames) => {
+            let mut indices = track.frames.iter().map(|frame| frame.index);
+            let mut done = 0;
+            frames.for_each(|image| {
+                let Some(index) = indices.next() else {
+                    return Ok(());
+                };
+                progress(done, total, bytes);
+                bytes += write_image(out, index, &image)?;
+                done += 1;
+                Ok(())
+            })?;
+        }
     }
     progress(total, total, bytes);
     Ok(bytes + write_track(track, out, form)?)
@@ -88,14 +101,7 @@ pub fn write_images(
         std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
     }
     for (frame, image) in track.frames.iter().zip(images) {
-        let size = [image.width as u32, image.height as u32];
-        for (folder, pixels, colour) in [
-            ("frames", &image.rgb, ExtendedColorType::Rgb8),
-            ("masks", &image.mask, ExtendedColorType::L8),
-        ] {
-            let path = out.join(folder).join(format!("{:06}.png", frame.index));
-            encode(&path, pixels, size, colour)?;
-        }
+        write_image(out, frame.index, image)?;
     }
     write_track(track, out, TrackForm::Json).map(drop)
 }
@@ -129,6 +135,20 @@ fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, Cl
     let path = out.join(name);
     std::fs::write(&path, &text).map_err(ClientError::file("writing", path))?;
     Ok(text.len() as u64)
+}
+
+/// Writes a picture that is in memory, and its mask; their bytes.
+fn write_image(out: &Path, index: u32, image: &FrameImage) -> Result<u64, ClientError> {
+    let size = [image.width as u32, image.height as u32];
+    let mut bytes = 0;
+    for (folder, pixels, colour) in [
+        ("frames", &image.rgb, ExtendedColorType::Rgb8),
+        ("masks", &image.mask, ExtendedColorType::L8),
+    ] {
+        let path = out.join(folder).join(format!("{index:06}.png"));
+        bytes += encode(&path, pixels, size, colour)?;
+    }
+    Ok(bytes)
 }
 
 fn write_frame(

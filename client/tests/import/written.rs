@@ -1,8 +1,10 @@
 //! What an import writes: a capture folder of our own.
 
 use crate::captures;
+use crate::pose_tools::{options, truth};
 use crate::projected::assert_lands;
-use yoto_client::capture_dir::CaptureDir;
+use serde_json::json;
+use yoto_client::capture_dir::{CaptureDir, DecodedCapture};
 use yoto_client::import::{Format, Options, TrackForm, VIDEO, read, write};
 use yoto_proto::pose_track::{BINARY_FILE, FILE, PoseTrack};
 
@@ -130,4 +132,63 @@ fn a_video_is_taken_over_with_its_masks() {
     let covered = mask.iter().filter(|level| **level == 255).count();
     assert!(covered > 50 && covered < mask.len() / 2, "{covered}");
     assert!(mask.iter().all(|level| matches!(level, 0 | 255)));
+}
+
+#[test]
+fn a_capture_with_a_video_is_decoded_as_a_check_decodes_it() {
+    let out = tempfile::tempdir().expect("a folder");
+    let (film, copy) = (out.path().join("film"), out.path().join("copy"));
+    let poses = out.path().join("wham_output.pkl");
+    let body = &truth().people[0];
+    let people = json!({"0": {"pose": body.poses[..4], "trans": body.t[..4],
+        "betas": [vec![0.0; 10]], "frame_ids": [0, 1, 2, 3]}});
+    crate::pickled::write(&poses, &people);
+    let clip = captures("../../../worker/media/tests/clips/baseline.mp4");
+    let of_tool = Options {
+        masks: None,
+        ..options(out.path(), poses)
+    };
+    let found = read(Format::Wham, &clip, &of_tool).expect("reads");
+    write(&found, &film, TrackForm::Json, |_, _, _| {}).expect("writes");
+    let [width, height] = found.track.image_size;
+    for frame in 0..4 {
+        let mask = image::GrayImage::from_fn(width, height, |x, _| image::Luma([(5 * x) as u8]));
+        mask.save(film.join(format!("masks/{frame:06}.png")))
+            .expect("writes");
+    }
+    let some = Options {
+        frames: Some((1, 4, 2)),
+        ..Options::default()
+    };
+    for format in [Format::Auto, Format::Folder] {
+        let again = read(format, &film, &some).expect("reads");
+        let indices: Vec<u32> = again.track.frames.iter().map(|it| it.index).collect();
+        assert_eq!(indices, [1, 3]);
+    }
+    let again = read(Format::Folder, &film, &some).expect("reads");
+    write(&again, &copy, TrackForm::Json, |_, _, _| {}).expect("writes");
+    assert!(!copy.join(VIDEO).exists());
+    let open = |path: &std::path::Path| {
+        let options = yoto_client::capture_dir::CaptureOptions::default();
+        DecodedCapture::open(path, &options, None).expect("a capture")
+    };
+    let (decoded, copied) = (open(&film), open(&copy));
+    let mut wanted = Vec::new();
+    let keep = |_, frame| wanted.push(frame);
+    decoded.capture.frames(&[1, 3], keep).expect("decodes");
+    let mut frames = Vec::new();
+    let keep = |_, frame| frames.push(frame);
+    copied.capture.frames(&[0, 1], keep).expect("decodes");
+    assert_eq!(frames, wanted, "the same pixels, in other files");
+    let best = Options {
+        best: std::num::NonZeroUsize::new(1),
+        ..Options::default()
+    };
+    let mut one = read(Format::Folder, &film, &best).expect("reads");
+    let count = best.best.expect("one");
+    yoto_client::import::best::choose(&mut one, count, None, |_, _| {}).expect("chooses");
+    let dir = out.path().join("one");
+    write(&one, &dir, TrackForm::Json, |_, _, _| {}).expect("writes");
+    let files = std::fs::read_dir(dir.join("frames")).expect("a folder");
+    assert_eq!((one.track.frames.len(), files.count()), (1, 1));
 }

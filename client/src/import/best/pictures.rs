@@ -47,6 +47,14 @@ pub(super) fn sharpness(
                 sharp.push(sharpness::of(&picture, &inside(masks, size, index)?));
             }
         }
+        Pictures::Capture(frames) => frames.for_each(|frame| {
+            progress(sharp.len(), total);
+            let size = [frame.width as u32, frame.height as u32];
+            let picture = RgbImage::from_raw(size[0], size[1], frame.rgb).unwrap_or_default();
+            let mask = GrayImage::from_raw(size[0], size[1], frame.mask).unwrap_or_default();
+            sharp.push(sharpness::of(&picture, &mask));
+            Ok(())
+        })?,
     }
     progress(total, total);
     Ok(sharp)
