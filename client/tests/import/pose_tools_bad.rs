@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 use yoto_capture::skeleton::transform::rodrigues;
 use yoto_client::import::{Format, Imported, Options, read};
 
+/// How far a body is beside the masks, metres.
+const ASIDE: f64 = 0.08;
+
 fn refused(clip: &Path, options: &Options) -> String {
     let done = read(Format::Auto, clip, options);
     done.map(|found| found.notes)
@@ -197,6 +200,32 @@ fn poses_a_frame_late_are_found_by_the_masks() {
     assert!(notes.contains("a frame earlier than its number"), "{notes}");
     assert_eq!(indices(&late.track), [0, 1, 2]);
     assert_eq!(right.track, late.track);
+}
+
+#[test]
+fn somebody_beside_the_masks_is_not_taken_for_being_seen_longer() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let body = &truth().people[0];
+    let seen = |frames: std::ops::Range<usize>, aside: f64| {
+        let t = body.t[frames.clone()].iter();
+        let t: Vec<[f64; 3]> = t.map(|[x, y, z]| [x + aside, *y, *z]).collect();
+        json!({"pose": body.poses[frames.clone()], "trans": t, "betas": [vec![0.0; 10]],
+            "frame_ids": frames.collect::<Vec<_>>()})
+    };
+    let path = dir.path().join("wham_output.pkl");
+    let taken = |people: Value| {
+        pickled::write(&path, &people);
+        let found = import(&options(dir.path(), path.clone()));
+        let notes = found.notes.join("\n");
+        (notes, indices(&found.track))
+    };
+    // The one beside agrees to 65 %, in twice as many frames; the person to 95 %.
+    let (notes, frames) = taken(json!({"1": seen(0..16, ASIDE), "2": seen(3..11, 0.0)}));
+    assert!(notes.contains("person 2 is taken (8 frames)"), "{notes}");
+    assert_eq!(frames, (3..11).collect::<Vec<_>>());
+    // One person under two numbers, of which the longer is taken.
+    let (notes, _) = taken(json!({"1": seen(0..4, 0.0), "2": seen(4..16, 0.0)}));
+    assert!(notes.contains("person 2 is taken (12 frames)"), "{notes}");
 }
 
 #[test]

@@ -15,6 +15,9 @@ use std::path::Path;
 const MOST_PEOPLE: usize = 6;
 /// Figure of a reading that agrees well.
 const GOOD: f64 = 0.7;
+/// How nearly two people must agree with the same masks, as a share of the better figure, for both to be
+/// in them: a tracker may give one person several numbers.
+const ALIKE: f64 = 0.8;
 /// Readings named by an error.
 const NAMED: usize = 5;
 /// Sizes of an average adult that are tried, from the first to the last.
@@ -33,15 +36,49 @@ pub(super) struct Choice<'a> {
 struct Candidate<'a> {
     choice: Choice<'a>,
     proven: Option<(Proven, Vec<Proven>)>,
+    /// Pixels of the masks of all frames with the person.
+    masked: f64,
     notes: Vec<String>,
 }
 
 impl Candidate<'_> {
-    /// The figure, times how often the person is seen.
-    fn worth(&self) -> f64 {
-        let figure = self.proven.as_ref().map_or(0.0, |(best, _)| best.figure);
-        figure * self.choice.person.seen.len() as f64
+    fn figure(&self) -> f64 {
+        self.proven.as_ref().map_or(0.0, |(best, _)| best.figure)
     }
+
+    fn has_masks_of(&self, other: &Self) -> bool {
+        match (self.choice.masks, other.choice.masks) {
+            (Some(one), Some(other)) => std::ptr::eq(one, other),
+            _ => false,
+        }
+    }
+}
+
+/// The candidate with most masked pixels among those whom their masks show: masks show those who agree
+/// with them, about as well as anybody does. Somebody who is seen for longer, beside or behind the
+/// person in the masks, is so not taken for them. Where masks show nobody, the one that comes nearest.
+fn most_masked(candidates: Vec<Candidate<'_>>) -> Option<Candidate<'_>> {
+    let is_shown = |one: &Candidate<'_>| {
+        let rivals = candidates.iter().filter(|other| one.has_masks_of(other));
+        let best = rivals.map(Candidate::figure).fold(0.0, f64::max);
+        one.figure() >= LEAST && one.figure() >= ALIKE * best
+    };
+    let shown: Vec<bool> = candidates.iter().map(is_shown).collect();
+    let worth = |(is_shown, one): &(bool, Candidate<'_>)| match is_shown {
+        true => (1, one.masked),
+        false => (0, one.figure()),
+    };
+    let all = shown.into_iter().zip(candidates);
+    // Of equals the first, who is seen most often.
+    let best = all.reduce(|best, one| {
+        let ((above, much), (best_above, best_much)) = (worth(&one), worth(&best));
+        if (above, much) > (best_above, best_much) {
+            one
+        } else {
+            best
+        }
+    });
+    best.map(|(_, candidate)| candidate)
 }
 
 impl<'a> Choice<'a> {
@@ -63,16 +100,10 @@ impl<'a> Choice<'a> {
         options: &Options,
         notes: &mut Vec<String>,
     ) -> Result<Self, ClientError> {
-        let mut best: Option<Candidate<'a>> = None;
-        for person in people(found, masks, at, options)? {
-            let found = candidate(tool, person, masks, numbers, clip, at, options)?;
-            if best
-                .as_ref()
-                .is_none_or(|best| found.worth() > best.worth())
-            {
-                best = Some(found);
-            }
-        }
+        let people = people(found, masks, at, options)?.into_iter();
+        let candidates =
+            people.map(|person| candidate(tool, person, masks, numbers, clip, at, options));
+        let best = most_masked(candidates.collect::<Result<_, _>>()?);
         let Some(best) = best else {
             return Err(fault(at, "EMPTY", "there is nobody in these files"));
         };
@@ -178,11 +209,12 @@ fn candidate<'a>(
                 reading,
             },
             proven,
+            masked: proof.masked(),
             notes,
         };
         if best
             .as_ref()
-            .is_none_or(|best| found.worth() > best.worth())
+            .is_none_or(|best| found.figure() > best.figure())
         {
             best = Some(found);
         }
@@ -200,6 +232,7 @@ fn candidate<'a>(
             reading: documented,
         },
         proven: None,
+        masked: 0.0,
         notes,
     })
 }

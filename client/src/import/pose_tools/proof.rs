@@ -72,6 +72,12 @@ impl Silhouette {
         })
     }
 
+    /// Pixels of the clip inside.
+    fn area(&self) -> f64 {
+        let inside = self.inside.iter().filter(|covered| **covered).count();
+        inside as f64 * self.step * self.step
+    }
+
     fn has(&self, [x, y]: [f64; 2]) -> bool {
         if x < 0.0 || y < 0.0 {
             return false;
@@ -129,6 +135,18 @@ impl<'a> Proof<'a> {
             count += 1.0;
         }
         Ok((count > 0.0).then_some(sum / count))
+    }
+
+    /// Pixels of the masks of all frames with the person, by those that were looked at.
+    pub fn masked(&self) -> f64 {
+        let areas = self.silhouettes.values().flatten().map(Silhouette::area);
+        let (count, sum) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
+        let has_mask = |seen: &&Seen| {
+            let frame = self.numbers.frame(seen, self.clip, 0);
+            frame.is_some_and(|frame| self.masks.of(seen, frame).is_some())
+        };
+        let frames = self.person.seen.iter().filter(has_mask).count();
+        sum / f64::max(count, 1.0) * frames as f64
     }
 
     fn silhouette(
