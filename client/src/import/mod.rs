@@ -86,6 +86,9 @@ pub enum Format {
     PromptHmr,
     /// LHM's motions: --poses smplx_params, with their video.
     Lhm,
+    /// ExAvatar: --poses smplx_optimized/smplx_params, with the pictures or their video.
+    #[value(name = "exavatar")]
+    ExAvatar,
     /// EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video.
     #[value(name = "easymocap")]
     EasyMocap,
@@ -215,6 +218,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::Romp => tool(Tool::Romp),
         Format::PromptHmr => tool(Tool::PromptHmr),
         Format::Lhm => tool(Tool::Lhm),
+        Format::ExAvatar => tool(Tool::ExAvatar),
         Format::EasyMocap => tool(Tool::EasyMocap),
         Format::KeyPoints => key_points::read(dir, options),
     }?;

@@ -8,6 +8,7 @@ mod ffmpeg;
 mod film;
 mod key_points;
 mod motions;
+mod moving_camera;
 mod pickled;
 mod pose_tools;
 mod pose_tools_bad;

@@ -33,6 +33,16 @@ pub(crate) struct Body {
 pub(crate) struct ToolTruth {
     pub k: [[f64; 3]; 3],
     pub people: Vec<Seen>,
+    /// By kind of camera's file, of a tool whose camera moves.
+    #[serde(default)]
+    pub camera_to_world: HashMap<String, Vec<ToWorld>>,
+}
+
+/// A point x in the camera's axes is at r x + t.
+#[derive(Deserialize)]
+pub(crate) struct ToWorld {
+    pub r: [[f64; 3]; 3],
+    pub t: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -54,7 +64,7 @@ pub(crate) fn truth() -> Truth {
 }
 
 /// Each tool, its files, and the format that forces it.
-pub(crate) const TOOLS: [(&str, &str, Format); 9] = [
+pub(crate) const TOOLS: [(&str, &str, Format); 10] = [
     (
         "phalp",
         "phalp/outputs/results/demo_walk.pkl",
@@ -71,6 +81,7 @@ pub(crate) const TOOLS: [(&str, &str, Format); 9] = [
     ("bev", "bev", Format::Romp),
     ("prompt_hmr", "prompt_hmr/results/walk", Format::PromptHmr),
     ("lhm", "lhm", Format::Lhm),
+    ("ex_avatar", "ex_avatar", Format::ExAvatar),
     ("easymocap", "easymocap", Format::EasyMocap),
 ];
 

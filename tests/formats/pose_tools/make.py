@@ -18,7 +18,7 @@ def main():
     truth.pictures(OUT / "clip", [truth.FIRST, truth.SECOND])
     expected = {}
     for write in (smpl_tools.phalp, smpl_tools.wham, smpl_tools.gvhmr, smpl_tools.tram, smpl_tools.prompt_hmr,
-                  smpl_tools.lhm, other_tools.romp, other_tools.sam_3d_body, other_tools.easymocap):
+                  smpl_tools.lhm, smpl_tools.ex_avatar, other_tools.romp, other_tools.sam_3d_body, other_tools.easymocap):
         expected |= write(OUT)
     for write in (key_points.openpose, key_points.alphapose, key_points.mmpose, key_points.mediapipe):
         write(OUT)

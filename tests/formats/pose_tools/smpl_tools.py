@@ -150,6 +150,25 @@ def gvhmr(folder):
     return expect("gvhmr", t.K, [(0, person, range(t.FRAMES), person.joints)])
 
 
+def tram_cameras(sequence):
+    """camera.npy of the versions that read gravity off a picture, and in cameras/ those of a later one,
+    which does not, and of a camera that stands still. Camera to world, by kind of file."""
+    (sequence.parent.parent / "cameras").mkdir(parents=True)
+    turns = np.array([b.rodrigues([0, 0.01 * f, 0]) for f in range(t.FRAMES)], F32)
+    steps = np.array([[0.02 * f, 0, 0.01 * f] for f in range(t.FRAMES)], F32)
+    # The first camera is level: its axes, turned to y up, are the world's.
+    up = np.diag([1, -1, -1]).astype(F32)
+    own = {"img_focal": np.float64(t.FOCAL), "img_center": t.CENTRE}
+    first = {"pred_cam_R": turns, "pred_cam_T": steps}
+    world = {"world_cam_R": up @ turns, "world_cam_T": steps @ up.T}
+    still = {"pred_cam_R": np.tile(np.eye(3, dtype=F32), (t.FRAMES, 1, 1)), "pred_cam_T": np.zeros((t.FRAMES, 3), F32)}
+    np.save(sequence / "camera.npy", first | world | own | {"spec_focal": np.float64(t.FOCAL)})
+    np.save(sequence.parent.parent / "cameras/later.npy", first | own)
+    np.save(sequence.parent.parent / "cameras/still.npy", still | own)
+    pairs = lambda turns, steps: [{"r": r.tolist(), "t": s.tolist()} for r, s in zip(turns, steps)]
+    return {"world": pairs(world["world_cam_R"], world["world_cam_T"]), "first": pairs(turns, steps)}
+
+
 def tram(folder):
     """Pickled tensors in .npy, one file a person; the camera moves."""
     sequence = folder / "tram/results/walk"
@@ -163,11 +182,7 @@ def tram(folder):
     }
     np.save(sequence / "hps/hps_track_0.npy", track)
     rows.append((0, person, range(t.FRAMES), person.joints))
-    turns = np.array([b.rodrigues([0, 0.01 * f, 0]) for f in range(t.FRAMES)], F32)
-    steps = np.array([[0.02 * f, 0, 0.01 * f] for f in range(t.FRAMES)], F32)
-    np.save(sequence / "camera.npy", {
-        "pred_cam_R": turns, "pred_cam_T": steps, "world_cam_R": turns, "world_cam_T": steps,
-        "img_focal": np.float64(t.FOCAL), "img_center": t.CENTRE, "spec_focal": np.float64(t.FOCAL)})
+    cameras = tram_cameras(sequence)
     masks = []
     for frame in range(t.FRAMES):
         mask = person.mask(frame)
@@ -175,9 +190,8 @@ def tram(folder):
             mask = mask | t.SECOND.mask(frame)
         masks.append(rle(mask))
     np.save(sequence / "masks.npy", np.array(masks, dtype=object))
-    moves = {"camera_to_world": [{"r": r.tolist(), "t": s.tolist()} for r, s in zip(turns, steps)]}
     expected = expect("tram", t.K, rows)
-    expected["tram"] |= moves
+    expected["tram"]["camera_to_world"] = cameras
     return expected
 
 
@@ -231,3 +245,27 @@ def lhm(folder):
         }
         (folder / f"lhm/smplx_params/{frame + 1:05d}.json").write_text(json.dumps(out))
     return expect("lhm", t.K, [(0, person, range(t.FRAMES), person.joints)])
+
+
+def ex_avatar(folder):
+    """JSON a frame, from 0, in the axes of a virtual camera that stands still, of 2000 px; one shape."""
+    person, root = t.FIRST, folder / "ex_avatar"
+    k = t.pinhole(2000.0)
+    (root / "smplx_optimized/smplx_params").mkdir(parents=True)
+    (root / "cam_params").mkdir()
+    joints = []
+    for frame in range(t.FRAMES):
+        pose = person.poses[frame].reshape(24, 3)
+        shift = t.placed(person.posed[frame], person.pixels[frame], k)
+        joints.append(person.posed[frame] + shift)
+        out = {
+            "root_pose": pose[0].tolist(), "body_pose": pose[1:22].tolist(), "jaw_pose": [0.0] * 3,
+            "leye_pose": [0.0] * 3, "reye_pose": [0.0] * 3, "lhand_pose": np.zeros((15, 3)).tolist(),
+            "rhand_pose": np.zeros((15, 3)).tolist(), "expr": [0.0] * 50, "trans": shift.tolist(),
+        }
+        (root / f"smplx_optimized/smplx_params/{frame}.json").write_text(json.dumps(out))
+        camera = {"R": np.eye(3).tolist(), "t": [0.0] * 3, "focal": [2000, 2000], "princpt": [t.WIDTH / 2, t.HEIGHT / 2]}
+        (root / f"cam_params/{frame}.json").write_text(json.dumps(camera))
+    (root / "smplx_optimized/shape_param.json").write_text(json.dumps([0.0] * 100))
+    (root / "smplx_optimized/joint_offset.json").write_text(json.dumps(np.zeros((55, 3)).tolist()))
+    return expect("ex_avatar", k, [(0, person, range(t.FRAMES), joints)])

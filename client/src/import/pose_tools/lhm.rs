@@ -9,7 +9,8 @@ use crate::api::ClientError;
 use crate::import::source::{Part, Source};
 
 pub(super) fn fits(root: &Part<'_>) -> bool {
-    root.find("root_pose").is_some() && root.find("trans").is_some()
+    let named = ["root_pose", "trans", "betas"];
+    named.iter().all(|name| root.find(name).is_some())
 }
 
 pub(super) fn read(source: &Source, file: &str) -> Result<Found, ClientError> {

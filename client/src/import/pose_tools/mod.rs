@@ -12,6 +12,7 @@
 
 mod choice;
 mod easymocap;
+mod ex_avatar;
 mod frames;
 mod gvhmr;
 mod lhm;
@@ -23,6 +24,7 @@ mod reading;
 mod recognise;
 mod rest;
 mod romp;
+mod to_world;
 mod tool;
 mod tram;
 mod wham;
@@ -162,6 +164,9 @@ fn imported(
         if let Some(focal) = options.focal {
             changed.get_or_insert(camera.k[0][0]);
             refocus(&mut camera, &mut placed, focal);
+        }
+        if let Some(world) = &seen.to_world {
+            (camera, placed) = world.place(camera, placed);
         }
         let frame = placed.frame(index as u32, rest_root, &camera);
         frames.insert(index, (frame, mask.flatten().into_iter().collect()));

@@ -2,8 +2,11 @@
 //!
 //! `people` by number: `frames` `[N]`, `smplx_cam` with `rotmat` `[N, 55, 3, 3]`, `shape` `[N, 10]` and
 //! `trans` `[N, 3]` of SMPL-X, in the camera's axes. `camera`: `img_focal`, `img_center` `[2]` of
-//! images that are at most 896 pixels high.
+//! images that are at most 896 pixels high; `pred_cam_R` `[F, 3, 3]` and `pred_cam_T` `[F, 3]`, camera to
+//! world, metres, in the axes of the first frame's camera. `camera_world` has the same two, from the
+//! smoothed motion if the tool was told to smooth it, in a world whose y points up from the floor.
 
+use super::to_world::{FIRST_CAMERA, ToWorld, Y_UP, follow};
 use super::tool::{Found, Intrinsics, Person, Seen, pose_of_matrices};
 use crate::api::ClientError;
 use crate::import::source::Part;
@@ -45,7 +48,22 @@ pub(super) fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     }
     let mut found = Found::of(people);
     if let Some(turns) = camera.find("pred_cam_R") {
-        found.frames = Some(turns.flat_rows::<9>()?.len());
+        let motion = ToWorld::of_cameras(&turns, &camera.get("pred_cam_T")?)?;
+        found.frames = Some(motion.len());
+        // The rotation to gravity's axes is of all frames alike, so that a camera which stands still
+        // does so in both.
+        let world = root.find("camera_world");
+        let (note, turns, cameras) = match &world {
+            Some(world) => {
+                let turns = world.get("pred_cam_R")?;
+                let cameras = ToWorld::of_cameras(&turns, &world.get("pred_cam_T")?)?;
+                (Y_UP, turns, cameras)
+            }
+            None => (FIRST_CAMERA, turns, motion),
+        };
+        if follow(&mut found.people, &cameras, &turns)? {
+            found.notes.push(note.to_owned());
+        }
     }
     Ok(found)
 }

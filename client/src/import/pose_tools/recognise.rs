@@ -1,7 +1,7 @@
 //! Which tool wrote a file or a folder, by their contents.
 
 use super::tool::{Found, Tool};
-use super::{easymocap, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
+use super::{easymocap, ex_avatar, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
 use crate::api::ClientError;
 use crate::import::Options;
 use crate::import::source::{Part, Source};
@@ -11,7 +11,7 @@ use std::path::Path;
 const ENDINGS: [&str; 7] = ["pkl", "joblib", "pt", "pth", "npz", "npy", "json"];
 
 /// Folders below the given one, and beginnings and endings of the files in them that tools write.
-const PLACES: [(&str, &str, &str); 17] = [
+const PLACES: [(&str, &str, &str); 20] = [
     ("", "wham_output", ".pkl"),
     ("", "hmr4d_results", ".pt"),
     ("", "results", ".pkl"),
@@ -20,6 +20,9 @@ const PLACES: [(&str, &str, &str); 17] = [
     ("results", "demo_", ".pkl"),
     ("", "demo_", ".pkl"),
     ("", "video_results", ".npz"),
+    ("smplx_optimized/smplx_params_smoothed", "", ".json"),
+    ("smplx_params_smoothed", "", ".json"),
+    ("smplx_optimized/smplx_params", "", ".json"),
     ("smplx_params", "", ".json"),
     ("smpl", "", ".json"),
     ("output/smpl", "", ".json"),
@@ -132,6 +135,7 @@ fn read_file(
         Tool::Romp => romp::read(&root, source, file),
         Tool::PromptHmr => prompthmr::read(&root),
         Tool::Lhm => lhm::read(source, file),
+        Tool::ExAvatar => ex_avatar::read(source, file),
         Tool::EasyMocap => easymocap::read(source, file, options),
     }?;
     if found.people.iter().all(|person| person.seen.is_empty()) {
@@ -150,6 +154,7 @@ fn fits(tool: Tool, root: &Part<'_>) -> bool {
         Tool::Romp => romp::fits(root),
         Tool::PromptHmr => prompthmr::fits(root),
         Tool::Lhm => lhm::fits(root),
+        Tool::ExAvatar => ex_avatar::fits(root),
         Tool::EasyMocap => easymocap::fits(root),
     }
 }

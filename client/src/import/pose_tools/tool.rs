@@ -1,6 +1,8 @@
 //! The pose tools, and what all of their readers give.
 
 use super::reading::{Focal, Place};
+use super::to_world::ToWorld;
+use crate::import::Format;
 use crate::import::geometry::{Mat3, Vec3, axis_angle, rotation};
 use crate::import::track::SmplPose;
 use std::sync::Arc;
@@ -17,11 +19,12 @@ pub(in crate::import) enum Tool {
     Romp,
     PromptHmr,
     Lhm,
+    ExAvatar,
     EasyMocap,
 }
 
 impl Tool {
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Phalp,
         Self::Wham,
         Self::Gvhmr,
@@ -29,6 +32,7 @@ impl Tool {
         Self::Romp,
         Self::PromptHmr,
         Self::Lhm,
+        Self::ExAvatar,
         Self::EasyMocap,
     ];
 
@@ -41,7 +45,23 @@ impl Tool {
             Self::Romp => "ROMP or BEV",
             Self::PromptHmr => "PromptHMR",
             Self::Lhm => "LHM",
+            Self::ExAvatar => "ExAvatar",
             Self::EasyMocap => "EasyMocap",
+        }
+    }
+
+    /// The format that forces it.
+    pub fn format(self) -> Format {
+        match self {
+            Self::Phalp => Format::Phalp,
+            Self::Wham => Format::Wham,
+            Self::Gvhmr => Format::Gvhmr,
+            Self::Tram => Format::Tram,
+            Self::Romp => Format::Romp,
+            Self::PromptHmr => Format::PromptHmr,
+            Self::Lhm => Format::Lhm,
+            Self::ExAvatar => Format::ExAvatar,
+            Self::EasyMocap => Format::EasyMocap,
         }
     }
 
@@ -55,6 +75,7 @@ impl Tool {
             Self::Romp => "*.npz with results",
             Self::PromptHmr => "results.pkl with people and camera",
             Self::Lhm => "smplx_params/*.json with root_pose and trans",
+            Self::ExAvatar => "smplx_optimized/smplx_params/*.json with root_pose, trans and expr",
             Self::EasyMocap => "smpl/*.json with Rh and Th, and intri.yml",
         }
     }
@@ -65,7 +86,12 @@ impl Tool {
             Self::Phalp => Focal::Phalp,
             Self::Wham => Focal::Diagonal,
             Self::Romp => Focal::Sixty,
-            Self::Gvhmr | Self::Tram | Self::PromptHmr | Self::Lhm | Self::EasyMocap => Focal::Own,
+            Self::Gvhmr
+            | Self::Tram
+            | Self::PromptHmr
+            | Self::Lhm
+            | Self::ExAvatar
+            | Self::EasyMocap => Focal::Own,
         }
     }
 
@@ -81,7 +107,7 @@ impl Tool {
     /// The body model whose parameters it writes.
     pub fn body(self) -> Body {
         match self {
-            Self::Gvhmr | Self::PromptHmr | Self::Lhm => Body::SmplX,
+            Self::Gvhmr | Self::PromptHmr | Self::Lhm | Self::ExAvatar => Body::SmplX,
             _ => Body::Smpl,
         }
     }
@@ -146,6 +172,8 @@ pub(in crate::import) struct Seen {
     pub intrinsics: Option<Intrinsics>,
     /// World to camera; `None` where the body is in the camera's axes.
     pub e: Option<[[f64; 4]; 4]>,
+    /// The camera's place in the world, where the body is in the camera's axes and the camera moves.
+    pub to_world: Option<ToWorld>,
 }
 
 impl Seen {
@@ -161,6 +189,7 @@ impl Seen {
             mask: None,
             intrinsics: None,
             e: None,
+            to_world: None,
         }
     }
 

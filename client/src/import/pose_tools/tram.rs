@@ -2,11 +2,13 @@
 //!
 //! - `hps/hps_track_<person>.npy`: `pred_rotmat` `[N, 24, 3, 3]`, `pred_shape` `[N, 10]`, `pred_trans`
 //!   `[N, 1, 3]` (SMPL's translation), `frame` `[N]`. A person seen with gaps has several chunks.
-//! - `camera.npy`: `img_focal`, `img_center` `[2]`. Its motion of the camera is not read: bodies are in
-//!   the camera's axes.
+//! - `camera.npy`: `img_focal`, `img_center` `[2]`; `pred_cam_R` `[F, 3, 3]` and `pred_cam_T` `[F, 3]`,
+//!   camera to world, metres, in the axes of the first frame's camera; older versions also write
+//!   `world_cam_R` and `world_cam_T`, the same in a world whose y points up, against gravity.
 //! - `masks.npy`: run lengths of all people together, one entry a frame.
 
 use super::phalp::runs;
+use super::to_world::{FIRST_CAMERA, ToWorld, Y_UP, follow};
 use super::tool::{Found, Intrinsics, Person, Seen, pose_of_matrices};
 use crate::api::ClientError;
 use crate::import::source::{Part, Source};
@@ -27,8 +29,12 @@ pub(super) fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
         None => String::new(),
     };
     let camera = format!("{above}{CAMERA}");
-    let intrinsics = if source.has(&camera) {
-        let data = source.data(&camera, None)?;
+    let camera = if source.has(&camera) {
+        Some(source.data(&camera, None)?)
+    } else {
+        None
+    };
+    let intrinsics = if let Some(data) = &camera {
         let focal = data.root().get("img_focal")?.number()?;
         let centre: [f64; 2] = data.root().get("img_center")?.fixed()?;
         Some(Intrinsics {
@@ -53,6 +59,9 @@ pub(super) fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
             });
         }
     }
+    if let Some(data) = &camera {
+        follow_camera(&mut found, &data.root())?;
+    }
     let masks = format!("{above}{MASKS}");
     if source.has(&masks) {
         let data = source.data(&masks, None)?;
@@ -65,6 +74,25 @@ pub(super) fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
         found.frames = Some(root.len()?);
     }
     Ok(found)
+}
+
+/// Moves the people of `found` to the world, if the camera of `root` moves.
+fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> {
+    let cameras = [
+        ("world_cam_R", "world_cam_T", Y_UP),
+        ("pred_cam_R", "pred_cam_T", FIRST_CAMERA),
+    ];
+    let written = cameras
+        .iter()
+        .find_map(|(turns, shifts, note)| Some((root.find(turns)?, root.get(shifts), note)));
+    let Some((turns, shifts, note)) = written else {
+        return Ok(());
+    };
+    let cameras = ToWorld::of_cameras(&turns, &shifts?)?;
+    if follow(&mut found.people, &cameras, &turns)? {
+        found.notes.push((*note).to_owned());
+    }
+    Ok(())
 }
 
 fn track_of(root: &Part<'_>, intrinsics: Option<Intrinsics>) -> Result<Vec<Seen>, ClientError> {
