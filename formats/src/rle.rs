@@ -82,6 +82,36 @@ impl RunLengths {
         Ok(mask)
     }
 
+    /// The mask of `pixels`, `[height, width]` by rows, of which those above 0 are in it.
+    ///
+    /// # Errors
+    /// When a side is 0 or over 16384, or there are fewer or more pixels.
+    pub fn of_pixels(height: usize, width: usize, pixels: &[f64]) -> Result<Self, RleError> {
+        let sides = 1..=MAX_SIDE;
+        if !sides.contains(&height) || !sides.contains(&width) {
+            return Err(RleError::Size(vec![height.to_string(), width.to_string()]));
+        }
+        let mut mask = Self {
+            height,
+            width,
+            runs: Vec::new(),
+        };
+        let (mut run, mut is_inside) = (0, false);
+        for column in 0..width {
+            let below = pixels.iter().skip(column).step_by(width);
+            for pixel in below {
+                if (*pixel > 0.0) != is_inside {
+                    mask.runs.push(std::mem::take(&mut run));
+                    is_inside = !is_inside;
+                }
+                run += 1;
+            }
+        }
+        mask.runs.push(run);
+        mask.check(true)?;
+        Ok(mask)
+    }
+
     /// Number of pixels in the mask.
     pub fn area(&self) -> usize {
         let inside = self.runs.iter().skip(1).step_by(2);
@@ -216,6 +246,18 @@ mod tests {
 
     /// pycocotools' encoding of a block of 3 × 3 pixels and one more, in 5 rows of 7.
     const COUNTS: &[u8] = b";320001N4";
+
+    #[test]
+    fn pixels_come_back() {
+        let pixels = [0.0, 1.0, 1.0, 0.0, 255.0, 0.0];
+        let mask = RunLengths::of_pixels(2, 3, &pixels).expect("a mask");
+        assert_eq!(mask.decode(), [0, 255, 255, 0, 255, 0]);
+        assert_eq!((mask.area(), mask.height, mask.width), (3, 2, 3));
+        let all = RunLengths::of_pixels(1, 2, &[1.0, 1.0]).expect("a mask");
+        assert_eq!(all.decode(), [255, 255]);
+        assert!(RunLengths::of_pixels(2, 3, &pixels[..5]).is_err());
+        assert!(RunLengths::of_pixels(0, 3, &[]).is_err());
+    }
 
     #[test]
     fn masks_of_pycocotools_are_decoded_in_every_form() {

@@ -278,6 +278,11 @@ impl<'a> Part<'a> {
         self.value
     }
 
+    /// Whether this is Python's `None`.
+    pub fn is_nothing(&self) -> bool {
+        matches!(self.value, Value::Nothing)
+    }
+
     /// Whether this is a list.
     pub fn is_list(&self) -> bool {
         self.value.items().is_some()

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_client::import::{Format, Imported, Options, Pictures, read};
+use yoto_client::import::{Format, Imported, Options, Pictures, TrackForm, read, write};
 
 /// What the script says.
 #[derive(Deserialize)]
@@ -196,6 +196,28 @@ fn spoiled(dir: &Path, spoil: impl FnOnce(&mut Value)) -> PathBuf {
 }
 
 /// The same people as easy_ViTPose writes them: y before x, names by index.
+#[test]
+fn sam_3d_body_s_own_masks_are_taken() {
+    let found = import(&options(files("sam_3d_body")));
+    let notes = found.notes.join("\n");
+    assert!(notes.contains("the detector's own"), "{notes}");
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = dir.path().join("out");
+    write(&found, &out, TrackForm::Json, |_, _, _| {}).expect("writes");
+    let palette = image::open(files("clip/masks/00007.png")).expect("a mask");
+    let mask = image::open(out.join("masks/000007.png")).expect("a mask");
+    // The first person is in front, so that the palette's picture has all of them.
+    for (pixel, colour) in mask.into_luma8().pixels().zip(palette.into_rgb8().pixels()) {
+        assert_eq!(pixel.0[0] == 255, colour.0 == [128, 0, 0]);
+    }
+    let given = Options {
+        masks: Some(files("clip/masks")),
+        ..options(files("sam_3d_body"))
+    };
+    let notes = import(&given).notes.join("\n");
+    assert!(!notes.contains("the detector's own"), "{notes}");
+}
+
 #[test]
 fn easy_vitpose_s_rows_are_read_by_their_names() {
     let text = std::fs::read(files("mmpose/results_walk.json")).expect("a file");

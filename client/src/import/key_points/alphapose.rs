@@ -34,6 +34,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             None => None,
         };
         let detection = Detection {
+            mask: None,
             person,
             picture: flat(&part.get("keypoints")?, KeyPointSet::Coco17.points())?,
             space: Vec::new(),

@@ -48,10 +48,7 @@ pub(super) fn read(
     left_out(&wanted, "key points of the person", is_seen, &mut notes);
     let masks = match &options.masks {
         Some(given) => Some(mask::find(given, clip, &seen, &mut notes)?),
-        None => {
-            notes.push("no masks: training needs them (--masks)".to_owned());
-            None
-        }
+        None => mask::own(&seen, &mut notes),
     };
     let fitted = fit(
         &key_points(clip, found, &seen, options, &mut notes),

@@ -5,6 +5,8 @@ use crate::import::clip::{Clip, fault};
 use crate::import::geometry::Vec3;
 use crate::import::source::Part;
 use std::path::Path;
+use std::sync::Arc;
+use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
 /// Points surer than this show where a person is.
@@ -21,6 +23,8 @@ pub(super) struct Detection {
     pub picture: Vec<[f64; 3]>,
     /// `[N]`, metres in the camera's axes; empty without depths.
     pub space: Vec<Vec3>,
+    /// The person's mask, if the detector wrote one.
+    pub mask: Option<Arc<RunLengths>>,
 }
 
 impl Detection {

@@ -83,6 +83,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
                 part.fault("SIZE_MISMATCH", message)
             })?;
             people.push(Detection {
+                mask: None,
                 person: Some(person),
                 picture,
                 space: Vec::new(),

@@ -46,6 +46,23 @@ pub(super) fn find(
     Ok(seen.iter().filter_map(of).collect())
 }
 
+/// The masks that the detector wrote; `None`, with a note, where it wrote none.
+pub(super) fn own(
+    seen: &[(usize, &Detection)],
+    notes: &mut Vec<String>,
+) -> Option<BTreeMap<usize, Mask>> {
+    let of = |(frame, detection): &(usize, &Detection)| {
+        Some((*frame, Mask::Runs(detection.mask.clone()?)))
+    };
+    let masks: BTreeMap<usize, Mask> = seen.iter().filter_map(of).collect();
+    if masks.is_empty() {
+        notes.push("no masks: training needs them (--masks)".to_owned());
+        return None;
+    }
+    notes.push("the masks are the detector's own (--masks for others)".to_owned());
+    Some(masks)
+}
+
 fn at(masks: &Masks, frame: usize) -> Option<Mask> {
     masks.of(&Seen::new(frame, [0.0; 72], [0.0; 3], Vec::new()), frame)
 }

@@ -131,6 +131,7 @@ pub(super) fn detections(
         None => [1.0; 2],
     };
     let person = |(points, space): (Vec<[f64; 3]>, Vec<Vec3>)| Detection {
+        mask: None,
         person: None,
         picture: points
             .iter()

@@ -71,6 +71,7 @@ fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
     let point = |([x, y], score): (&[f64; 2], &f64)| from_centre([*x, *y, *score]);
     let picture = places.iter().zip(&sure).take(KeyPointSet::Coco17.points());
     Ok(Detection {
+        mask: None,
         person,
         picture: picture.map(point).collect(),
         space: Vec::new(),

@@ -47,6 +47,7 @@ fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
         None => None,
     };
     Ok(Detection {
+        mask: None,
         person: number.map(|number| number.to_string()),
         picture: flat(&points, POINTS)?,
         space: Vec::new(),

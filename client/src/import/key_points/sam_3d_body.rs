@@ -1,6 +1,6 @@
 //! SAM 3D Body's results, an `.npz` per frame and person: `pred_joint_coords` `[127, 3]`, joints of MHR's
 //! skeleton in the camera's axes, `pred_cam_t` `[3]`, to be added to them, and `focal_length`, where
-//! missing √(W² + H²). Names hold the frame's number first, then the person's place in that frame, which
+//! missing √(W² + H²), and `mask` `[H, W, 1]`, if it was given masks or made them. Names hold the frame's number first, then the person's place in that frame, which
 //! tells nothing of who it is.
 //!
 //! Of MHR's 127 joints 22 are where SMPL has one; its hands have no like.
@@ -10,6 +10,8 @@ use crate::api::ClientError;
 use crate::import::geometry::{Vec3, add};
 use crate::import::source::{Part, Source};
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
 /// MHR's joint for each of SMPL's.
@@ -94,6 +96,21 @@ fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ClientError>
     ))
 }
 
+/// The mask that the person was found with, if there is one: `[H, W]` or `[H, W, 1]`, above 0 inside.
+fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
+    let Some(part) = root.find("mask").filter(|part| !part.is_nothing()) else {
+        return Ok(None);
+    };
+    let array = part.array()?;
+    let ([height, width] | [height, width, 1] | [1, height, width]) = array.shape[..] else {
+        let message = format!("the shape is {:?}, [height, width] is needed", array.shape);
+        return Err(part.fault("SIZE_MISMATCH", message));
+    };
+    let mask = RunLengths::of_pixels(height, width, &array.values)
+        .map_err(|error| part.fault("UNDECODABLE", error.to_string()))?;
+    Ok((mask.area() > 0).then(|| Arc::new(mask)))
+}
+
 fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, ClientError> {
     let coords = root.get("pred_joint_coords")?;
     let joints = coords.rows::<3>()?;
@@ -103,6 +120,7 @@ fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, Clie
         person: None,
         picture: Vec::new(),
         space: Vec::new(),
+        mask: mask(root)?,
     };
     for (joint, place) in JOINTS.iter().enumerate() {
         let Some(place) = place else {
