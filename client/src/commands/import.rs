@@ -2,7 +2,7 @@
 
 use super::ffmpeg_arg::FfmpegArg;
 use super::render_what::FrameRange;
-use crate::import::{Format, Options, TrackForm, to_folder};
+use crate::import::{Format, Options, TrackForm, options_by_format, to_folder};
 use crate::output;
 use clap::Args;
 use std::num::NonZeroUsize;
@@ -15,8 +15,8 @@ rest joints through your own copy of SMPL's body model, whose licence excludes i
 Poses of a video alone are found by a pose model that deploy/models/get.sh fetches (see
 deploy/models/README.md). So are its masks, unless --masks has better ones.
 
-Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM or EasyMocap are recognised by
-their contents, and held against masks: see docs/pose-tools.md.
+Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM, ExAvatar or EasyMocap are
+recognised by their contents, and held against masks: see docs/pose-tools.md.
 
 Examples:
   yoto import walk.mp4 --pose-model models --out captures/walk
@@ -31,9 +31,14 @@ Examples:
   yoto import --from people-snapshot male-1 --smpl SMPL_MALE.pkl --best 60 --out captures/m1
   yoto import --from folder captures/ada --binary --out captures/ada-pb";
 
+/// The examples, after what each format reads.
+fn after_help() -> String {
+    format!("{}\n{AFTER_HELP}", options_by_format())
+}
+
 /// Convert a capture of another program to a capture folder.
 #[derive(Debug, Args)]
-#[command(after_help = AFTER_HELP)]
+#[command(after_help = after_help())]
 pub(super) struct Import {
     /// Folder of the capture; or a video, or a folder of pictures, whose poses are in --poses or
     /// are found by --pose-model.
@@ -88,7 +93,8 @@ pub(super) struct ImportOptions {
     /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
     #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
-    /// The person, by the number or name that the files give [default: the one most seen].
+    /// The person, by the number or name that the files give [default: the one whom the masks show, or
+    /// who is seen most often].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
     /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].

@@ -24,6 +24,10 @@ const BODIES: &str = "mesh_infos.pkl";
 const CANONICAL: &str = "canonical_joints.pkl";
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+    if options.rest_joints.is_some() {
+        let message = "the capture has its own rest joints, and --rest-joints is not read";
+        return Err(source.fault("UNREAD_OPTION", CANONICAL, None, "", message));
+    }
     let bodies = source.data(BODIES, None)?;
     let cameras = source.data(CAMERAS, None)?;
     let canonical = source.data(CANONICAL, None)?;

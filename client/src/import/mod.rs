@@ -19,6 +19,7 @@ mod clip;
 mod film;
 mod folder;
 mod geometry;
+mod given;
 mod hdf5;
 mod humannerf_prepared;
 mod humannerf_wild;
@@ -37,6 +38,7 @@ mod zju;
 
 pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
+pub use given::options_by_format;
 pub use hdf5::MaskStack;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 pub use to_folder::to_folder;
@@ -187,6 +189,9 @@ pub struct Imported {
 /// system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
     let source = Source::new(dir);
+    if format != Format::Auto {
+        given::ensure_read(format, dir, options)?;
+    }
     let tool = |tool| pose_tools::read(dir, options, Some(tool));
     let imported = match format {
         Format::Auto => {
@@ -196,7 +201,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
                     imported.notes.insert(0, format!("recognised: {name}"));
                     Ok(imported)
                 }
-                Recognised::KeyPoints => checked(&source, key_points::read(dir, options)?, options),
+                Recognised::KeyPoints => read(Format::KeyPoints, dir, options),
                 Recognised::PoseTool => {
                     checked(&source, pose_tools::read(dir, options, None)?, options)
                 }

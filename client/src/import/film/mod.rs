@@ -31,11 +31,6 @@ const FPS: f64 = 30.0;
 
 /// Finds poses and masks of the person in the clip `source`.
 pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
-    if options.person.is_some() {
-        let message = "--person chooses among people that a pose tool's files name; in a clip \
-                       alone, the most certain person is taken";
-        return Err(fault(source, "UNSUPPORTED", message));
-    }
     let model = open_model(source, options)?;
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
     let mut notes = Vec::new();
@@ -167,15 +162,5 @@ mod tests {
         assert_eq!((frames, notes), (Ok(vec![10, 12, 14]), Vec::new()));
         let (frames, _) = wanted(Some((500, 600, 1)));
         assert!(frames.is_err_and(|error| error.contains("401 frames")));
-    }
-
-    #[test]
-    fn people_are_not_chosen_by_name() {
-        let options = Options {
-            person: Some("2".into()),
-            ..Options::default()
-        };
-        let error = read(Path::new("walk.mp4"), &options).expect_err("no names");
-        assert!(error.to_string().contains("--person"), "{error}");
     }
 }

@@ -37,7 +37,7 @@ pub(super) use tool::{Found, Seen, Tool};
 use super::clip::{Clip, fault, listed};
 use super::geometry::{Mat3, Vec3, add, apply, sub, transpose};
 use super::track::{Camera, Placed, empty_track, smpl_skeleton};
-use super::{Imported, Options};
+use super::{Imported, Options, given};
 use crate::api::ClientError;
 use choice::Choice;
 use frames::Numbers;
@@ -58,6 +58,7 @@ pub(super) fn read(
 ) -> Result<Imported, ClientError> {
     let at = options.poses.as_deref().unwrap_or(source);
     let (tool, found) = recognise::read(at, forced, options)?;
+    given::ensure_read(tool.format(), source, options)?;
     let mut notes = vec![summary(tool, &found)];
     notes.extend(found.notes.iter().cloned());
     let ffmpeg = options.ffmpeg.as_deref();

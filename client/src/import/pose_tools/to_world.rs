@@ -162,13 +162,11 @@ mod tests {
         );
         let root = |pose: &[f64; 72]| rotation([pose[0], pose[1], pose[2]]);
         let turned = mul(&e, &root(&moved.pose));
-        let off = seen.iter().zip(placed.root).chain(
-            turned
-                .as_flattened()
-                .iter()
-                .zip(root(&pose).as_flattened().iter().copied()),
-        );
-        assert!(off.into_iter().all(|(a, b)| (a - b).abs() < 1e-12));
+        let wanted = root(&pose);
+        let turns = turned.as_flattened().iter().zip(wanted.as_flattened());
+        let off = seen.iter().zip(&placed.root).chain(turns);
+        let mut off = off;
+        assert!(off.all(|(a, b)| (a - b).abs() < 1e-12));
         assert!(at(0.5).is_at(&at(0.5005)) && !at(0.5).is_at(&at(0.51)));
     }
 }
