@@ -46,7 +46,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let of_wanted = poses.len() == wanted.len();
     if !of_wanted && poses.len() != images.len() {
         let message = format!(
-            "{} poses for {} images: say which images they are of (--frames A..B:STEP)",
+            "{} poses for {} images: say which images they are of (--range A..B:STEP)",
             poses.len(),
             wanted.len()
         );
