@@ -180,12 +180,12 @@ fn ex_avatar_s_camera_is_from_the_world() {
     let cameras = &truth().tools["tram"].camera_to_world["world"];
     for folder in ["smplx_optimized/smplx_params", "cam_params"] {
         std::fs::create_dir_all(dir.path().join(folder)).expect("a folder");
-        for frame in 0..16 {
+        for (frame, camera) in cameras.iter().enumerate() {
             let name = format!("{folder}/{frame}.json");
             let text = std::fs::read(files("ex_avatar").join(&name)).expect("a file");
             let mut json: Value = serde_json::from_slice(&text).expect("JSON");
             if folder == "cam_params" {
-                let ToWorld { r, t } = &cameras[frame];
+                let ToWorld { r, t } = camera;
                 let turn = |i: usize| std::array::from_fn::<f64, 3, _>(|j| r[j][i]);
                 json["R"] = json!([turn(0), turn(1), turn(2)]);
                 let shift = |i: usize| -(0..3).map(|j| r[j][i] * t[j]).sum::<f64>();
