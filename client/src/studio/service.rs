@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
 
-/// Starts a service on the folder `data`, which reads uploads as `ingest` says, does `work` with a client of it, and stops the service.
+/// Starts a service on the folder `data`, which reads uploads as `ingest` says, does `work` with a
+/// client of it, and stops the service.
 ///
 /// # Errors
 /// When the work fails, the service fails or can't start, or the user interrupts.
