@@ -45,7 +45,7 @@ fn warps(device: &Device) {
     let grid = WarpGrid {
         min: [0.0; 3],
         max: [1.0; 3],
-        resolution: SIDE,
+        nodes: [SIDE; 3],
         floor: warp::MIN_WEIGHT_SUM,
     };
     let n = RAYS * SAMPLES;

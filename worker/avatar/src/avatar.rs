@@ -1,6 +1,6 @@
 //! The whole model: shared networks and the parameters of each identity.
 
-use crate::config::{Encoding, ModelConfig, Numerics, Precision, Variant};
+use crate::config::{Encoding, ModelConfig, Numerics, Precision, Unposing, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
 use crate::identity::blend::Blend;
@@ -53,7 +53,7 @@ pub struct PartCount {
 pub struct Posed {
     slot: usize,
     progress: f64,
-    /// `[K + 1, D³]` motion weights.
+    /// `[K + 1, V]` motion weights.
     pub weights: Tensor<2>,
     /// `[K, 12]` posed body to canonical.
     pub transforms: Tensor<2>,
@@ -169,24 +169,58 @@ impl Avatar {
         }
     }
 
-    /// Colour, density and foreground likelihood `[N]` at `points` `[N, 3]` of the posed body.
+    /// Colour, density and foreground likelihood `[N]` at `points` `[N, 3]` of the posed body. `near`
+    /// `[N, 3]` are their canonical points if they were found before, and only need gradients.
     pub fn evaluate(
         &self,
         config: &ModelConfig,
         body: &Body,
         posed: &Posed,
         points: Tensor<2>,
+        near: Option<Tensor<2>>,
     ) -> (FieldValues, Tensor<1>) {
+        let (canonical, likelihood) = self.unposed(config, body, posed, points, near);
+        (self.fields(config, body, posed, canonical), likelihood)
+    }
+
+    /// Canonical points `[N, 3]`, metres, before the non-rigid field, and foreground likelihoods
+    /// `[N]` of `points` `[N, 3]` of the posed body.
+    pub(crate) fn unposed(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        posed: &Posed,
+        points: Tensor<2>,
+        near: Option<Tensor<2>>,
+    ) -> (Tensor<2>, Tensor<1>) {
         let [n, _] = points.dims();
         let warped = warp::warp(
             posed.weights.clone(),
             posed.transforms.clone(),
-            points,
+            points.clone(),
             &body.grid,
         );
         let likelihood = warped.clone().slice([0..n, 3..4]).reshape([n]);
-        let canonical = warped.slice([0..n, 0..3]);
-        (self.fields(config, body, posed, canonical), likelihood)
+        let blend = warped.slice([0..n, 0..3]);
+        let canonical = match config.motion.unposing {
+            Unposing::Blend => blend,
+            Unposing::Inverse => {
+                let (near, steps) = match near {
+                    Some(near) => (near, 1),
+                    None => (blend.clone().detach(), warp::inverse::STEPS),
+                };
+                warp::inverse::unpose(
+                    posed.weights.clone(),
+                    posed.transforms.clone(),
+                    points,
+                    near,
+                    blend,
+                    &body.grid,
+                    steps,
+                )
+            }
+        };
+        (canonical, likelihood)
     }
 
     /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
@@ -273,7 +307,7 @@ fn any_grid(encoding: &Encoding) -> Option<HashGrid> {
     let anywhere = warp::WarpGrid {
         min: [0.0; 3],
         max: [1.0; 3],
-        resolution: 2,
+        nodes: [2; 3],
         floor: 0.0,
     };
     hash_grid(encoding, &anywhere)

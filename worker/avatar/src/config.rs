@@ -5,12 +5,14 @@
 mod check;
 mod named_tiers;
 mod refinement;
+mod resolution;
 mod schedule;
 mod setting;
 mod sharing;
 
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};
+pub use resolution::Resolution;
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
@@ -116,11 +118,26 @@ pub enum Precision {
 /// Motion weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionConfig {
-    /// Grid nodes per axis.
-    pub resolution: usize,
+    /// Grid nodes along the axes.
+    pub resolution: Resolution,
     /// Source of the logits on the grid.
     #[serde(default)]
     pub form: MotionForm,
+    /// The way from a posed body's points to canonical ones.
+    #[serde(default)]
+    pub unposing: Unposing,
+}
+
+/// The way from a posed body's points to canonical ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Unposing {
+    /// The mean of the points to which the bones carry a point, by their weights there (paper,
+    /// eq. 1).
+    #[default]
+    Blend,
+    /// The point that forward skinning carries there, searched from the blend.
+    Inverse,
 }
 
 /// Source of the logits of the motion weights.
@@ -307,6 +324,10 @@ pub struct OptimiseConfig {
     pub slow_rate: f64,
     /// Weight of 1 − SSIM in objectives without LPIPS; the mean squared error has weight 1.
     pub ssim_weight: f64,
+    /// Weight of the mean squared difference between a ray's opacity and the mask; 0: none. Pixels
+    /// at a mask's soft edge count less, the nearer their coverage is to a half.
+    #[serde(default)]
+    pub mask_weight: f64,
     /// Share of the samples whose gradients are computed; 1: all. Samples with large gradients
     /// are drawn with a higher probability. Smaller shares make steps faster and noisier.
     #[serde(default = "whole")]

@@ -90,7 +90,7 @@ fn bones_in_the_prior() {
         ("10 m", [6.0, -8.0, 0.0]),
     ] {
         let skeleton = skeleton(tip);
-        let grid = canonical_grid(&skeleton, 9, 0.0);
+        let grid = canonical_grid(&skeleton, [9; 3], 0.0);
         let ours = prior(&skeleton, &grid);
         let mut exact = vec![0f64; ours.len()];
         for voxel in 0..729 {
@@ -185,7 +185,7 @@ fn warps() {
     let grid = WarpGrid {
         min: [-1.0; 3],
         max: [1.0; 3],
-        resolution: 3,
+        nodes: [3; 3],
         floor: 0.0,
     };
     let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];

@@ -57,6 +57,7 @@ impl Look {
             rays: (0..SIDE * SIDE).map(pixel).collect(),
             patch_size: SIDE,
             truth: vec![0.4; 3 * SIDE * SIDE],
+            coverage: vec![1.0; SIDE * SIDE],
             background: BACKGROUND,
         }
     }
@@ -74,6 +75,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
         weights: &weights,
         transforms: &transforms,
         grid: &body.grid,
+        unposing: config.motion.unposing,
         occupancy: None,
         step: None,
     };
@@ -83,7 +85,9 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
     let device = posed.weights.device();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &device);
-    let (fields, likelihood) = avatar.evaluate(config, body, &posed, points);
+    let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
+    let near = Some(Tensor::from_data(near, &device));
+    let (fields, likelihood) = avatar.evaluate(config, body, &posed, points, near);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),

@@ -14,8 +14,9 @@ impl ModelConfig {
                 message: message.into(),
             })
         };
-        if self.motion.resolution < 2 || self.motion.resolution > 256 {
-            return fail("motion.resolution", "must be 2 to 256");
+        let nodes = self.motion.resolution.nodes();
+        if nodes.iter().any(|count| !(2..=256).contains(count)) {
+            return fail("motion.resolution", "must be 2 to 256 along each axis");
         }
         if let MotionForm::Deconv {
             embedding,
@@ -24,14 +25,14 @@ impl ModelConfig {
         } = &self.motion.form
         {
             let doubled = 1usize.checked_shl(channels.len() as u32 + 1);
-            if doubled != Some(self.motion.resolution)
+            if doubled.is_none_or(|side| nodes != [side; 3])
                 || *embedding == 0
                 || *hidden == 0
                 || channels.contains(&0)
             {
                 return fail(
                     "motion.form",
-                    "widths at least 1, and motion.resolution 2 to the number of channels plus one",
+                    "widths at least 1, and motion.resolution 2 to the number of channels plus one along each axis",
                 );
             }
         }

@@ -3,8 +3,8 @@
 use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm,
-    NonRigidConfig, Numerics, OptimiseConfig, Precision, Refine, RefinementConfig, Schedule,
-    Sharing, Variant,
+    NonRigidConfig, Numerics, OptimiseConfig, Precision, Refine, RefinementConfig, Resolution,
+    Schedule, Sharing, Unposing, Variant,
 };
 
 impl ModelConfig {
@@ -15,9 +15,9 @@ impl ModelConfig {
     pub fn named(tier: &str, variant: &str) -> Result<Self, ConfigError> {
         let variant = Variant::named(variant)?;
         let config = match tier {
-            "draft" => grid_tier(tier, variant, 6, 14, 32, 2, 32, 16),
-            "fast" => grid_tier(tier, variant, 8, 15, 64, 3, 64, 24),
-            "balanced" => grid_tier(tier, variant, 10, 17, 128, 4, 96, 32),
+            "draft" => grid_tier(tier, variant, 6, 14, 32, 2, 32, [21, 22, 9]),
+            "fast" => grid_tier(tier, variant, 8, 15, 64, 3, 64, [32, 33, 13]),
+            "balanced" => grid_tier(tier, variant, 10, 17, 128, 4, 96, [44, 44, 17]),
             "paper" => paper(variant),
             "paper-lean" => paper_lean(variant),
             _ => return Err(ConfigError::UnknownTier(tier.into())),
@@ -42,7 +42,7 @@ fn grid_tier(
     width: usize,
     depth: usize,
     samples: usize,
-    resolution: usize,
+    nodes: [usize; 3],
 ) -> ModelConfig {
     ModelConfig {
         tier: tier.into(),
@@ -51,8 +51,11 @@ fn grid_tier(
         precision: Precision::F32,
         code_width: 64,
         motion: MotionConfig {
-            resolution,
+            // As many as in a cube of 16, 24 and 32 nodes, in cells that are about as wide as deep.
+            resolution: Resolution::Axes(nodes),
             form: MotionForm::Direct,
+            // Chosen by experiment (docs/quality.md).
+            unposing: Unposing::Inverse,
         },
         correction: CorrectionConfig {
             width: 64,
@@ -105,6 +108,7 @@ fn grid_tier(
             motion_rate: 5e-2,
             slow_rate: 5e-4,
             ssim_weight: 0.02,
+            mask_weight: 0.0,
             backward_share: 0.25,
         },
         schedule: Schedule {
@@ -138,8 +142,9 @@ fn paper(variant: Variant) -> ModelConfig {
         precision: Precision::F32,
         code_width: 256,
         motion: MotionConfig {
-            resolution: 32,
+            resolution: 32.into(),
             form: MotionForm::humannerf(),
+            unposing: Unposing::Blend,
         },
         correction: CorrectionConfig {
             width: 256,
@@ -182,6 +187,7 @@ fn paper(variant: Variant) -> ModelConfig {
             motion_rate: 5e-5,
             slow_rate: 5e-5,
             ssim_weight: 0.1,
+            mask_weight: 0.0,
             backward_share: 1.0,
         },
         schedule: Schedule::paper(),

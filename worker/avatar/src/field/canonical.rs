@@ -169,7 +169,7 @@ mod tests {
         let area = WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
-            resolution: 2,
+            nodes: [2; 3],
             floor: 0.0,
         };
         let grid = hash_grid(&config.encoding, &area);

@@ -5,18 +5,22 @@
 //! frame, the ray changes by −ω · ((x − p) × f), summed over all bones below the joint.
 
 use crate::avatar::Posed;
+use crate::config::Unposing;
 use crate::motion::body::Body;
-use crate::ops::warp::pulls::pulls;
+use crate::ops::warp::inverse::{self, pulls::Pull as Held};
+use crate::ops::warp::pulls::{Pull, pulls};
 use crate::render::RenderError;
 use crate::render::frame::read;
 use crate::render::march::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::{Mat34, Vec3, add, cross, inverse, position, rotate, sub};
+use yoto_capture::skeleton::transform::{
+    Mat34, Vec3, add, cross, inverse as inverted, position, rotate, sub,
+};
 
 /// A posed body in host memory.
 pub(super) struct HostPose {
-    /// `[K + 1, D³]` motion weights.
+    /// `[K + 1, V]` motion weights.
     pub weights: Vec<f32>,
     /// `[K, 12]` posed body to canonical.
     pub transforms: Vec<f32>,
@@ -51,7 +55,13 @@ impl Wrench {
 /// `[R, 3 (K + 1)]`: gradients of the rays to the rotation of each joint by a vector in its own
 /// posed axes, radians, and to the shift of the root in its own axes, metres. `to_warped` `[n, 4]`
 /// are the gradients to the samples' canonical points and likelihoods.
-pub(super) fn rows(body: &Body, pose: &HostPose, samples: &Samples, to_warped: &[f32]) -> Vec<f64> {
+pub(super) fn rows(
+    body: &Body,
+    pose: &HostPose,
+    unposing: Unposing,
+    samples: &Samples,
+    mut to_warped: Vec<f32>,
+) -> Vec<f64> {
     let HostPose {
         weights,
         transforms,
@@ -60,7 +70,31 @@ pub(super) fn rows(body: &Body, pose: &HostPose, samples: &Samples, to_warped: &
     let bones = joints.len();
     let (points, _) = samples.points.as_chunks::<3>();
     let ray = |point: u32| samples.places[point as usize] as usize / samples.per_ray;
-    let blocks = pulls(weights, transforms, &samples.points, to_warped, &body.grid);
+    let mut blocks = match unposing {
+        Unposing::Blend => Vec::new(),
+        Unposing::Inverse => {
+            let canonical = &samples.canonical;
+            let (points, grid) = (&samples.points, &body.grid);
+            inverse::pulls::pulls(weights, transforms, points, canonical, &mut to_warped, grid)
+        }
+    };
+    let carried = pulls(weights, transforms, &samples.points, &to_warped, &body.grid);
+    blocks.extend(carried.into_iter().map(|block| {
+        let in_body = |pull: Pull| {
+            let bone = pull.bone as usize;
+            let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
+            Held {
+                point: pull.point,
+                bone: pull.bone,
+                at: points[pull.point as usize],
+                force: std::array::from_fn(|c| {
+                    let along = carry.iter().zip(pull.force);
+                    along.map(|(row, f)| row[c] * f).sum()
+                }),
+            }
+        };
+        block.into_iter().map(in_body).collect()
+    }));
     let blocks: Vec<(usize, Vec<Wrench>)> = (blocks.par_iter())
         .filter(|block| !block.is_empty())
         .map(|block| {
@@ -68,15 +102,11 @@ pub(super) fn rows(body: &Body, pose: &HostPose, samples: &Samples, to_warped: &
             let (first, last) = rays.fold((usize::MAX, 0), |(a, b), it| (a.min(it), b.max(it)));
             let mut wrenches = vec![Wrench::default(); (last + 1 - first) * bones];
             for pull in block {
-                let (point, bone) = (pull.point as usize, pull.bone as usize);
-                let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
-                let force = std::array::from_fn(|c| {
-                    let along = carry.iter().zip(pull.force);
-                    along.map(|(row, f)| f64::from(row[c]) * f64::from(f)).sum()
-                });
+                let force = pull.force.map(f64::from);
+                let bone = pull.bone as usize;
                 wrenches[(ray(pull.point) - first) * bones + bone].add(Wrench {
                     force,
-                    moment: cross(points[point].map(f64::from), force),
+                    moment: cross(pull.at.map(f64::from), force),
                 });
             }
             (first, wrenches)
@@ -100,7 +130,7 @@ pub(super) fn rows(body: &Body, pose: &HostPose, samples: &Samples, to_warped: &
                 wrenches[parent].add(below);
             }
             let about = sub(below.moment, cross(position(place), below.force));
-            let turn = rotate(&inverse(place), about).map(|v| -v);
+            let turn = rotate(&inverted(place), about).map(|v| -v);
             row[3 * joint..3 * joint + 3].copy_from_slice(&turn);
         }
         row[3 * bones..].copy_from_slice(&wrenches[0].force.map(|v| -v));

@@ -1,8 +1,9 @@
 use super::*;
 use crate::avatar::Avatar;
-use crate::config::ModelConfig;
+use crate::config::{ModelConfig, Unposing};
 use crate::fit::{Picture, PixelGrid, PoseFitter, SEEN, truth};
 use crate::ops::warp::cpu::forward;
+use crate::ops::warp::inverse::solve::Skinning;
 use burn::module::Module;
 use burn::tensor::Device;
 use yoto_capture::skeleton::Skeleton;
@@ -13,8 +14,18 @@ use yoto_capture::synthetic::SyntheticPerson;
 /// change of one number of the pose.
 #[test]
 fn rays_change_as_the_rows_say() {
+    rays_change_by(Unposing::Blend);
+}
+
+#[test]
+fn rays_change_as_the_rows_say_through_inverse_skinning() {
+    rays_change_by(Unposing::Inverse);
+}
+
+fn rays_change_by(unposing: Unposing) {
     let device = Device::flex().autodiff();
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    config.motion.unposing = unposing;
     // No sample comes or goes with the change.
     config.march.epsilon = 0.0;
     config.march.occupancy_cells = 0;
@@ -59,7 +70,7 @@ fn rays_change_as_the_rows_say() {
         let (_, to_warped) = fitter
             .gradients(&posed, &samples, &weights)
             .expect("renders");
-        let rows = rows(&body, &host, &samples, &to_warped);
+        let rows = rows(&body, &host, unposing, &samples, to_warped);
         let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let (mut off, mut all) = (0.0, 0.0);
         for parameter in (0..width).step_by(5).chain(width - 3..width) {
@@ -89,7 +100,16 @@ fn rays_change_as_the_rows_say() {
                 let transforms = read(transforms).expect("reads");
                 let warped = forward(&host.weights, &transforms, &moved, &body.grid);
                 let (warped, _) = warped.as_chunks::<4>();
-                samples.canonical = warped.iter().flat_map(|w| [w[0], w[1], w[2]]).collect();
+                let skinning = Skinning::new(&host.weights, &transforms, &body.grid);
+                let places = moved.as_chunks::<3>().0.iter().zip(warped);
+                let canonical = places.map(|(x, w)| {
+                    let blend = [w[0], w[1], w[2]];
+                    match unposing {
+                        Unposing::Blend => blend,
+                        Unposing::Inverse => skinning.search(*x, blend).unwrap_or(blend),
+                    }
+                });
+                samples.canonical = canonical.flatten().collect();
                 samples.likelihoods = warped.iter().map(|w| w[3]).collect();
                 fitter
                     .gradients(&posed, &samples, &weights)

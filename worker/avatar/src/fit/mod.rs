@@ -154,7 +154,7 @@ impl PoseFitter<'_> {
         let (shown, to_warped) = trace_span!("fit: gradients")
             .in_scope(|| self.gradients(&posed, &samples, &weights))?;
         let rows = trace_span!("fit: joints")
-            .in_scope(|| jacobian::rows(body, &host, &samples, &to_warped));
+            .in_scope(|| jacobian::rows(body, &host, config.motion.unposing, &samples, to_warped));
         let _solve = trace_span!("fit: solve").entered();
         let mut first = 0;
         for (grid, weights) in &grids {
@@ -235,6 +235,7 @@ impl PoseFitter<'_> {
             weights: &host.weights,
             transforms: &host.transforms,
             grid: &self.body.grid,
+            unposing: self.config.motion.unposing,
             occupancy: self.occupancy,
             step: None,
         };

@@ -20,14 +20,18 @@ pub struct Body {
     /// Hash grid over the same box, if the encoding is one. Where entries are shared, this is the
     /// grid of the shared ones.
     pub hash: Option<HashGrid>,
-    /// Logarithm of the prior `[K + 1, D³]`, the background last.
+    /// Logarithm of the prior `[K + 1, V]`, the background last.
     pub log_prior: Tensor<2>,
 }
 
 impl Body {
     /// The body of `skeleton`, its constants on `device`.
     pub fn new(skeleton: Skeleton, config: &ModelConfig, device: &Device) -> Self {
-        let grid = canonical_grid(&skeleton, config.motion.resolution, config.march.epsilon);
+        let grid = canonical_grid(
+            &skeleton,
+            config.motion.resolution.nodes(),
+            config.march.epsilon,
+        );
         let values: Vec<f32> = prior(&skeleton, &grid)
             .iter()
             .map(|p| match config.numerics {
@@ -36,7 +40,10 @@ impl Body {
                 Numerics::Reference => p.ln(),
             })
             .collect();
-        let shape = [skeleton.parents.len() + 1, config.motion.resolution.pow(3)];
+        let shape = [
+            skeleton.parents.len() + 1,
+            config.motion.resolution.voxels(),
+        ];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
         let hash = hash_grid(&config.canonical.encoding, &grid);
         Self {

@@ -20,19 +20,19 @@ const MIN_TOTAL: f64 = 1e-3;
 const TORSO: [&str; 6] = ["pelvis", "hips", "spine", "chest", "collar", "clavicle"];
 
 /// Whether a joint's bones are part of the torso.
-fn is_torso(name: &str) -> bool {
+pub(crate) fn is_torso(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     TORSO.iter().any(|part| name.contains(part))
 }
 
 /// The canonical box of a skeleton. The warp ignores weights below a thousandth of `epsilon`, the
 /// smallest likelihood at which samples are evaluated.
-pub fn canonical_grid(skeleton: &Skeleton, resolution: usize, epsilon: f32) -> WarpGrid {
+pub fn canonical_grid(skeleton: &Skeleton, nodes: [usize; 3], epsilon: f32) -> WarpGrid {
     let bounds = skeleton.rest_bounds(MARGIN);
     WarpGrid {
         min: bounds.min.map(|v| v as f32),
         max: bounds.max.map(|v| v as f32),
-        resolution,
+        nodes,
         floor: epsilon * 1e-3,
     }
 }
@@ -110,24 +110,24 @@ fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
     blobs
 }
 
-/// The prior `[K + 1, D³]` (z, y, x with x fastest), the background last; each node's channels
+/// The prior `[K + 1, V]` (V nodes: z, y, x with x fastest), the background last; each node's channels
 /// sum to 1, or to less where nothing is near.
 pub fn prior(skeleton: &Skeleton, grid: &WarpGrid) -> Vec<f32> {
-    let d = grid.resolution;
+    let [across, down, _] = grid.nodes;
     let joints = skeleton.parents.len();
-    let voxels = d * d * d;
+    let voxels = grid.voxels();
     let blobs = blobs(skeleton);
     let mut volume = vec![0f32; (joints + 1) * voxels];
     let node = |a: usize, i: usize| {
         let (min, max) = (f64::from(grid.min[a]), f64::from(grid.max[a]));
-        min + (max - min) * i as f64 / (d - 1) as f64
+        min + (max - min) * i as f64 / (grid.nodes[a] - 1) as f64
     };
     let mut channels = vec![0f64; joints];
     for voxel in 0..voxels {
         let point = [
-            node(0, voxel % d),
-            node(1, voxel / d % d),
-            node(2, voxel / (d * d)),
+            node(0, voxel % across),
+            node(1, voxel / across % down),
+            node(2, voxel / (across * down)),
         ];
         channels.fill(0.0);
         for blob in &blobs {
@@ -154,7 +154,7 @@ mod tests {
             parents: vec![None, Some(0)],
             rest: vec![[0.0; 3], towards],
         };
-        let grid = canonical_grid(&skeleton, 9, 0.0);
+        let grid = canonical_grid(&skeleton, [9; 3], 0.0);
         (skeleton, grid)
     }
 

@@ -5,6 +5,7 @@
 
 use super::body::Body;
 use super::posed::chain;
+use crate::ops::cofactors::inverse;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Vec3;
@@ -59,22 +60,6 @@ fn about(axis: Tensor<2>, angle: Tensor<2>) -> Tensor<3> {
         + outer * spread.reshape([k, 1, 1])
 }
 
-/// `[K, 3, 3]` inverted by cofactors.
-fn inverse(m: Tensor<3>) -> Tensor<3> {
-    let [k, _, _] = m.dims();
-    let row = |i: usize| m.clone().slice([0..k, i..i + 1, 0..3]).reshape([k, 3]);
-    let (a, b, c) = (row(0), row(1), row(2));
-    let cross = |u: &Tensor<2>, v: &Tensor<2>| {
-        let at = |t: &Tensor<2>, i: usize| t.clone().slice([0..k, i % 3..i % 3 + 1]);
-        let part = |i: usize| at(u, i + 1) * at(v, i + 2) - at(u, i + 2) * at(v, i + 1);
-        Tensor::cat(vec![part(0), part(1), part(2)], 1)
-    };
-    let first = cross(&b, &c);
-    let determinant = (a.clone() * first.clone()).sum_dim(1).reshape([k, 1, 1]);
-    let columns = [first, cross(&c, &a), cross(&a, &b)].map(|c| c.reshape([k, 3, 1]));
-    Tensor::cat(columns.to_vec(), 2) / determinant
-}
-
 /// `[K, 12]`: posed body to canonical, of each bone, row-major 3x4. `correction`
 /// `[K − 1, 3, 3]` follows each local rotation except the root's.
 pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
@@ -90,31 +75,14 @@ pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Te
     if let Some(correction) = correction {
         locals = locals.matmul(correction);
     }
-    chain(body, inverse(locals))
+    let (inverse, _) = inverse(locals);
+    chain(body, inverse)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use burn::tensor::Device;
-
-    #[test]
-    fn an_inverse_undoes_a_matrix_that_is_no_rotation() {
-        let device = Device::flex();
-        let m = Tensor::<3>::from_floats(
-            [[[1.0, 0.2, -0.3], [0.4, 1.5, 0.1], [-0.2, 0.6, 0.9]]],
-            &device,
-        );
-        let product: Vec<f32> = inverse(m.clone())
-            .matmul(m)
-            .reshape([9])
-            .try_into_vec_as()
-            .expect("f32");
-        for (i, value) in product.iter().enumerate() {
-            let expected = if i % 4 == 0 { 1.0 } else { 0.0 };
-            assert!((value - expected).abs() < 1e-6, "{product:?}");
-        }
-    }
 
     #[test]
     fn large_angles_agree_with_exact_rotations_to_the_guard() {

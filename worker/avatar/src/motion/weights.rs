@@ -6,16 +6,16 @@ use super::deconv::Decoder;
 use crate::config::{MotionConfig, MotionForm};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
+use crate::ops::bone_softmax::bone_softmax;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
-use burn::tensor::activation::softmax;
 
 /// Logits of the motion weights. The direct form starts with 0, which gives the prior.
 #[derive(Module, Debug)]
 pub struct MotionWeights {
-    /// `[K + 1, D³]`; only in the direct form.
+    /// `[K + 1, V]`; only in the direct form.
     base: Option<Param<Tensor<2>>>,
-    /// One `[K + 1, D³]` per identity; only in the direct form.
+    /// One `[K + 1, V]` per identity; only in the direct form.
     residuals: Vec<Param<Tensor<2>>>,
     /// Only in the deconv form.
     decoder: Option<Decoder>,
@@ -28,7 +28,7 @@ impl MotionWeights {
         slots: usize,
         channels: usize,
     ) -> Self {
-        let shape = [channels, config.resolution.pow(3)];
+        let shape = [channels, config.resolution.voxels()];
         match &config.form {
             MotionForm::Direct => Self {
                 base: Some(init.zeros("motion.base", shape)),
@@ -59,17 +59,17 @@ impl MotionWeights {
         }
     }
 
-    /// `[K + 1, D³]`: softmax over channels of the logits of the identity in `slot` plus
+    /// `[K + 1, V]`: softmax over channels of the logits of the identity in `slot` plus
     /// `log_prior`.
     ///
     /// # Panics
     /// If there is no identity in `slot`.
     pub fn volume(&self, slot: usize, log_prior: Tensor<2>) -> Tensor<2> {
         let logits = match (&self.decoder, &self.base) {
-            (Some(decoder), _) => log_prior + decoder.forward(slot),
-            (None, Some(base)) => log_prior + base.val() + self.residuals[slot].val(),
+            (Some(decoder), _) => decoder.forward(slot),
+            (None, Some(base)) => base.val() + self.residuals[slot].val(),
             (None, None) => unreachable!("motion weights with neither decoder nor base"),
         };
-        softmax(logits, 0)
+        bone_softmax(logits, log_prior)
     }
 }

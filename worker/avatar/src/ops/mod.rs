@@ -13,6 +13,8 @@
 
 pub mod adam;
 mod autodiff;
+pub mod bone_softmax;
+pub(crate) mod cofactors;
 pub mod composite;
 #[cfg(feature = "gpu")]
 mod cube;

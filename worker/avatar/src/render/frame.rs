@@ -324,6 +324,7 @@ impl Renderer {
             weights: &weights,
             transforms: &transforms,
             grid: &body.grid,
+            unposing: self.config.motion.unposing,
             occupancy: self.occupancy[view.slot].as_ref(),
             step: None,
         };

@@ -3,8 +3,9 @@
 //! person's occupancy grid is empty there.
 
 use super::occupancy::Occupancy;
-use crate::config::MarchConfig;
+use crate::config::{MarchConfig, Unposing};
 use crate::ops::warp::WarpGrid;
+use crate::ops::warp::inverse::solve::Skinning;
 use crate::ops::warp::likelihood::{Segment, along_rays_with};
 use rand::RngExt;
 use std::ops::AddAssign;
@@ -12,12 +13,14 @@ use yoto_capture::body_box::Ray;
 
 /// The space that a posed person occupies.
 pub struct Volume<'a> {
-    /// `[K + 1, D³]` motion weights, in host memory.
+    /// `[K + 1, V]` motion weights, in host memory.
     pub weights: &'a [f32],
     /// `[K, 12]` transforms from the posed body to the canonical box, in host memory.
     pub transforms: &'a [f32],
     /// The grid of the weights.
     pub grid: &'a WarpGrid,
+    /// The way to canonical points.
+    pub unposing: Unposing,
     /// Known empty parts of canonical space.
     pub occupancy: Option<&'a Occupancy>,
     /// Number of the training step, in which a few samples in empty cells are kept; `None` when
@@ -158,6 +161,14 @@ pub fn march(
             depths.push(ray.near + (m as f32 + offset) * stratum);
         }
     }
+    let skinning = match volume.unposing {
+        Unposing::Blend => None,
+        Unposing::Inverse => Some(Skinning::new(
+            volume.weights,
+            volume.transforms,
+            volume.grid,
+        )),
+    };
     let blocks = along_rays_with(
         volume.weights,
         volume.transforms,
@@ -175,6 +186,7 @@ pub fn march(
                     warped,
                     config.epsilon,
                     volume,
+                    skinning.as_ref(),
                     &mut live,
                 );
             }
@@ -193,6 +205,7 @@ pub fn march(
 }
 
 /// Adds the live samples of one ray, whose first sample has the given `place`.
+#[allow(clippy::too_many_arguments)]
 fn keep_live(
     ray: &Segment,
     place: usize,
@@ -200,6 +213,7 @@ fn keep_live(
     warped: &[[f32; 4]],
     epsilon: f32,
     volume: &Volume,
+    skinning: Option<&Skinning<'_>>,
     live: &mut Samples,
 ) {
     let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
@@ -208,7 +222,16 @@ fn keep_live(
             continue;
         }
         live.likely += 1;
-        let canonical = [x, y, z];
+        let point: [f32; 3] = std::array::from_fn(|a| ray.origin[a] + depth * ray.direction[a]);
+        let blend = [x, y, z];
+        // A search costs more than all else here; far from the body it finds empty cells.
+        if let (Some(_), Some(grid)) = (skinning, volume.occupancy)
+            && !grid.admits_near(blend, volume.step)
+        {
+            continue;
+        }
+        let found = skinning.and_then(|skinning| skinning.search(point, blend));
+        let canonical = found.unwrap_or(blend);
         if volume
             .occupancy
             .is_some_and(|grid| !grid.admits(canonical, volume.step))
@@ -217,8 +240,7 @@ fn keep_live(
         }
         // The last sample's step ends where the ray leaves the box.
         let next = depths.get(m + 1).copied().unwrap_or(ray.far);
-        live.points
-            .extend((0..3).map(|a| ray.origin[a] + depth * ray.direction[a]));
+        live.points.extend(point);
         live.canonical.extend(canonical);
         live.likelihoods.push(likelihood);
         live.steps.push((next - depth) * length);

@@ -26,6 +26,10 @@ const NEVER: u8 = 0;
 /// One in this many pairs of an empty cell and a training step is evaluated nevertheless, so that
 /// cells can become occupied again.
 const PROBES: u32 = 32;
+/// How far canonical points may be from the blend that a search for them starts from, metres, beyond
+/// the neighbours that count as occupied anyway: nine tenths of those on the skin of people in motion
+/// are within 5 cm (docs/quality.md).
+const NEAR: f32 = 0.03;
 
 /// Densities of a training step, from which the grid learns.
 pub struct DensityObservations {
@@ -56,6 +60,8 @@ pub struct Occupancy {
     /// One bit per cell, each row starting with a new word: whether an occupied cell is within
     /// [`Self::radius`] cells, or the cell was never visited.
     occupied: Vec<u64>,
+    /// The same for cells within [`NEAR`] of those.
+    near: Vec<u64>,
 }
 
 impl Occupancy {
@@ -78,6 +84,7 @@ impl Occupancy {
             levels: vec![NEVER; cells.iter().product()],
             reach: 0.0,
             occupied: Vec::new(),
+            near: Vec::new(),
         };
         occupancy.refresh();
         Some(occupancy)
@@ -153,9 +160,20 @@ impl Occupancy {
     /// points in empty cells are, too, in other cells each step.
     #[inline(always)]
     pub fn admits(&self, point: [f32; 3], step: Option<u64>) -> bool {
+        self.holds(&self.occupied, point, step)
+    }
+
+    /// Whether [`Self::admits`] may hold within [`NEAR`] of a point.
+    #[inline(always)]
+    pub fn admits_near(&self, point: [f32; 3], step: Option<u64>) -> bool {
+        self.holds(&self.near, point, step)
+    }
+
+    #[inline(always)]
+    fn holds(&self, bits: &[u64], point: [f32; 3], step: Option<u64>) -> bool {
         let cell = self.cell(point);
         let row = self.row(cell);
-        let word = self.occupied[row * self.words() + cell[0] / 64];
+        let word = bits[row * self.words() + cell[0] / 64];
         if word >> (cell[0] % 64) & 1 == 1 {
             return true;
         }
@@ -240,6 +258,14 @@ impl Occupancy {
             }
         }
         join(&mut full, &never);
+        let mut near = full.clone();
+        for _ in 0..(NEAR * self.scale).ceil() as usize {
+            near = grown(&near, words, height);
+            for row in near.chunks_exact_mut(words) {
+                row[words - 1] &= last;
+            }
+        }
+        self.near = near;
         self.occupied = full;
     }
 }

@@ -2,7 +2,6 @@
 //! field have learned together.
 
 use super::frame::{RenderError, Renderer, read};
-use crate::ops::warp;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{apply, inverse};
@@ -41,13 +40,9 @@ impl Renderer {
             .collect();
         let data = TensorData::new(in_body, [n, 3]);
         let points = Tensor::<2>::from_data(data, &self.device());
-        let warped = warp::warp(
-            posed.weights.clone(),
-            posed.transforms.clone(),
-            points,
-            &body.grid,
-        );
-        let skinned = warped.slice([0..n, 0..3]);
+        let (skinned, _) = self
+            .avatar
+            .unposed(&self.config, body, &posed, points, None);
         let moved = self.avatar.moved(&self.config, &posed, skinned.clone());
         let [skinned, moved] = [read(skinned)?, read(moved)?];
         Ok(RestPoints {

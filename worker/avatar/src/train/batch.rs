@@ -29,6 +29,8 @@ pub struct Batch {
     pub patch_size: usize,
     /// `[P, S², 3]`, over `background`.
     pub truth: Vec<f32>,
+    /// `[P S²]`, coverage of the person by the mask, 0 to 1.
+    pub coverage: Vec<f32>,
     /// Colour behind the person.
     pub background: [f32; 3],
 }
@@ -65,6 +67,16 @@ pub struct Outcome {
     pub observations: Option<DensityObservations>,
 }
 
+/// Mean squared difference between `opacity` `[R]` and `coverage` `[R]`. A pixel counts by how far
+/// its coverage is from a half: where a mask is soft, its author was uncertain.
+fn off_the_mask(opacity: Tensor<1>, coverage: &[f32]) -> Tensor<1> {
+    let device = opacity.device();
+    let trust: Vec<f32> = coverage.iter().map(|m| (2.0 * m - 1.0).abs()).collect();
+    let column = |values: &[f32]| Tensor::<1>::from_floats(values, &device);
+    let difference = opacity - column(coverage);
+    (difference.clone() * difference * column(&trust)).mean()
+}
+
 /// The outcome of `batch`; `None` if no ray has a live sample. With `jitter`, samples are random in
 /// their strata and gradients flow to [`OptimiseConfig::backward_share`] of them; without it,
 /// samples are in the middle and gradients flow to all.
@@ -96,6 +108,7 @@ pub fn outcome(
                 weights: &weights,
                 transforms: &transforms,
                 grid: &body.grid,
+                unposing: config.motion.unposing,
                 occupancy: scene.occupancy,
                 step: Some(scene.step),
             },
@@ -107,8 +120,10 @@ pub fn outcome(
     let device = posed.weights.device();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &device);
-    let (values, likelihood) =
-        trace_span!("fields").in_scope(|| avatar.evaluate(config, body, &posed, points));
+    let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
+    let near = Tensor::from_data(near, &device);
+    let (values, likelihood) = trace_span!("fields")
+        .in_scope(|| avatar.evaluate(config, body, &posed, points, Some(near)));
     let observations = match scene.occupancy {
         Some(_) => Some(DensityObservations {
             canonical: std::mem::take(&mut samples.canonical),
@@ -146,7 +161,14 @@ pub fn outcome(
         truth,
         side: batch.patch_size,
     };
-    let terms = objective.terms(patches);
+    let mut terms = objective.terms(patches);
+    if config.optimise.mask_weight > 0.0 {
+        terms.push(LossTerm {
+            name: "mask",
+            weight: config.optimise.mask_weight,
+            value: off_the_mask(seen.alpha.clone(), &batch.coverage),
+        });
+    }
     let loss = total(&terms).ok_or_else(|| {
         RenderError::Settings(format!("the objective {} has no terms", objective.name()))
     })?;

@@ -185,7 +185,11 @@ pub(super) fn load_occupancy(
         let Some(skeleton) = skeleton else {
             return Ok(None);
         };
-        let box_grid = canonical_grid(skeleton, state.config.motion.resolution, march.epsilon);
+        let box_grid = canonical_grid(
+            skeleton,
+            state.config.motion.resolution.nodes(),
+            march.epsilon,
+        );
         let Some(blank) = Occupancy::new(&box_grid, march) else {
             return Ok(None);
         };

@@ -213,7 +213,7 @@ mod tests {
         let area = crate::ops::warp::WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
-            resolution: 2,
+            nodes: [2; 3],
             floor: 0.0,
         };
         let grid = Occupancy::new(&area, &config.march).expect("the tier has grids");

@@ -31,6 +31,7 @@ pub(super) fn draw(
         rays: Vec::with_capacity(count * size * size),
         patch_size: size,
         truth: Vec::with_capacity(count * size * size * 3),
+        coverage: Vec::with_capacity(count * size * size),
         background,
     };
     for _ in 0..count {
@@ -51,7 +52,9 @@ pub(super) fn draw(
             let (x, y) = (x0 + i % size, y0 + i / size);
             let p = y * width + x;
             batch.rays.push(ray(x, y));
-            let clear = 1.0 - f32::from(frame.image.mask[p]) / 255.0;
+            let coverage = f32::from(frame.image.mask[p]) / 255.0;
+            let clear = 1.0 - coverage;
+            batch.coverage.push(coverage);
             batch
                 .truth
                 .extend((0..3).map(|c| {

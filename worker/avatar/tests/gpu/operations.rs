@@ -28,14 +28,14 @@ fn warp_equals_its_reference_and_leaves_out_what_the_cpu_does() {
     on_vulkan(LIMIT, |vulkan| {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         // More points than one group of threads sums over, and an odd number of groups.
-        let (bones, d, n) = (5, 7, 2_300);
+        let (bones, nodes, n) = (5, [7, 6, 9], 2_300);
         let grid = WarpGrid {
             min: [-1.0, -0.5, -0.8],
             max: [1.0, 1.5, 0.6],
-            resolution: d,
+            nodes,
             floor: 0.0,
         };
-        let voxels = d * d * d;
+        let voxels = 7 * 6 * 9;
         let weights = Numbers::drawn(&mut rng, [bones + 1, voxels], 0.0, 0.3);
         let sparse = weights.clone().with(|values| {
             // A bone without weights, and one with weights in a corner only.
@@ -243,7 +243,7 @@ fn no_points_or_samples_have_no_results() {
         let grid = WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
-            resolution: 3,
+            nodes: [3; 3],
             floor: 0.0,
         };
         let none = Tensor::<2>::zeros([0, 3], &vulkan);

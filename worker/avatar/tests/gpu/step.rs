@@ -108,6 +108,7 @@ impl Sitting {
                 .collect(),
             patch_size: side,
             truth: self.truth.clone(),
+            coverage: vec![1.0; side * side],
             background: [0.2, 0.5, 0.9],
         };
         let scene = Scene {

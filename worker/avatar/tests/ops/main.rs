@@ -2,9 +2,11 @@
 //! points inside its box, at the border and outside.
 
 mod adam;
+mod bone_softmax;
 mod composite;
 mod deconv;
 mod hash;
+mod inverse;
 mod warp;
 
 use burn::tensor::{Device, Tensor, TensorData};

@@ -9,14 +9,14 @@ use yoto_avatar::ops::warp::{self, WarpGrid};
 fn warp_equals_its_reference() {
     let device = Device::flex().autodiff();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let (bones, d, n) = (5, 7, 700);
+    let (bones, nodes, n) = (5, [7, 6, 9], 700);
     let grid = WarpGrid {
         min: [-1.0, -0.5, -0.8],
         max: [1.0, 1.5, 0.6],
-        resolution: d,
+        nodes,
         floor: 0.0,
     };
-    let weights = numbers(&mut rng, [bones + 1, d * d * d], 0.0, 0.3, &device).require_grad();
+    let weights = numbers(&mut rng, [bones + 1, 7 * 6 * 9], 0.0, 0.3, &device).require_grad();
     let transforms = numbers(&mut rng, [bones, 12], -0.8, 0.8, &device).require_grad();
     let points = numbers(&mut rng, [n, 3], -1.6, 1.6, &device);
     let towards = numbers(&mut rng, [n, 4], -1.0, 1.0, &device);
@@ -48,7 +48,7 @@ fn points_along_rays_equal_the_warps() {
     let grid = WarpGrid {
         min: [-1.0; 3],
         max: [1.0; 3],
-        resolution: 6,
+        nodes: [6; 3],
         floor: 0.0,
     };
     // Most weights are 0, so that supports are smaller than the box.
@@ -105,7 +105,7 @@ fn a_bone_without_weights_is_refused() {
     let grid = WarpGrid {
         min: [0.0; 3],
         max: [1.0; 3],
-        resolution: 3,
+        nodes: [3; 3],
         floor: 0.0,
     };
     warp::cpu::forward(&[0.5; 27], &[0.0; 24], &[0.0; 3], &grid);

@@ -16,7 +16,7 @@ const PRIOR_RESOLUTION: usize = 13;
 fn prior_volume() {
     let case = Case::read("prior");
     let skeleton = case.skeleton();
-    let grid = canonical_grid(&skeleton, PRIOR_RESOLUTION, 0.0);
+    let grid = canonical_grid(&skeleton, [PRIOR_RESOLUTION; 3], 0.0);
     let mut check = Check::new(&case);
     check.numbers("prior", &prior(&skeleton, &grid));
     check.within(VALUES, GRADIENTS);
@@ -41,7 +41,7 @@ fn weight_volume() {
 fn weight_volume_of_the_decoder() {
     let case = Case::read("volume-deconv");
     let mut config = small::config(small::FOURIER);
-    config.motion.resolution = 8;
+    config.motion.resolution = 8.into();
     config.motion.form = MotionForm::Deconv {
         embedding: 4,
         hidden: 8,
@@ -64,7 +64,7 @@ fn warped_points() {
     let grid = WarpGrid {
         min: case.vector("low"),
         max: case.vector("high"),
-        resolution: 7,
+        nodes: [7; 3],
         floor: 0.0,
     };
     for form in [warp, reference::warp] {

@@ -4,7 +4,7 @@ use crate::case::path;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing};
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing, Unposing};
 
 /// Joints of the small tree.
 const JOINTS: usize = 5;
@@ -34,7 +34,9 @@ pub fn device() -> Device {
 pub fn config(encoding: Encoding) -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.code_width = 8;
-    config.motion.resolution = 10;
+    config.motion.resolution = 10.into();
+    // The reference is the paper's.
+    config.motion.unposing = Unposing::Blend;
     config.correction.width = 12;
     config.correction.depth = 2;
     config.schedule = config.schedule.all_at_once();

@@ -52,6 +52,7 @@ fn step(case: Case, encoding: Encoding) {
         rays: pixels.map(|p| sight.ray(p[0], p[1])).collect(),
         patch_size: case.shape("truth")[1].isqrt(),
         truth: case.singles("truth"),
+        coverage: vec![1.0; case.numbers("pixels").len() / 2],
         background: case.vector("background"),
     };
     assert!(batch.rays.contains(&None), "rays that miss are part of it");

@@ -57,7 +57,7 @@ impl WarpOps for Flex {
 
 /// Checks that there is a volume for every bone, and whole points.
 fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
-    let voxels = grid.resolution.pow(3);
+    let voxels = grid.voxels();
     assert!(
         transforms.len().is_multiple_of(12) && points.len().is_multiple_of(3),
         "{} numbers of transforms and {} of points: 12 per bone and 3 per point",
@@ -90,8 +90,8 @@ pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpG
 /// If the sizes do not match the grid.
 pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
     check(weights, transforms, points, grid);
-    let d = grid.resolution as i32;
-    let voxels = grid.resolution.pow(3);
+    let sides = grid.sides();
+    let voxels = grid.voxels();
     let (min, scale) = (grid.min, grid.scale());
     let supports = supports(weights, transforms.len() / 12, grid);
     let points = points.as_chunks::<3>().0;
@@ -109,8 +109,8 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
                 .zip(&supports)
             {
                 block.visit(bone, support, |i, p| {
-                    if let Some(cell) = Cell::of(p, min, scale, d) {
-                        let w = cell.sample(volume, d);
+                    if let Some(cell) = Cell::of(p, min, scale, sides) {
+                        let w = cell.sample(volume, sides);
                         let out = &mut output[i];
                         for a in 0..3 {
                             out[a] += w * p[a];
@@ -159,8 +159,8 @@ pub fn backward(
     grid: &WarpGrid,
 ) -> (Vec<f32>, Vec<f32>) {
     let blocks = all_visits(weights, transforms, points, grad, grid);
-    let d = grid.resolution as i32;
-    let voxels = grid.resolution.pow(3);
+    let sides = grid.sides();
+    let voxels = grid.voxels();
     let bones = transforms.len() / 12;
     let (min, scale) = (grid.min, grid.scale());
     let (points, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<4>().0);
@@ -175,10 +175,10 @@ pub fn backward(
             let volume = &weights[bone * voxels..(bone + 1) * voxels];
             for block in &blocks {
                 for visit in &block.all[block.starts[bone]..block.starts[bone + 1]] {
-                    let cell = Cell::of(visit.at, min, scale, d)
+                    let cell = Cell::of(visit.at, min, scale, sides)
                         .expect("a visit was made in a cell of the grid");
                     let (x, g) = (&points[visit.point as usize], &grad[visit.point as usize]);
-                    let slope = cell.spread(volume, to_volume, visit.to_weight, d);
+                    let slope = cell.spread(volume, to_volume, visit.to_weight, sides);
                     for a in 0..3 {
                         let to_p = visit.share * g[a] + visit.to_weight * slope[a] * scale[a];
                         for (c, to) in to_transform[4 * a..4 * a + 3].iter_mut().enumerate() {
@@ -232,8 +232,8 @@ fn visits(
     supports: &[Support],
     active: &[u32],
 ) -> Visits {
-    let d = grid.resolution as i32;
-    let voxels = grid.resolution.pow(3);
+    let sides = grid.sides();
+    let voxels = grid.voxels();
     let (min, scale) = (grid.min, grid.scale());
     let mut found = Visits {
         all: Vec::with_capacity(4 * active.len()),
@@ -248,8 +248,8 @@ fn visits(
         .zip(supports)
     {
         block.visit(bone, support, |i, at| {
-            if let Some(cell) = Cell::of(at, min, scale, d) {
-                let w = cell.sample(volume, d);
+            if let Some(cell) = Cell::of(at, min, scale, sides) {
+                let w = cell.sample(volume, sides);
                 for a in 0..3 {
                     sums[i][a] += w * at[a];
                 }

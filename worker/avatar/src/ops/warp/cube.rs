@@ -2,7 +2,7 @@
 //! each bone and run of points, so that the twelve sums of a bone's transform are computed in the
 //! group before they are added to those of other groups.
 
-use super::lattice::{Lattice, LatticeLaunch, place, tap};
+use super::lattice::{Lattice, LatticeLaunch, place, tap, voxels};
 use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::ops::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::ops::cube::tensors::{each, empty, rows, zeros};
@@ -119,7 +119,8 @@ fn backward(
 
 fn lattice(grid: &WarpGrid) -> LatticeLaunch {
     let ([x, y, z], [sx, sy, sz]) = (grid.min, grid.scale());
-    LatticeLaunch::new(x, y, z, sx, sy, sz, grid.resolution)
+    let [across, down, deep] = grid.nodes.map(|count| count as u32);
+    LatticeLaunch::new(x, y, z, sx, sy, sz, across, down, deep)
 }
 
 /// The lowest and highest nodes where each bone has a weight above the floor, on the device:
@@ -131,15 +132,16 @@ struct Supports {
 
 impl Supports {
     fn find(weights: &CubeTensor, transforms: &CubeTensor, grid: &WarpGrid) -> Self {
-        let (bones, d) = (transforms.meta.shape()[0], grid.resolution);
+        let bones = transforms.meta.shape()[0];
+        let [across, down, deep] = grid.nodes;
         // Of a bone without weights: no node is between.
-        let nothing = [d as u32, d as u32, d as u32, 0, 0, 0].repeat(bones);
+        let nothing = [across as u32, down as u32, deep as u32, 0, 0, 0].repeat(bones);
         let client = &weights.client;
         let supports = Self {
             handle: client.create_from_slice(u32::as_bytes(&nothing)),
             numbers: nothing.len(),
         };
-        let lines = bones * d * d;
+        let lines = bones * down * deep;
         let (count, dim) = each(client, lines);
         find_supports::launch(
             client,
@@ -149,7 +151,9 @@ impl Supports {
             supports.argument(),
             grid.floor,
             lines,
-            d,
+            across,
+            down,
+            deep,
         );
         supports
     }
@@ -167,7 +171,9 @@ fn find_supports(
     supports: &mut [Atomic<u32>],
     floor: f32,
     lines: usize,
-    d: usize,
+    across: usize,
+    down: usize,
+    deep: usize,
 ) {
     let line = ABSOLUTE_POS;
     if line >= lines {
@@ -176,8 +182,8 @@ fn find_supports(
     let mut found = false;
     let mut first = 0u32;
     let mut last = 0u32;
-    for x in 0..d {
-        if weights[line * d + x] > floor {
+    for x in 0..across {
+        if weights[line * across + x] > floor {
             last = x as u32;
             if !found {
                 first = last;
@@ -186,9 +192,9 @@ fn find_supports(
         }
     }
     if found {
-        let y = (line % d) as u32;
-        let z = (line / d % d) as u32;
-        let at = line / (d * d) * 6;
+        let y = (line % down) as u32;
+        let z = (line / down % deep) as u32;
+        let at = line / (down * deep) * 6;
         supports[at].fetch_min(first);
         supports[at + 1].fetch_min(y);
         supports[at + 2].fetch_min(z);
@@ -240,7 +246,7 @@ fn mix(
     i: usize,
     lattice: &Lattice,
 ) -> Mixed {
-    let d = lattice.d;
+    let voxels = voxels(lattice);
     let mut x = 0.0f32;
     let mut y = 0.0f32;
     let mut z = 0.0f32;
@@ -248,10 +254,10 @@ fn mix(
     for bone in 0..transforms.len() / 12 {
         let place = place(transforms, points, supports, bone, i, lattice);
         if place.inside {
-            let volume = bone * d * d * d;
+            let volume = bone * voxels;
             let mut w = 0.0f32;
             for corner in 0..8u32 {
-                let tap = tap(&place, corner, d);
+                let tap = tap(&place, corner, lattice);
                 if tap.inside {
                     w += tap.u * tap.v * tap.w * weights[volume + tap.node];
                 }
@@ -317,10 +323,9 @@ fn spread<A: AddFloat>(
     to_transforms: &mut [Atomic<Bound<A>>],
     lattice: &Lattice,
 ) {
-    let d = lattice.d;
     let n = points.len() / 3;
     let bone = CUBE_POS_Y as usize;
-    let volume = bone * d * d * d;
+    let volume = bone * voxels(lattice);
     let unit = UNIT_POS as usize;
     let first = CUBE_POS_X as usize * RUN;
     let mut own = Array::<f32>::new(12usize);
@@ -347,7 +352,7 @@ fn spread<A: AddFloat>(
                 let mut slope_y = 0.0f32;
                 let mut slope_z = 0.0f32;
                 for corner in 0..8u32 {
-                    let tap = tap(&place, corner, d);
+                    let tap = tap(&place, corner, lattice);
                     if tap.inside {
                         let value = weights[volume + tap.node];
                         w += tap.u * tap.v * tap.w * value;

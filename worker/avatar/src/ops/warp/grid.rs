@@ -10,8 +10,8 @@ pub struct WarpGrid {
     pub min: [f32; 3],
     /// Largest corner, metres.
     pub max: [f32; 3],
-    /// Nodes per axis, at least 2.
-    pub resolution: usize,
+    /// Nodes along x, y and z, at least 2 each.
+    pub nodes: [usize; 3],
     /// Cells where a bone's weights are all at most this may be left out: its effect there is too
     /// small to matter. 0 leaves out nothing.
     pub floor: f32,
@@ -20,7 +20,17 @@ pub struct WarpGrid {
 impl WarpGrid {
     /// Cells per metre along each axis.
     pub fn scale(&self) -> [f32; 3] {
-        std::array::from_fn(|a| (self.resolution - 1) as f32 / (self.max[a] - self.min[a]))
+        std::array::from_fn(|a| (self.nodes[a] - 1) as f32 / (self.max[a] - self.min[a]))
+    }
+
+    /// Number of nodes.
+    pub fn voxels(&self) -> usize {
+        self.nodes.iter().product()
+    }
+
+    /// [`Self::nodes`] as signed numbers, which cells outside the box have too.
+    pub(super) fn sides(&self) -> [i32; 3] {
+        self.nodes.map(|count| count as i32)
     }
 }
 
@@ -42,14 +52,14 @@ impl Support {
 /// The support of each of the first `bones` volumes, canonical metres: the box of the nodes above
 /// the floor, and one cell more on each side.
 pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Support> {
-    let d = grid.resolution;
+    let [across, down, _] = grid.nodes;
     let scale = grid.scale();
     weights
-        .par_chunks_exact(d * d * d)
+        .par_chunks_exact(grid.voxels())
         .take(bones)
         .map(|volume| {
-            let (mut low, mut high) = ([d; 3], [0usize; 3]);
-            for (row, line) in volume.chunks_exact(d).enumerate() {
+            let (mut low, mut high) = (grid.nodes, [0usize; 3]);
+            for (row, line) in volume.chunks_exact(across).enumerate() {
                 // Most lines are empty, and this loop compiles to wide instructions.
                 if !line.iter().fold(false, |any, w| any | (*w > grid.floor)) {
                     continue;
@@ -60,10 +70,8 @@ pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Su
                     .position(above)
                     .zip(line.iter().rposition(above))
                     .expect("a node above the floor in this line");
-                for (a, (from, to)) in [(first, last), (row % d, row % d), (row / d, row / d)]
-                    .into_iter()
-                    .enumerate()
-                {
+                let (y, z) = (row % down, row / down);
+                for (a, (from, to)) in [(first, last), (y, y), (z, z)].into_iter().enumerate() {
                     low[a] = low[a].min(from);
                     high[a] = high[a].max(to);
                 }
@@ -88,12 +96,12 @@ impl Cell {
     /// The cell of point `p`, or `None` more than one cell outside the box, where all weights are
     /// zero.
     #[inline(always)]
-    pub fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], d: i32) -> Option<Self> {
+    pub fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], sides: [i32; 3]) -> Option<Self> {
         let mut low = [0i32; 3];
         let mut part = [0f32; 3];
         for a in 0..3 {
             let g = (p[a] - min[a]) * scale[a];
-            if !(g > -1.0 && g < d as f32) {
+            if !(g > -1.0 && g < sides[a] as f32) {
                 return None;
             }
             // The floor of numbers above −1, without a call into the C library.
@@ -106,11 +114,11 @@ impl Cell {
     /// Calls `visit` for those of the eight nodes that are inside the box, with the node's index,
     /// its share and the derivatives of the share with respect to the offset along x, y, z.
     #[inline(always)]
-    pub fn taps(&self, d: i32, mut visit: impl FnMut(usize, f32, [f32; 3])) {
+    pub fn taps(&self, sides: [i32; 3], mut visit: impl FnMut(usize, f32, [f32; 3])) {
         for corner in 0..8 {
             let bit = [corner & 1, corner >> 1 & 1, corner >> 2];
             let node: [i32; 3] = std::array::from_fn(|a| self.low[a] + bit[a]);
-            if node.iter().any(|&i| i < 0 || i >= d) {
+            if (0..3).any(|a| node[a] < 0 || node[a] >= sides[a]) {
                 continue;
             }
             let u: [f32; 3] = std::array::from_fn(|a| {
@@ -121,7 +129,7 @@ impl Cell {
                 }
             });
             let s: [f32; 3] = std::array::from_fn(|a| if bit[a] == 1 { 1.0 } else { -1.0 });
-            let index = ((node[2] * d + node[1]) * d + node[0]) as usize;
+            let index = ((node[2] * sides[1] + node[1]) * sides[0] + node[0]) as usize;
             visit(
                 index,
                 u[0] * u[1] * u[2],
@@ -130,15 +138,29 @@ impl Cell {
         }
     }
 
+    /// The index of the cell's lowest node, and the distances between indices of neighbours along
+    /// y and z, if all eight nodes are inside the box.
+    #[inline(always)]
+    fn inner(&self, sides: [i32; 3]) -> Option<(usize, usize, usize)> {
+        let [i, j, k] = self.low;
+        let inside =
+            i >= 0 && j >= 0 && k >= 0 && i < sides[0] - 1 && j < sides[1] - 1 && k < sides[2] - 1;
+        let (row, slab) = (sides[0] as usize, (sides[0] * sides[1]) as usize);
+        inside.then(|| (k as usize * slab + j as usize * row + i as usize, row, slab))
+    }
+
     /// Adds `to_value` to the nodes of the cell in proportion to their shares, and returns the
     /// volume's derivatives with respect to the offset along x, y, z.
     #[inline(always)]
-    pub fn spread(&self, volume: &[f32], to_volume: &mut [f32], to_value: f32, d: i32) -> [f32; 3] {
+    pub fn spread(
+        &self,
+        volume: &[f32],
+        to_volume: &mut [f32],
+        to_value: f32,
+        sides: [i32; 3],
+    ) -> [f32; 3] {
         let mut slope = [0f32; 3];
-        let [i, j, k] = self.low;
-        if i >= 0 && j >= 0 && k >= 0 && i < d - 1 && j < d - 1 && k < d - 1 {
-            let (row, slab) = (d as usize, (d * d) as usize);
-            let first = k as usize * slab + j as usize * row + i as usize;
+        if let Some((first, row, slab)) = self.inner(sides) {
             let cell = &volume[first..][..slab + row + 2];
             let to = &mut to_volume[first..][..slab + row + 2];
             let [x, y, z] = self.part;
@@ -161,7 +183,7 @@ impl Cell {
             }
             return slope;
         }
-        self.taps(d, |index, share, by_offset| {
+        self.taps(sides, |index, share, by_offset| {
             to_volume[index] += share * to_value;
             for a in 0..3 {
                 slope[a] += by_offset[a] * volume[index];
@@ -171,9 +193,9 @@ impl Cell {
     }
 
     /// The volume's derivatives with respect to the offset along x, y, z.
-    pub fn slope(&self, volume: &[f32], d: i32) -> [f32; 3] {
+    pub fn slope(&self, volume: &[f32], sides: [i32; 3]) -> [f32; 3] {
         let mut slope = [0f32; 3];
-        self.taps(d, |index, _, by_offset| {
+        self.taps(sides, |index, _, by_offset| {
             for a in 0..3 {
                 slope[a] += by_offset[a] * volume[index];
             }
@@ -183,19 +205,16 @@ impl Cell {
 
     /// The volume's value here; nodes outside the box count as zero.
     #[inline(always)]
-    pub fn sample(&self, volume: &[f32], d: i32) -> f32 {
-        let [i, j, k] = self.low;
-        if i >= 0 && j >= 0 && k >= 0 && i < d - 1 && j < d - 1 && k < d - 1 {
-            let (row, slab) = (d as usize, (d * d) as usize);
-            let cell =
-                &volume[k as usize * slab + j as usize * row + i as usize..][..slab + row + 2];
+    pub fn sample(&self, volume: &[f32], sides: [i32; 3]) -> f32 {
+        if let Some((first, row, slab)) = self.inner(sides) {
+            let cell = &volume[first..][..slab + row + 2];
             let [x, y, z] = self.part;
             let line = |o: usize| cell[o] + x * (cell[o + 1] - cell[o]);
             let plane = |o: usize| line(o) + y * (line(o + row) - line(o));
             return plane(0) + z * (plane(slab) - plane(0));
         }
         let mut sum = 0.0;
-        self.taps(d, |index, share, _| sum += share * volume[index]);
+        self.taps(sides, |index, share, _| sum += share * volume[index]);
         sum
     }
 }

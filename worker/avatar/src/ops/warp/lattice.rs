@@ -14,8 +14,10 @@ pub(super) struct Lattice {
     pub scale_x: f32,
     pub scale_y: f32,
     pub scale_z: f32,
-    /// Nodes per axis.
-    pub d: usize,
+    /// Nodes along each axis.
+    pub nodes_x: u32,
+    pub nodes_y: u32,
+    pub nodes_z: u32,
 }
 
 /// A point as a bone carries it.
@@ -106,6 +108,12 @@ pub(super) fn place(
     }
 }
 
+/// Number of the grid's nodes.
+#[cube]
+pub(super) fn voxels(lattice: &Lattice) -> usize {
+    usize::cast_from(lattice.nodes_x * lattice.nodes_y * lattice.nodes_z)
+}
+
 /// Share of a node along an axis: `part` for the upper one, the rest for the lower one.
 #[cube]
 fn share(part: f32, upper: i32) -> f32 {
@@ -124,18 +132,20 @@ fn slope(upper: i32) -> f32 {
 
 /// Corner number `corner` of the cell of `place`: bit 0 is x, bit 1 y, bit 2 z.
 #[cube]
-pub(super) fn tap(place: &Place, corner: u32, d: usize) -> Tap {
+pub(super) fn tap(place: &Place, corner: u32, lattice: &Lattice) -> Tap {
     let upper_x = i32::cast_from(corner & 1);
     let upper_y = i32::cast_from((corner >> 1) & 1);
     let upper_z = i32::cast_from(corner >> 2);
     let i = place.i + upper_x;
     let j = place.j + upper_y;
     let k = place.k + upper_z;
-    let side = i32::cast_from(d);
-    let inside = i >= 0 && j >= 0 && k >= 0 && i < side && j < side && k < side;
+    let across = i32::cast_from(lattice.nodes_x);
+    let down = i32::cast_from(lattice.nodes_y);
+    let deep = i32::cast_from(lattice.nodes_z);
+    let inside = i >= 0 && j >= 0 && k >= 0 && i < across && j < down && k < deep;
     let mut node = 0;
     if inside {
-        node = usize::cast_from((k * side + j) * side + i);
+        node = usize::cast_from((k * down + j) * across + i);
     }
     Tap {
         inside,

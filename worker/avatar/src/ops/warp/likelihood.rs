@@ -68,8 +68,8 @@ pub fn along_rays_with<T: Send>(
         segments.len()
     );
     let per_ray = depths.len() / segments.len();
-    let d = grid.resolution as i32;
-    let voxels = grid.resolution.pow(3);
+    let sides = grid.sides();
+    let voxels = grid.voxels();
     let (min, scale) = (grid.min, grid.scale());
     let supports = supports(weights, transforms.len() / 12, grid);
     let blocks = depths
@@ -107,8 +107,8 @@ pub fn along_rays_with<T: Send>(
                     if !support.contains(p) {
                         continue;
                     }
-                    if let Some(cell) = Cell::of(p, min, scale, d) {
-                        let w = cell.sample(volume, d);
+                    if let Some(cell) = Cell::of(p, min, scale, sides) {
+                        let w = cell.sample(volume, sides);
                         for a in 0..3 {
                             warped[m][a] += w * p[a];
                         }

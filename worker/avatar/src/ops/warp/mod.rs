@@ -8,6 +8,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
 mod grid;
+pub mod inverse;
 #[cfg(feature = "gpu")]
 mod lattice;
 pub mod likelihood;
@@ -55,7 +56,7 @@ fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
 
 /// Canonical points and foreground likelihoods.
 ///
-/// `weights` `[K + 1 or K, D³]` (bone, then z, y, x; rows after the K-th are not read),
+/// `weights` `[K + 1 or K, V]`, V the grid's nodes (bone, then z, y, x; rows after the K-th are not read),
 /// `transforms` `[K, 12]` (row-major 3x4, posed body to canonical), `points` `[N, 3]` in the
 /// body frame, metres → `[N, 4]`: x, y, z in canonical metres, and the likelihood in [0, 1].
 /// Gradients flow to weights and transforms.

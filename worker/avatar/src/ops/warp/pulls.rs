@@ -29,8 +29,8 @@ pub fn pulls(
     grad: &[f32],
     grid: &WarpGrid,
 ) -> Vec<Vec<Pull>> {
-    let d = grid.resolution as i32;
-    let voxels = grid.resolution.pow(3);
+    let sides = grid.sides();
+    let voxels = grid.voxels();
     let scale = grid.scale();
     let (grad, _) = grad.as_chunks::<4>();
     let blocks = all_visits(weights, transforms, points, grad.as_flattened(), grid);
@@ -40,10 +40,10 @@ pub fn pulls(
             let bones = block.starts.windows(2).zip(weights.chunks_exact(voxels));
             for (bone, (range, volume)) in (0..).zip(bones) {
                 for visit in &block.all[range[0]..range[1]] {
-                    let Some(cell) = Cell::of(visit.at, grid.min, scale, d) else {
+                    let Some(cell) = Cell::of(visit.at, grid.min, scale, sides) else {
                         continue;
                     };
-                    let slope = cell.slope(volume, d);
+                    let slope = cell.slope(volume, sides);
                     let g = &grad[visit.point as usize];
                     let force = std::array::from_fn(|a| {
                         visit.share * g[a] + visit.to_weight * slope[a] * scale[a]

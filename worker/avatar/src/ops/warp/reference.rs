@@ -13,7 +13,7 @@ pub fn warp(
     let [bones, _] = transforms.dims();
     let [n, _] = points.dims();
     let device = points.device();
-    let d = grid.resolution as i64;
+    let [across, down, _] = grid.nodes.map(|count| count as i64);
     let transforms = transforms.reshape([bones, 3, 4]);
     let rotation = transforms.clone().slice([0..bones, 0..3, 0..3]);
     let shift = transforms.slice([0..bones, 0..3, 3..4]);
@@ -34,15 +34,16 @@ pub fn warp(
         let mut share = Tensor::<2>::ones([bones, n], &device);
         let mut inside = Tensor::<2>::ones([bones, n], &device);
         let mut index = Tensor::<2>::zeros([bones, n], &device);
-        for (a, stride) in [(0, 1), (1, d), (2, d * d)] {
+        for (a, stride) in [(0, 1), (1, across), (2, across * down)] {
+            let last = (grid.nodes[a] - 1) as f32;
             let high = corner >> a & 1 == 1;
             let t = axis(&part, a);
             share = share * if high { t } else { t.neg().add_scalar(1.0) };
             let node = axis(&low, a).add_scalar(if high { 1.0 } else { 0.0 });
             let valid = node.clone().greater_equal_scalar(0.0).float()
-                * node.clone().lower_equal_scalar((d - 1) as f32).float();
+                * node.clone().lower_equal_scalar(last).float();
             inside = inside * valid;
-            index = index + node.clamp(0.0, (d - 1) as f32).mul_scalar(stride as f32);
+            index = index + node.clamp(0.0, last).mul_scalar(stride as f32);
         }
         let index: Tensor<2, Int> = index.int();
         let value = weights.clone().narrow(0, 0, bones).gather(1, index);

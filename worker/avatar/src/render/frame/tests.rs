@@ -57,13 +57,14 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
         weights: &weights,
         transforms: &transforms,
         grid: &body.grid,
+        unposing: config.motion.unposing,
         occupancy: None,
         step: None,
     };
     let samples = march(&rays, &config.march, None::<&mut ChaCha8Rng>, &volume);
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &Device::flex());
-    let (fields, likelihood) = renderer.avatar.evaluate(config, body, &posed, points);
+    let (fields, likelihood) = renderer.avatar.evaluate(config, body, &posed, points, None);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),

@@ -10,7 +10,7 @@ fn grid(cells: usize) -> Occupancy {
     let area = WarpGrid {
         min: [-1.0, 0.0, -0.25],
         max: [1.0, 1.5, 0.25],
-        resolution: 8,
+        nodes: [8; 3],
         floor: 0.0,
     };
     Occupancy::new(&area, &config).expect("wanted")
@@ -193,4 +193,27 @@ fn a_body_that_a_pose_moves_over_several_cells_is_not_cut() {
     let reach = grid.reach();
     grid.learn(&empty);
     assert_eq!(grid.reach(), reach);
+}
+
+#[test]
+fn points_near_an_admitted_cell_are_near() {
+    let mut grid = grid(64);
+    // Everything was visited and is empty, but for one cell.
+    let places = middles(&grid);
+    let full = places.len() / 2;
+    let mut densities = vec![0.0; places.len()];
+    densities[full] = 1e3;
+    let likelihoods = vec![1.0; places.len()];
+    grid.learn(&at(places.as_flattened(), &densities, &likelihoods));
+    let mut apart = 0;
+    for place in &places {
+        for axis in 0..3 {
+            let mut moved = *place;
+            moved[axis] += NEAR;
+            let near = grid.admits_near(moved, None);
+            assert!(near || !grid.admits(*place, None), "{place:?}");
+        }
+        apart += usize::from(!grid.admits_near(*place, None));
+    }
+    assert!(apart > places.len() / 2, "{apart} are far from it");
 }

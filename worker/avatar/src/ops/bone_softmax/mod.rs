@@ -1,0 +1,37 @@
+//! The motion weights at each node of a grid: the softmax over bones of logits that are added to
+//! the logarithm of a prior. Burn's softmax over the first of two axes reads memory column by
+//! column, which took as long as the rest of a training step (docs/performance.md).
+
+mod autodiff;
+pub mod cpu;
+pub mod reference;
+
+use super::on_cpu;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::tensor::Tensor;
+
+/// The softmax as a backend implements it; other devices have the reference. Call
+/// [`bone_softmax`] instead.
+#[backend_extension(Autodiff, Flex)]
+pub trait BoneSoftmaxOps: Backend {
+    /// Forward of [`bone_softmax`].
+    fn bone_softmax(logits: FloatTensor<Self>, log_prior: FloatTensor<Self>) -> FloatTensor<Self>;
+    /// Gradient of [`bone_softmax`] to the logits, from its result and the gradient to it.
+    fn bone_softmax_backward(
+        weights: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> FloatTensor<Self>;
+}
+
+/// `logits` `[K + 1, V]` and `log_prior` `[K + 1, V]`, in which −∞ is a weight of 0 → weights
+/// `[K + 1, V]`, which sum to 1 at each of the V nodes. Gradients flow to the logits.
+pub fn bone_softmax(logits: Tensor<2>, log_prior: Tensor<2>) -> Tensor<2> {
+    if on_cpu(&logits.device()) {
+        Tensor::from_dispatch(Dispatch::bone_softmax(
+            logits.into_dispatch(),
+            log_prior.into_dispatch(),
+        ))
+    } else {
+        reference::bone_softmax(logits, log_prior)
+    }
+}
