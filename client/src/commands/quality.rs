@@ -60,6 +60,10 @@ pub(super) struct Quality {
     /// Measure at most this many pictures of each capture, of views and of poses.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     measure: Option<u32>,
+    /// Pictures of each capture, of views and of poses, that are measured ten times during training;
+    /// 0: measure at the end only.
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    curve_pictures: u32,
     /// Quality tier: a trade-off of speed and detail.
     #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
     tier: String,
@@ -91,7 +95,8 @@ pub(super) struct Quality {
     /// File for the report.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Also write each held-out picture beside its render: truth left, render right.
+    /// Also write each held-out picture beside its render: truth, render, and a map of their
+    /// difference, white from a quarter of the data range.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
@@ -114,6 +119,7 @@ impl Quality {
             measured: self.measure.map_or(usize::MAX, |count| count as usize),
             sharing: self.sharing,
             settings: self.settings,
+            curve_pictures: self.curve_pictures as usize,
             tier: self.tier,
             variant: self.variant,
             train_poses: self.train_poses,

@@ -53,6 +53,7 @@ pub(super) fn report(
         steps: trained.steps,
         train_seconds: trained.train_seconds,
         steps_per_second: trained.steps as f64 / trained.train_seconds.max(f64::EPSILON),
+        samples_per_ray: None,
         parameters: trained.parameters,
         checkpoint_bytes: trained.checkpoint_bytes,
         person_bytes: None,
@@ -66,5 +67,6 @@ pub(super) fn report(
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
         curve: None,
+        regions: None,
     }
 }

@@ -10,6 +10,9 @@ use std::path::Path;
 use yoto_avatar::evaluate::{Examined, Examiner, Mean, Score, Truth};
 use yoto_proto::v1::Progress;
 
+/// Difference that is white in a map of errors, in units of the data range.
+const WHITE: f32 = 0.25;
+
 /// The mean over a fixed subset of each capture, at most `count` pictures of each, by a model
 /// that has the recordings in its slots in their order.
 pub(super) fn subset(
@@ -91,7 +94,8 @@ fn examine(examiner: &Examiner, slot: usize, view: &View) -> anyhow::Result<Exam
         .with_context(|| format!("measuring {}", view.label))
 }
 
-/// Writes a picture beside its render as `FOLDER/PERSON/SPLIT/LABEL.png`.
+/// Writes a picture, its render and a map of their difference side by side, as
+/// `FOLDER/PERSON/SPLIT/LABEL.png`.
 pub(super) fn write_pair(
     folder: &Path,
     recording: &Recording,
@@ -104,19 +108,36 @@ pub(super) fn write_pair(
     let render = pictures::rgb(&view.label, width, height, &examined.render)?;
     let path = folder.join(&recording.name).join(split.folder());
     let file = path.join(&view.label).with_extension("png");
-    Ok(pictures::write(&file, &side_by_side(&truth, &render))?)
+    let map = error_map(&truth, &render);
+    Ok(pictures::write(
+        &file,
+        &side_by_side(&[truth, render, map]),
+    )?)
 }
 
-/// Two pictures of one size.
-fn side_by_side(left: &RgbImage, right: &RgbImage) -> RgbImage {
-    let (width, height) = left.dimensions();
-    let mut pair = RgbImage::new(2 * width, height);
-    for (picture, x) in [(left, 0), (right, width)] {
-        let placed = pair.copy_from(picture, x, 0);
+/// Pictures of one size.
+fn side_by_side(pictures: &[RgbImage]) -> RgbImage {
+    let (width, height) = pictures.first().map_or((0, 0), RgbImage::dimensions);
+    let mut row = RgbImage::new(pictures.len() as u32 * width, height);
+    for (x, picture) in (0..).step_by(width.max(1) as usize).zip(pictures) {
+        let placed = row.copy_from(picture, x, 0);
         debug_assert!(
             placed.is_ok(),
-            "both pictures were compared, so both have one size"
+            "the pictures were compared, so all have one size"
         );
     }
-    pair
+    row
+}
+
+/// The mean difference of the colours of each pixel, from black over red and yellow to white, which
+/// is [`WHITE`] and more. The scale is the same in all maps, so that they can be compared.
+fn error_map(truth: &RgbImage, render: &RgbImage) -> RgbImage {
+    let mut map = truth.clone();
+    for (at, seen) in map.pixels_mut().zip(render.pixels()) {
+        let apart = at.0.iter().zip(&seen.0).map(|(a, b)| a.abs_diff(*b));
+        let mean = apart.map(f32::from).sum::<f32>() / (3.0 * 255.0);
+        let part = |from: f32| (255.0 * (3.0 * mean / WHITE - from)).clamp(0.0, 255.0) as u8;
+        at.0 = [part(0.0), part(1.0), part(2.0)];
+    }
+    map
 }

@@ -10,12 +10,12 @@ use crate::display::Screen;
 use crate::measure;
 use crate::other_poses;
 use crate::pose_error::PoseErrors;
-use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
+use crate::report::{Curve, CurvePoint, Report, Settings, SplitRegions, SplitScores, SubjectScore};
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Refine, Setting, Sharing};
-use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
 use yoto_device::PickedDevice;
@@ -24,9 +24,6 @@ use yoto_proto::v1::Progress;
 
 /// Measurements over the budget.
 const CURVE_POINTS: f64 = 10.0;
-/// Measured pictures of each capture and split for a point of the curve. All of them would take
-/// longer than the training between two points.
-const CURVE_PICTURES: usize = 6;
 
 /// Settings of a measurement.
 #[derive(Debug, Clone)]
@@ -41,6 +38,8 @@ pub struct QualityOptions {
     pub budget: Budget,
     /// Most held-out pictures of each capture and split to measure at the end.
     pub measured: usize,
+    /// Pictures of each capture and split for a point of quality over time; 0: no such points.
+    pub curve_pictures: usize,
     /// Quality tier.
     pub tier: String,
     /// Model variant.
@@ -98,7 +97,13 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         )
     };
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
-    let curve = train(&mut trainer, &recordings, protocol, screen)?;
+    let curve = train(
+        &mut trainer,
+        &recordings,
+        protocol,
+        options.curve_pictures,
+        screen,
+    )?;
     finish(
         options,
         &trainer,
@@ -115,10 +120,11 @@ fn train(
     trainer: &mut Trainer,
     recordings: &[Recording],
     protocol: &'static Protocol,
+    pictures: usize,
     screen: &dyn Screen,
 ) -> anyhow::Result<Curve> {
     let mut curve = Curve {
-        pictures_per_capture: CURVE_PICTURES,
+        pictures_per_capture: pictures,
         ..Curve::default()
     };
     let mut display = screen.begin("training");
@@ -129,11 +135,11 @@ fn train(
         let newest = curve.novel_view.last().or(curve.novel_pose.last());
         let psnr = newest.map(|point| point.psnr);
         display.progress(&shown(&progress, "training", psnr));
-        if progress.fraction >= next_point || trainer.finished() {
+        if pictures > 0 && (progress.fraction >= next_point || trainer.finished()) {
             display.progress(&shown(&progress, "evaluating", psnr));
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<Option<CurvePoint>> {
-                let score = measure::subset(&examiner, recordings, split, CURVE_PICTURES)?;
+                let score = measure::subset(&examiner, recordings, split, pictures)?;
                 Ok((score.pictures > 0).then_some(CurvePoint {
                     seconds: progress.train_seconds,
                     step: progress.step,
@@ -174,6 +180,7 @@ fn finish(
         .map(|it| measured(&it.novel_view) + measured(&it.novel_pose))
         .sum();
     let (mut done, mut seconds, mut subjects) = (0, 0.0, Vec::new());
+    let (mut views, mut poses) = (RegionSums::default(), RegionSums::default());
     for (slot, recording) in recordings.iter().enumerate() {
         let mut examine = |split| {
             measure::person(
@@ -188,6 +195,10 @@ fn finish(
                     }
                     done += 1;
                     seconds += examined.seconds;
+                    match split {
+                        Split::NovelView => views.add(&examined.regions),
+                        Split::NovelPose => poses.add(&examined.regions),
+                    }
                     display.progress(&Progress {
                         phase: format!("{}, picture {done} of {total}", recording.name),
                         fraction: done as f64 / total as f64,
@@ -233,6 +244,7 @@ fn finish(
         steps: progress.step,
         train_seconds: progress.train_seconds,
         steps_per_second: progress.step as f64 / progress.train_seconds.max(f64::EPSILON),
+        samples_per_ray: Some(progress.samples.per_ray(progress.samples.evaluated)),
         parameters: trainer.parameters(),
         checkpoint_bytes: checkpoint_bytes(trainer)?,
         person_bytes: Some(4 * trainer.parameters_of_a_person()),
@@ -250,6 +262,10 @@ fn finish(
             sharing: options.sharing.map(|sharing| sharing.to_string()),
             changed: options.settings.iter().map(Setting::to_string).collect(),
         },
-        curve: Some(curve),
+        curve: (options.curve_pictures > 0).then_some(curve),
+        regions: Some(SplitRegions {
+            novel_view: views.errors(),
+            novel_pose: poses.errors(),
+        }),
     })
 }

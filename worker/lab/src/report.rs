@@ -7,6 +7,7 @@ pub use yoto_avatar::evaluate::Score;
 use crate::pose_error::PoseErrors;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use yoto_avatar::evaluate::{Region, RegionError};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,6 +30,10 @@ pub struct Report {
     pub train_seconds: f64,
     /// `steps / train_seconds`.
     pub steps_per_second: f64,
+    /// Samples of the field that a training step evaluated, mean per ray; absent if it was not
+    /// measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_per_ray: Option<f64>,
     /// Number of parameters.
     pub parameters: u64,
     /// Size of a checkpoint with optimiser state, bytes.
@@ -57,6 +62,45 @@ pub struct Report {
     /// Quality over training time, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<Curve>,
+    /// Error by region, over all measured pictures, if measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regions: Option<SplitRegions>,
+}
+
+/// Errors of the regions of both kinds of held-out pictures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SplitRegions {
+    /// Training poses from held-out cameras.
+    pub novel_view: Vec<RegionError>,
+    /// Held-out poses.
+    pub novel_pose: Vec<RegionError>,
+}
+
+impl SplitRegions {
+    /// A line per kind of picture that was measured.
+    fn lines(&self) -> Vec<String> {
+        let kinds = [
+            ("novel views", &self.novel_view),
+            ("novel poses", &self.novel_pose),
+        ];
+        let line = |(kind, errors): (&str, &Vec<RegionError>)| {
+            let parts: Vec<String> = errors
+                .iter()
+                .map(|it| {
+                    let psnr = it
+                        .psnr
+                        .map_or("exact".into(), |psnr| format!("{psnr:.1} dB"));
+                    let share = format!("{} {:.0} %", it.region.name(), 100.0 * it.share_of_error);
+                    match it.region {
+                        Region::Around => format!("{share} (mean opacity {:.4})", it.opacity),
+                        _ => format!("{share} ({psnr})"),
+                    }
+                })
+                .collect();
+            (!parts.is_empty()).then(|| format!("squared error of {kind}: {}", parts.join(", ")))
+        };
+        kinds.into_iter().filter_map(line).collect()
+    }
 }
 
 /// The settings behind a report's figures.
@@ -216,6 +260,14 @@ impl Report {
             self.checkpoint_bytes as f64 / 1e6,
             self.render_seconds_per_frame
         ));
+        if let Some(samples) = self.samples_per_ray {
+            lines.push(format!(
+                "{samples:.1} samples evaluated per ray of training"
+            ));
+        }
+        if let Some(regions) = &self.regions {
+            lines.extend(regions.lines());
+        }
         if !self.active_parts.is_empty() {
             lines.push(format!(
                 "active at the end: {}",
@@ -271,6 +323,7 @@ mod tests {
             steps: 1200,
             train_seconds: 150.0,
             steps_per_second: 8.0,
+            samples_per_ray: None,
             parameters: 1_500_000,
             checkpoint_bytes: 18_000_000,
             person_bytes: None,
@@ -289,6 +342,7 @@ mod tests {
                 changed: Vec::new(),
             },
             curve: None,
+            regions: None,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Rendering the view of a picture, and scoring the render by a protocol.
 
 use super::score::unit;
-use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, compare};
+use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, RegionSums, compare};
 use crate::render::{RenderError, RenderView, Renderer};
 use std::time::Instant;
 use yoto_capture::FrameImage;
@@ -24,6 +24,8 @@ pub struct Truth<'a> {
 pub struct Examined {
     /// Its scores.
     pub score: PictureScore,
+    /// Its error by region.
+    pub regions: RegionSums,
     /// The ground truth as compared, 8-bit colours row by row.
     pub truth: Vec<u8>,
     /// The render as compared, 8-bit colours row by row.
@@ -81,14 +83,22 @@ impl Examiner {
         let seconds = started.elapsed().as_secs_f64();
         let mut real = truth.image.clone();
         let size = (rendered.width, rendered.height);
+        let skeleton = self.renderer.skeleton(slot);
+        let skeleton = skeleton.ok_or(RenderError::NoSuchSlot(slot))?;
         if self.protocol.black_outside_box {
-            let skeleton = self.renderer.skeleton(slot);
-            let skeleton = skeleton.ok_or(RenderError::NoSuchSlot(slot))?;
             let outside = outside(skeleton, truth.pose, truth.camera);
             blacken(&mut render, &outside);
             blacken(&mut real.rgb, &outside);
         }
         let mut score = compare(&real, &render, size)?;
+        let regions = RegionSums::of(
+            &real,
+            &render,
+            &rendered.alpha,
+            skeleton,
+            truth.pose,
+            truth.camera,
+        );
         if let Some(lpips) = &self.lpips {
             let (width, height) = size;
             let distance = lpips.distance(&unit(&real.rgb), &unit(&render), width, height)?;
@@ -96,6 +106,7 @@ impl Examiner {
         }
         Ok(Examined {
             score,
+            regions,
             truth: real.rgb,
             render,
             seconds,

@@ -9,6 +9,7 @@ mod lpips;
 pub mod metrics;
 pub mod protocol;
 pub mod published;
+mod regions;
 pub(crate) mod score;
 mod ssim;
 
@@ -16,6 +17,7 @@ pub use examine::{Examined, Examiner, Truth};
 pub use lpips::LpipsMetric;
 pub use metrics::{psnr, psnr_in_box};
 pub use protocol::Protocol;
+pub use regions::{Region, RegionError, RegionSums};
 pub use score::{Mean, PictureScore, Score, compare};
 pub use ssim::{ssim, ssim_inflated, ssim_uniform};
 
