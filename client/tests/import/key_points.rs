@@ -276,7 +276,7 @@ fn wrong_files_are_refused_with_their_place() {
             person["keypoints"] = json!(vec![0.0; 51]);
         }
     }));
-    assert!(message.contains("no frame has a person"), "{message}");
+    assert!(message.contains("no frame shows a person"), "{message}");
     let message = refused(spoiled(dir.path(), |list| {
         list[2]["keypoints"][3] = json!(1e300)
     }));

@@ -169,8 +169,9 @@ impl Avatar {
         }
     }
 
-    /// Colour, density and foreground likelihood `[N]` at `points` `[N, 3]` of the posed body. `near`
-    /// `[N, 3]` are their canonical points if they were found before, and only need gradients.
+    /// Colour and density, canonical points `[N, 3]` before the non-rigid field, metres, and foreground
+    /// likelihoods `[N]` at `points` `[N, 3]` of the posed body. `near` `[N, 3]` are their canonical
+    /// points if they were found before, and only need gradients.
     pub fn evaluate(
         &self,
         config: &ModelConfig,
@@ -178,9 +179,10 @@ impl Avatar {
         posed: &Posed,
         points: Tensor<2>,
         near: Option<Tensor<2>>,
-    ) -> (FieldValues, Tensor<1>) {
+    ) -> (FieldValues, Tensor<2>, Tensor<1>) {
         let (canonical, likelihood) = self.unposed(config, body, posed, points, near);
-        (self.fields(config, body, posed, canonical), likelihood)
+        let values = self.fields(config, body, posed, canonical.clone());
+        (values, canonical, likelihood)
     }
 
     /// Canonical points `[N, 3]`, metres, before the non-rigid field, and foreground likelihoods

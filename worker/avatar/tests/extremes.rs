@@ -18,7 +18,7 @@ use yoto_avatar::motion::prior::{canonical_grid, prior};
 use yoto_avatar::motion::rotation::rodrigues;
 use yoto_avatar::ops::warp::{WarpGrid, warp};
 use yoto_avatar::render::composite::composite;
-use yoto_avatar::render::march::Samples;
+use yoto_avatar::render::samples::Samples;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::{Skeleton, transform};

@@ -10,7 +10,7 @@ use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::ops::composite::{RaySamples, reference};
-use yoto_avatar::render::march::{Samples, Volume, march};
+use yoto_avatar::render::march::{Volume, march};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
@@ -25,6 +25,8 @@ fn config() -> ModelConfig {
     config.march.epsilon = 0.0;
     config.march.min_transmittance = 0.0;
     config.march.occupancy_cells = 0;
+    // The plain form compares colours only.
+    config.optimise.mask_weight = 0.0;
     config
 }
 
@@ -79,7 +81,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
         occupancy: None,
         step: None,
     };
-    let samples: Samples = march(&batch.rays, &config.march, None::<&mut ChaCha8Rng>, &volume);
+    let samples = march(&batch.rays, &config.march, None::<&mut ChaCha8Rng>, &volume).all();
     let hits = batch.rays.iter().flatten().count();
     assert_eq!(samples.live(), hits * config.march.samples, "all samples");
     let device = posed.weights.device();
@@ -87,7 +89,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
     let points = Tensor::from_data(points, &device);
     let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
     let near = Some(Tensor::from_data(near, &device));
-    let (fields, likelihood) = avatar.evaluate(config, body, &posed, points, near);
+    let (fields, _, likelihood) = avatar.evaluate(config, body, &posed, points, near);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),

@@ -7,7 +7,7 @@
 //! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
 //! - [`model_dir`]: figures of a trained model in a folder.
 //! - [`bench`]: seconds of a training step, stage by stage.
-//! - [`report`]: the form of results on disk and in a terminal.
+//! - [`report`], [`split_regions`]: the form of results on disk and in a terminal.
 //! - [`pictures`]: 8-bit pictures on disk.
 //!
 //! Nothing here prints: the caller passes a [`display::Screen`].
@@ -29,5 +29,6 @@ pub mod plot;
 pub mod pose_error;
 pub mod quality;
 pub mod report;
+pub mod split_regions;
 pub mod tradeoff;
 mod training;

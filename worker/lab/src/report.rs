@@ -5,9 +5,9 @@
 pub use yoto_avatar::evaluate::Score;
 
 use crate::pose_error::PoseErrors;
+use crate::split_regions::SplitRegions;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use yoto_avatar::evaluate::{Region, RegionError};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,42 +65,6 @@ pub struct Report {
     /// Error by region, over all measured pictures, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regions: Option<SplitRegions>,
-}
-
-/// Errors of the regions of both kinds of held-out pictures.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SplitRegions {
-    /// Training poses from held-out cameras.
-    pub novel_view: Vec<RegionError>,
-    /// Held-out poses.
-    pub novel_pose: Vec<RegionError>,
-}
-
-impl SplitRegions {
-    /// A line per kind of picture that was measured.
-    fn lines(&self) -> Vec<String> {
-        let kinds = [
-            ("novel views", &self.novel_view),
-            ("novel poses", &self.novel_pose),
-        ];
-        let line = |(kind, errors): (&str, &Vec<RegionError>)| {
-            let parts: Vec<String> = errors
-                .iter()
-                .map(|it| {
-                    let psnr = it
-                        .psnr
-                        .map_or("exact".into(), |psnr| format!("{psnr:.1} dB"));
-                    let share = format!("{} {:.0} %", it.region.name(), 100.0 * it.share_of_error);
-                    match it.region {
-                        Region::Around => format!("{share} (mean opacity {:.4})", it.opacity),
-                        _ => format!("{share} ({psnr})"),
-                    }
-                })
-                .collect();
-            (!parts.is_empty()).then(|| format!("squared error of {kind}: {}", parts.join(", ")))
-        };
-        kinds.into_iter().filter_map(line).collect()
-    }
 }
 
 /// The settings behind a report's figures.

@@ -53,7 +53,7 @@ pub(super) fn choose<'a>(
             Some(name) if !people.is_empty() => {
                 format!("there is no person {name}; there are {}", listed(&people))
             }
-            _ => format!("no frame has a person with at least {FEWEST} certain points"),
+            _ => format!("no frame shows a person with at least {FEWEST} confident key points"),
         };
         return Err(fault(at, "MISSING", message));
     };

@@ -118,6 +118,10 @@ impl ModelConfig {
         if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
             return fail("optimise", "at least one patch of one pixel");
         }
+        let mask = self.optimise.mask_weight;
+        if !(mask.is_finite() && mask >= 0.0) {
+            return fail("optimise.mask_weight", "must be at least 0");
+        }
         let share = self.optimise.backward_share;
         if !(share > 0.0 && share <= 1.0) {
             return fail("optimise.backward_share", "must be above 0 and at most 1");

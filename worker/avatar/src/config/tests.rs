@@ -37,6 +37,12 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
         bad.check()
             .is_err_and(|e| e.to_string().starts_with("march.min_transmittance"))
     );
+    let mut bad = config.clone();
+    bad.optimise.mask_weight = -1.0;
+    assert!(
+        bad.check()
+            .is_err_and(|e| e.to_string().starts_with("optimise.mask_weight"))
+    );
     let mut bad = config;
     bad.march.occupancy_alpha = f32::NAN;
     assert!(

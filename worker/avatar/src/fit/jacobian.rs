@@ -11,7 +11,7 @@ use crate::ops::warp::inverse::{self, pulls::Pull as Held};
 use crate::ops::warp::pulls::{Pull, pulls};
 use crate::render::RenderError;
 use crate::render::frame::read;
-use crate::render::march::Samples;
+use crate::render::samples::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{

@@ -12,8 +12,9 @@ use crate::motion::body::Body;
 use crate::render::RenderError;
 use crate::render::composite::composite;
 use crate::render::frame::read;
-use crate::render::march::{Samples, Volume, march};
+use crate::render::march::{Volume, march};
 use crate::render::occupancy::Occupancy;
+use crate::render::samples::Samples;
 use burn::tensor::{Device, Tensor, TensorData};
 pub(crate) use change::PoseChange;
 use grid::PixelGrid;
@@ -239,7 +240,7 @@ impl PoseFitter<'_> {
             occupancy: self.occupancy,
             step: None,
         };
-        march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume)
+        march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume).all()
     }
 
     /// The canonical points `[n, 3]` and the likelihoods `[n]` of `samples`.

@@ -1,7 +1,7 @@
 //! Compositing of marched samples (paper eq. 9), by
 //! [`crate::ops::composite`](mod@crate::ops::composite).
 
-use super::march::Samples;
+use super::samples::Samples;
 use crate::ops::composite::{self, GradientSubsampling};
 use burn::tensor::Tensor;
 

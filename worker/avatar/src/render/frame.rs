@@ -1,8 +1,9 @@
 //! Rendering of whole frames: a person in a pose, from a camera.
 
 use super::enlarge::enlarge;
-use super::march::{SampleCounts, Volume, march};
+use super::march::{Volume, march};
 use super::occupancy::Occupancy;
+use super::samples::SampleCounts;
 use super::settings::RenderSettings;
 use crate::avatar::{Avatar, Posed};
 use crate::config::{ModelConfig, Numerics, Precision};
@@ -353,50 +354,37 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let rays: Vec<Option<Ray>> = batch.iter().map(|(_, ray)| Some(*ray)).collect();
         let settings = &self.config.march;
-        let samples = march(&rays, settings, None::<&mut ChaCha8Rng>, volume);
-        let mut counts = SampleCounts {
-            evaluated: 0,
-            ..samples.counts()
-        };
-        let ends = &samples.starts()[1..];
-        let mut next = samples.starts();
+        let candidates = march(&rays, settings, None::<&mut ChaCha8Rng>, volume);
+        let mut walk = candidates.walk();
         let mut sums = vec![RayAccumulator::START; rays.len()];
-        let mut active: Vec<usize> = (0..rays.len()).filter(|&r| next[r] < ends[r]).collect();
+        let mut counts = candidates.counts();
         let mut wave = match settings.min_transmittance > 0.0 {
             true => FIRST_WAVE,
             false => usize::MAX,
         };
         let device = body.log_prior.device();
-        while !active.is_empty() {
-            let mut points = Vec::with_capacity(3 * wave.min(samples.per_ray) * active.len());
-            for &ray in &active {
-                let last = ends[ray].min(next[ray].saturating_add(wave));
-                points.extend_from_slice(&samples.canonical[3 * next[ray]..3 * last]);
-            }
-            let count = points.len() / 3;
+        while !walk.is_over() {
+            let samples = walk.wave(wave);
+            let count = samples.live();
             counts.evaluated += count as u64;
-            let points = Tensor::<2>::from_data(TensorData::new(points, [count, 3]), &device);
+            if count == 0 {
+                continue;
+            }
+            let points = TensorData::new(samples.canonical.clone(), [count, 3]);
+            let points = Tensor::<2>::from_data(points, &device);
             let values = self.avatar.fields(&self.config, body, posed, points);
             let (rgb, density) = (read(values.rgb)?, read(values.density)?);
             if (rgb.len(), density.len()) != (3 * count, count) {
                 return Err(RenderError::Device("fewer field values than points".into()));
             }
-            let mut fields = rgb.as_chunks::<3>().0.iter().zip(&density);
-            for &ray in &active {
-                let last = ends[ray].min(next[ray].saturating_add(wave));
-                let sums = &mut sums[ray];
-                // Hidden samples of the wave take their values from the iterator, too.
-                for (i, (rgb, density)) in (next[ray]..last).zip(fields.by_ref()) {
-                    if sums.transmittance >= settings.min_transmittance {
-                        let alpha = opacity(*density, samples.steps[i], samples.likelihoods[i]);
-                        sums.add(rgb, alpha, samples.depths[i]);
-                    }
+            for (i, (rgb, density)) in rgb.as_chunks::<3>().0.iter().zip(density).enumerate() {
+                let sums = &mut sums[samples.ray(i)];
+                if sums.transmittance >= settings.min_transmittance {
+                    let alpha = opacity(density, samples.steps[i], samples.likelihoods[i]);
+                    sums.add(rgb, alpha, samples.depths[i]);
                 }
-                next[ray] = last;
             }
-            active.retain(|&ray| {
-                next[ray] < ends[ray] && sums[ray].transmittance >= settings.min_transmittance
-            });
+            walk.keep(|ray| sums[ray].transmittance >= settings.min_transmittance);
             wave = wave.saturating_mul(2);
         }
         for (sums, (pixel, _)) in sums.iter().zip(batch) {

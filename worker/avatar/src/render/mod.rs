@@ -9,9 +9,11 @@ pub mod march;
 pub mod occupancy;
 mod released;
 mod rest_points;
+pub mod samples;
 mod settings;
+pub mod walk;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};
-pub use march::SampleCounts;
 pub use rest_points::RestPoints;
+pub use samples::SampleCounts;
 pub use settings::RenderSettings;

@@ -27,8 +27,8 @@ const NEVER: u8 = 0;
 /// cells can become occupied again.
 const PROBES: u32 = 32;
 /// How far canonical points may be from the blend that a search for them starts from, metres, beyond
-/// the neighbours that count as occupied anyway: nine tenths of those on the skin of people in motion
-/// are within 5 cm (docs/quality.md).
+/// the neighbours that count as occupied anyway: three quarters of those near the bones of people in
+/// motion are within 3 cm (docs/quality.md).
 const NEAR: f32 = 0.03;
 
 /// Densities of a training step, from which the grid learns.

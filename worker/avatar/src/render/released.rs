@@ -6,7 +6,7 @@
 //! Compositing runs on the host, without gradients: the networks take nearly all of the time.
 
 use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
-use super::march::SampleCounts;
+use super::samples::SampleCounts;
 use crate::avatar::Posed;
 use crate::motion::body::Body;
 use crate::ops::warp::cpu::unlimited;
@@ -176,7 +176,6 @@ impl Renderer {
             rays: batch.len() as u64,
             placed: (batch.len() * per_ray) as u64,
             likely: live.len() as u64,
-            occupied: live.len() as u64,
             evaluated: live.len() as u64,
         };
         if live.is_empty() {

@@ -10,9 +10,10 @@ use crate::loss::{LossTerm, Objective, Patches, total};
 use crate::motion::body::Body;
 use crate::ops::composite::GradientSubsampling;
 use crate::render::RenderError;
+use crate::render::SampleCounts;
 use crate::render::composite::{Composite, composite};
 use crate::render::frame::read;
-use crate::render::march::{SampleCounts, Volume, march};
+use crate::render::march::{Volume, march};
 use crate::render::occupancy::{DensityObservations, Occupancy};
 use burn::tensor::{Tensor, TensorData};
 use rand::RngExt;
@@ -99,20 +100,22 @@ pub fn outcome(
         let transforms = read(posed.transforms.clone())?;
         Ok::<_, RenderError>((posed, weights, transforms))
     })?;
-    let mut samples = trace_span!("march").in_scope(|| {
-        march(
-            &batch.rays,
-            &config.march,
-            jitter.as_deref_mut(),
-            &Volume {
-                weights: &weights,
-                transforms: &transforms,
-                grid: &body.grid,
-                unposing: config.motion.unposing,
-                occupancy: scene.occupancy,
-                step: Some(scene.step),
-            },
-        )
+    let volume = Volume {
+        weights: &weights,
+        transforms: &transforms,
+        grid: &body.grid,
+        unposing: config.motion.unposing,
+        occupancy: scene.occupancy,
+        step: Some(scene.step),
+    };
+    let (mut samples, counts) = trace_span!("march").in_scope(|| {
+        let candidates = march(&batch.rays, &config.march, jitter.as_deref_mut(), &volume);
+        let samples = candidates.all();
+        let counts = SampleCounts {
+            evaluated: samples.live() as u64,
+            ..candidates.counts()
+        };
+        (samples, counts)
     });
     if samples.live() == 0 {
         return Ok(None);
@@ -122,11 +125,12 @@ pub fn outcome(
     let points = Tensor::from_data(points, &device);
     let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
     let near = Tensor::from_data(near, &device);
-    let (values, likelihood) = trace_span!("fields")
+    let (values, canonical, likelihood) = trace_span!("fields")
         .in_scope(|| avatar.evaluate(config, body, &posed, points, Some(near)));
     let observations = match scene.occupancy {
         Some(_) => Some(DensityObservations {
-            canonical: std::mem::take(&mut samples.canonical),
+            // Not the points that the march found: where the two disagree, it is no offset.
+            canonical: read(canonical.detach())?,
             moved: read(values.points.detach())?,
             densities: read(values.density.clone().detach())?,
             likelihoods: std::mem::take(&mut samples.likelihoods),
@@ -176,7 +180,7 @@ pub fn outcome(
         loss,
         terms,
         seen,
-        counts: samples.counts(),
+        counts,
         observations,
     }))
 }

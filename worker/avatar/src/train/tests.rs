@@ -7,7 +7,7 @@ use super::patches;
 use super::people::Person;
 use super::trainer::Trainer;
 use crate::avatar::Avatar;
-use crate::config::ModelConfig;
+use crate::config::{ModelConfig, Schedule};
 use crate::loss::PatchObjective;
 use crate::motion::body::Body;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -232,4 +232,18 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
     assert_eq!(whole, same, "the forward pass knows nothing of it");
     let differs = |path: &str| all[path] != some[path];
     assert!(differs("canonical.shared") && differs("codes.0"));
+}
+
+#[test]
+fn a_resting_non_rigid_field_has_no_reach() {
+    let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
+    config.schedule.non_rigid = Schedule::NEVER;
+    config.schedule.all_bands = Schedule::NEVER;
+    let mut trainer = trainer(config, 1, 40);
+    while !trainer.finished() {
+        trainer.step().expect("a step");
+    }
+    let grid = trainer.state.occupancy[0].as_ref().expect("a grid");
+    // Searches for canonical points that end elsewhere the second time are no offsets.
+    assert_eq!(grid.reach(), 0.0);
 }

@@ -49,7 +49,7 @@ fn evaluate(
     let posed = avatar.pose(config, &body, 0, pose, 1.0);
     let n = points.len() / 3;
     let points = Tensor::<2>::from_data(TensorData::new(points, [n, 3]), &device);
-    let (field, likelihood) = avatar.evaluate(config, &body, &posed, points, None);
+    let (field, _, likelihood) = avatar.evaluate(config, &body, &posed, points, None);
     let output = Tensor::cat(
         vec![field.rgb.reshape([3 * n]), field.density, likelihood],
         0,

@@ -4,7 +4,7 @@ use crate::case::Case;
 use crate::check::{Check, GRADIENTS, VALUES};
 use crate::small;
 use yoto_avatar::render::composite::composite;
-use yoto_avatar::render::march::Samples;
+use yoto_avatar::render::samples::Samples;
 
 /// Samples per ray in the case.
 const PER_RAY: usize = 8;

@@ -65,6 +65,8 @@ pub fn config(encoding: Encoding) -> ModelConfig {
     config.optimise.motion_rate = 4e-3;
     config.optimise.slow_rate = 5e-4;
     config.optimise.ssim_weight = 0.1;
+    // The reference has no such term.
+    config.optimise.mask_weight = 0.0;
     config.check().expect("a possible model");
     config
 }

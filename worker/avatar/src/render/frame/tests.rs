@@ -61,10 +61,10 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
         occupancy: None,
         step: None,
     };
-    let samples = march(&rays, &config.march, None::<&mut ChaCha8Rng>, &volume);
+    let samples = march(&rays, &config.march, None::<&mut ChaCha8Rng>, &volume).all();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &Device::flex());
-    let (fields, likelihood) = renderer.avatar.evaluate(config, body, &posed, points, None);
+    let (fields, _, likelihood) = renderer.avatar.evaluate(config, body, &posed, points, None);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),
@@ -118,7 +118,7 @@ fn a_stopped_frame_is_wrong_by_its_bound_at_most_and_evaluates_less() {
     bounded.march.min_transmittance = 1e-2;
     let stopped = renderer(bounded).0.render(&view).expect("renders");
     assert!(
-        stopped.counts.occupied == whole.counts.occupied
+        stopped.counts.likely == whole.counts.likely
             && stopped.counts.evaluated < whole.counts.evaluated,
         "{:?}",
         stopped.counts
