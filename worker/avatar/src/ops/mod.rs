@@ -24,6 +24,8 @@ mod flex;
 pub mod form;
 pub mod hash;
 pub mod mlp;
+pub mod picture_loss;
+pub mod splat;
 pub mod warp;
 
 use burn::backend::DispatchDevice;

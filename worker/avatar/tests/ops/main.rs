@@ -7,6 +7,9 @@ mod composite;
 mod deconv;
 mod hash;
 mod inverse;
+mod picture_loss;
+mod skin;
+mod splat;
 mod warp;
 
 use burn::tensor::{Device, Tensor, TensorData};

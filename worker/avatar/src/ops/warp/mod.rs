@@ -14,6 +14,7 @@ mod lattice;
 pub mod likelihood;
 pub mod pulls;
 pub mod reference;
+pub mod skin;
 mod visits;
 
 pub use grid::WarpGrid;

@@ -72,7 +72,7 @@ fn sound_inverse(m: Tensor<3>, instead: Option<Tensor<3>>) -> (Tensor<3>, Tensor
 }
 
 /// A posed body: bones from canonical to posed.
-struct Body<'a> {
+pub(in crate::ops::warp) struct Body<'a> {
     weights: Tensor<2>,
     /// `[K, 9]`.
     turns: Tensor<2>,
@@ -82,17 +82,17 @@ struct Body<'a> {
 }
 
 /// Forward skinning at points.
-struct Blend {
+pub(in crate::ops::warp) struct Blend {
     /// `[N, 3, 3]`.
-    turn: Tensor<3>,
+    pub turn: Tensor<3>,
     /// `[N, 3]`.
-    shift: Tensor<2>,
+    pub shift: Tensor<2>,
     /// `[N]`: no bone has a weight.
-    empty: Tensor<1, Bool>,
+    pub empty: Tensor<1, Bool>,
 }
 
 impl<'a> Body<'a> {
-    fn new(weights: Tensor<2>, transforms: Tensor<2>, grid: &'a WarpGrid) -> Self {
+    pub fn new(weights: Tensor<2>, transforms: Tensor<2>, grid: &'a WarpGrid) -> Self {
         let [bones, _] = transforms.dims();
         let transforms = transforms.reshape([bones, 3, 4]);
         // Rᵀ and −Rᵀ t.
@@ -116,7 +116,8 @@ impl<'a> Body<'a> {
         }
     }
 
-    fn blend(&self, at: Tensor<2>) -> Blend {
+    /// Forward skinning at `at` `[N, 3]`.
+    pub fn blend(&self, at: Tensor<2>) -> Blend {
         let [n, _] = at.dims();
         let [sampled, ..] = self.sample(at);
         let sum = sampled.clone().sum_dim(1);

@@ -34,7 +34,7 @@ pub(crate) struct Skinning<'a> {
 
 /// Forward skinning at a canonical point.
 #[derive(Clone, Copy)]
-pub(super) struct Blend {
+pub(in crate::ops::warp) struct Blend {
     /// Σ wᵢ Gᵢ, with weights that sum to 1, row-major 3x4.
     pub transform: [f32; 12],
     /// Sum of the weights before.
@@ -93,19 +93,19 @@ impl<'a> Skinning<'a> {
     }
 
     /// The volume of a bone's weights.
-    pub(super) fn volume(&self, bone: usize) -> &'a [f32] {
+    pub(in crate::ops::warp) fn volume(&self, bone: usize) -> &'a [f32] {
         let voxels = self.grid.voxels();
         &self.weights[bone * voxels..(bone + 1) * voxels]
     }
 
     #[inline(always)]
-    pub(super) fn cell(&self, at: Vec3) -> Option<Cell> {
+    pub(in crate::ops::warp) fn cell(&self, at: Vec3) -> Option<Cell> {
         Cell::of(at, self.grid.min, self.scale, self.grid.sides())
     }
 
     /// Calls `visit` with each bone that has a weight at `at`, and the weight.
     #[inline(always)]
-    pub(super) fn each_weight<const FMA: bool>(
+    pub(in crate::ops::warp) fn each_weight<const FMA: bool>(
         &self,
         cell: &Cell,
         mut visit: impl FnMut(usize, f32),
@@ -134,7 +134,7 @@ impl<'a> Skinning<'a> {
 
     /// Forward skinning at `at`; `None` where no bone has a weight.
     #[inline(always)]
-    pub(super) fn blend<const FMA: bool>(&self, at: Vec3) -> Option<Blend> {
+    pub(in crate::ops::warp) fn blend<const FMA: bool>(&self, at: Vec3) -> Option<Blend> {
         let cell = self.cell(at)?;
         let (mut transform, mut sum) = ([0f32; 12], 0.0);
         self.each_weight::<FMA>(&cell, |bone, weight| {
@@ -150,18 +150,23 @@ impl<'a> Skinning<'a> {
         })
     }
 
+    /// Derivative of a bone's weight to the point in `cell`, 1/m.
+    pub(in crate::ops::warp) fn slope(&self, bone: usize, cell: &Cell) -> Vec3 {
+        let slope = cell.slope(self.volume(bone), self.grid.sides());
+        std::array::from_fn(|a| slope[a] * self.scale[a])
+    }
+
     /// Derivative of forward skinning to the canonical point, and Σ wᵢ Gᵢ c.
     pub(super) fn jacobian(&self, at: Vec3, cell: &Cell, blend: &Blend) -> (Mat3, Vec3) {
         let posed = apply(&blend.transform, at);
-        let sides = self.grid.sides();
         let mut j: Mat3 =
             std::array::from_fn(|r| std::array::from_fn(|c| blend.transform[4 * r + c]));
         self.each_weight::<false>(cell, |bone, _| {
-            let slope = cell.slope(self.volume(bone), sides);
+            let slope = self.slope(bone, cell);
             let there = apply(&self.forward[bone], at);
             for (r, row) in j.iter_mut().enumerate() {
                 for (c, entry) in row.iter_mut().enumerate() {
-                    *entry += (there[r] - posed[r]) * slope[c] * self.scale[c] / blend.sum;
+                    *entry += (there[r] - posed[r]) * slope[c] / blend.sum;
                 }
             }
         });

@@ -1,0 +1,117 @@
+//! Difference between a picture and a frame with its mask: the mean absolute difference of colours and
+//! 1 − SSIM, as in 3D Gaussian splatting (arXiv 2308.04079, eq. 7), and the mean squared difference
+//! between opacity and mask. Whole pictures have a hundred times the pixels of a step's patches, for
+//! which Burn's operations would take most of the step.
+
+mod autodiff;
+pub mod cpu;
+pub mod reference;
+mod window;
+
+use super::on_cpu;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::tensor::Tensor;
+use std::sync::Arc;
+
+/// Constants of SSIM for colours in [0, 1].
+const C1: f32 = 0.01 * 0.01;
+const C2: f32 = 0.03 * 0.03;
+
+/// What a picture should show.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// `[H, W, 3]`, over black.
+    pub rgb: Arc<[u8]>,
+    /// `[H, W]`, coverage of the person.
+    pub mask: Arc<[u8]>,
+    /// Columns and rows in which colours are compared: first column, first row, one past the last
+    /// column, one past the last row. Opacity is compared everywhere.
+    pub region: [usize; 4],
+    /// Weights of the terms.
+    pub weights: Weights,
+}
+
+/// Weights of the terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// Of the mean absolute difference.
+    pub absolute: f32,
+    /// Of 1 − SSIM.
+    pub ssim: f32,
+    /// Of the squared difference between opacity and mask, summed over the picture and divided by
+    /// the pixels of the region. A pixel counts by how far its coverage is from a half.
+    pub mask: f32,
+}
+
+impl Target {
+    /// Width and height of the region.
+    fn size(&self) -> [usize; 2] {
+        let [x0, y0, x1, y1] = self.region;
+        [x1 - x0, y1 - y0]
+    }
+
+    /// Pixels of the region, row by row.
+    fn pixels(&self) -> impl Iterator<Item = usize> {
+        let [x0, y0, x1, y1] = self.region;
+        let width = self.width;
+        (y0..y1).flat_map(move |y| (x0..x1).map(move |x| y * width + x))
+    }
+
+    /// # Panics
+    /// If the sizes do not belong together.
+    fn check(&self) {
+        let [x0, y0, x1, y1] = self.region;
+        let area = self.width * self.height;
+        assert!(
+            self.rgb.len() == 3 * area && self.mask.len() == area,
+            "{} and {} bytes for {} x {} pixels",
+            self.rgb.len(),
+            self.mask.len(),
+            self.width,
+            self.height
+        );
+        assert!(
+            x0 < x1 && y0 < y1 && x1 <= self.width && y1 <= self.height,
+            "region {:?} of {} x {} pixels",
+            self.region,
+            self.width,
+            self.height
+        );
+    }
+}
+
+/// The comparison as a backend implements it; other devices have the reference. Call
+/// [`picture_loss`] instead.
+#[backend_extension(Autodiff, Flex)]
+pub trait PictureLossOps: Backend {
+    /// [`picture_loss`], and its gradient to the picture `[H W, 4]`.
+    fn picture_loss(
+        picture: FloatTensor<Self>,
+        target: Target,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>);
+    /// The first of the numbers `grad` `[4]` times `slope` `[H W, 4]`.
+    fn picture_loss_backward(
+        slope: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> FloatTensor<Self>;
+}
+
+/// `[4]`: the weighted sum, the mean absolute difference, 1 − SSIM, and the mask's term, of a
+/// `picture` `[H W, 4]` of colours and opacity. Gradients flow from the sum alone.
+///
+/// # Panics
+/// If the sizes do not belong together.
+pub fn picture_loss(picture: Tensor<2>, target: &Target) -> Tensor<1> {
+    target.check();
+    assert_eq!(picture.dims(), [target.width * target.height, 4]);
+    if on_cpu(&picture.device()) {
+        let (terms, _) = Dispatch::picture_loss(picture.into_dispatch(), target.clone());
+        Tensor::from_dispatch(terms)
+    } else {
+        reference::picture_loss(picture, target)
+    }
+}

@@ -1,0 +1,133 @@
+//! Pictures of Gaussians on a posed body's surface (3D Gaussian splatting, Kerbl and others,
+//! arXiv 2308.04079, with the flat form of a splat that light needs): each is carried to its place by
+//! a transform of its own, projected, and blended near to far.
+//!
+//! A splat's covariance in the picture is J A R S Sᵀ Rᵀ Aᵀ Jᵀ + [`LOW_PASS`], of the projection's
+//! Jacobian J, the linear part A of its transform, its turn R and its scales S. Its opacity at a pixel
+//! centre at distance d is o exp(−dᵀ Σ⁻¹ d / 2), at most [`MOST`] and none below [`LEAST`]. Its colour
+//! is multiplied by the light on its third axis, the surface's normal ([`light`]).
+
+mod autodiff;
+pub mod cpu;
+mod flat;
+pub mod light;
+mod raster;
+pub mod reference;
+mod tiles;
+
+pub use cpu::{Drawn, draw};
+
+use super::on_cpu;
+use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::tensor::Tensor;
+use light::LIGHTS;
+
+/// Variance that a pixel's area adds to a splat's, square pixels: about that of a square's side.
+pub const LOW_PASS: f32 = 0.1;
+/// Largest opacity of a splat at a pixel (3DGS), so that what is behind still has gradients.
+pub const MOST: f32 = 0.99;
+/// Smallest opacity of a splat at a pixel (3DGS): half a step of 8-bit colour.
+pub const LEAST: f32 = 1.0 / 255.0;
+/// Nearest distance from the camera, metres.
+pub const NEAR: f32 = 0.05;
+
+/// A camera in the frame of the body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sight {
+    /// Width of the picture, pixels.
+    pub width: usize,
+    /// Height of the picture, pixels.
+    pub height: usize,
+    /// Intrinsics, pixels: `[[fx, skew, cx], [0, fy, cy]]`, pixel centres at +0.5.
+    pub k: [[f32; 3]; 2],
+    /// Body frame to camera, row-major 3x4, metres.
+    pub e: [[f32; 4]; 3],
+    /// Turn from the body frame to the world, in which light has a direction.
+    pub world: [[f32; 3]; 3],
+}
+
+/// Splats as tensors.
+#[derive(Clone, Debug)]
+pub struct Splats {
+    /// `[N, 12]` canonical to posed body, row-major 3x4.
+    pub transforms: Tensor<2>,
+    /// `[N, 3]` canonical places, metres.
+    pub means: Tensor<2>,
+    /// `[N, 4]` canonical turns as quaternions, real part first, of any length but 0.
+    pub turns: Tensor<2>,
+    /// `[N, 3]` logarithms of the standard deviations along the turned axes, metres.
+    pub scales: Tensor<2>,
+    /// `[N]` logits of the opacities.
+    pub opacities: Tensor<1>,
+    /// `[N, 3]` colours without light.
+    pub colours: Tensor<2>,
+    /// `[3, 8]` light of each colour channel ([`light`]).
+    pub light: Tensor<2>,
+}
+
+/// Splatting as a backend implements it; other devices have the reference. Call [`splat`] instead.
+#[backend_extension(Autodiff, Flex)]
+pub trait SplatOps: Backend {
+    /// Forward of [`splat`].
+    #[allow(clippy::too_many_arguments)]
+    fn splat(
+        transforms: FloatTensor<Self>,
+        means: FloatTensor<Self>,
+        turns: FloatTensor<Self>,
+        scales: FloatTensor<Self>,
+        opacities: FloatTensor<Self>,
+        colours: FloatTensor<Self>,
+        light: FloatTensor<Self>,
+        sight: Sight,
+    ) -> FloatTensor<Self>;
+    /// Gradients of [`splat`] to its inputs, from its result and the gradient to it.
+    #[allow(clippy::too_many_arguments, clippy::type_complexity)]
+    fn splat_backward(
+        transforms: FloatTensor<Self>,
+        means: FloatTensor<Self>,
+        turns: FloatTensor<Self>,
+        scales: FloatTensor<Self>,
+        opacities: FloatTensor<Self>,
+        colours: FloatTensor<Self>,
+        light: FloatTensor<Self>,
+        picture: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        sight: Sight,
+    ) -> (
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+        FloatTensor<Self>,
+    );
+}
+
+/// The picture `[H W, 4]` of `splats`: colour over black, and opacity. Gradients flow to all tensors.
+///
+/// # Panics
+/// If the shapes do not belong together.
+pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
+    let [n, _] = splats.means.dims();
+    assert_eq!(splats.transforms.dims(), [n, 12]);
+    assert_eq!(splats.turns.dims(), [n, 4]);
+    assert_eq!(splats.scales.dims(), [n, 3]);
+    assert_eq!(splats.opacities.dims(), [n]);
+    assert_eq!(splats.colours.dims(), [n, 3]);
+    assert_eq!(splats.light.dims(), [3, LIGHTS]);
+    if on_cpu(&splats.means.device()) {
+        Tensor::from_dispatch(Dispatch::splat(
+            splats.transforms.into_dispatch(),
+            splats.means.into_dispatch(),
+            splats.turns.into_dispatch(),
+            splats.scales.into_dispatch(),
+            splats.opacities.into_dispatch(),
+            splats.colours.into_dispatch(),
+            splats.light.into_dispatch(),
+            sight.clone(),
+        ))
+    } else {
+        reference::splat(splats, sight)
+    }
+}
