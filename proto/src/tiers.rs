@@ -16,6 +16,10 @@ pub const TIERS: &[(&str, &str)] = &[
         "larger tables and networks, 96 samples per ray: sharper, and slower",
     ),
     (
+        "splat",
+        "Gaussians on the body's surface: sharpest in a minute, pictures in real time; needs exact poses",
+    ),
+    (
         "paper-lean",
         "the paper's sizes, without samples and gradients that hardly matter",
     ),

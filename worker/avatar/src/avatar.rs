@@ -3,6 +3,7 @@
 use crate::config::{Encoding, ModelConfig, Numerics, Precision, Unposing, Variant};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::non_rigid::NonRigid;
+use crate::field::splats::{FirstSplats, Splats};
 use crate::identity::blend::Blend;
 use crate::identity::pose_condition::PoseCondition;
 use crate::init::Initial;
@@ -12,7 +13,7 @@ use crate::motion::posed;
 use crate::motion::released;
 use crate::motion::weights::MotionWeights;
 use crate::ops::hash::HashGrid;
-use crate::ops::warp;
+use crate::ops::{splat, warp};
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use yoto_capture::camera::Pose;
@@ -34,8 +35,10 @@ pub struct Avatar {
     pub condition: Option<PoseCondition>,
     /// Motion that bones do not explain.
     pub non_rigid: NonRigid,
-    /// Colour and density.
-    pub canonical: Canonical,
+    /// Colour and density; absent in models of splats.
+    pub canonical: Option<Canonical>,
+    /// One per identity, in models of splats.
+    pub splats: Vec<Splats>,
 }
 
 /// Size of one part of a model.
@@ -100,14 +103,24 @@ impl Avatar {
                 code_width,
                 config.precision,
             ),
-            canonical: Canonical::new(
-                &init,
-                &config.canonical,
-                identities,
-                code_width,
-                grid.as_ref(),
-                config.precision,
-            ),
+            canonical: config.splats.is_none().then(|| {
+                Canonical::new(
+                    &init,
+                    &config.canonical,
+                    identities,
+                    code_width,
+                    grid.as_ref(),
+                    config.precision,
+                )
+            }),
+            splats: match &config.splats {
+                Some(splats) => {
+                    let nobody = FirstSplats::of_nobody(splats.count);
+                    let of = |slot| Splats::new(&init, slot, &nobody);
+                    (0..identities).map(of).collect()
+                }
+                None => Vec::new(),
+            },
         }
     }
 
@@ -227,6 +240,9 @@ impl Avatar {
 
     /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
     /// follows the warp.
+    ///
+    /// # Panics
+    /// If the model has splats in place of a field.
     pub fn fields(
         &self,
         config: &ModelConfig,
@@ -235,7 +251,9 @@ impl Avatar {
         canonical: Tensor<2>,
     ) -> FieldValues {
         let moved = self.moved(config, posed, canonical);
-        self.canonical.forward(
+        let field = self.canonical.as_ref();
+        let field = field.expect("callers ask models with a field");
+        field.forward(
             &config.canonical,
             moved,
             posed.slot,
@@ -256,17 +274,57 @@ impl Avatar {
             .forward(config, canonical, pose, code, posed.progress)
     }
 
+    /// The splats of a posed identity; `None` in models with a field.
+    pub fn posed_splats(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        posed: &Posed,
+    ) -> Option<splat::Splats> {
+        let splats = self.splats.get(posed.slot)?;
+        let means = self.moved(config, posed, splats.means.val());
+        let transforms = warp::skin::skin(
+            posed.weights.clone(),
+            posed.transforms.clone(),
+            means.clone(),
+            &body.grid,
+        );
+        Some(splat::Splats {
+            transforms,
+            means,
+            turns: splats.turns.val(),
+            scales: splats.scales.val(),
+            opacities: splats.opacities.val(),
+            colours: splats.colours.val(),
+            light: splats.light.val(),
+        })
+    }
+
+    /// Replaces the splats of the identity in `slot` by those of somebody who was not trained yet.
+    pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        if let Some(splats) = self.splats.get_mut(slot) {
+            *splats = Splats::new(&init, slot, first);
+        }
+    }
+
     /// Appends an identity that is the mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.codes);
         self.motion.append(blend);
-        self.canonical.append(blend);
+        if let Some(field) = &mut self.canonical {
+            field.append(blend);
+        }
     }
 
     /// Sets the precision that the fields' networks multiply in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.non_rigid.set_precision(precision);
-        self.canonical.set_precision(precision);
+        if let Some(field) = &mut self.canonical {
+            field.set_precision(precision);
+        }
     }
 
     /// Device of the parameters.
@@ -290,7 +348,11 @@ impl Avatar {
                 self.condition.as_ref().map_or(0, Module::num_params),
             ),
             ("non_rigid", self.non_rigid.num_params()),
-            ("canonical", self.canonical.num_params()),
+            (
+                "canonical",
+                self.canonical.as_ref().map_or(0, Module::num_params),
+            ),
+            ("splats", self.splats.num_params()),
         ];
         parts
             .into_iter()

@@ -9,6 +9,7 @@ mod resolution;
 mod schedule;
 mod setting;
 mod sharing;
+mod splats;
 
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};
@@ -16,6 +17,7 @@ pub use resolution::Resolution;
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
+pub use splats::SplatConfig;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -65,6 +67,10 @@ pub struct ModelConfig {
     pub non_rigid: NonRigidConfig,
     /// Canonical field.
     pub canonical: CanonicalConfig,
+    /// Splats in place of the canonical field, whose settings and those of the march then mean nothing;
+    /// none in tiers with a field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splats: Option<SplatConfig>,
     /// Ray marching.
     pub march: MarchConfig,
     /// Optimisation.

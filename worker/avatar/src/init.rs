@@ -80,6 +80,22 @@ impl<'a> Initial<'a> {
         })
     }
 
+    /// `values`, row by row.
+    ///
+    /// # Panics
+    /// If there are fewer values than elements.
+    pub fn given<const D: usize>(
+        &self,
+        path: &str,
+        shape: [usize; D],
+        values: &[f32],
+    ) -> Param<Tensor<D>> {
+        let mut values = values.iter();
+        self.filled(path, shape, || {
+            *values.next().expect("one value per element")
+        })
+    }
+
     pub fn zeros<const D: usize>(&self, path: &str, shape: [usize; D]) -> Param<Tensor<D>> {
         self.filled(path, shape, || 0.0)
     }

@@ -1,8 +1,25 @@
 //! Validation of configurations.
 
-use super::{ConfigError, Encoding, ModelConfig, MotionForm, Sharing, Variant};
+use super::{ConfigError, Encoding, ModelConfig, MotionForm, Refine, Sharing, Variant};
+use crate::ops::mlp::check_device;
+use crate::ops::on_cpu;
+use burn::tensor::Device;
 
 impl ModelConfig {
+    /// Checks that a model of this configuration runs on `device`.
+    ///
+    /// # Errors
+    /// Names the first field that the device does not support.
+    pub fn check_device(&self, device: &Device) -> Result<(), ConfigError> {
+        if self.splats.is_some() && !on_cpu(device) {
+            return Err(ConfigError::Field {
+                field: "splats",
+                message: "splats run on the CPU only".into(),
+            });
+        }
+        check_device(self.precision, device)
+    }
+
     /// Checks all fields.
     ///
     /// # Errors
@@ -125,6 +142,18 @@ impl ModelConfig {
         let share = self.optimise.backward_share;
         if !(share > 0.0 && share <= 1.0) {
             return fail("optimise.backward_share", "must be above 0 and at most 1");
+        }
+        if let Some(splats) = &self.splats {
+            splats.check()?;
+            if !(0.0..=1.0).contains(&self.optimise.ssim_weight) {
+                return fail("optimise.ssim_weight", "must be 0 to 1 for splats");
+            }
+            if self.refinement.who != Refine::Never {
+                return fail(
+                    "refinement.who",
+                    "must be never for splats: their poses are not refined",
+                );
+            }
         }
         self.refinement.check()?;
         self.schedule.check()

@@ -110,6 +110,20 @@ fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
     blobs
 }
 
+/// The sum of the bones' Gaussians around a skeleton in the rest pose.
+pub(crate) struct Halo(Vec<Blob>);
+
+impl Halo {
+    pub fn new(skeleton: &Skeleton) -> Self {
+        Self(blobs(skeleton))
+    }
+
+    /// The sum at `point`, metres.
+    pub fn at(&self, point: [f64; 3]) -> f64 {
+        self.0.iter().map(|blob| blob.weight(point)).sum()
+    }
+}
+
 /// The prior `[K + 1, V]` (V nodes: z, y, x with x fastest), the background last; each node's channels
 /// sum to 1, or to less where nothing is near.
 pub fn prior(skeleton: &Skeleton, grid: &WarpGrid) -> Vec<f32> {

@@ -11,7 +11,7 @@ impl Renderer {
     /// `share` 0 gives `from`, 1 gives `to`.
     ///
     /// # Errors
-    /// If a slot is empty or `share` is not between 0 and 1.
+    /// If a slot is empty, `share` is not between 0 and 1, or the model consists of splats.
     pub fn with_blend(
         mut self,
         from: usize,
@@ -22,6 +22,12 @@ impl Renderer {
             return Err(RenderError::Settings(format!(
                 "share: {share} is not between 0 and 1"
             )));
+        }
+        if self.config.splats.is_some() {
+            return Err(RenderError::Settings(
+                "there is nobody between two people of splats: their splats do not correspond"
+                    .into(),
+            ));
         }
         let skeleton = |slot| self.skeleton(slot).ok_or(RenderError::NoSuchSlot(slot));
         let (first, second) = (skeleton(from)?, skeleton(to)?);

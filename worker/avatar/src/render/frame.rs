@@ -305,6 +305,9 @@ impl Renderer {
         if self.config.numerics == Numerics::Reference {
             return self.render_as_released(body, view, go_on);
         }
+        if let Some(frame) = self.render_splats(body, view)? {
+            return Ok(frame);
+        }
         let posed = self
             .avatar
             .pose(&self.config, body, view.slot, &view.pose, self.progress);

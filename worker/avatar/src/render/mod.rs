@@ -11,6 +11,7 @@ mod released;
 mod rest_points;
 pub mod samples;
 mod settings;
+pub(crate) mod splats;
 pub mod walk;
 
 pub use frame::{RenderError, RenderView, Rendered, Renderer};

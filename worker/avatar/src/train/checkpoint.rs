@@ -6,7 +6,6 @@ use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use crate::motion::prior::canonical_grid;
-use crate::ops::mlp::check_device;
 use crate::render::Renderer;
 use crate::render::occupancy::Occupancy;
 use burn::optim::ModuleOptimizer;
@@ -298,7 +297,7 @@ impl Renderer {
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let device = device.clone().inner();
         let state = ModelState::read(dir)?;
-        check_device(state.config.precision, &device)?;
+        state.config.check_device(&device)?;
         let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {
             skeleton

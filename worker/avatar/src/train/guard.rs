@@ -53,6 +53,18 @@ impl TrainState {
     }
 }
 
+impl TrainState {
+    /// The model, to change it.
+    ///
+    /// # Panics
+    /// If an earlier update panicked.
+    pub fn avatar_mut(&mut self) -> &mut Avatar {
+        self.avatar
+            .as_mut()
+            .expect("the model is absent only during an update")
+    }
+}
+
 /// A state to return to.
 struct Snapshot {
     avatar: Avatar,
@@ -202,7 +214,7 @@ mod tests {
     fn bad_steps_are_skipped_counted_and_end_in_a_return() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
+        let mut state = TrainState::new(avatar, optimiser(&config));
         let mut guard = Guard::new(0, 0);
         let step = |state: &mut TrainState, guard: &mut Guard, factor: f32, at: u64| {
             let loss = total(state.avatar()) * factor;
@@ -256,7 +268,7 @@ mod tests {
     fn training_gives_up_after_too_many_returns() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
+        let mut state = TrainState::new(avatar, optimiser(&config));
         let mut guard = Guard::new(0, 0);
         let mut verdicts = (0..1000).map(|step| {
             let grads = total(state.avatar()).backward();
@@ -272,7 +284,7 @@ mod tests {
     fn a_loss_that_is_not_finite_is_enough() {
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
         let avatar = Avatar::new(&config, 1, 4, 3, &Device::flex().autodiff());
-        let mut state = TrainState::new(avatar, optimiser(&config.optimise));
+        let mut state = TrainState::new(avatar, optimiser(&config));
         let grads = GradientsParams::from_grads(total(state.avatar()).backward(), state.avatar());
         assert_eq!(
             Guard::new(0, 0).step(&mut state, f32::NAN, grads, 1.0, 0),

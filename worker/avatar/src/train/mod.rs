@@ -3,9 +3,11 @@
 pub mod batch;
 mod checkpoint;
 mod expected_errors;
+mod first_splats;
 mod fit_poses;
 mod frame_order;
 mod guard;
+mod hull;
 mod optimiser;
 mod options;
 mod parts;
@@ -20,6 +22,7 @@ mod start;
 mod tests;
 mod trainer;
 mod validate;
+mod whole_picture;
 mod whose_poses;
 mod wrong_frames;
 

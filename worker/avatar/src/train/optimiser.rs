@@ -1,7 +1,7 @@
 //! Adam with a learning rate for each part of the model: those of the paper and of HumanNeRF
 //! (docs/paper.md), with additional ones for hash tables and direct motion weights.
 
-use crate::config::OptimiseConfig;
+use crate::config::ModelConfig;
 use crate::ops::adam::{AdamRates, update};
 use burn::module::ParamGroup;
 use burn::optim::{
@@ -73,18 +73,29 @@ impl Optimizer for ScaledAdam {
 
 /// The optimiser of a model. The rate of a step is a factor, from 1 downwards, on the learning
 /// rate of each group.
-pub fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
+pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
+    let rates = &config.optimise;
     let group = |path: &str, scale: f64| (ParamGroup::from_predicate(path), ScaledAdam { scale });
     let groups = [
-        group("canonical.tables", config.table_rate),
-        group("canonical.shared", config.table_rate),
-        group("motion.", config.motion_rate),
-        group("correction.", config.slow_rate),
-        group("condition.", config.slow_rate),
-        group("non_rigid.", config.slow_rate),
+        group("canonical.tables", rates.table_rate),
+        group("canonical.shared", rates.table_rate),
+        group("motion.", rates.motion_rate),
+        group("correction.", rates.slow_rate),
+        group("condition.", rates.slow_rate),
+        group("non_rigid.", rates.slow_rate),
     ];
-    groups.into_iter().fold(
-        ModuleOptimizer::from(ScaledAdam { scale: config.rate }),
+    let splats = config.splats.iter().flat_map(|splats| {
+        [
+            group(".means", splats.mean_rate),
+            group(".turns", splats.turn_rate),
+            group(".scales", splats.scale_rate),
+            group(".opacities", splats.opacity_rate),
+            group(".colours", splats.colour_rate),
+            group(".light", splats.light_rate),
+        ]
+    });
+    groups.into_iter().chain(splats).fold(
+        ModuleOptimizer::from(ScaledAdam { scale: rates.rate }),
         |optimiser, (group, adam)| optimiser.with_group(group, adam, None),
     )
 }
@@ -93,7 +104,6 @@ pub fn optimiser(config: &OptimiseConfig) -> ModuleOptimizer {
 mod tests {
     use super::*;
     use crate::avatar::Avatar;
-    use crate::config::ModelConfig;
     use burn::module::{Module, ModuleVisitor, Param};
     use burn::optim::GradientsParams;
     use std::collections::BTreeMap;
@@ -136,10 +146,16 @@ mod tests {
     /// Each parameter has the gradient 1, then 3: with Adam's numbers, both steps are known.
     #[test]
     fn every_part_moves_at_its_own_rate_by_the_numbers_of_adam() {
-        let config = ModelConfig::named("fast", "yoto").expect("a tier");
+        for tier in ["fast", "splat"] {
+            check_rates(&ModelConfig::named(tier, "yoto").expect("a tier"));
+        }
+    }
+
+    fn check_rates(config: &ModelConfig) {
         let rates = &config.optimise;
-        let mut avatar = Avatar::new(&config, 2, 24, 3, &Device::flex().autodiff());
-        let mut optimiser = optimiser(rates);
+        let splats = config.splats.as_ref();
+        let mut avatar = Avatar::new(config, 2, 24, 3, &Device::flex().autodiff());
+        let mut optimiser = optimiser(config);
         let (mut first_moment, mut second_moment) = (0.0, 0.0);
         for (time, gradient) in [(1, 1.0f64), (2, 3.0)] {
             let before = firsts(&avatar);
@@ -153,7 +169,20 @@ mod tests {
             let unit = mean / (square.sqrt() + 1e-8);
             for (path, after) in firsts(&avatar).found {
                 let part = path.split('.').next().expect("a first part");
+                let name = path.rsplit('.').next().expect("a last part");
                 let rate = match part {
+                    "splats" => {
+                        let splats = splats.expect("the tier has splats");
+                        match name {
+                            "means" => splats.mean_rate,
+                            "turns" => splats.turn_rate,
+                            "scales" => splats.scale_rate,
+                            "opacities" => splats.opacity_rate,
+                            "colours" => splats.colour_rate,
+                            "light" => splats.light_rate,
+                            _ => panic!("{path} has no rate"),
+                        }
+                    }
                     _ if path.starts_with("canonical.tables") => rates.table_rate,
                     _ if path == "canonical.shared" => rates.table_rate,
                     "motion" => rates.motion_rate,

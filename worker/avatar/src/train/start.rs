@@ -1,6 +1,7 @@
 //! Start of a training, with a new model or a checkpoint.
 
 use super::checkpoint::{self, ModelState};
+use super::first_splats::first_splats;
 use super::frame_order::FrameOrder;
 use super::guard::{Guard, TrainState};
 use super::optimiser::optimiser;
@@ -9,11 +10,11 @@ use super::people::{Person, TrainSubject, check_people};
 use super::refinement::PoseRefinement;
 use super::refinement_file;
 use super::trainer::Trainer;
+use super::whole_picture::OBJECTIVE;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
 use crate::config::{ConfigError, ModelConfig, Numerics, Refine};
 use crate::loss::{Objective, PatchObjective};
-use crate::ops::mlp::check_device;
 use crate::render::occupancy::Occupancy;
 use burn::tensor::Device;
 use std::path::Path;
@@ -34,7 +35,7 @@ impl Trainer {
         let device = device.clone().inner().autodiff();
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
         let saved = ModelState::new(config.clone(), joints, options.seed, vec![None; slots]);
-        let state = TrainState::new(avatar, optimiser(&config.optimise));
+        let state = TrainState::new(avatar, optimiser(&config));
         Self::assemble(saved, options, &people, state, device)
     }
 
@@ -60,7 +61,7 @@ impl Trainer {
         let device = device.clone().inner().autodiff();
         let mut state = TrainState::new(
             checkpoint::load_avatar(dir, &saved, slots, &device)?,
-            checkpoint::load_optimiser(dir, optimiser(&saved.config.optimise))?,
+            checkpoint::load_optimiser(dir, optimiser(&saved.config))?,
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
         if saved.config.refinement.who != Refine::Never {
@@ -86,9 +87,10 @@ impl Trainer {
         mut state: TrainState,
         device: Device,
     ) -> Result<Self, TrainError> {
-        check_device(saved.config.precision, &device)?;
+        saved.config.check_device(&device)?;
         if let Some(who) = options.refine_poses {
             saved.config.refinement.who = who;
+            saved.config.check()?;
         }
         if saved.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
@@ -124,6 +126,11 @@ impl Trainer {
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
+            let known = slots[person.slot].is_some();
+            if let (Some(splats), false) = (&saved.config.splats, known) {
+                let first = first_splats(&subject, splats.count)?;
+                state.avatar_mut().place_splats(person.slot, &first);
+            }
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
         }
@@ -140,7 +147,10 @@ impl Trainer {
             &device,
         )?;
         let progress = TrainProgress {
-            objective: objective.name(),
+            objective: match saved.config.splats {
+                Some(_) => OBJECTIVE,
+                None => objective.name(),
+            },
             notes,
             ..TrainProgress::default()
         };

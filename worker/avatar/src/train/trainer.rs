@@ -1,11 +1,12 @@
 //! The state of a training, and its steps.
 
 use super::batch::{Scene, outcome};
-use super::frame_order::FrameOrder;
+use super::frame_order::{FrameOrder, FramePlace};
 use super::guard::{Guard, TrainState, Verdict};
 use super::options::{Budget, TrainOptions};
 use super::patches;
 use super::people::TrainSubject;
+use super::whole_picture::loss_of_picture;
 use super::{Preview, TrainError, TrainProgress};
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective};
@@ -101,6 +102,44 @@ impl Trainer {
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         let pose = self.pose(place);
+        let scene = Scene {
+            config: &self.config,
+            body: &subject.body,
+            slot: subject.slot,
+            pose: &pose,
+            progress: self.opened(),
+            step: self.step,
+            occupancy: self.state.occupancy[subject.slot].as_ref(),
+        };
+        let whole = loss_of_picture(self.state.avatar(), &scene, &frame.image, &frame.camera);
+        match whole {
+            Some((loss, terms)) => {
+                let weight = self.weight(place);
+                self.descend(scaled(loss, weight), &terms)?;
+            }
+            None => self.learn_from_patches(place, &mut rng)?,
+        }
+        self.step += 1;
+        self.budget_steps += 1;
+        let seconds = start.elapsed().as_secs_f64();
+        self.seconds += seconds;
+        self.budget_seconds += seconds;
+        let rate = 1.0 / seconds.max(1e-6);
+        self.progress.steps_per_second =
+            smoothed(self.progress.steps_per_second, rate, self.progress.step);
+        self.progress.step = self.step;
+        Ok(())
+    }
+
+    /// Learns from patches of the frame at `place`, ray by ray.
+    fn learn_from_patches(
+        &mut self,
+        place: FramePlace,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<(), TrainError> {
+        let subject = &self.subjects[place.subject];
+        let frame = &subject.frames[place.frame];
+        let pose = self.pose(place);
         let batch = trace_span!("draw").in_scope(|| {
             patches::draw(
                 frame,
@@ -108,7 +147,7 @@ impl Trainer {
                 &subject.body,
                 self.config.optimise.patches,
                 self.patch_size,
-                &mut rng,
+                rng,
             )
         });
         let scene = Scene {
@@ -126,7 +165,7 @@ impl Trainer {
             &scene,
             &batch,
             self.objective.as_ref(),
-            Some(&mut rng),
+            Some(rng),
         )?;
         // Without an outcome, no sample was evaluated and there is nothing to learn.
         let counts = outcome
@@ -139,11 +178,7 @@ impl Trainer {
         );
         self.progress.samples += counts;
         if let Some(outcome) = outcome {
-            let weight = self.weight(place);
-            let loss = match weight < 1.0 {
-                true => outcome.loss * weight,
-                false => outcome.loss,
-            };
+            let loss = scaled(outcome.loss, self.weight(place));
             let taken = self.descend(loss, &outcome.terms)?;
             if let (true, Some(seen), Some(grid)) =
                 (taken, outcome.observations, &mut self.state.occupancy[slot])
@@ -151,15 +186,6 @@ impl Trainer {
                 grid.learn(&seen);
             }
         }
-        self.step += 1;
-        self.budget_steps += 1;
-        let seconds = start.elapsed().as_secs_f64();
-        self.seconds += seconds;
-        self.budget_seconds += seconds;
-        let rate = 1.0 / seconds.max(1e-6);
-        self.progress.steps_per_second =
-            smoothed(self.progress.steps_per_second, rate, self.progress.step);
-        self.progress.step = self.step;
         Ok(())
     }
 
@@ -202,6 +228,14 @@ impl Trainer {
             }
         }
         Ok(verdict == Verdict::Taken)
+    }
+}
+
+/// `loss` times `weight`.
+fn scaled(loss: Tensor<1>, weight: f64) -> Tensor<1> {
+    match weight < 1.0 {
+        true => loss * weight,
+        false => loss,
     }
 }
 

@@ -121,7 +121,8 @@ fn canonical(case: Case, encoding: Encoding) {
     let body = Body::new(case.skeleton(), &config, &device);
     let points = case.tensor::<2>("points", &device).require_grad();
     let code: Tensor<1> = case.tensor("code", &device).require_grad();
-    let values = avatar.canonical.forward(
+    let field = avatar.canonical.as_ref().expect("the tier has a field");
+    let values = field.forward(
         &config.canonical,
         points.clone(),
         1,

@@ -1,0 +1,65 @@
+//! The splats of one person: Gaussians on the body's surface in the canonical pose, and the light of the
+//! person's capture.
+
+use crate::init::Initial;
+use crate::ops::splat::light::LIGHTS;
+use burn::module::{Module, Param};
+use burn::tensor::Tensor;
+
+/// Parameters of one person's splats ([`crate::ops::splat::Splats`] has their meaning).
+#[derive(Module, Debug)]
+pub struct Splats {
+    /// `[N, 3]`.
+    pub means: Param<Tensor<2>>,
+    /// `[N, 4]`.
+    pub turns: Param<Tensor<2>>,
+    /// `[N, 3]`.
+    pub scales: Param<Tensor<2>>,
+    /// `[N]`.
+    pub opacities: Param<Tensor<1>>,
+    /// `[N, 3]`.
+    pub colours: Param<Tensor<2>>,
+    /// `[3, 8]`.
+    pub light: Param<Tensor<2>>,
+}
+
+/// Values of splats before training, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FirstSplats {
+    /// `[N, 3]`, metres.
+    pub means: Vec<f32>,
+    /// `[N, 4]`.
+    pub turns: Vec<f32>,
+    /// `[N, 3]`.
+    pub scales: Vec<f32>,
+    /// `[N, 3]`.
+    pub colours: Vec<f32>,
+}
+
+impl FirstSplats {
+    /// `count` splats of nobody yet, all at one place.
+    pub fn of_nobody(count: usize) -> Self {
+        Self {
+            means: vec![0.0; 3 * count],
+            turns: [1.0, 0.0, 0.0, 0.0].repeat(count),
+            scales: vec![-5.0; 3 * count],
+            colours: vec![0.5; 3 * count],
+        }
+    }
+}
+
+impl Splats {
+    /// The splats of the person in `slot`, with even opacities and no light.
+    pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats) -> Self {
+        let count = first.means.len() / 3;
+        let path = |name: &str| format!("splats.{slot}.{name}");
+        Self {
+            means: init.given(&path("means"), [count, 3], &first.means),
+            turns: init.given(&path("turns"), [count, 4], &first.turns),
+            scales: init.given(&path("scales"), [count, 3], &first.scales),
+            opacities: init.zeros(&path("opacities"), [count]),
+            colours: init.given(&path("colours"), [count, 3], &first.colours),
+            light: init.zeros(&path("light"), [3, LIGHTS]),
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Frames of models that consist of splats.
+
+use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
+use super::samples::SampleCounts;
+use crate::motion::body::Body;
+use crate::ops::splat::{Sight, cpu::Numbers, draw};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+
+/// `camera` in the frame of a body in `pose`.
+pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Sight {
+    let to_world = skeleton.body_to_world(pose);
+    let inside = camera.in_frame(&to_world);
+    let row = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
+    Sight {
+        width: camera.width as usize,
+        height: camera.height as usize,
+        k: [row(&inside.k[0]), row(&inside.k[1])],
+        e: std::array::from_fn(|r| inside.e[r].map(|v| v as f32)),
+        world: std::array::from_fn(|r| row(&to_world[r])),
+    }
+}
+
+impl Renderer {
+    /// Renders a view of a model of splats; `None` if the model has a field.
+    pub(super) fn render_splats(
+        &self,
+        body: &Body,
+        view: &RenderView,
+    ) -> Result<Option<Rendered>, RenderError> {
+        let posed = self
+            .avatar
+            .pose(&self.config, body, view.slot, &view.pose, self.progress);
+        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
+            return Ok(None);
+        };
+        let numbers = Numbers {
+            transforms: &read(splats.transforms)?,
+            means: &read(splats.means)?,
+            turns: &read(splats.turns)?,
+            scales: &read(splats.scales)?,
+            opacities: &read(splats.opacities)?,
+            colours: &read(splats.colours)?,
+            light: &read(splats.light)?,
+        };
+        let sight = sight(&body.skeleton, &view.pose, &view.camera);
+        let mut drawn = draw(&numbers, &sight);
+        let pixels = drawn.rgb.as_chunks_mut::<3>().0.iter_mut();
+        for (rgb, alpha) in pixels.zip(&drawn.alpha) {
+            for (value, background) in rgb.iter_mut().zip(view.background) {
+                *value += (1.0 - alpha) * background;
+            }
+        }
+        Ok(Some(Rendered {
+            width: sight.width,
+            height: sight.height,
+            rgb: drawn.rgb,
+            alpha: drawn.alpha,
+            depth: drawn.depth,
+            counts: SampleCounts::default(),
+        }))
+    }
+}

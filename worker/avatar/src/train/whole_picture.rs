@@ -1,0 +1,76 @@
+//! The loss of a whole frame, for models of splats: their pictures cost by splats, not by pixels.
+
+use super::batch::Scene;
+use crate::avatar::Avatar;
+use crate::loss::LossTerm;
+use crate::ops::picture_loss::{Target, Weights, picture_loss};
+use crate::ops::splat::splat;
+use crate::render::splats::sight;
+use burn::tensor::Tensor;
+use tracing::trace_span;
+use yoto_capture::camera::Camera;
+use yoto_capture::{FrameImage, mask_box};
+
+/// Name of the objective in reports.
+pub(super) const OBJECTIVE: &str = "l1+ssim";
+/// Colours are compared this much around the person, of the picture's width.
+const MARGIN: usize = 32;
+
+/// The loss of a frame, `[1]`, and its terms; `None` if the model has a field.
+pub(super) fn loss_of_picture(
+    avatar: &Avatar,
+    scene: &Scene,
+    image: &FrameImage,
+    camera: &Camera,
+) -> Option<(Tensor<1>, Vec<LossTerm>)> {
+    let Scene { config, body, .. } = *scene;
+    let splats = trace_span!("pose").in_scope(|| {
+        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
+        avatar.posed_splats(config, body, &posed)
+    })?;
+    let sight = sight(&body.skeleton, scene.pose, camera);
+    let picture = trace_span!("splat").in_scope(|| splat(splats, &sight));
+    let unlike = config.optimise.ssim_weight as f32;
+    let weights = Weights {
+        absolute: 1.0 - unlike,
+        ssim: unlike,
+        mask: config.optimise.mask_weight as f32,
+    };
+    let target = Target {
+        width: image.width,
+        height: image.height,
+        rgb: image.rgb.as_slice().into(),
+        mask: image.mask.as_slice().into(),
+        region: region(image),
+        weights,
+    };
+    let terms = trace_span!("compare").in_scope(|| picture_loss(picture, &target));
+    let term = |name, weight: f32, place: usize| LossTerm {
+        name,
+        weight: f64::from(weight),
+        value: terms.clone().slice([place..place + 1]).detach(),
+    };
+    let named = vec![
+        term("l1", weights.absolute, 1),
+        term("1-ssim", weights.ssim, 2),
+        term("mask", weights.mask, 3),
+    ];
+    Some((terms.slice([0..1]), named))
+}
+
+/// The person's box with a margin, or all of a picture without a person.
+fn region(image: &FrameImage) -> [usize; 4] {
+    let (width, height) = (image.width, image.height);
+    match mask_box(&image.mask, width, height) {
+        Some(region) => {
+            let margin = width / MARGIN;
+            [
+                region.x0.saturating_sub(margin),
+                region.y0.saturating_sub(margin),
+                (region.x1 + margin).min(width),
+                (region.y1 + margin).min(height),
+            ]
+        }
+        None => [0, 0, width, height],
+    }
+}
