@@ -8,6 +8,7 @@ use support::{options, people, run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
+use yoto_avatar::tradeoff::Axes;
 use yoto_avatar::train::{Person, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 
@@ -72,6 +73,10 @@ fn splats_learn_two_people_from_their_hulls() {
     let progress = trainer.progress();
     assert_eq!(progress.objective, "l1+ssim");
     assert_eq!(progress.samples.rays, 0);
+    // Frames cost less at a lower resolution alone.
+    let axes = Axes::of(&trainer.renderer());
+    assert_eq!((axes.samples.len(), axes.precision.len()), (1, 1));
+    assert!(axes.scale.len() > 1);
 }
 
 /// The hull starts close to the person: most of what it shows is on the mask, and most of the mask

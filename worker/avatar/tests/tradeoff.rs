@@ -67,7 +67,7 @@ fn run(
 fn a_sweep_measures_what_settings_give_up() {
     let (mut renderer, views) = trained();
     let own = renderer.settings();
-    let settings = Axes::around(&own, &renderer.precisions()).settings();
+    let settings = Axes::of(&renderer).settings();
     let mut heard = Vec::new();
     let curve = sweep(
         &mut renderer,

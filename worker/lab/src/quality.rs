@@ -245,7 +245,9 @@ fn finish(
         steps: progress.step,
         train_seconds: progress.train_seconds,
         steps_per_second: progress.step as f64 / progress.train_seconds.max(f64::EPSILON),
-        samples_per_ray: Some(progress.samples.per_ray(progress.samples.evaluated)),
+        // Splats are not sampled along rays.
+        samples_per_ray: (progress.samples.rays > 0)
+            .then(|| progress.samples.per_ray(progress.samples.evaluated)),
         parameters: trainer.parameters(),
         checkpoint_bytes: checkpoint_bytes(trainer)?,
         person_bytes: Some(4 * trainer.parameters_of_a_person()),

@@ -1,7 +1,7 @@
 //! The measured settings, as data: an axis is a list of values, and every combination is measured.
 
 use crate::config::Precision;
-use crate::render::RenderSettings;
+use crate::render::{RenderSettings, Renderer};
 
 /// Samples per ray, relative to the model's.
 const SAMPLES: &[f64] = &[1.0, 0.75, 0.5, 0.25];
@@ -30,6 +30,22 @@ pub struct Axes {
 }
 
 impl Axes {
+    /// The settings that change what a model's frames cost. Of splats, that is the resolution alone.
+    pub fn of(renderer: &Renderer) -> Self {
+        let own = renderer.settings();
+        let all = Self::around(&own, &renderer.precisions());
+        if renderer.config().splats.is_none() {
+            return all;
+        }
+        Self {
+            samples: vec![own.samples],
+            epsilon: vec![own.epsilon],
+            min_transmittance: vec![own.min_transmittance],
+            precision: vec![own.precision],
+            ..all
+        }
+    }
+
     /// A model's settings and cheaper ones, with the `precisions` that its device supports
     /// ([`crate::render::Renderer::precisions`]).
     pub fn around(own: &RenderSettings, precisions: &[Precision]) -> Self {

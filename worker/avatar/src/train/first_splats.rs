@@ -76,8 +76,9 @@ fn colours(film: &Film<'_>, shell: &Shell, chosen: &[usize]) -> Vec<f32> {
             let Some((pixel, facing)) = faces(frame, sighting, at) else {
                 continue;
             };
-            for c in 0..3 {
-                sum[c] += facing * f32::from(frame.image.rgb[3 * pixel + c]) / 255.0;
+            let colour = &frame.image.rgb[3 * pixel..3 * pixel + 3];
+            for (sum, value) in sum.iter_mut().zip(colour) {
+                *sum += facing * f32::from(*value) / 255.0;
             }
             sum[3] += facing;
         }

@@ -146,6 +146,9 @@ impl Trainer {
             patch_size,
             &device,
         )?;
+        if saved.config.splats.is_some() && options.lpips.is_some() {
+            tracing::warn!(objective = OBJECTIVE, "splats learn without LPIPS");
+        }
         let progress = TrainProgress {
             objective: match saved.config.splats {
                 Some(_) => OBJECTIVE,

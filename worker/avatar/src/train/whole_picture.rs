@@ -48,14 +48,14 @@ pub(super) fn loss_of_picture(
     let term = |name, weight: f32, place: usize| LossTerm {
         name,
         weight: f64::from(weight),
-        value: terms.clone().slice([place..place + 1]).detach(),
+        value: terms.clone().narrow(0, place, 1).detach(),
     };
     let named = vec![
         term("l1", weights.absolute, 1),
         term("1-ssim", weights.ssim, 2),
         term("mask", weights.mask, 3),
     ];
-    Some((terms.slice([0..1]), named))
+    Some((terms.narrow(0, 0, 1), named))
 }
 
 /// The person's box with a margin, or all of a picture without a person.

@@ -32,7 +32,7 @@ fn the_loss_of_a_picture_equals_the_reference() {
         let target = target(region);
         let run = |form: fn(Tensor<2>, &Target) -> Tensor<1>| {
             let terms = form(picture.clone(), &target);
-            let grads = (terms.clone().slice([0..1]) * 3.0).backward();
+            let grads = (terms.clone().narrow(0, 0, 1) * 3.0).backward();
             [
                 values(terms),
                 values(picture.grad(&grads).expect("tracked")),

@@ -24,12 +24,14 @@ use yoto_capture::synthetic::SyntheticPerson;
 /// Frames of each person's video: a step uses one, so more would only take time to generate.
 const FRAMES: usize = 6;
 /// The consecutive spans of a step; all others are inside them.
-const STAGES: [&str; 8] = [
+const STAGES: [&str; 10] = [
     "draw",
     "pose",
     "march",
     "fields",
     "composite",
+    "splat",
+    "compare",
     "backward",
     "guard",
     "update",

@@ -130,7 +130,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         if let Some(mut renderer) = longest {
             let views = views(&recordings, options.views);
             let sweep = SweepOptions {
-                settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
+                settings: Axes::of(&renderer).settings(),
                 repeats: options.repeats,
                 machine: machine.clone(),
                 unix_seconds,

@@ -37,7 +37,7 @@ impl Sweep {
             asked => asked as usize,
         };
         let options = SweepOptions {
-            settings: Axes::around(&renderer.settings(), &renderer.precisions()).settings(),
+            settings: Axes::of(renderer).settings(),
             repeats: or(wanted.repeats, REPEATS),
             machine: context.device.machine(),
             unix_seconds: SystemTime::now()

@@ -227,14 +227,14 @@ pub(super) fn unflatten(
             }
         })
     });
-    for c in 0..3 {
-        for b in 0..4 {
-            found.transform[4 * c + b] = (0..3).map(|a| sight.e[a][c] * to_place[a][b]).sum();
+    found.transform = std::array::from_fn(|i| {
+        let (row, column) = (i / 4, i % 4);
+        let placed: f32 = (0..3).map(|a| sight.e[a][row] * to_place[a][column]).sum();
+        match turn.get(column) {
+            Some(axes) => placed + to_normal[row] * axes[2],
+            None => placed,
         }
-        for b in 0..3 {
-            found.transform[4 * c + b] += to_normal[c] * turn[b][2];
-        }
-    }
+    });
     found.mean = std::array::from_fn(|b| (0..3).map(|a| lifted.place[a][b] * to_at[a]).sum());
     let to_scaled: Mat3 = std::array::from_fn(|b| {
         std::array::from_fn(|k| (0..3).map(|a| lifted.place[a][b] * to_axes[a][k]).sum())

@@ -22,7 +22,7 @@ fn exp<const FMA: bool>(x: f32) -> f32 {
     let part = y - whole;
     // A polynomial of 2ˣ on [0, 1) with the least largest error.
     let mut sum = 1.877_58e-3;
-    for c in [8.989_34e-3, 5.582_63e-2, 0.240_153_62, 0.693_153_07, 1.0] {
+    for c in [8.989_34e-3, 5.582_63e-2, 0.240_153_62, 0.693_153_1, 1.0] {
         sum = multiply_add::<FMA>(sum, part, c);
     }
     sum * f32::from_bits(((whole as i32 + 127) << 23) as u32)
@@ -92,9 +92,9 @@ impl Work for Blend<'_> {
                 let dy = top + row as f32 + 0.5 - flat.centre[1];
                 opacities::<FMA>(flat, left, dy, &mut falloff, &mut alpha);
                 let first = row * SIDE;
-                for lane in 0..SIDE {
+                for (lane, alpha) in alpha.iter().enumerate() {
                     let i = first + lane;
-                    let weight = through[i] * alpha[lane];
+                    let weight = through[i] * alpha;
                     red[i] = multiply_add::<FMA>(weight, flat.colour[0], red[i]);
                     green[i] = multiply_add::<FMA>(weight, flat.colour[1], green[i]);
                     blue[i] = multiply_add::<FMA>(weight, flat.colour[2], blue[i]);
