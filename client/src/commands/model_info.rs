@@ -92,7 +92,10 @@ fn about(config: &ModelConfig, people: usize) {
         "numerics    {}",
         name(serde_json::to_value(config.numerics))
     );
-    say!("samples     {} per ray", config.march.samples);
+    match &config.splats {
+        Some(splats) => say!("splats      {} per person", splats.count),
+        None => say!("samples     {} per ray", config.march.samples),
+    }
     say!("people      {people}");
 }
 

@@ -83,7 +83,7 @@ pub(super) struct Quality {
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump [default: by the tier: auto, never for the tiers of the paper].
+    /// wander off their masks or jump [default: by the tier: auto, never for splats and the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
     /// Also measure after a fit of the held-out pictures' poses, with the model as it is.

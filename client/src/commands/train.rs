@@ -62,7 +62,7 @@ pub(super) struct Train {
     checkpoint_seconds: f64,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
     /// wander off their masks or jump, as estimated poses do [default: as before, or by the tier: auto,
-    /// never for the tiers of the paper].
+    /// never for splats and the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
     /// Write a picture for each checkpoint: a held-out frame of each person beside its render.

@@ -130,6 +130,15 @@ impl Avatar {
         (count(2) - count(1)) as u64
     }
 
+    /// The place of the parameters of the identity in `slot`: where nothing tells people apart, all have
+    /// the same.
+    pub(crate) fn own_slot(config: &ModelConfig, slot: usize) -> usize {
+        match config.variant {
+            Variant::NoIdentity => 0,
+            _ => slot,
+        }
+    }
+
     /// Poses the identity in `slot`. `progress` is the completed fraction of the run; it
     /// determines which parts of the model are active.
     ///
@@ -143,10 +152,7 @@ impl Avatar {
         pose: &Pose,
         progress: f64,
     ) -> Posed {
-        let slot = match config.variant {
-            Variant::NoIdentity => 0,
-            _ => slot,
-        };
+        let slot = Self::own_slot(config, slot);
         let mut vector = posed::pose_vector(body, pose);
         let corrected = config.schedule.corrects(progress);
         let transforms = match config.numerics {

@@ -352,8 +352,8 @@ impl ModelConfig {
     /// If the model has no hash grid, or `kind` is out of range for it.
     pub fn shared(mut self, kind: Sharing) -> Result<Self, ConfigError> {
         match &mut self.canonical.encoding {
-            Encoding::Hash { sharing, .. } => *sharing = kind,
-            Encoding::Fourier { .. } => {
+            Encoding::Hash { sharing, .. } if self.splats.is_none() => *sharing = kind,
+            Encoding::Hash { .. } | Encoding::Fourier { .. } => {
                 return Err(ConfigError::Field {
                     field: "canonical.encoding.sharing",
                     message: format!("the tier '{}' has no tables to share", self.tier),

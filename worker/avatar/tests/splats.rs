@@ -4,13 +4,16 @@
 mod support;
 
 use burn::tensor::Device;
+use std::sync::Arc;
 use support::{options, people, run, tempdir, weights};
-use yoto_avatar::config::{ModelConfig, Refine, Setting};
+use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::tradeoff::Axes;
 use yoto_avatar::train::{Person, Trainer};
+use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::synthetic::SyntheticPerson;
 
 const SIZE: u32 = 64;
 
@@ -187,18 +190,87 @@ fn what_splats_can_not_do_is_refused_by_name() {
     let error = error.err().expect("refused").to_string();
     assert!(error.contains("between two people of splats"), "{error}");
 
+    let person = &people(&[0], 12, SIZE)[0];
+    let frame = &person.shard.track.frames[0];
+    let (pose, camera) = (
+        Pose::from_frame(frame).expect("a pose"),
+        Camera::from_frame(frame, [SIZE; 2]).expect("a camera"),
+    );
+    let fitted = trainer.fitted_pose(0, &pose, &camera, &person.shard.image(0));
+    let error = fitted.expect_err("refused").to_string();
+    assert!(error.contains("with a model of splats"), "{error}");
+    // Splats have one kind of numerics.
+    let sound = shown(&trainer.renderer(), person, 0);
+    let other = trainer.renderer().with_numerics(Numerics::Reference);
+    assert_eq!(shown(&other, person, 0).rgb, sound.rgb);
+
     let setting = "splats.count=3".parse::<Setting>().expect("a setting");
     let error = config().with(&[setting]).expect_err("refused").to_string();
     assert!(error.starts_with("splats.count: must be 64"), "{error}");
 
-    // Masks without a person.
+    // Poses that are far from their masks.
     let mut nobody = people(&[0], 12, SIZE);
     let shard = std::sync::Arc::make_mut(&mut nobody[0].shard);
     for frame in &mut shard.track.frames {
-        // Far to the side of what the camera sees.
         frame.translation[0] += 50.0;
     }
     let error = Trainer::new(config(), options(2), nobody, &Device::flex());
     let error = error.err().expect("refused").to_string();
     assert!(error.contains("poses and masks do not agree"), "{error}");
+}
+
+/// A frame that shows half of the person, and one that shows nobody, say nothing about what they lack.
+#[test]
+fn cropped_and_empty_frames_do_not_cut_the_person() {
+    let whole = people(&[0], 12, SIZE).remove(0);
+    let (track, mut images) = SyntheticPerson::cast(1, 7)[0].capture(12, SIZE);
+    let mut track = track;
+    // The picture ends above the hips.
+    let kept = SIZE as usize * 2 / 5;
+    for (frame, image) in track.frames.iter_mut().zip(&mut images).take(6) {
+        frame.k[1][2] += (SIZE as usize - kept) as f64;
+        let shift = SIZE as usize * (SIZE as usize - kept);
+        let left = image.mask.len() - shift;
+        image.rgb.copy_within(..3 * left, 3 * shift);
+        image.mask.copy_within(..left, shift);
+        image.rgb[..3 * shift].fill(0);
+        image.mask[..shift].fill(0);
+    }
+    images[7].mask.fill(0);
+    images[7].rgb.fill(0);
+    let mut builder = ShardBuilder::new(track);
+    for image in &images {
+        builder.push(image).expect("a frame");
+    }
+    let cropped = Person {
+        shard: Arc::new(builder.finish().expect("all frames")),
+        ..whole.clone()
+    };
+    let trainer = Trainer::new(config(), options(1), vec![cropped], &Device::flex());
+    let frame = shown(&trainer.expect("starts").renderer(), &whole, 9);
+    let mask = whole.shard.image(9).mask;
+    let feet = (SIZE * SIZE * 3 / 4) as usize..;
+    let covered: usize = mask[feet.clone()].iter().filter(|m| **m > 127).count();
+    let shown = mask[feet.clone()].iter().zip(&frame.alpha[feet]);
+    let shown = shown.filter(|(m, a)| **m > 127 && **a > 0.5).count();
+    assert!(covered > 20 && 2 * shown > covered, "{shown} of {covered}");
+}
+
+/// Without identities, everybody is one set of splats, from the first person's hull.
+#[test]
+fn people_without_identities_share_their_splats() {
+    let mut config = ModelConfig::named("splat", "no-identity").expect("a tier");
+    config.splats.as_mut().expect("splats").count = 500;
+    let both = people(&[0, 1], 12, SIZE);
+    let mut trainer =
+        Trainer::new(config, options(3), both.clone(), &Device::flex()).expect("starts");
+    run(&mut trainer, 3);
+    let renderer = trainer.renderer();
+    for person in &both {
+        assert!(mean_psnr(&renderer, person) > 12.0, "{}", person.name);
+    }
+    let dir = tempdir();
+    trainer.save(dir.path()).expect("saves");
+    let sets = weights(dir.path());
+    assert!(sets.contains_key("splats.0.means") && !sets.contains_key("splats.1.means"));
 }

@@ -19,6 +19,7 @@ pub mod captures;
 mod cast;
 pub mod displacement;
 pub mod display;
+mod limits;
 mod measure;
 mod memory;
 pub mod model_dir;

@@ -7,13 +7,14 @@
 use crate::alignment::Alignment;
 use crate::captures::{self, Film, Recording, Split, View};
 use crate::display::Screen;
+use crate::limits;
 use crate::measure;
 use crate::other_poses;
 use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Refine, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums};
@@ -74,6 +75,11 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         config = config.shared(sharing)?;
     }
     config = config.with(&options.settings)?;
+    ensure!(
+        config.splats.is_none() || !options.fit_poses,
+        "--fit-poses: poses can't be fitted with splats (tier {})",
+        options.tier
+    );
     let protocol = Protocol::named(HELD_OUT)?;
     let mut recordings = captures::read_films(
         &options.captures,
@@ -236,6 +242,11 @@ fn finish(
     let errors = errors.map(|(slot, it)| it.pose_errors(&trainer.refined_poses(slot)));
     let errors: Vec<_> = errors.collect::<anyhow::Result<Vec<_>>>()?;
     let errors: Vec<PoseErrors> = errors.into_iter().flatten().collect();
+    let mut all = views.clone();
+    all.add(&poses);
+    let all = all.errors();
+    let limits = recordings.iter().map(|it| limits::limit(it, &all));
+    let limits: Vec<String> = limits.collect::<Result<_, _>>()?;
     let progress = trainer.progress();
     Ok(Report {
         mean: SplitScores::mean(&subjects),
@@ -254,7 +265,7 @@ fn finish(
         device: picked.info.adapter.clone(),
         objective: progress.objective.into(),
         active_parts: progress.active_parts,
-        notes: trainer.notes(),
+        notes: [trainer.notes(), limits].concat(),
         pose_errors: PoseErrors::mean(&errors),
         render_seconds_per_frame: seconds / done.max(1) as f64,
         settings: Settings {

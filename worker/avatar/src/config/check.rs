@@ -1,23 +1,23 @@
 //! Validation of configurations.
 
-use super::{ConfigError, Encoding, ModelConfig, MotionForm, Refine, Sharing, Variant};
+use super::{ConfigError, Encoding, ModelConfig, MotionForm, Numerics, Refine, Sharing, Variant};
 use crate::ops::mlp::check_device;
 use crate::ops::on_cpu;
 use burn::tensor::Device;
 
 impl ModelConfig {
-    /// Checks that a model of this configuration runs on `device`.
+    /// The device that a model of this configuration runs on, of those that a machine has: `device`, or
+    /// the CPU for splats.
     ///
     /// # Errors
     /// Names the first field that the device does not support.
-    pub fn check_device(&self, device: &Device) -> Result<(), ConfigError> {
-        if self.splats.is_some() && !on_cpu(device) {
-            return Err(ConfigError::Field {
-                field: "splats",
-                message: "splats run on the CPU only".into(),
-            });
-        }
-        check_device(self.precision, device)
+    pub(crate) fn device(&self, device: &Device) -> Result<Device, ConfigError> {
+        let device = match self.splats {
+            Some(_) if !on_cpu(device) => Device::flex(),
+            _ => device.clone(),
+        };
+        check_device(self.precision, &device)?;
+        Ok(device)
     }
 
     /// Checks all fields.
@@ -147,6 +147,9 @@ impl ModelConfig {
             splats.check()?;
             if !(0.0..=1.0).contains(&self.optimise.ssim_weight) {
                 return fail("optimise.ssim_weight", "must be 0 to 1 for splats");
+            }
+            if self.numerics == Numerics::Reference {
+                return fail("numerics", "must be sound for splats");
             }
             if self.refinement.who != Refine::Never {
                 return fail(

@@ -151,6 +151,7 @@ fn splats(variant: Variant) -> ModelConfig {
     // A minute's training gains nothing by it (docs/splats.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
+    config.march.occupancy_cells = 0;
     config
 }
 

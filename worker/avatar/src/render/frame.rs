@@ -139,9 +139,9 @@ impl Renderer {
         }
     }
 
-    /// Replaces the numerics of the model's configuration.
+    /// Replaces the numerics of the model's configuration. Splats have sound ones only, and keep them.
     pub fn with_numerics(mut self, numerics: Numerics) -> Self {
-        if self.config.numerics != numerics {
+        if self.config.numerics != numerics && self.config.splats.is_none() {
             self.config.numerics = numerics;
             // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {

@@ -28,6 +28,9 @@ impl Renderer {
         body: &Body,
         view: &RenderView,
     ) -> Result<Option<Rendered>, RenderError> {
+        if self.config.splats.is_none() {
+            return Ok(None);
+        }
         let posed = self
             .avatar
             .pose(&self.config, body, view.slot, &view.pose, self.progress);
@@ -48,7 +51,7 @@ impl Renderer {
         let pixels = drawn.rgb.as_chunks_mut::<3>().0.iter_mut();
         for (rgb, alpha) in pixels.zip(&drawn.alpha) {
             for (value, background) in rgb.iter_mut().zip(view.background) {
-                *value += (1.0 - alpha) * background;
+                *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
             }
         }
         Ok(Some(Rendered {

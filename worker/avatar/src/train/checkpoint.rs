@@ -295,9 +295,8 @@ impl Renderer {
     /// # Errors
     /// If weights or state are missing, or they do not belong together.
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
-        let device = device.clone().inner();
         let state = ModelState::read(dir)?;
-        state.config.check_device(&device)?;
+        let device = state.config.device(&device.clone().inner())?;
         let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {
             skeleton

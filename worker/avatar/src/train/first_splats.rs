@@ -6,7 +6,7 @@ use super::hull::{Film, Seen, Shell, Sighting, carried};
 use super::people::TrainSubject;
 use crate::field::splats::FirstSplats;
 
-/// Standard deviations along the surface and across it, of the distance between splats.
+/// Standard deviations along the surface and across it, as shares of the distance between splats.
 const FLAT: [f64; 3] = [0.6, 0.6, 0.25];
 /// Cosine between normal and view above which a splat's pixel has its colour.
 const FACING: f32 = 0.3;

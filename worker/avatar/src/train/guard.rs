@@ -51,9 +51,7 @@ impl TrainState {
             .as_ref()
             .expect("the model is absent only during an update")
     }
-}
 
-impl TrainState {
     /// The model, to change it.
     ///
     /// # Panics

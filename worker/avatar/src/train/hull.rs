@@ -17,6 +17,16 @@ use yoto_capture::FrameImage;
 const FRAMES: usize = 50;
 /// Sum of the bones' Gaussians above which a point may belong to the body (docs/splats.md).
 const HALO: f64 = 0.05;
+/// Share of the frames that must show a point on the person. In the others, it may be outside the
+/// picture.
+const SHOWN: f64 = 0.1;
+/// Width of the first cells that are tried, and the least, metres.
+const CELLS: [f64; 2] = [0.02, 0.003];
+/// Most cells of the box.
+const MOST_CELLS: f64 = 3e7;
+/// Cells of [`CELLS`]'s first width on the shell of the smallest person: poses and masks of a smaller
+/// one do not agree.
+const FEWEST: usize = 100;
 /// Coverage from which a pixel shows the person.
 const COVERED: u8 = 100;
 /// Points along each bone that tell how exact poses and masks are.
@@ -73,7 +83,9 @@ impl<'a> Film<'a> {
                 image: &frame.image,
             })
         };
-        let frames = subject.frames.iter().step_by(stride).map(seen);
+        let somebody = |frame: &&TrainFrame| frame.image.mask.iter().any(|m| *m >= COVERED);
+        let frames = subject.frames.iter().step_by(stride);
+        let frames = frames.filter(somebody).map(seen);
         Ok(Self {
             subject,
             weights,
@@ -106,15 +118,15 @@ impl<'a> Film<'a> {
             .collect()
     }
 
-    /// Number of frames in which each of `points` is not on the person.
-    fn misses(&self, points: &[f32]) -> Vec<usize> {
-        let mut misses = vec![0; points.len() / 3];
+    /// In how many frames each of `points` is on the person and beside.
+    fn votes(&self, points: &[f32]) -> Vec<Votes> {
+        let mut votes = vec![Votes::default(); points.len() / 3];
         for frame in &self.frames {
-            for (misses, sighting) in misses.iter_mut().zip(self.sightings(points, frame)) {
-                *misses += usize::from(!frame.shows(sighting));
+            for (votes, sighting) in votes.iter_mut().zip(self.sightings(points, frame)) {
+                votes.add(frame, sighting);
             }
         }
-        misses
+        votes
     }
 
     /// Number of frames in which a point of the hull may be off the person: as many as most of the
@@ -133,7 +145,8 @@ impl<'a> Film<'a> {
             })
             .flatten()
             .collect();
-        let mut misses = self.misses(&points);
+        let votes = self.votes(&points).into_iter();
+        let mut misses: Vec<usize> = votes.map(|votes| votes.beside).collect();
         misses.sort_unstable();
         let most = (MOST_FORGIVEN * self.frames.len() as f64) as usize;
         let place = (BONES_INSIDE * misses.len().saturating_sub(1) as f64).round() as usize;
@@ -161,20 +174,22 @@ impl<'a> Film<'a> {
             .into_par_iter()
             .filter(|index| halo.at(cell(*index)) >= HALO)
             .collect();
-        let mut misses = vec![0usize; left.len()];
+        let mut votes = vec![Votes::default(); left.len()];
         for frame in &self.frames {
             let points: Vec<f32> = left
                 .iter()
                 .flat_map(|index| cell(*index).map(|v| v as f32))
                 .collect();
-            let sightings = self.sightings(&points, frame);
-            for (misses, sighting) in misses.iter_mut().zip(sightings) {
-                *misses += usize::from(!frame.shows(sighting));
+            for (votes, sighting) in votes.iter_mut().zip(self.sightings(&points, frame)) {
+                votes.add(frame, sighting);
             }
-            let mut kept = misses.iter().map(|misses| *misses <= forgiven);
+            let mut kept = votes.iter().map(|votes| votes.beside <= forgiven);
             left.retain(|_| kept.next().unwrap_or(false));
-            misses.retain(|misses| *misses <= forgiven);
+            votes.retain(|votes| votes.beside <= forgiven);
         }
+        let needed = ((SHOWN * self.frames.len() as f64).ceil() as usize).max(1);
+        let mut kept = votes.iter().map(|votes| votes.on >= needed);
+        left.retain(|_| kept.next().unwrap_or(false));
         let mut inside = vec![false; dims.iter().product()];
         for index in &left {
             inside[*index] = true;
@@ -188,11 +203,7 @@ impl<'a> Film<'a> {
             let at: [usize; 3] = std::array::from_fn(|a| place[a].wrapping_add_signed(offset[a]));
             (0..3).all(|a| at[a] < dims[a]) && inside[(at[2] * dims[1] + at[1]) * dims[0] + at[0]]
         };
-        let mut shell = Shell {
-            spacing,
-            points: Vec::new(),
-            normals: Vec::new(),
-        };
+        let mut shell = Shell::empty(spacing);
         for index in left {
             let beside = (0..6).map(|side| {
                 let mut offset = [0isize; 3];
@@ -208,34 +219,58 @@ impl<'a> Film<'a> {
         shell
     }
 
-    /// A shell with at least `count` cells, and not many more; none of fewer where the hull is empty.
+    /// A shell with at least `count` cells and not many more, or the finest that is allowed; without
+    /// cells where poses and masks do not agree.
     pub fn shell_of(&self, count: usize) -> Shell {
-        /// Width of the first cells, metres.
-        const FIRST: f64 = 0.02;
         /// Most shells that are tried.
         const ROUNDS: usize = 6;
-        /// Cells that are asked for, of those needed.
+        /// Cells that are asked for, as a multiple of those needed.
         const SURPLUS: f64 = 1.1;
+        let grid = &self.subject.body.grid;
+        let volume: f64 = (0..3)
+            .map(|a| f64::from(grid.max[a] - grid.min[a]))
+            .product();
+        let [first, least] = CELLS.map(|width| width.max((volume / MOST_CELLS).cbrt()));
         let forgiven = self.forgiven();
-        let mut shell = self.shell(FIRST, forgiven);
+        let mut shell = self.shell(first, forgiven);
+        if shell.normals.len() < FEWEST {
+            return Shell::empty(first);
+        }
         for _ in 0..ROUNDS {
             let found = shell.normals.len();
-            if found == 0 || found >= count {
+            if found >= count || shell.spacing <= least {
                 break;
             }
             // A surface has cells as the inverse square of their width.
             let finer = shell.spacing * (found as f64 / (SURPLUS * count as f64)).sqrt();
-            shell = self.shell(finer, forgiven);
+            let next = self.shell(finer.max(least), forgiven);
+            if next.normals.len() <= found {
+                break;
+            }
+            shell = next;
         }
         shell
     }
 }
 
-impl Seen<'_> {
-    /// Whether a point is on the person.
-    fn shows(&self, sighting: Sighting) -> bool {
-        let coverage = sighting.pixel.map(|pixel| self.image.mask[pixel]);
-        coverage.is_some_and(|coverage| coverage >= COVERED)
+/// In how many frames a point is where.
+#[derive(Clone, Copy, Default)]
+struct Votes {
+    /// On the person.
+    on: usize,
+    /// In the picture, beside the person.
+    beside: usize,
+}
+
+impl Votes {
+    /// Counts a frame. One that does not contain the point says nothing.
+    fn add(&mut self, frame: &Seen<'_>, sighting: Sighting) {
+        let coverage = sighting.pixel.map(|pixel| frame.image.mask[pixel]);
+        match coverage {
+            Some(COVERED..) => self.on += 1,
+            Some(_) => self.beside += 1,
+            None => {}
+        }
     }
 }
 
@@ -247,6 +282,16 @@ pub(super) struct Shell {
     pub points: Vec<f32>,
     /// `[N]` unit normals, outward.
     pub normals: Vec<[f32; 3]>,
+}
+
+impl Shell {
+    fn empty(spacing: f64) -> Self {
+        Self {
+            spacing,
+            points: Vec::new(),
+            normals: Vec::new(),
+        }
+    }
 }
 
 /// The mean direction of the cells outside, among those within two cells; up where there is none.

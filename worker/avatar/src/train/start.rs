@@ -13,7 +13,7 @@ use super::trainer::Trainer;
 use super::whole_picture::OBJECTIVE;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, ModelConfig, Numerics, Refine};
+use crate::config::{ConfigError, ModelConfig, Numerics, Refine, Variant};
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
 use burn::tensor::Device;
@@ -32,7 +32,7 @@ impl Trainer {
     ) -> Result<Self, TrainError> {
         config.check()?;
         let (slots, joints) = check_people(&people)?;
-        let device = device.clone().inner().autodiff();
+        let device = config.device(&device.clone().inner())?.autodiff();
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
         let saved = ModelState::new(config.clone(), joints, options.seed, vec![None; slots]);
         let state = TrainState::new(avatar, optimiser(&config));
@@ -40,7 +40,7 @@ impl Trainer {
     }
 
     /// Continues from a checkpoint of [`Self::save`] in `dir`, with the checkpoint's seed. People in
-    /// slots that the checkpoint lacks start with new codes, tables and residuals.
+    /// slots that the checkpoint lacks start with new codes, tables, splats and residuals.
     ///
     /// # Errors
     /// If files are missing or damaged, or the people don't fit the model.
@@ -58,7 +58,7 @@ impl Trainer {
                 saved.joints
             )));
         }
-        let device = device.clone().inner().autodiff();
+        let device = saved.config.device(&device.clone().inner())?.autodiff();
         let mut state = TrainState::new(
             checkpoint::load_avatar(dir, &saved, slots, &device)?,
             checkpoint::load_optimiser(dir, optimiser(&saved.config))?,
@@ -87,7 +87,6 @@ impl Trainer {
         mut state: TrainState,
         device: Device,
     ) -> Result<Self, TrainError> {
-        saved.config.check_device(&device)?;
         if let Some(who) = options.refine_poses {
             saved.config.refinement.who = who;
             saved.config.check()?;
@@ -126,10 +125,14 @@ impl Trainer {
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
-            let known = slots[person.slot].is_some();
+            let own = Avatar::own_slot(&saved.config, person.slot);
+            let known = match saved.config.variant {
+                Variant::NoIdentity => slots.iter().any(Option::is_some),
+                _ => slots[person.slot].is_some(),
+            };
             if let (Some(splats), false) = (&saved.config.splats, known) {
                 let first = first_splats(&subject, splats.count)?;
-                state.avatar_mut().place_splats(person.slot, &first);
+                state.avatar_mut().place_splats(own, &first);
             }
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
@@ -147,7 +150,7 @@ impl Trainer {
             &device,
         )?;
         if saved.config.splats.is_some() && options.lpips.is_some() {
-            tracing::warn!(objective = OBJECTIVE, "splats learn without LPIPS");
+            notes.push("splats learn without LPIPS".to_owned());
         }
         let progress = TrainProgress {
             objective: match saved.config.splats {

@@ -13,7 +13,7 @@ use yoto_capture::{FrameImage, mask_box};
 
 /// Name of the objective in reports.
 pub(super) const OBJECTIVE: &str = "l1+ssim";
-/// Colours are compared this much around the person, of the picture's width.
+/// Colours are compared in the person's box and this part of the picture's width around it.
 const MARGIN: usize = 32;
 
 /// The loss of a frame, `[1]`, and its terms; `None` if the model has a field.
@@ -24,6 +24,7 @@ pub(super) fn loss_of_picture(
     camera: &Camera,
 ) -> Option<(Tensor<1>, Vec<LossTerm>)> {
     let Scene { config, body, .. } = *scene;
+    config.splats.as_ref()?;
     let splats = trace_span!("pose").in_scope(|| {
         let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
         avatar.posed_splats(config, body, &posed)

@@ -1,7 +1,7 @@
 //! Time of one training step, stage by stage, on this machine.
 //!
 //! The captures are synthetic, so that anyone can run the same measurement. All parts of the model
-//! are active from the first step on, regardless of their kick-in.
+//! are active from the first step on, regardless of their kick-in, unless they never are.
 
 mod forms;
 mod stages;
@@ -131,7 +131,10 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
         Timed::Tier(tier) => ModelConfig::named(tier, "yoto")?.with(&options.settings)?,
         Timed::Form(form) => form.config(&options.settings)?,
     };
-    config.schedule = config.schedule.all_at_once();
+    // The non-rigid field never moves splats.
+    if config.splats.is_none() {
+        config.schedule = config.schedule.all_at_once();
+    }
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;
     let device = yoto_device::pick().device;

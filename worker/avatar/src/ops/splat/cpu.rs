@@ -1,13 +1,13 @@
 //! Splatting on CPU threads: splats in parallel, then tiles in parallel. Gradients are summed in the
 //! order of the tiles, whatever the number of threads.
 
-use super::flat::{Flat, FlatGradient, Splat, flatten, unflatten};
+use super::flat::{Flat, FlatGradient, Splat, SplatGradient, flatten, unflatten};
 use super::light::LIGHTS;
 use super::raster::{Blend, Tile, Unblend};
 use super::tiles::{AREA, SIDE, Tiles};
 use super::{Sight, SplatOps};
 use crate::ops::flex::tensor;
-use crate::ops::form::Form;
+use crate::ops::form::{Form, Work};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
 use rayon::prelude::*;
 
@@ -57,8 +57,47 @@ impl<'a> Numbers<'a> {
         let light = self.light();
         let splats = (0..self.count()).into_par_iter().with_min_len(BLOCK);
         splats
-            .map(|i| flatten(&self.splat(i), &light, sight))
+            .map(|i| {
+                Form::best().run(Flatten {
+                    splat: self.splat(i),
+                    light: &light,
+                    sight,
+                })
+            })
             .collect()
+    }
+}
+
+/// [`flatten`] of a splat.
+struct Flatten<'a> {
+    splat: Splat<'a>,
+    light: &'a [[f32; LIGHTS]; 3],
+    sight: &'a Sight,
+}
+
+impl Work for Flatten<'_> {
+    type Output = Flat;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> Flat {
+        flatten(&self.splat, self.light, self.sight)
+    }
+}
+
+/// [`unflatten`] of a splat.
+struct Unflatten<'a> {
+    splat: Splat<'a>,
+    light: &'a [[f32; LIGHTS]; 3],
+    sight: &'a Sight,
+    to: &'a FlatGradient,
+}
+
+impl Work for Unflatten<'_> {
+    type Output = SplatGradient;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> SplatGradient {
+        unflatten(&self.splat, self.light, self.sight, self.to)
     }
 }
 
@@ -147,7 +186,15 @@ fn backward(numbers: &Numbers<'_>, picture: &[f32], grad: &[f32], sight: &Sight)
         .with_min_len(BLOCK)
         .map(|i| {
             let seen = flats[i].opacity > 0.0;
-            seen.then(|| unflatten(&numbers.splat(i), &light, sight, &to_flats[i]))
+            let splat = numbers.splat(i);
+            seen.then(|| {
+                Form::best().run(Unflatten {
+                    splat,
+                    light: &light,
+                    sight,
+                    to: &to_flats[i],
+                })
+            })
         })
         .collect();
     let n = numbers.count();

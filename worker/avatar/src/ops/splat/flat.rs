@@ -94,30 +94,45 @@ struct Lifted {
     conic: Vec3,
 }
 
+#[inline(always)]
+fn dot(a: Vec3, b: Vec3) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Column `c` of a matrix.
+#[inline(always)]
+fn column(m: &Mat3, c: usize) -> Vec3 {
+    [m[0][c], m[1][c], m[2][c]]
+}
+
+/// Row `r` of the linear part of a 3x4 transform.
+#[inline(always)]
+fn row(t: &[f32; 12], r: usize) -> Vec3 {
+    [t[4 * r], t[4 * r + 1], t[4 * r + 2]]
+}
+
+#[inline(always)]
 fn logistic(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
 }
 
+#[inline(always)]
 fn lift(splat: &Splat<'_>, sight: &Sight) -> Lifted {
     let t = splat.transform;
     let place: [[f32; 4]; 3] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let moved: f32 = (0..3).map(|c| sight.e[i][c] * t[4 * c + j]).sum();
-            if j == 3 { moved + sight.e[i][3] } else { moved }
-        })
+        let [a, b, c, shift] = sight.e[i];
+        let moved = |j: usize| a * t[j] + b * t[4 + j] + c * t[8 + j];
+        [moved(0), moved(1), moved(2), moved(3) + shift]
     });
-    let mean = splat.mean;
-    let at: Vec3 = std::array::from_fn(|i| {
-        place[i][0] * mean[0] + place[i][1] * mean[1] + place[i][2] * mean[2] + place[i][3]
-    });
-    let length = splat.turn.iter().map(|q| q * q).sum::<f32>().sqrt();
+    let linear: Mat3 = place.map(|[a, b, c, _]| [a, b, c]);
+    let at: Vec3 = std::array::from_fn(|i| dot(linear[i], *splat.mean) + place[i][3]);
+    let [a, b, c, d] = *splat.turn;
+    let length = (a * a + b * b + c * c + d * d).sqrt();
     let unit = splat.turn.map(|q| q / length.max(f32::MIN_POSITIVE));
     let turn = rotation(unit);
     let deviations = splat.scale.map(f32::exp);
     let axes: Mat3 = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            deviations[j] * (0..3).map(|c| place[i][c] * turn[c][j]).sum::<f32>()
-        })
+        std::array::from_fn(|j| deviations[j] * dot(linear[i], column(&turn, j)))
     });
     let ([x, y, _], z) = (at, at[2].max(NEAR));
     let [[fx, skew, _], [_, fy, _]] = sight.k;
@@ -125,21 +140,16 @@ fn lift(splat: &Splat<'_>, sight: &Sight) -> Lifted {
         [fx / z, skew / z, -(fx * x + skew * y) / (z * z)],
         [0.0, fy / z, -fy * y / (z * z)],
     ];
-    let flat: [Vec3; 2] = std::array::from_fn(|i| {
-        std::array::from_fn(|k| (0..3).map(|c| jacobian[i][c] * axes[c][k]).sum())
-    });
-    let product = |a: usize, b: usize| (0..3).map(|k| flat[a][k] * flat[b][k]).sum::<f32>();
-    let (xx, xy, yy) = (
-        product(0, 0) + LOW_PASS,
-        product(0, 1),
-        product(1, 1) + LOW_PASS,
-    );
+    let flat: [Vec3; 2] =
+        std::array::from_fn(|i| std::array::from_fn(|k| dot(jacobian[i], column(&axes, k))));
+    let xx = dot(flat[0], flat[0]) + LOW_PASS;
+    let xy = dot(flat[0], flat[1]);
+    let yy = dot(flat[1], flat[1]) + LOW_PASS;
     let determinant = (xx * yy - xy * xy).max(MIN_DETERMINANT);
-    let normal: Vec3 = std::array::from_fn(|i| (0..3).map(|c| t[4 * i + c] * turn[c][2]).sum());
-    let normal_length = normal.iter().map(|v| v * v).sum::<f32>().sqrt().max(1e-6);
-    let world = std::array::from_fn(|i| {
-        (0..3).map(|c| sight.world[i][c] * normal[c]).sum::<f32>() / normal_length
-    });
+    let outward = column(&turn, 2);
+    let normal: Vec3 = std::array::from_fn(|i| dot(row(t, i), outward));
+    let normal_length = dot(normal, normal).sqrt().max(1e-6);
+    let world = sight.world.map(|row| dot(row, normal) / normal_length);
     Lifted {
         place,
         at,
@@ -158,12 +168,20 @@ fn lift(splat: &Splat<'_>, sight: &Sight) -> Lifted {
 }
 
 /// Factors of the light on each colour channel.
+#[inline(always)]
 fn shades(light: &[[f32; LIGHTS]; 3], world: Vec3) -> Vec3 {
     let terms = terms(world);
-    light.map(|light| 1.0 + light.iter().zip(&terms).map(|(l, t)| l * t).sum::<f32>())
+    light.map(|light| {
+        let mut shade = 1.0;
+        for (light, term) in light.iter().zip(&terms) {
+            shade += light * term;
+        }
+        shade
+    })
 }
 
 /// The splat in the picture.
+#[inline(always)]
 pub(super) fn flatten(splat: &Splat<'_>, light: &[[f32; LIGHTS]; 3], sight: &Sight) -> Flat {
     let opacity = logistic(splat.opacity);
     let lifted = lift(splat, sight);
@@ -190,6 +208,7 @@ pub(super) fn flatten(splat: &Splat<'_>, light: &[[f32; LIGHTS]; 3], sight: &Sig
 }
 
 /// The gradient to a visible splat, from that `to` its form in the picture.
+#[inline(always)]
 pub(super) fn unflatten(
     splat: &Splat<'_>,
     light: &[[f32; LIGHTS]; 3],
@@ -209,46 +228,45 @@ pub(super) fn unflatten(
     };
     let to_normal = pull_light(splat, light, sight, &lifted, to, &mut found);
     let to_flat = pull_conic(&lifted, to);
+    let to_at = pull_projection(&lifted, sight, to, &to_flat);
     // J: rows of the picture, columns of the camera.
     let to_axes: Mat3 = std::array::from_fn(|c| {
-        std::array::from_fn(|k| (0..2).map(|i| lifted.jacobian[i][c] * to_flat[i][k]).sum())
+        let (across, down) = (lifted.jacobian[0][c], lifted.jacobian[1][c]);
+        std::array::from_fn(|k| across * to_flat[0][k] + down * to_flat[1][k])
     });
-    let to_at = pull_projection(&lifted, sight, to, &to_flat);
     let (mean, turn, deviations) = (splat.mean, &lifted.turn, lifted.deviations);
     // To E A, then to A; and to R S.
+    let scaled: Mat3 = turn.map(|row| std::array::from_fn(|k| row[k] * deviations[k]));
     let to_place: [[f32; 4]; 3] = std::array::from_fn(|a| {
-        std::array::from_fn(|b| match b {
-            3 => to_at[a],
-            _ => {
-                let by_axes: f32 = (0..3)
-                    .map(|k| to_axes[a][k] * turn[b][k] * deviations[k])
-                    .sum();
-                to_at[a] * mean[b] + by_axes
-            }
-        })
+        let linear = |b: usize| to_at[a] * mean[b] + dot(to_axes[a], scaled[b]);
+        [linear(0), linear(1), linear(2), to_at[a]]
     });
-    found.transform = std::array::from_fn(|i| {
-        let (row, column) = (i / 4, i % 4);
-        let placed: f32 = (0..3).map(|a| sight.e[a][row] * to_place[a][column]).sum();
-        match turn.get(column) {
-            Some(axes) => placed + to_normal[row] * axes[2],
-            None => placed,
+    for (r, to_row) in found
+        .transform
+        .as_chunks_mut::<4>()
+        .0
+        .iter_mut()
+        .enumerate()
+    {
+        let e = [sight.e[0][r], sight.e[1][r], sight.e[2][r]];
+        for (b, to) in to_row.iter_mut().enumerate() {
+            *to = dot(e, [to_place[0][b], to_place[1][b], to_place[2][b]]);
         }
-    });
-    found.mean = std::array::from_fn(|b| (0..3).map(|a| lifted.place[a][b] * to_at[a]).sum());
-    let to_scaled: Mat3 = std::array::from_fn(|b| {
-        std::array::from_fn(|k| (0..3).map(|a| lifted.place[a][b] * to_axes[a][k]).sum())
-    });
-    for k in 0..3 {
-        let along: f32 = (0..3).map(|b| to_scaled[b][k] * turn[b][k]).sum();
-        found.scale[k] = deviations[k] * along;
+        for (to, axes) in to_row.iter_mut().zip(turn) {
+            *to += to_normal[r] * axes[2];
+        }
     }
-    let mut to_turn: Mat3 =
-        std::array::from_fn(|b| std::array::from_fn(|k| to_scaled[b][k] * deviations[k]));
-    for (b, row) in to_turn.iter_mut().enumerate() {
-        row[2] += (0..3)
-            .map(|c| splat.transform[4 * c + b] * to_normal[c])
-            .sum::<f32>();
+    let linear: Mat3 = lifted.place.map(|[a, b, c, _]| [a, b, c]);
+    found.mean = std::array::from_fn(|b| dot(column(&linear, b), to_at));
+    let to_scaled: Mat3 = std::array::from_fn(|b| {
+        std::array::from_fn(|k| dot(column(&linear, b), column(&to_axes, k)))
+    });
+    found.scale =
+        std::array::from_fn(|k| deviations[k] * dot(column(&to_scaled, k), column(turn, k)));
+    let mut to_turn: Mat3 = to_scaled.map(|row| std::array::from_fn(|k| row[k] * deviations[k]));
+    let t = splat.transform;
+    for (b, to_row) in to_turn.iter_mut().enumerate() {
+        to_row[2] += dot([t[b], t[4 + b], t[8 + b]], to_normal);
     }
     found.turn = pull_rotation(&lifted, &to_turn);
     found
@@ -256,6 +274,7 @@ pub(super) fn unflatten(
 
 /// Gradients to colour and light, and to the normal in the body frame before its length is 1, which
 /// is returned.
+#[inline(always)]
 fn pull_light(
     splat: &Splat<'_>,
     light: &[[f32; LIGHTS]; 3],
@@ -275,14 +294,14 @@ fn pull_light(
         }
     }
     let to_world = pull(lifted.world, to_terms);
-    let turned: Vec3 =
-        std::array::from_fn(|c| (0..3).map(|i| sight.world[i][c] * to_world[i]).sum());
+    let turned: Vec3 = std::array::from_fn(|c| dot(column(&sight.world, c), to_world));
     let unit = lifted.normal.map(|v| v / lifted.normal_length);
-    let along: f32 = (0..3).map(|c| turned[c] * unit[c]).sum();
+    let along = dot(turned, unit);
     std::array::from_fn(|c| (turned[c] - along * unit[c]) / lifted.normal_length)
 }
 
 /// Gradient to J E A R S, from that to the inverse of its square: dΣ = −Σ⁻¹ d(Σ⁻¹) Σ⁻¹.
+#[inline(always)]
 fn pull_conic(lifted: &Lifted, to: &FlatGradient) -> [Vec3; 2] {
     let [xx, xy, yy] = lifted.conic;
     let conic = [[xx, xy], [xy, yy]];
@@ -291,40 +310,36 @@ fn pull_conic(lifted: &Lifted, to: &FlatGradient) -> [Vec3; 2] {
         [to.conic[1] / 2.0, to.conic[2]],
     ];
     let product = |a: [[f32; 2]; 2], b: [[f32; 2]; 2]| -> [[f32; 2]; 2] {
-        std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
+        a.map(|[x, y]| [x * b[0][0] + y * b[1][0], x * b[0][1] + y * b[1][1]])
     };
     let to_covariance = product(product(conic, to_conic), conic);
-    std::array::from_fn(|i| {
-        std::array::from_fn(|k| {
-            -2.0 * (to_covariance[i][0] * lifted.flat[0][k]
-                + to_covariance[i][1] * lifted.flat[1][k])
-        })
+    to_covariance.map(|[x, y]| {
+        std::array::from_fn(|k| -2.0 * (x * lifted.flat[0][k] + y * lifted.flat[1][k]))
     })
 }
 
 /// Gradient to the place in the camera's frame, through the centre and the Jacobian.
+#[inline(always)]
 fn pull_projection(lifted: &Lifted, sight: &Sight, to: &FlatGradient, to_flat: &[Vec3; 2]) -> Vec3 {
-    let to_jacobian = |i: usize, c: usize| {
-        (0..3)
-            .map(|k| to_flat[i][k] * lifted.axes[c][k])
-            .sum::<f32>()
-    };
+    let to_jacobian = |i: usize, c: usize| dot(to_flat[i], lifted.axes[c]);
     let [[fx, skew, _], [_, fy, _]] = sight.k;
     let ([x, y, _], z) = (lifted.at, lifted.at[2].max(NEAR));
     let [u, v] = to.centre;
     let across = fx * x + skew * y;
     let z2 = z * z;
+    let (by_across, by_down) = (to_jacobian(0, 2), to_jacobian(1, 2));
     [
-        u * fx / z - to_jacobian(0, 2) * fx / z2,
-        u * skew / z + v * fy / z - to_jacobian(0, 2) * skew / z2 - to_jacobian(1, 2) * fy / z2,
+        u * fx / z - by_across * fx / z2,
+        u * skew / z + v * fy / z - by_across * skew / z2 - by_down * fy / z2,
         -(u * across + v * fy * y) / z2
             - (to_jacobian(0, 0) * fx + to_jacobian(0, 1) * skew + to_jacobian(1, 1) * fy) / z2
-            + 2.0 * (to_jacobian(0, 2) * across + to_jacobian(1, 2) * fy * y) / (z2 * z),
+            + 2.0 * (by_across * across + by_down * fy * y) / (z2 * z),
     ]
 }
 
 /// The rotation of a unit quaternion, real part first.
-pub(super) fn rotation([w, x, y, z]: [f32; 4]) -> Mat3 {
+#[inline(always)]
+fn rotation([w, x, y, z]: [f32; 4]) -> Mat3 {
     [
         [
             1.0 - 2.0 * (y * y + z * z),
@@ -345,6 +360,7 @@ pub(super) fn rotation([w, x, y, z]: [f32; 4]) -> Mat3 {
 }
 
 /// Gradient to a quaternion of any length, from that to its rotation.
+#[inline(always)]
 fn pull_rotation(lifted: &Lifted, to: &Mat3) -> [f32; 4] {
     let [w, x, y, z] = lifted.unit;
     let to_unit = [
@@ -357,7 +373,7 @@ fn pull_rotation(lifted: &Lifted, to: &Mat3) -> [f32; 4] {
             - 2.0 * z * (to[0][0] + to[1][1]),
     ]
     .map(|v| 2.0 * v);
-    let along: f32 = to_unit.iter().zip(lifted.unit).map(|(g, u)| g * u).sum();
+    let along = to_unit[0] * w + to_unit[1] * x + to_unit[2] * y + to_unit[3] * z;
     let length = lifted.length.max(f32::MIN_POSITIVE);
     std::array::from_fn(|k| (to_unit[k] - along * lifted.unit[k]) / length)
 }

@@ -1,6 +1,6 @@
 //! Pictures of Gaussians on a posed body's surface (3D Gaussian splatting, Kerbl and others,
-//! arXiv 2308.04079, with the flat form of a splat that light needs): each is carried to its place by
-//! a transform of its own, projected, and blended near to far.
+//! arXiv 2308.04079): each is carried to its place by a transform of its own, projected, and blended
+//! near to far.
 //!
 //! A splat's covariance in the picture is J A R S Sᵀ Rᵀ Aᵀ Jᵀ + [`LOW_PASS`], of the projection's
 //! Jacobian J, the linear part A of its transform, its turn R and its scales S. Its opacity at a pixel
@@ -22,11 +22,11 @@ use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use light::LIGHTS;
 
-/// Variance that a pixel's area adds to a splat's, square pixels: about that of a square's side.
+/// Variance that a pixel's area adds to a splat's, square pixels: about the 1/12 of a square.
 pub const LOW_PASS: f32 = 0.1;
 /// Largest opacity of a splat at a pixel (3DGS), so that what is behind still has gradients.
 pub const MOST: f32 = 0.99;
-/// Smallest opacity of a splat at a pixel (3DGS): half a step of 8-bit colour.
+/// Smallest opacity of a splat at a pixel (3DGS): a step of 8-bit colour.
 pub const LEAST: f32 = 1.0 / 255.0;
 /// Nearest distance from the camera, metres.
 pub const NEAR: f32 = 0.05;

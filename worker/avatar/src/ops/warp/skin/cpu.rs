@@ -132,7 +132,14 @@ fn backward(
         .zip(pulled.par_chunks_mut(BLOCK))
         .enumerate()
         .map(|(block, ((at, grad), to_points))| {
-            visits(&skinning, bones.len(), block * BLOCK, at, grad, to_points)
+            Form::best().run(Visited {
+                skinning: &skinning,
+                bones: bones.len(),
+                first: block * BLOCK,
+                points: at,
+                grad,
+                to_points,
+            })
         })
         .collect();
 
@@ -165,23 +172,56 @@ fn backward(
     }
 }
 
-/// The visits of a block of points, and the gradients to these. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the
-/// derivative to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
-fn visits(
-    skinning: &Skinning<'_>,
+/// The visits of a block of points.
+struct Visited<'s, 'a> {
+    skinning: &'s Skinning<'a>,
     bones: usize,
     first: usize,
-    points: &[[f32; 3]],
-    grad: &[[f32; 12]],
-    to_points: &mut [[f32; 3]],
-) -> Visits {
+    points: &'s [[f32; 3]],
+    grad: &'s [[f32; 12]],
+    to_points: &'s mut [[f32; 3]],
+}
+
+impl Work for Visited<'_, '_> {
+    type Output = Visits;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> Visits {
+        visits::<FMA>(self)
+    }
+}
+
+/// The product of all numbers of two transforms.
+#[inline(always)]
+fn dot(a: &[f32; 12], b: &[f32; 12]) -> f32 {
+    let mut sums = [0f32; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        for lane in 0..4 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// The visits of a block of points, and the gradients to these. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the
+/// derivative to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
+#[inline(always)]
+fn visits<const FMA: bool>(block: Visited<'_, '_>) -> Visits {
+    let Visited {
+        skinning,
+        bones,
+        first,
+        points,
+        grad,
+        to_points,
+    } = block;
     let mut visits: Visits = (0..bones).map(|_| Vec::new()).collect();
     for (i, ((at, grad), to_point)) in points.iter().zip(grad).zip(to_points).enumerate() {
         if *grad == [0.0; 12] {
             continue;
         }
         let point = (first + i) as u32;
-        let blended = skinning.cell(*at).zip(skinning.blend::<false>(*at));
+        let blended = skinning.cell(*at).zip(skinning.blend::<FMA>(*at));
         let Some((cell, blend)) = blended else {
             visits[0].push(Visit {
                 point,
@@ -190,10 +230,9 @@ fn visits(
             });
             continue;
         };
-        let dot = |t: &[f32; 12]| grad.iter().zip(t).map(|(g, t)| g * t).sum::<f32>();
-        let mean = dot(&blend.transform);
-        skinning.each_weight::<false>(&cell, |bone, weight| {
-            let to_weight = (dot(&skinning.forward[bone]) - mean) / blend.sum;
+        let mean = dot(grad, &blend.transform);
+        skinning.each_weight::<FMA>(&cell, |bone, weight| {
+            let to_weight = (dot(grad, &skinning.forward[bone]) - mean) / blend.sum;
             let slope = skinning.slope(bone, &cell);
             for (to, slope) in to_point.iter_mut().zip(slope) {
                 *to += to_weight * slope;
