@@ -148,12 +148,15 @@ fn lines(precision: &str, times: &StepTimes) -> String {
         let share = 100.0 * seconds / times.step_seconds;
         text += &format!("{indent}{name:<20} {seconds:>9.4} s {share:>5.1} %\n");
     }
-    text += &format!(
-        "  samples {} placed, {:.0} evaluated ({:.1} %)\n",
-        times.samples,
-        times.live_samples,
-        100.0 * times.live_samples / times.samples.max(1) as f64
-    );
+    // Splats are not sampled along rays.
+    if times.samples > 0 {
+        text += &format!(
+            "  samples {} placed, {:.0} evaluated ({:.1} %)\n",
+            times.samples,
+            times.live_samples,
+            100.0 * times.live_samples / times.samples as f64
+        );
+    }
     if let Some(seconds) = times.frame_seconds {
         text += &format!("  frame {seconds:.3} s\n");
     }
