@@ -13,7 +13,10 @@ impl ModelConfig {
     /// Names the first field that the device does not support.
     pub(crate) fn device(&self, device: &Device) -> Result<Device, ConfigError> {
         let device = match self.splats {
-            Some(_) if !on_cpu(device) => Device::flex(),
+            Some(_) if !on_cpu(device) => {
+                tracing::warn!("splats run on the CPU: the GPU stays idle");
+                Device::flex()
+            }
             _ => device.clone(),
         };
         check_device(self.precision, &device)?;
