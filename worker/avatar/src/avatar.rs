@@ -14,6 +14,7 @@ use crate::motion::released;
 use crate::motion::weights::MotionWeights;
 use crate::ops::hash::HashGrid;
 use crate::ops::{splat, warp};
+use crate::render::RenderError;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use yoto_capture::camera::Pose;
@@ -306,7 +307,16 @@ impl Avatar {
         })
     }
 
-    /// Replaces the splats of the identity in `slot` by those of somebody who was not trained yet.
+    /// Whether no splat of the identity in `slot` is hidden ([`FirstSplats::and_hidden`]).
+    pub(crate) fn shows_all_splats(&self, slot: usize) -> Result<bool, RenderError> {
+        match self.splats.get(slot) {
+            Some(splats) => splats.shows_all(),
+            None => Ok(true),
+        }
+    }
+
+    /// Replaces the splats and the light of the identity in `slot` by those at the start of a
+    /// training.
     pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
         let device = self.device();
         // Nothing is drawn, so any seed will do.

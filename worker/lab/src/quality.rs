@@ -14,7 +14,7 @@ use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Refine, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums};
@@ -75,11 +75,6 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         config = config.shared(sharing)?;
     }
     config = config.with(&options.settings)?;
-    ensure!(
-        config.splats.is_none() || !options.fit_poses,
-        "--fit-poses: poses can't be fitted with splats (tier {})",
-        options.tier
-    );
     let protocol = Protocol::named(HELD_OUT)?;
     let mut recordings = captures::read_films(
         &options.captures,

@@ -1,6 +1,6 @@
 //! Validation of configurations.
 
-use super::{ConfigError, Encoding, ModelConfig, MotionForm, Numerics, Refine, Sharing, Variant};
+use super::{ConfigError, Encoding, ModelConfig, MotionForm, Numerics, Sharing, Variant};
 use crate::ops::mlp::check_device;
 use crate::ops::on_cpu;
 use burn::tensor::Device;
@@ -153,12 +153,6 @@ impl ModelConfig {
             }
             if self.numerics == Numerics::Reference {
                 return fail("numerics", "must be sound for splats");
-            }
-            if self.refinement.who != Refine::Never {
-                return fail(
-                    "refinement.who",
-                    "must be never for splats: their poses are not refined",
-                );
             }
         }
         self.refinement.check()?;

@@ -135,18 +135,10 @@ fn grid_tier(
 /// The tier `fast` with splats in place of its field (docs/splats.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
-    config.splats = Some(SplatConfig {
-        count: 20_000,
-        mean_rate: 1e-3,
-        turn_rate: 1e-2,
-        scale_rate: 1e-2,
-        opacity_rate: 5e-2,
-        colour_rate: 8e-3,
-        light_rate: 5e-3,
-    });
+    config.splats = Some(SplatConfig::default());
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
-    config.refinement.who = Refine::Never;
+    config.refinement.noise = 0.08;
     // A minute's training gains nothing by it (docs/splats.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;

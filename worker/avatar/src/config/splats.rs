@@ -7,9 +7,17 @@ use serde::{Deserialize, Serialize};
 /// 1 − λ of the mean absolute difference and λ of 1 − SSIM, of which λ is
 /// [`OptimiseConfig::ssim_weight`](super::OptimiseConfig::ssim_weight).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct SplatConfig {
     /// Number per person.
     pub count: usize,
+    /// Number at first, if there are as many, where poses are refined: few large ones fit inexact
+    /// poses better than many small ones.
+    pub coarse: usize,
+    /// Where poses are refined: share of the run after which as many are placed again.
+    pub coarse_again: f64,
+    /// Where poses are refined: share of the run after which all are placed.
+    pub all: f64,
     /// Learning rate of the places, metres.
     pub mean_rate: f64,
     /// Learning rate of the quaternions.
@@ -24,7 +32,30 @@ pub struct SplatConfig {
     pub light_rate: f64,
 }
 
+impl Default for SplatConfig {
+    /// Chosen by experiment (docs/splats.md).
+    fn default() -> Self {
+        Self {
+            count: 20_000,
+            coarse: 4_000,
+            coarse_again: 0.3,
+            all: 0.6,
+            mean_rate: 1e-3,
+            turn_rate: 1e-2,
+            scale_rate: 1e-2,
+            opacity_rate: 5e-2,
+            colour_rate: 8e-3,
+            light_rate: 5e-3,
+        }
+    }
+}
+
 impl SplatConfig {
+    /// Number at first, where poses are refined.
+    pub(crate) fn first_count(&self) -> usize {
+        self.coarse.min(self.count)
+    }
+
     /// Checks all fields.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         let fail = |field, message: &str| {
@@ -35,6 +66,20 @@ impl SplatConfig {
         };
         if !(64..=1 << 20).contains(&self.count) {
             return fail("splats.count", "must be 64 to 1,048,576");
+        }
+        if self.coarse < 64 {
+            return fail("splats.coarse", "must be at least 64");
+        }
+        for (field, share) in [
+            ("splats.coarse_again", self.coarse_again),
+            ("splats.all", self.all),
+        ] {
+            if !(0.0..1.0).contains(&share) {
+                return fail(field, "must be at least 0 and less than 1");
+            }
+        }
+        if self.coarse_again > self.all {
+            return fail("splats.coarse_again", "must be at most splats.all");
         }
         for (field, rate) in [
             ("splats.mean_rate", self.mean_rate),

@@ -3,6 +3,8 @@
 
 use crate::init::Initial;
 use crate::ops::splat::light::LIGHTS;
+use crate::render::RenderError;
+use crate::render::frame::read;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 
@@ -32,24 +34,48 @@ pub(crate) struct FirstSplats {
     pub turns: Vec<f32>,
     /// `[N, 3]`.
     pub scales: Vec<f32>,
+    /// `[N]`, logits.
+    pub opacities: Vec<f32>,
     /// `[N, 3]`.
     pub colours: Vec<f32>,
 }
 
+/// Logit of the opacity of splats that are not drawn.
+const HIDDEN: f32 = -20.0;
+
 impl FirstSplats {
+    /// These, and others behind them that are not drawn, `count` in all.
+    pub fn and_hidden(mut self, count: usize) -> Self {
+        let hidden = Self::of_nobody(count - self.opacities.len());
+        self.means.extend(hidden.means);
+        self.turns.extend(hidden.turns);
+        self.scales.extend(hidden.scales);
+        self.opacities.resize(count, HIDDEN);
+        self.colours.extend(hidden.colours);
+        self
+    }
+
     /// `count` splats of nobody yet, all at one place.
     pub fn of_nobody(count: usize) -> Self {
         Self {
             means: vec![0.0; 3 * count],
             turns: [1.0, 0.0, 0.0, 0.0].repeat(count),
             scales: vec![-5.0; 3 * count],
+            opacities: vec![0.0; count],
             colours: vec![0.5; 3 * count],
         }
     }
 }
 
 impl Splats {
-    /// The splats of the person in `slot`, with even opacities and no light.
+    /// Whether none is hidden.
+    pub(crate) fn shows_all(&self) -> Result<bool, RenderError> {
+        let opacities = read(self.opacities.val().detach())?;
+        // Hidden ones never learn, so that they keep theirs exactly.
+        Ok(opacities.iter().all(|logit| *logit != HIDDEN))
+    }
+
+    /// The splats of the person in `slot`, without light.
     pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats) -> Self {
         let count = first.means.len() / 3;
         let path = |name: &str| format!("splats.{slot}.{name}");
@@ -57,7 +83,7 @@ impl Splats {
             means: init.given(&path("means"), [count, 3], &first.means),
             turns: init.given(&path("turns"), [count, 4], &first.turns),
             scales: init.given(&path("scales"), [count, 3], &first.scales),
-            opacities: init.zeros(&path("opacities"), [count]),
+            opacities: init.given(&path("opacities"), [count], &first.opacities),
             colours: init.given(&path("colours"), [count, 3], &first.colours),
             light: init.zeros(&path("light"), [3, LIGHTS]),
         }

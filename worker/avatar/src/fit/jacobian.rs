@@ -4,6 +4,7 @@
 //! −ω × (x − p). With the gradient f to the point as the bone carries it, turned into the body
 //! frame, the ray changes by −ω · ((x − p) × f), summed over all bones below the joint.
 
+use super::wrench::{self, Wrench};
 use crate::avatar::Posed;
 use crate::config::Unposing;
 use crate::motion::body::Body;
@@ -14,9 +15,7 @@ use crate::render::frame::read;
 use crate::render::samples::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::{
-    Mat34, Vec3, add, cross, inverse as inverted, position, rotate, sub,
-};
+use yoto_capture::skeleton::transform::Mat34;
 
 /// A posed body in host memory.
 pub(super) struct HostPose {
@@ -25,7 +24,7 @@ pub(super) struct HostPose {
     /// `[K, 12]` posed body to canonical.
     pub transforms: Vec<f32>,
     /// Place of each joint in the body frame.
-    joints: Vec<Mat34>,
+    pub joints: Vec<Mat34>,
 }
 
 impl HostPose {
@@ -38,23 +37,8 @@ impl HostPose {
     }
 }
 
-/// A force and its moment about the origin.
-#[derive(Clone, Copy, Default)]
-struct Wrench {
-    force: Vec3,
-    moment: Vec3,
-}
-
-impl Wrench {
-    fn add(&mut self, other: Self) {
-        self.force = add(self.force, other.force);
-        self.moment = add(self.moment, other.moment);
-    }
-}
-
-/// `[R, 3 (K + 1)]`: gradients of the rays to the rotation of each joint by a vector in its own
-/// posed axes, radians, and to the shift of the root in its own axes, metres. `to_warped` `[n, 4]`
-/// are the gradients to the samples' canonical points and likelihoods.
+/// `[R, 3 (K + 1)]`: gradients of the rays to the pose, as [`wrench::rows`] returns them. `to_warped`
+/// `[n, 4]` are the gradients to the samples' canonical points and likelihoods.
 pub(super) fn rows(
     body: &Body,
     pose: &HostPose,
@@ -102,12 +86,11 @@ pub(super) fn rows(
             let (first, last) = rays.fold((usize::MAX, 0), |(a, b), it| (a.min(it), b.max(it)));
             let mut wrenches = vec![Wrench::default(); (last + 1 - first) * bones];
             for pull in block {
-                let force = pull.force.map(f64::from);
+                // The body moves, the point stays.
+                let force = pull.force.map(|v| -f64::from(v));
                 let bone = pull.bone as usize;
-                wrenches[(ray(pull.point) - first) * bones + bone].add(Wrench {
-                    force,
-                    moment: cross(pull.at.map(f64::from), force),
-                });
+                wrenches[(ray(pull.point) - first) * bones + bone]
+                    .add(Wrench::at(pull.at.map(f64::from), force));
             }
             (first, wrenches)
         })
@@ -118,24 +101,7 @@ pub(super) fn rows(
             sum.add(wrench);
         }
     }
-    let width = 3 * (bones + 1);
-    let mut rows = vec![0.0; samples.rays * width];
-    let rays = wrenches.par_chunks_exact_mut(bones);
-    let rays = rays.zip(rows.par_chunks_exact_mut(width));
-    rays.for_each(|(wrenches, row)| {
-        // Parents come before their children.
-        for (joint, place) in joints.iter().enumerate().rev() {
-            let below = wrenches[joint];
-            if let Some(parent) = body.skeleton.parents[joint] {
-                wrenches[parent].add(below);
-            }
-            let about = sub(below.moment, cross(position(place), below.force));
-            let turn = rotate(&inverted(place), about).map(|v| -v);
-            row[3 * joint..3 * joint + 3].copy_from_slice(&turn);
-        }
-        row[3 * bones..].copy_from_slice(&wrenches[0].force.map(|v| -v));
-    });
-    rows
+    wrench::rows(&body.skeleton, joints, wrenches)
 }
 
 #[cfg(test)]

@@ -2,20 +2,19 @@
 //! brightness, which are compared where both pictures are blurred.
 
 mod change;
+mod field;
 mod grid;
 mod jacobian;
 mod normal;
+mod splats;
+mod wrench;
 
 use crate::avatar::{Avatar, Posed};
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use crate::render::RenderError;
-use crate::render::composite::composite;
-use crate::render::frame::read;
-use crate::render::march::{Volume, march};
 use crate::render::occupancy::Occupancy;
-use crate::render::samples::Samples;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 pub(crate) use change::PoseChange;
 use grid::PixelGrid;
 use jacobian::HostPose;
@@ -24,7 +23,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
 use yoto_capture::FrameImage;
-use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
 
 /// Weight of a colour beside the opacity, 1 / √3: the three together count as much.
@@ -132,36 +130,28 @@ impl PoseFitter<'_> {
         let weights: Vec<[f32; 4]> = (grids.iter())
             .flat_map(|(grid, weights)| grid.pixels.iter().map(|_| *weights))
             .collect();
-        let Self { config, body, .. } = *self;
-        let (posed, host) = trace_span!("fit: pose").in_scope(|| {
-            let posed = self
-                .avatar
-                .pose(config, body, self.slot, pose, self.progress);
-            HostPose::new(body, pose, &posed).map(|host| (posed, host))
-        })?;
-        let samples =
-            trace_span!("fit: march").in_scope(|| self.samples(pose, picture, &pixels, &host));
+        let shown = if self.config.splats.is_some() {
+            self.splats_shown(pose, picture, &pixels, &weights)?
+        } else {
+            self.field_shown(pose, picture, &pixels, &weights)?
+        };
         let width = wishes.all.len();
-        if samples.live() == 0 {
+        let Some(Shown { values, rows }) = shown else {
             let step = vec![0.0; width];
             return Ok(Some(Fit {
                 step,
                 misfit: 1.0,
                 evidence: [Evidence::default(); 2],
             }));
-        }
+        };
         let mut normal = Normal::new(width);
         let mut misfit = Misfit::default();
-        let (shown, to_warped) = trace_span!("fit: gradients")
-            .in_scope(|| self.gradients(&posed, &samples, &weights))?;
-        let rows = trace_span!("fit: joints")
-            .in_scope(|| jacobian::rows(body, &host, config.motion.unposing, &samples, to_warped));
         let _solve = trace_span!("fit: solve").entered();
         let mut first = 0;
         for (grid, weights) in &grids {
             let here = first..first + grid.pixels.len();
             first = here.end;
-            let differences = misfit.add(grid, picture.image, *weights, &shown[here.clone()]);
+            let differences = misfit.add(grid, picture.image, *weights, &values[here.clone()]);
             let rows = grid.blur(&rows[width * here.start..width * here.end], width);
             for (row, difference) in rows.chunks_exact(width).zip(differences) {
                 let trust = 1.0 / (1.0 + (difference / ROBUST).powi(2));
@@ -197,109 +187,40 @@ impl PoseFitter<'_> {
         let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
             return Ok(None);
         };
-        let Self { config, body, .. } = *self;
-        let posed = self
-            .avatar
-            .pose(config, body, self.slot, pose, self.progress);
-        let host = HostPose::new(body, pose, &posed)?;
-        let samples = self.samples(pose, picture, &grid.pixels, &host);
-        if samples.live() == 0 {
+        let seen = if self.config.splats.is_some() {
+            self.splats_seen(pose, picture, &grid.pixels)?
+        } else {
+            self.field_seen(pose, picture, &grid.pixels)?
+        };
+        let Some(seen) = seen else {
             return Ok(Some(1.0));
-        }
-        let (points, likelihood) = self.warped(&samples);
-        let seen = read(self.seen(&posed, &samples, points, likelihood))?;
+        };
         let mut misfit = Misfit::default();
         for channel in 0..4 {
             let mut weights = [0.0; 4];
             weights[channel] = if channel == 3 { 1.0 } else { COLOUR };
-            let shown = seen.iter().skip(channel).step_by(4);
-            let shown: Vec<f32> = shown.map(|v| weights[channel] * v).collect();
+            let shown = seen.iter().map(|pixel| weights[channel] * pixel[channel]);
+            let shown: Vec<f32> = shown.collect();
             misfit.add(&grid, picture.image, weights, &shown);
         }
         Ok(misfit.share())
     }
 
-    /// The live samples of the rays through `pixels`.
-    fn samples(
-        &self,
-        pose: &Pose,
-        picture: &Picture,
-        pixels: &[usize],
-        host: &HostPose,
-    ) -> Samples {
-        let sight = BodyView::new(&self.body.skeleton, pose, picture.camera);
-        let width = picture.image.width;
-        let rays: Vec<_> = (pixels.iter())
-            .map(|p| sight.ray((p % width) as f64 + 0.5, (p / width) as f64 + 0.5))
-            .collect();
-        let volume = Volume {
-            weights: &host.weights,
-            transforms: &host.transforms,
-            grid: &self.body.grid,
-            unposing: self.config.motion.unposing,
-            occupancy: self.occupancy,
-            step: None,
-        };
-        march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume).all()
+    /// The person in `pose`.
+    fn posed(&self, pose: &Pose) -> Result<(Posed, HostPose), RenderError> {
+        let _span = trace_span!("fit: pose").entered();
+        let posed = (self.avatar).pose(self.config, self.body, self.slot, pose, self.progress);
+        let host = HostPose::new(self.body, pose, &posed)?;
+        Ok((posed, host))
     }
+}
 
-    /// The canonical points `[n, 3]` and the likelihoods `[n]` of `samples`.
-    fn warped(&self, samples: &Samples) -> (Tensor<2>, Tensor<1>) {
-        let n = samples.live();
-        let points = TensorData::new(samples.canonical.clone(), [n, 3]);
-        let likelihood = TensorData::new(samples.likelihoods.clone(), [n]);
-        (
-            Tensor::from_data(points, self.device),
-            Tensor::from_data(likelihood, self.device),
-        )
-    }
-
-    /// Red, green, blue and opacity of the rays of `samples`, `[R, 4]`.
-    fn seen(
-        &self,
-        posed: &Posed,
-        samples: &Samples,
-        points: Tensor<2>,
-        likelihood: Tensor<1>,
-    ) -> Tensor<2> {
-        let values = self.avatar.fields(self.config, self.body, posed, points);
-        let seen = composite(
-            samples,
-            self.config.march.min_transmittance,
-            None,
-            values.rgb,
-            values.density,
-            likelihood,
-        );
-        Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1)
-    }
-
-    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
-    /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
-    fn gradients(
-        &self,
-        posed: &Posed,
-        samples: &Samples,
-        weights: &[[f32; 4]],
-    ) -> Result<(Vec<f32>, Vec<f32>), RenderError> {
-        let n = samples.live();
-        let (points, likelihood) = self.warped(samples);
-        let (points, likelihood) = (points.require_grad(), likelihood.require_grad());
-        let seen = self.seen(posed, samples, points.clone(), likelihood.clone());
-        let weights = TensorData::new(weights.concat(), [weights.len(), 4]);
-        let weights = Tensor::<2>::from_data(weights, self.device);
-        let seen = (seen * weights).sum_dim(1);
-        let shown = read(seen.clone().detach())?;
-        let grads = seen.sum().backward();
-        let none = |width: usize| vec![0.0; n * width];
-        let to_points = points.grad(&grads).map_or_else(|| Ok(none(3)), read)?;
-        let to_likelihood = likelihood.grad(&grads).map_or_else(|| Ok(none(1)), read)?;
-        let (to_points, _) = to_points.as_chunks::<3>();
-        let to_warped = (to_points.iter().zip(to_likelihood))
-            .flat_map(|([x, y, z], likelihood)| [*x, *y, *z, likelihood])
-            .collect();
-        Ok((shown, to_warped))
-    }
+/// What pixels show, each by weights of its own of red, green, blue and opacity.
+struct Shown {
+    /// `[R]`.
+    values: Vec<f32>,
+    /// `[R, 3 (K + 1)]`: its gradients to the pose, as [`wrench::rows`] returns them.
+    rows: Vec<f64>,
 }
 
 /// What the equations of a picture say of the expected errors in the wishes for the `given` pose.

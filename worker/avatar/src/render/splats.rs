@@ -3,7 +3,7 @@
 use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
 use super::samples::SampleCounts;
 use crate::motion::body::Body;
-use crate::ops::splat::{Sight, cpu::Numbers, draw};
+use crate::ops::splat::{Sight, Splats, cpu::Numbers, draw};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 
@@ -18,6 +18,33 @@ pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Sight 
         k: [row(&inside.k[0]), row(&inside.k[1])],
         e: std::array::from_fn(|r| inside.e[r].map(|v| v as f32)),
         world: std::array::from_fn(|r| row(&to_world[r])),
+    }
+}
+
+/// [`Splats`] in host memory.
+pub(crate) struct HostSplats {
+    transforms: Vec<f32>,
+    rows: Vec<f32>,
+    light: Vec<f32>,
+}
+
+impl HostSplats {
+    /// Reads `splats` from their device.
+    pub fn read(splats: Splats) -> Result<Self, RenderError> {
+        Ok(Self {
+            rows: read(splats.rows().detach())?,
+            transforms: read(splats.transforms.detach())?,
+            light: read(splats.light.detach())?,
+        })
+    }
+
+    /// As [`draw`] takes them.
+    pub fn numbers(&self) -> Numbers<'_> {
+        Numbers {
+            transforms: &self.transforms,
+            rows: &self.rows,
+            light: &self.light,
+        }
     }
 }
 
@@ -37,17 +64,9 @@ impl Renderer {
         let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
             return Ok(None);
         };
-        let numbers = Numbers {
-            transforms: &read(splats.transforms)?,
-            means: &read(splats.means)?,
-            turns: &read(splats.turns)?,
-            scales: &read(splats.scales)?,
-            opacities: &read(splats.opacities)?,
-            colours: &read(splats.colours)?,
-            light: &read(splats.light)?,
-        };
+        let splats = HostSplats::read(splats)?;
         let sight = sight(&body.skeleton, &view.pose, &view.camera);
-        let mut drawn = draw(&numbers, &sight);
+        let mut drawn = draw(&splats.numbers(), &sight);
         let pixels = drawn.rgb.as_chunks_mut::<3>().0.iter_mut();
         for (rgb, alpha) in pixels.zip(&drawn.alpha) {
             for (value, background) in rgb.iter_mut().zip(view.background) {

@@ -2,9 +2,11 @@
 //! them.
 
 use super::TrainError;
-use super::hull::{Film, Seen, Shell, Sighting, carried};
-use super::people::TrainSubject;
+use super::hull::{Film, Seen, Shell, Sighting};
+use super::people::{TrainFrame, TrainSubject};
 use crate::field::splats::FirstSplats;
+use crate::ops::warp::inverse::solve::apply;
+use yoto_capture::camera::Pose;
 
 /// Standard deviations along the surface and across it, as shares of the distance between splats.
 const FLAT: [f64; 3] = [0.6, 0.6, 0.25];
@@ -15,21 +17,22 @@ const WHOLE: u8 = 250;
 /// Colour of splats that no frame faces.
 const UNSEEN: f32 = 0.4;
 
-/// `count` splats for `subject`.
+/// `count` splats for `subject`, from the frames that have a `pose`.
 ///
 /// # Errors
-/// If no point of the body is on the person in all frames.
+/// If hardly a point of the body is on the person in as many frames as it must be.
 pub(super) fn first_splats(
     subject: &TrainSubject,
+    pose: impl Fn(&TrainFrame) -> Option<Pose>,
     count: usize,
 ) -> Result<FirstSplats, TrainError> {
-    let film = Film::new(subject)?;
+    let film = Film::new(subject, pose)?;
     let shell = film.shell_of(count);
     let cells = shell.normals.len();
     if cells == 0 {
         return Err(TrainError::People(format!(
             "{}: poses and masks do not agree: no point of the body is inside the masks of its frames; \
-             `yoto capture check` shows them together",
+             `yoto capture check` shows them together, and tiers without splats, such as fast, need no agreement",
             subject.name
         )));
     }
@@ -39,15 +42,13 @@ pub(super) fn first_splats(
     let apart = shell.spacing * (cells as f64 / count as f64).sqrt();
     let scale = FLAT.map(|share| (share * apart).ln() as f32);
     Ok(FirstSplats {
-        means: chosen
-            .iter()
-            .flat_map(|i| shell.points[3 * i..3 * i + 3].to_vec())
-            .collect(),
+        means: chosen.iter().flat_map(|i| shell.points[*i]).collect(),
         turns: chosen
             .iter()
             .flat_map(|i| turn_of(shell.normals[*i]))
             .collect(),
         scales: scale.repeat(count),
+        opacities: vec![0.0; count],
         colours: colours(&film, &shell, &chosen),
     })
 }
@@ -64,15 +65,12 @@ fn turn_of([x, y, z]: [f32; 3]) -> [f32; 4] {
 
 /// The mean colour of each chosen cell in the frames that face it, by how much they do.
 fn colours(film: &Film<'_>, shell: &Shell, chosen: &[usize]) -> Vec<f32> {
-    let points: Vec<f32> = chosen
-        .iter()
-        .flat_map(|i| shell.points[3 * i..3 * i + 3].to_vec())
-        .collect();
+    let points: Vec<[f32; 3]> = chosen.iter().map(|i| shell.points[*i]).collect();
     let mut sums = vec![[0f32; 4]; chosen.len()];
     for frame in &film.frames {
         let sightings = film.sightings(&points, frame);
         for ((i, sum), sighting) in chosen.iter().zip(&mut sums).zip(sightings) {
-            let at = [points_of(shell, *i), shell.normals[*i]];
+            let at = [shell.points[*i], shell.normals[*i]];
             let Some((pixel, facing)) = faces(frame, sighting, at) else {
                 continue;
             };
@@ -91,10 +89,6 @@ fn colours(film: &Film<'_>, shell: &Shell, chosen: &[usize]) -> Vec<f32> {
         .collect()
 }
 
-fn points_of(shell: &Shell, i: usize) -> [f32; 3] {
-    std::array::from_fn(|a| shell.points[3 * i + a])
-}
-
 /// The pixel of a point with a normal, and the cosine to the view, if the frame shows it from the front.
 fn faces(
     frame: &Seen<'_>,
@@ -105,7 +99,7 @@ fn faces(
         .pixel
         .filter(|pixel| frame.image.mask[*pixel] >= WHOLE)?;
     let t = &sighting.transform;
-    let place = carried(t, point);
+    let place = apply(t, point);
     let turned: [f32; 3] = std::array::from_fn(|r| (0..3).map(|c| t[4 * r + c] * normal[c]).sum());
     let in_camera: [f32; 3] = std::array::from_fn(|r| {
         let row = frame.camera[r];

@@ -13,8 +13,6 @@ use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::pose_track::PoseTrack;
 
-/// Poses are fitted to a field's densities.
-const NO_FIT: &str = "poses can't be fitted to pictures with a model of splats";
 /// Steps of the fit of a picture that is not trained on.
 const FIT_STEPS: u32 = 10;
 
@@ -82,7 +80,7 @@ impl Trainer {
     /// model as it is. The same number of steps for every picture: [`FIT_STEPS`].
     ///
     /// # Errors
-    /// If training has nobody in `slot`, the model consists of splats, or the device fails.
+    /// If training has nobody in `slot`, or the device fails.
     pub fn fitted_pose(
         &self,
         slot: usize,
@@ -90,9 +88,6 @@ impl Trainer {
         camera: &Camera,
         image: &FrameImage,
     ) -> Result<Pose, TrainError> {
-        if self.config.splats.is_some() {
-            return Err(TrainError::People(NO_FIT.to_owned()));
-        }
         let subject = self.subjects.iter().find(|it| it.slot == slot);
         let subject =
             subject.ok_or_else(|| TrainError::People(format!("nobody in slot {slot}")))?;

@@ -6,12 +6,15 @@
 use super::people::{TrainFrame, TrainSubject};
 use crate::motion::posed;
 use crate::motion::prior::Halo;
+use crate::ops::warp::WarpGrid;
+use crate::ops::warp::inverse::solve::apply;
 use crate::ops::warp::skin::cpu::forward;
 use crate::render::RenderError;
 use crate::render::frame::read;
 use crate::render::splats::sight;
 use rayon::prelude::*;
 use yoto_capture::FrameImage;
+use yoto_capture::camera::Pose;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 50;
@@ -65,27 +68,31 @@ pub(super) struct Sighting {
 }
 
 impl<'a> Film<'a> {
-    /// The film of a subject.
-    pub fn new(subject: &'a TrainSubject) -> Result<Self, RenderError> {
+    /// The film of a subject: its frames that have a `pose`.
+    pub fn new(
+        subject: &'a TrainSubject,
+        pose: impl Fn(&TrainFrame) -> Option<Pose>,
+    ) -> Result<Self, RenderError> {
         let body = &subject.body;
         let weights = read(body.log_prior.clone().inner().exp())?;
-        let stride = subject.frames.len().div_ceil(FRAMES).max(1);
-        let seen = |frame: &'a TrainFrame| {
-            let sight = sight(&body.skeleton, &frame.pose, &frame.camera);
+        let seen = |(frame, pose): (&'a TrainFrame, Pose)| {
+            let sight = sight(&body.skeleton, &pose, &frame.camera);
             let [across, down] = sight.k;
             let row = |k: [f32; 3]| -> [f32; 4] {
                 std::array::from_fn(|c| (0..3).map(|r| k[r] * sight.e[r][c]).sum())
             };
             Ok(Seen {
-                transforms: read(posed::transforms(body, &frame.pose).inner())?,
+                transforms: read(posed::transforms(body, &pose).inner())?,
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
                 camera: sight.e,
                 image: &frame.image,
             })
         };
         let somebody = |frame: &&TrainFrame| frame.image.mask.iter().any(|m| *m >= COVERED);
-        let frames = subject.frames.iter().step_by(stride);
-        let frames = frames.filter(somebody).map(seen);
+        let frames = subject.frames.iter().filter(somebody);
+        let frames: Vec<_> = frames.filter_map(|it| Some((it, pose(it)?))).collect();
+        let stride = frames.len().div_ceil(FRAMES).max(1);
+        let frames = frames.into_iter().step_by(stride).map(seen);
         Ok(Self {
             subject,
             weights,
@@ -93,16 +100,17 @@ impl<'a> Film<'a> {
         })
     }
 
-    /// Where `points` `[N, 3]` are in a frame.
-    pub fn sightings(&self, points: &[f32], frame: &Seen<'_>) -> Vec<Sighting> {
+    /// Where `points` are in a frame.
+    pub fn sightings(&self, points: &[[f32; 3]], frame: &Seen<'_>) -> Vec<Sighting> {
         let grid = &self.subject.body.grid;
-        let transforms = forward(&self.weights, &frame.transforms, points, grid);
+        let numbers = points.as_flattened();
+        let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
         let (width, height) = (frame.image.width, frame.image.height);
         let placed = transforms.as_chunks::<12>().0.par_iter();
         placed
-            .zip(points.as_chunks::<3>().0)
+            .zip(points)
             .map(|(transform, point)| {
-                let at = carried(transform, *point);
+                let at = apply(transform, *point);
                 let [u, v, w] = frame
                     .projection
                     .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
@@ -118,13 +126,18 @@ impl<'a> Film<'a> {
             .collect()
     }
 
-    /// In how many frames each of `points` is on the person and beside.
-    fn votes(&self, points: &[f32]) -> Vec<Votes> {
-        let mut votes = vec![Votes::default(); points.len() / 3];
+    /// The places in the list of those `points` that are beside the person in at most `most` frames, and
+    /// in how many frames each is where.
+    fn votes(&self, mut points: Vec<[f32; 3]>, most: usize) -> Vec<(usize, Votes)> {
+        let all = 0..points.len();
+        let mut votes: Vec<_> = all.map(|place| (place, Votes::default())).collect();
         for frame in &self.frames {
-            for (votes, sighting) in votes.iter_mut().zip(self.sightings(points, frame)) {
+            for ((_, votes), sighting) in votes.iter_mut().zip(self.sightings(&points, frame)) {
                 votes.add(frame, sighting);
             }
+            let mut kept = votes.iter().map(|(_, votes)| votes.beside <= most);
+            points.retain(|_| kept.next().unwrap_or(false));
+            votes.retain(|(_, votes)| votes.beside <= most);
         }
         votes
     }
@@ -135,18 +148,13 @@ impl<'a> Film<'a> {
         let skeleton = &self.subject.body.skeleton;
         let joints = skeleton.rest.iter().zip(&skeleton.parents);
         let bones = joints.filter_map(|(end, parent)| Some((end, skeleton.rest[(*parent)?])));
-        let points: Vec<f32> = bones
-            .flat_map(|(end, start)| {
-                ALONG.map(|share| {
-                    std::array::from_fn::<f32, 3, _>(|a| {
-                        (start[a] + share * (end[a] - start[a])) as f32
-                    })
-                })
+        let points = bones.flat_map(|(end, start)| {
+            ALONG.map(|share| {
+                std::array::from_fn(|a| (start[a] + share * (end[a] - start[a])) as f32)
             })
-            .flatten()
-            .collect();
-        let votes = self.votes(&points).into_iter();
-        let mut misses: Vec<usize> = votes.map(|votes| votes.beside).collect();
+        });
+        let votes = self.votes(points.collect(), usize::MAX).into_iter();
+        let mut misses: Vec<usize> = votes.map(|(_, votes)| votes.beside).collect();
         misses.sort_unstable();
         let most = (MOST_FORGIVEN * self.frames.len() as f64) as usize;
         let place = (BONES_INSIDE * misses.len().saturating_sub(1) as f64).round() as usize;
@@ -155,66 +163,33 @@ impl<'a> Film<'a> {
 
     /// The cells of the hull's shell, `spacing` metres wide.
     fn shell(&self, spacing: f64, forgiven: usize) -> Shell {
-        let grid = &self.subject.body.grid;
+        let cells = Cells::new(&self.subject.body.grid, spacing);
         let halo = Halo::new(&self.subject.body.skeleton);
-        let dims: [usize; 3] = std::array::from_fn(|a| {
-            (f64::from(grid.max[a] - grid.min[a]) / spacing).ceil() as usize
-        });
-        let cell = |index: usize| {
-            let place = [
-                index % dims[0],
-                index / dims[0] % dims[1],
-                index / (dims[0] * dims[1]),
-            ];
-            std::array::from_fn::<f64, 3, _>(|a| {
-                f64::from(grid.min[a]) + spacing * (place[a] as f64 + 0.5)
-            })
-        };
-        let mut left: Vec<usize> = (0..dims.iter().product())
+        let middle = |index: usize| cells.middle(cells.place(index));
+        let near: Vec<usize> = (0..cells.count())
             .into_par_iter()
-            .filter(|index| halo.at(cell(*index)) >= HALO)
+            .filter(|index| halo.at(middle(*index).map(f64::from)) >= HALO)
             .collect();
-        let mut votes = vec![Votes::default(); left.len()];
-        for frame in &self.frames {
-            let points: Vec<f32> = left
-                .iter()
-                .flat_map(|index| cell(*index).map(|v| v as f32))
-                .collect();
-            for (votes, sighting) in votes.iter_mut().zip(self.sightings(&points, frame)) {
-                votes.add(frame, sighting);
-            }
-            let mut kept = votes.iter().map(|votes| votes.beside <= forgiven);
-            left.retain(|_| kept.next().unwrap_or(false));
-            votes.retain(|votes| votes.beside <= forgiven);
-        }
+        let points = near.iter().map(|index| middle(*index)).collect();
         let needed = ((SHOWN * self.frames.len() as f64).ceil() as usize).max(1);
-        let mut kept = votes.iter().map(|votes| votes.on >= needed);
-        left.retain(|_| kept.next().unwrap_or(false));
-        let mut inside = vec![false; dims.iter().product()];
+        let votes = self.votes(points, forgiven).into_iter();
+        let left = votes.filter(|(_, votes)| votes.on >= needed);
+        let left: Vec<usize> = left.map(|(place, _)| near[place]).collect();
+        let mut inside = vec![false; cells.count()];
         for index in &left {
             inside[*index] = true;
         }
-        let full = |index: usize, offset: [isize; 3]| {
-            let place = [
-                index % dims[0],
-                index / dims[0] % dims[1],
-                index / (dims[0] * dims[1]),
-            ];
-            let at: [usize; 3] = std::array::from_fn(|a| place[a].wrapping_add_signed(offset[a]));
-            (0..3).all(|a| at[a] < dims[a]) && inside[(at[2] * dims[1] + at[1]) * dims[0] + at[0]]
-        };
         let mut shell = Shell::empty(spacing);
         for index in left {
-            let beside = (0..6).map(|side| {
-                let mut offset = [0isize; 3];
-                offset[side / 2] = if side % 2 == 0 { 1 } else { -1 };
-                offset
-            });
-            if beside.into_iter().all(|offset| full(index, offset)) {
-                continue;
+            let place = cells.place(index);
+            let full = |offset: [isize; 3]| {
+                let beside = std::array::from_fn(|a| place[a].wrapping_add_signed(offset[a]));
+                cells.index(beside).is_some_and(|index| inside[index])
+            };
+            if !SIDES.into_iter().all(full) {
+                shell.points.push(cells.middle(place));
+                shell.normals.push(outward(full));
             }
-            shell.points.extend(cell(index).map(|v| v as f32));
-            shell.normals.push(outward(|offset| full(index, offset)));
         }
         shell
     }
@@ -253,6 +228,59 @@ impl<'a> Film<'a> {
     }
 }
 
+/// Offsets of a cell's neighbours.
+const SIDES: [[isize; 3]; 6] = [
+    [1, 0, 0],
+    [-1, 0, 0],
+    [0, 1, 0],
+    [0, -1, 0],
+    [0, 0, 1],
+    [0, 0, -1],
+];
+
+/// Cubes that fill a box, x fastest.
+struct Cells {
+    min: [f32; 3],
+    spacing: f64,
+    dims: [usize; 3],
+}
+
+impl Cells {
+    /// Cubes with sides of `spacing` metres in the box of `grid`.
+    fn new(grid: &WarpGrid, spacing: f64) -> Self {
+        let side = |a: usize| f64::from(grid.max[a] - grid.min[a]);
+        Self {
+            min: grid.min,
+            spacing,
+            dims: std::array::from_fn(|a| (side(a) / spacing).ceil() as usize),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Column, row and layer of the cell with the number `index`.
+    fn place(&self, index: usize) -> [usize; 3] {
+        let [x, y, _] = self.dims;
+        [index % x, index / x % y, index / (x * y)]
+    }
+
+    /// The number of the cell at `place`; `None` outside the box.
+    fn index(&self, place: [usize; 3]) -> Option<usize> {
+        let [x, y, _] = self.dims;
+        let inside = (0..3).all(|a| place[a] < self.dims[a]);
+        inside.then(|| (place[2] * y + place[1]) * x + place[0])
+    }
+
+    /// The middle of the cell at `place`, metres.
+    fn middle(&self, place: [usize; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| {
+            (f64::from(self.min[a]) + self.spacing * (place[a] as f64 + 0.5)) as f32
+        })
+    }
+}
+
 /// In how many frames a point is where.
 #[derive(Clone, Copy, Default)]
 struct Votes {
@@ -278,8 +306,8 @@ impl Votes {
 pub(super) struct Shell {
     /// Their width, metres.
     pub spacing: f64,
-    /// `[N, 3]` middles, metres.
-    pub points: Vec<f32>,
+    /// `[N]` middles, metres.
+    pub points: Vec<[f32; 3]>,
     /// `[N]` unit normals, outward.
     pub normals: Vec<[f32; 3]>,
 }
@@ -294,7 +322,8 @@ impl Shell {
     }
 }
 
-/// The mean direction of the cells outside, among those within two cells; up where there is none.
+/// The mean direction of the empty cells that are at most two cells away; upward if it has none, as
+/// for a cell alone.
 fn outward(full: impl Fn([isize; 3]) -> bool) -> [f32; 3] {
     let mut sum = [0f32; 3];
     for z in -2..=2isize {
@@ -314,12 +343,4 @@ fn outward(full: impl Fn([isize; 3]) -> bool) -> [f32; 3] {
     } else {
         [0.0, 1.0, 0.0]
     }
-}
-
-/// `point` where `transform` puts it.
-pub(super) fn carried(transform: &[f32; 12], point: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|r| {
-        let row = &transform[4 * r..4 * r + 4];
-        row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3]
-    })
 }

@@ -13,6 +13,7 @@ mod options;
 mod parts;
 mod patches;
 mod people;
+mod placing;
 mod progress;
 mod refinement;
 mod refinement_file;

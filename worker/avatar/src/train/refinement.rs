@@ -4,7 +4,7 @@
 //! canonical body as well.
 
 use super::expected_errors::ExpectedErrors;
-use crate::config::{RefinementConfig, RefinementStage};
+use crate::config::{RefinementConfig, RefinementStage, SplatConfig};
 use crate::fit::{Evidence, PoseChange, Wish};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -43,6 +43,13 @@ pub(super) struct PoseRefinement {
     tried: Vec<u8>,
     #[serde(default = "ExpectedErrors::configured")]
     errors: ExpectedErrors,
+    /// How often splats were placed while these poses were refined; 0 if those of an earlier training
+    /// stay.
+    #[serde(default)]
+    placed: u8,
+    /// Where the first placement was, as [`Self::stage`] counts progress.
+    #[serde(default)]
+    placed_at: f64,
     /// Frames that are not read as they were given, and their poses before the change.
     readings: BTreeMap<usize, (Reading, Pose)>,
 }
@@ -59,6 +66,8 @@ impl PoseRefinement {
             changes: vec![PoseChange::none(track.joints()); track.frames.len()],
             misfits: vec![None; track.frames.len()],
             tried: vec![0; track.frames.len()],
+            placed: 0,
+            placed_at: 0.0,
             readings: BTreeMap::new(),
         }
     }
@@ -87,11 +96,56 @@ impl PoseRefinement {
         opened: f64,
         fraction: f64,
     ) -> Option<RefinementStage> {
-        let progress = if self.late { fraction } else { opened };
+        let progress = self.progress(opened, fraction);
         self.done |= progress >= config.end;
         match self.done {
             true => None,
             false => config.stage(progress),
+        }
+    }
+
+    /// Progress of the run in which the poses are refined, from that of the model's first run and that
+    /// of this one.
+    fn progress(&self, opened: f64, fraction: f64) -> f64 {
+        if self.late { fraction } else { opened }
+    }
+
+    /// Whether splats were placed while these poses were refined.
+    pub fn has_placed(&self) -> bool {
+        self.placed > 0
+    }
+
+    /// Number of the splats that a training starts with that refines these poses. The call counts as
+    /// their placement.
+    pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
+        self.placed = 1;
+        self.placed_at = self.progress(opened, fraction);
+        config.first_count()
+    }
+
+    /// Number of the splats that are due to be placed again; `None` if they stay. The call counts as
+    /// their placement.
+    pub fn places_again(
+        &mut self,
+        config: &SplatConfig,
+        opened: f64,
+        fraction: f64,
+    ) -> Option<usize> {
+        let progress = self.progress(opened, fraction);
+        // Somebody who came in the middle of a run has what was left of it.
+        let left = (1.0 - self.placed_at).max(f64::MIN_POSITIVE);
+        let passed = (progress - self.placed_at) / left;
+        let due = [config.coarse_again, config.all].map(|share| passed >= share);
+        match (self.placed, due) {
+            (1 | 2, [_, true]) => {
+                self.placed = 3;
+                Some(config.count)
+            }
+            (1, [true, _]) => {
+                self.placed = 2;
+                Some(config.first_count())
+            }
+            _ => None,
         }
     }
 

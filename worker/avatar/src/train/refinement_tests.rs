@@ -131,3 +131,34 @@ fn a_person_who_comes_late_is_refined_over_that_run() {
         "the next run leaves them"
     );
 }
+
+#[test]
+fn splats_are_placed_twice_more_and_those_of_an_earlier_training_stay() {
+    let config = SplatConfig::default();
+    let mut poses = PoseRefinement::new(&track(), false);
+    assert_eq!(poses.places_again(&config, 1.0, 1.0), None, "not placed");
+    assert!(!poses.has_placed());
+    assert_eq!(poses.places_first(&config, 0.0, 0.0), config.coarse);
+    let mut at = |opened| poses.places_again(&config, opened, 0.0);
+    assert_eq!(at(config.coarse_again - 0.01), None);
+    assert_eq!(at(config.coarse_again), Some(config.coarse));
+    assert_eq!(at(config.coarse_again), None, "once");
+    assert_eq!(at(config.all), Some(config.count));
+    assert_eq!(at(1.0), None, "once");
+    let mut late = PoseRefinement::new(&track(), true);
+    late.places_first(&config, 1.0, 0.0);
+    assert_eq!(late.places_again(&config, 1.0, 0.1), None);
+    let few = SplatConfig {
+        count: 100,
+        ..config
+    };
+    assert_eq!(late.places_again(&few, 1.0, 0.7), Some(100));
+    // In the middle of a run, by what is left of it.
+    let mut joined = PoseRefinement::new(&track(), false);
+    joined.places_first(&few, 0.5, 0.0);
+    assert_eq!(joined.places_again(&few, 0.6, 0.2), None);
+    assert_eq!(joined.places_again(&few, 0.66, 0.32), Some(100), "coarse");
+    assert_eq!(joined.places_again(&few, 0.79, 0.58), None);
+    assert_eq!(joined.places_again(&few, 0.81, 0.62), Some(100));
+    assert!(joined.has_placed());
+}

@@ -1,12 +1,12 @@
 //! Start of a training, with a new model or a checkpoint.
 
 use super::checkpoint::{self, ModelState};
-use super::first_splats::first_splats;
 use super::frame_order::FrameOrder;
 use super::guard::{Guard, TrainState};
 use super::optimiser::optimiser;
 use super::options::TrainOptions;
 use super::people::{Person, TrainSubject, check_people};
+use super::placing::place_first;
 use super::refinement::PoseRefinement;
 use super::refinement_file;
 use super::trainer::Trainer;
@@ -125,15 +125,11 @@ impl Trainer {
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
-            let own = Avatar::own_slot(&saved.config, person.slot);
             let known = match saved.config.variant {
                 Variant::NoIdentity => slots.iter().any(Option::is_some),
                 _ => slots[person.slot].is_some(),
             };
-            if let (Some(splats), false) = (&saved.config.splats, known) {
-                let first = first_splats(&subject, splats.count)?;
-                state.avatar_mut().place_splats(own, &first);
-            }
+            place_first(&mut state, &saved.config, saved.progress, &subject, known)?;
             slots[person.slot] = Some(subject.body.skeleton.clone());
             subjects.push(subject);
         }

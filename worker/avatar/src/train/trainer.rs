@@ -18,6 +18,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
 use tracing::trace_span;
+use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 
 /// Weight of the newest value in smoothed figures.
@@ -99,25 +100,11 @@ impl Trainer {
         let mut rng = step_stream(self.options.seed, self.step);
         let place = self.order.place(self.step);
         self.fit_pose(place, &mut rng)?;
-        let subject = &self.subjects[place.subject];
-        let frame = &subject.frames[place.frame];
+        self.place_again(place)?;
         let pose = self.pose(place);
-        let scene = Scene {
-            config: &self.config,
-            body: &subject.body,
-            slot: subject.slot,
-            pose: &pose,
-            progress: self.opened(),
-            step: self.step,
-            occupancy: self.state.occupancy[subject.slot].as_ref(),
-        };
-        let whole = loss_of_picture(self.state.avatar(), &scene, &frame.image, &frame.camera);
-        match whole {
-            Some((loss, terms)) => {
-                let weight = self.weight(place);
-                self.descend(scaled(loss, weight), &terms)?;
-            }
-            None => self.learn_from_patches(place, &mut rng)?,
+        match self.config.splats {
+            Some(_) => self.learn_from_picture(place, &pose)?,
+            None => self.learn_from_patches(place, &pose, &mut rng)?,
         }
         self.step += 1;
         self.budget_steps += 1;
@@ -131,34 +118,50 @@ impl Trainer {
         Ok(())
     }
 
+    /// The frame at `place` in `pose`, and the state of the model.
+    fn scene<'a>(&'a self, place: FramePlace, pose: &'a Pose) -> Scene<'a> {
+        let subject = &self.subjects[place.subject];
+        Scene {
+            config: &self.config,
+            body: &subject.body,
+            slot: subject.slot,
+            pose,
+            progress: self.opened(),
+            step: self.step,
+            occupancy: self.state.occupancy[subject.slot].as_ref(),
+        }
+    }
+
+    /// Learns from the whole frame at `place`.
+    fn learn_from_picture(&mut self, place: FramePlace, pose: &Pose) -> Result<(), TrainError> {
+        let frame = &self.subjects[place.subject].frames[place.frame];
+        let scene = self.scene(place, pose);
+        let loss = loss_of_picture(self.state.avatar(), &scene, &frame.image, &frame.camera);
+        let (loss, terms) = loss.ok_or(TrainError::NoLoss)?;
+        self.descend(scaled(loss, self.weight(place)), &terms)?;
+        Ok(())
+    }
+
     /// Learns from patches of the frame at `place`, ray by ray.
     fn learn_from_patches(
         &mut self,
         place: FramePlace,
+        pose: &Pose,
         rng: &mut ChaCha8Rng,
     ) -> Result<(), TrainError> {
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
-        let pose = self.pose(place);
         let batch = trace_span!("draw").in_scope(|| {
             patches::draw(
                 frame,
-                &pose,
+                pose,
                 &subject.body,
                 self.config.optimise.patches,
                 self.patch_size,
                 rng,
             )
         });
-        let scene = Scene {
-            config: &self.config,
-            body: &subject.body,
-            slot: subject.slot,
-            pose: &pose,
-            progress: self.opened(),
-            step: self.step,
-            occupancy: self.state.occupancy[subject.slot].as_ref(),
-        };
+        let scene = self.scene(place, pose);
         let slot = subject.slot;
         let outcome = outcome(
             self.state.avatar(),

@@ -8,105 +8,63 @@ use burn::backend::{
 
 #[derive(Clone, Debug)]
 struct SavedSplat<B: Backend> {
-    inputs: [FloatTensor<B>; 7],
+    transforms: FloatTensor<B>,
+    rows: FloatTensor<B>,
+    light: FloatTensor<B>,
     picture: FloatTensor<B>,
     sight: Sight,
 }
 
-impl<B: SplatOps> Saved<B, 7> for SavedSplat<B> {
-    fn gradients(self, grad: FloatTensor<B>, _: [bool; 7]) -> [FloatTensor<B>; 7] {
-        let [transforms, means, turns, scales, opacities, colours, light] = self.inputs;
-        B::splat_backward(
+impl<B: SplatOps> Saved<B, 3> for SavedSplat<B> {
+    fn gradients(self, grad: FloatTensor<B>, _: [bool; 3]) -> [FloatTensor<B>; 3] {
+        let Self {
             transforms,
-            means,
-            turns,
-            scales,
-            opacities,
-            colours,
+            rows,
             light,
-            self.picture,
-            grad,
-            self.sight,
-        )
-        .into()
+            picture,
+            sight,
+        } = self;
+        B::splat_backward(transforms, rows, light, picture, grad, sight).into()
     }
 }
 
 impl<B: SplatOps, C: CheckpointStrategy> SplatOps for Autodiff<B, C> {
     fn splat(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         sight: Sight,
     ) -> FloatTensor<Self> {
-        record::<B, C, _, _>(
-            [transforms, means, turns, scales, opacities, colours, light],
-            |inputs| {
-                let [transforms, means, turns, scales, opacities, colours, light] = inputs.clone();
-                let picture = B::splat(
-                    transforms,
-                    means,
-                    turns,
-                    scales,
-                    opacities,
-                    colours,
-                    light,
-                    sight.clone(),
-                );
-                let saved = SavedSplat {
-                    inputs,
-                    picture: picture.clone(),
-                    sight,
-                };
-                (picture, saved)
-            },
-        )
+        record::<B, C, _, _>([transforms, rows, light], |[transforms, rows, light]| {
+            let picture = B::splat(
+                transforms.clone(),
+                rows.clone(),
+                light.clone(),
+                sight.clone(),
+            );
+            let saved = SavedSplat {
+                transforms,
+                rows,
+                light,
+                picture: picture.clone(),
+                sight,
+            };
+            (picture, saved)
+        })
     }
 
     fn splat_backward(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         sight: Sight,
-    ) -> (
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-    ) {
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         constants::<B, C, _, _>(
-            [
-                transforms, means, turns, scales, opacities, colours, light, picture, grad,
-            ],
-            |[
-                transforms,
-                means,
-                turns,
-                scales,
-                opacities,
-                colours,
-                light,
-                picture,
-                grad,
-            ]| {
-                B::splat_backward(
-                    transforms, means, turns, scales, opacities, colours, light, picture, grad,
-                    sight,
-                )
-                .into()
+            [transforms, rows, light, picture, grad],
+            |[transforms, rows, light, picture, grad]| {
+                B::splat_backward(transforms, rows, light, picture, grad, sight).into()
             },
         )
         .into()

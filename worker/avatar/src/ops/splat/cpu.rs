@@ -5,7 +5,7 @@ use super::flat::{Flat, FlatGradient, Splat, SplatGradient, flatten, unflatten};
 use super::light::LIGHTS;
 use super::raster::{Blend, Tile, Unblend};
 use super::tiles::{AREA, SIDE, Tiles};
-use super::{Sight, SplatOps};
+use super::{ROW, Sight, SplatOps};
 use crate::ops::flex::tensor;
 use crate::ops::form::{Form, Work};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
@@ -14,46 +14,39 @@ use rayon::prelude::*;
 /// Splats per task.
 const BLOCK: usize = 256;
 
-/// Splats in host memory, in the layout of [`super::Splats`].
+/// Splats in host memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbers<'a> {
-    /// `[N, 12]`.
+    /// `[N, 12]` canonical to posed body.
     pub transforms: &'a [f32],
-    /// `[N, 3]`.
-    pub means: &'a [f32],
-    /// `[N, 4]`.
-    pub turns: &'a [f32],
-    /// `[N, 3]`.
-    pub scales: &'a [f32],
-    /// `[N]`.
-    pub opacities: &'a [f32],
-    /// `[N, 3]`.
-    pub colours: &'a [f32],
+    /// `[N, 14]`: place, turn, scales, opacity and colour ([`super::Splats`]).
+    pub rows: &'a [f32],
     /// `[3, 8]`.
     pub light: &'a [f32],
 }
 
 impl<'a> Numbers<'a> {
     fn count(&self) -> usize {
-        self.opacities.len()
+        self.rows.len() / ROW
     }
 
-    fn splat(&self, i: usize) -> Splat<'a> {
+    pub(super) fn splat(&self, i: usize) -> Splat<'a> {
+        let row = &self.rows.as_chunks::<ROW>().0[i];
         Splat {
             transform: &self.transforms.as_chunks().0[i],
-            mean: &self.means.as_chunks().0[i],
-            turn: &self.turns.as_chunks().0[i],
-            scale: &self.scales.as_chunks().0[i],
-            opacity: self.opacities[i],
-            colour: &self.colours.as_chunks().0[i],
+            mean: std::array::from_fn(|a| row[a]),
+            turn: std::array::from_fn(|a| row[3 + a]),
+            scale: std::array::from_fn(|a| row[7 + a]),
+            opacity: row[10],
+            colour: std::array::from_fn(|a| row[11 + a]),
         }
     }
 
-    fn light(&self) -> [[f32; LIGHTS]; 3] {
+    pub(super) fn light(&self) -> [[f32; LIGHTS]; 3] {
         std::array::from_fn(|c| std::array::from_fn(|k| self.light[c * LIGHTS + k]))
     }
 
-    fn flats(&self, sight: &Sight) -> Vec<Flat> {
+    pub(super) fn flats(&self, sight: &Sight) -> Vec<Flat> {
         let light = self.light();
         let splats = (0..self.count()).into_par_iter().with_min_len(BLOCK);
         splats
@@ -85,11 +78,11 @@ impl Work for Flatten<'_> {
 }
 
 /// [`unflatten`] of a splat.
-struct Unflatten<'a> {
-    splat: Splat<'a>,
-    light: &'a [[f32; LIGHTS]; 3],
-    sight: &'a Sight,
-    to: &'a FlatGradient,
+pub(super) struct Unflatten<'a> {
+    pub splat: Splat<'a>,
+    pub light: &'a [[f32; LIGHTS]; 3],
+    pub sight: &'a Sight,
+    pub to: &'a FlatGradient,
 }
 
 impl Work for Unflatten<'_> {
@@ -168,11 +161,7 @@ fn blend(flats: &[Flat], sight: &Sight) -> Blended {
 /// Gradients to all inputs, of their shapes.
 struct Gradients {
     transforms: Vec<f32>,
-    means: Vec<f32>,
-    turns: Vec<f32>,
-    scales: Vec<f32>,
-    opacities: Vec<f32>,
-    colours: Vec<f32>,
+    rows: Vec<f32>,
     light: Vec<f32>,
 }
 
@@ -200,22 +189,19 @@ fn backward(numbers: &Numbers<'_>, picture: &[f32], grad: &[f32], sight: &Sight)
     let n = numbers.count();
     let mut all = Gradients {
         transforms: vec![0.0; 12 * n],
-        means: vec![0.0; 3 * n],
-        turns: vec![0.0; 4 * n],
-        scales: vec![0.0; 3 * n],
-        opacities: vec![0.0; n],
-        colours: vec![0.0; 3 * n],
+        rows: vec![0.0; ROW * n],
         light: Vec::new(),
     };
     let mut to_light = [[0f64; LIGHTS]; 3];
     for (i, found) in found.iter().enumerate() {
         let Some(found) = found else { continue };
         all.transforms[12 * i..][..12].copy_from_slice(&found.transform);
-        all.means[3 * i..][..3].copy_from_slice(&found.mean);
-        all.turns[4 * i..][..4].copy_from_slice(&found.turn);
-        all.scales[3 * i..][..3].copy_from_slice(&found.scale);
-        all.opacities[i] = found.opacity;
-        all.colours[3 * i..][..3].copy_from_slice(&found.colour);
+        let row = &mut all.rows[ROW * i..][..ROW];
+        row[..3].copy_from_slice(&found.mean);
+        row[3..7].copy_from_slice(&found.turn);
+        row[7..10].copy_from_slice(&found.scale);
+        row[10] = found.opacity;
+        row[11..].copy_from_slice(&found.colour);
         let sums = to_light.as_flattened_mut().iter_mut();
         for (sum, term) in sums.zip(found.light.as_flattened()) {
             *sum += f64::from(*term);
@@ -269,16 +255,11 @@ fn unblend(flats: &[Flat], picture: &[f32], grad: &[f32], sight: &Sight) -> Vec<
 impl SplatOps for Flex {
     fn splat(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         sight: Sight,
     ) -> FloatTensor<Self> {
-        let inputs = [transforms, means, turns, scales, opacities, colours, light]
-            .map(|tensor| tensor.to_contiguous());
+        let inputs = [transforms, rows, light].map(|tensor| tensor.to_contiguous());
         let drawn = blend(&numbers(&inputs).flats(&sight), &sight);
         let pixels = drawn.pixels(&sight, |tile, i| {
             std::array::from_fn::<_, 4, _>(|c| tile[c][i])
@@ -288,51 +269,30 @@ impl SplatOps for Flex {
 
     fn splat_backward(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         sight: Sight,
-    ) -> (
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-    ) {
-        let n = means.shape()[0];
-        let inputs = [transforms, means, turns, scales, opacities, colours, light]
-            .map(|tensor| tensor.to_contiguous());
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let n = rows.shape()[0];
+        let inputs = [transforms, rows, light].map(|tensor| tensor.to_contiguous());
         let [picture, grad] = [picture, grad].map(|tensor| tensor.to_contiguous());
         let to = backward(&numbers(&inputs), picture.storage(), grad.storage(), &sight);
         (
             tensor(to.transforms, [n, 12]),
-            tensor(to.means, [n, 3]),
-            tensor(to.turns, [n, 4]),
-            tensor(to.scales, [n, 3]),
-            tensor(to.opacities, [n]),
-            tensor(to.colours, [n, 3]),
+            tensor(to.rows, [n, ROW]),
             tensor(to.light, [3, LIGHTS]),
         )
     }
 }
 
 /// The inputs of an operation, contiguous and in its order.
-fn numbers(inputs: &[FloatTensor<Flex>; 7]) -> Numbers<'_> {
-    let [transforms, means, turns, scales, opacities, colours, light] = inputs;
+fn numbers(inputs: &[FloatTensor<Flex>; 3]) -> Numbers<'_> {
+    let [transforms, rows, light] = inputs;
     Numbers {
         transforms: transforms.storage(),
-        means: means.storage(),
-        turns: turns.storage(),
-        scales: scales.storage(),
-        opacities: opacities.storage(),
-        colours: colours.storage(),
+        rows: rows.storage(),
         light: light.storage(),
     }
 }

@@ -13,11 +13,11 @@ const MIN_DETERMINANT: f32 = 1e-8;
 #[derive(Clone, Copy)]
 pub(super) struct Splat<'a> {
     pub transform: &'a [f32; 12],
-    pub mean: &'a Vec3,
-    pub turn: &'a [f32; 4],
-    pub scale: &'a Vec3,
+    pub mean: Vec3,
+    pub turn: [f32; 4],
+    pub scale: Vec3,
     pub opacity: f32,
-    pub colour: &'a Vec3,
+    pub colour: Vec3,
 }
 
 /// A splat in the picture. One that is behind the camera or too clear has no opacity.
@@ -125,8 +125,8 @@ fn lift(splat: &Splat<'_>, sight: &Sight) -> Lifted {
         [moved(0), moved(1), moved(2), moved(3) + shift]
     });
     let linear: Mat3 = place.map(|[a, b, c, _]| [a, b, c]);
-    let at: Vec3 = std::array::from_fn(|i| dot(linear[i], *splat.mean) + place[i][3]);
-    let [a, b, c, d] = *splat.turn;
+    let at: Vec3 = std::array::from_fn(|i| dot(linear[i], splat.mean) + place[i][3]);
+    let [a, b, c, d] = splat.turn;
     let length = (a * a + b * b + c * c + d * d).sqrt();
     let unit = splat.turn.map(|q| q / length.max(f32::MIN_POSITIVE));
     let turn = rotation(unit);

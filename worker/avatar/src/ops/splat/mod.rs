@@ -11,6 +11,7 @@ mod autodiff;
 pub mod cpu;
 mod flat;
 pub mod light;
+pub(crate) mod probe;
 mod raster;
 pub mod reference;
 mod tiles;
@@ -30,6 +31,9 @@ pub const MOST: f32 = 0.99;
 pub const LEAST: f32 = 1.0 / 255.0;
 /// Nearest distance from the camera, metres.
 pub const NEAR: f32 = 0.05;
+
+/// Numbers of a splat: place, turn, scales, opacity and colour.
+pub(crate) const ROW: usize = 14;
 
 /// A camera in the frame of the body.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,43 +69,52 @@ pub struct Splats {
     pub light: Tensor<2>,
 }
 
+impl Splats {
+    /// Checks that the shapes belong together.
+    ///
+    /// # Panics
+    /// If they do not.
+    fn check(&self) {
+        let [n, _] = self.means.dims();
+        assert_eq!(self.transforms.dims(), [n, 12]);
+        assert_eq!(self.means.dims(), [n, 3]);
+        assert_eq!(self.turns.dims(), [n, 4]);
+        assert_eq!(self.scales.dims(), [n, 3]);
+        assert_eq!(self.opacities.dims(), [n]);
+        assert_eq!(self.colours.dims(), [n, 3]);
+        assert_eq!(self.light.dims(), [3, LIGHTS]);
+    }
+
+    /// `[N, 14]`: place, turn, scales, opacity and colour of each, as the operation takes them.
+    pub(crate) fn rows(&self) -> Tensor<2> {
+        let [n, _] = self.means.dims();
+        let opacities = self.opacities.clone().reshape([n, 1]);
+        let parts = [&self.means, &self.turns, &self.scales].map(Tensor::clone);
+        let parts = parts.into_iter().chain([opacities, self.colours.clone()]);
+        Tensor::cat(parts.collect(), 1)
+    }
+}
+
 /// Splatting as a backend implements it; other devices have the reference. Call [`splat`] instead.
 #[backend_extension(Autodiff, Flex)]
 pub trait SplatOps: Backend {
-    /// Forward of [`splat`].
-    #[allow(clippy::too_many_arguments)]
+    /// Forward of [`splat`], from the transforms `[N, 12]`, the splats' rows `[N, 14]` and the light
+    /// `[3, 8]`.
     fn splat(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         sight: Sight,
     ) -> FloatTensor<Self>;
     /// Gradients of [`splat`] to its inputs, from its result and the gradient to it.
-    #[allow(clippy::too_many_arguments, clippy::type_complexity)]
     fn splat_backward(
         transforms: FloatTensor<Self>,
-        means: FloatTensor<Self>,
-        turns: FloatTensor<Self>,
-        scales: FloatTensor<Self>,
-        opacities: FloatTensor<Self>,
-        colours: FloatTensor<Self>,
+        rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
         sight: Sight,
-    ) -> (
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-        FloatTensor<Self>,
-    );
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
 /// The picture `[H W, 4]` of `splats`: colour over black, and opacity. Gradients flow to all tensors.
@@ -109,21 +122,12 @@ pub trait SplatOps: Backend {
 /// # Panics
 /// If the shapes do not belong together.
 pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
-    let [n, _] = splats.means.dims();
-    assert_eq!(splats.transforms.dims(), [n, 12]);
-    assert_eq!(splats.turns.dims(), [n, 4]);
-    assert_eq!(splats.scales.dims(), [n, 3]);
-    assert_eq!(splats.opacities.dims(), [n]);
-    assert_eq!(splats.colours.dims(), [n, 3]);
-    assert_eq!(splats.light.dims(), [3, LIGHTS]);
+    splats.check();
     if on_cpu(&splats.means.device()) {
+        let rows = splats.rows();
         Tensor::from_dispatch(Dispatch::splat(
             splats.transforms.into_dispatch(),
-            splats.means.into_dispatch(),
-            splats.turns.into_dispatch(),
-            splats.scales.into_dispatch(),
-            splats.opacities.into_dispatch(),
-            splats.colours.into_dispatch(),
+            rows.into_dispatch(),
             splats.light.into_dispatch(),
             sight.clone(),
         ))

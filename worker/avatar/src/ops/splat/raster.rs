@@ -7,7 +7,7 @@ use super::{LEAST, MOST};
 use crate::ops::form::{Work, multiply_add};
 
 /// Transmittance below which a tile is finished: an eighth of a step of 8-bit colour.
-const OPAQUE: f32 = 5e-4;
+pub(super) const OPAQUE: f32 = 5e-4;
 /// Splats between checks whether a tile is finished.
 const CHECK_EVERY: usize = 16;
 

@@ -150,6 +150,22 @@ impl<'a> Skinning<'a> {
         })
     }
 
+    /// The bones that carry the canonical point `at`, and their shares, which sum to 1: as in
+    /// [`super::super::skin`], the first bone where none has a weight.
+    pub fn shares(&self, at: Vec3) -> Vec<(usize, f32)> {
+        let mut shares = Vec::new();
+        if let Some(cell) = self.cell(at) {
+            self.each_weight::<false>(&cell, |bone, weight| shares.push((bone, weight)));
+        }
+        let sum: f32 = shares.iter().map(|(_, weight)| weight).sum();
+        if sum > MIN_SUM {
+            shares.iter_mut().for_each(|(_, weight)| *weight /= sum);
+            shares
+        } else {
+            vec![(0, 1.0)]
+        }
+    }
+
     /// Derivative of a bone's weight to the point in `cell`, 1/m.
     pub(in crate::ops::warp) fn slope(&self, bone: usize, cell: &Cell) -> Vec3 {
         let slope = cell.slope(self.volume(bone), self.grid.sides());
@@ -252,7 +268,7 @@ pub(super) fn inverse(m: &Mat3) -> Option<Mat3> {
 
 /// A 3x4 transform applied to a point.
 #[inline(always)]
-pub(super) fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
+pub(crate) fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
     std::array::from_fn(|r| {
         t[4 * r] * x[0] + t[4 * r + 1] * x[1] + t[4 * r + 2] * x[2] + t[4 * r + 3]
     })

@@ -1,0 +1,116 @@
+//! What splats show, and how it changes with the pose.
+//!
+//! A bone that turns by ω about its joint at p carries the columns of its transform along: the last
+//! one, its shift t, by ω × (t − p), the others by ω × column. A pixel's gradient to the transform of
+//! a splat is a force on each column, of which each bone takes its share. How the non-rigid field
+//! changes with the pose is left out.
+
+use super::wrench::{self, Wrench};
+use super::{Picture, PoseFitter, Shown};
+use crate::avatar::Posed;
+use crate::ops::splat::Sight;
+use crate::ops::splat::probe::Probe;
+use crate::ops::warp::inverse::solve::Skinning;
+use crate::render::RenderError;
+use crate::render::splats::{HostSplats, sight};
+use rayon::prelude::*;
+use tracing::trace_span;
+use yoto_capture::camera::Pose;
+
+impl PoseFitter<'_> {
+    /// What the `pixels` show, each by its `weights`; `None` if no splat is at any of them.
+    pub(super) fn splats_shown(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        pixels: &[usize],
+        weights: &[[f32; 4]],
+    ) -> Result<Option<Shown>, RenderError> {
+        let (posed, host) = self.posed(pose)?;
+        let Some((splats, sight)) = self.host_splats(pose, picture, &posed)? else {
+            return Ok(None);
+        };
+        let _span = trace_span!("fit: splats").entered();
+        let probe = Probe::new(splats.numbers(), &sight);
+        let asked = pixels.par_iter().zip(weights);
+        let found: Vec<_> = asked.map(|(pixel, by)| probe.pulls(*pixel, *by)).collect();
+        let pulls = || found.iter().flat_map(|(_, pulls)| pulls);
+        if pulls().next().is_none() {
+            return Ok(None);
+        }
+        let mut pulled = vec![false; probe.splats()];
+        pulls().for_each(|pull| pulled[pull.splat] = true);
+        let skinning = Skinning::new(&host.weights, &host.transforms, &self.body.grid);
+        let carried_by = |(splat, pulled): (usize, &bool)| match pulled {
+            true => skinning.shares(probe.place(splat)),
+            false => Vec::new(),
+        };
+        let shares: Vec<_> = pulled.par_iter().enumerate().map(carried_by).collect();
+        let bones = host.joints.len();
+        let mut wrenches = vec![Wrench::default(); pixels.len() * bones];
+        let rows = wrenches.par_chunks_exact_mut(bones).zip(&found);
+        rows.for_each(|(wrenches, (_, pulls))| {
+            for pull in pulls {
+                for (bone, share) in &shares[pull.splat] {
+                    let carry = &skinning.forward[*bone];
+                    wrenches[*bone].add(columns(carry, &pull.to_transform, *share));
+                }
+            }
+        });
+        Ok(Some(Shown {
+            values: found.iter().map(|(value, _)| *value).collect(),
+            rows: wrench::rows(&self.body.skeleton, &host.joints, wrenches),
+        }))
+    }
+
+    /// Red, green, blue and opacity of the `pixels`; `None` if no splat is at any of them.
+    pub(super) fn splats_seen(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        pixels: &[usize],
+    ) -> Result<Option<Vec<[f32; 4]>>, RenderError> {
+        let posed = (self.avatar).pose(self.config, self.body, self.slot, pose, self.progress);
+        let Some((splats, sight)) = self.host_splats(pose, picture, &posed)? else {
+            return Ok(None);
+        };
+        let probe = Probe::new(splats.numbers(), &sight);
+        let pixels = pixels.par_iter();
+        let seen: Vec<[f32; 4]> = pixels.map(|pixel| probe.pixel(*pixel)).collect();
+        let somebody = seen.iter().any(|pixel| pixel[3] > 0.0);
+        Ok(somebody.then_some(seen))
+    }
+
+    /// The splats of the person in `pose`, and the camera of `picture` in their frame; `None` if the
+    /// model has none.
+    fn host_splats(
+        &self,
+        pose: &Pose,
+        picture: &Picture,
+        posed: &Posed,
+    ) -> Result<Option<(HostSplats, Sight)>, RenderError> {
+        let splats = self.avatar.posed_splats(self.config, self.body, posed);
+        let splats = splats.map(HostSplats::read).transpose()?;
+        let sight = sight(&self.body.skeleton, pose, picture.camera);
+        Ok(splats.map(|splats| (splats, sight)))
+    }
+}
+
+/// The wrench on a bone that takes the `share` of a gradient to a transform. Only the last column is a
+/// place; shifts leave the others as they are.
+fn columns(carry: &[f32; 12], to: &[f32; 12], share: f32) -> Wrench {
+    let column = |t: &[f32; 12], c: usize| [t[c], t[4 + c], t[8 + c]].map(f64::from);
+    let pulled = |c: usize| column(to, c).map(|v| f64::from(share) * v);
+    let mut wrench = Wrench::at(column(carry, 3), pulled(3));
+    for c in 0..3 {
+        wrench.add(Wrench {
+            force: [0.0; 3],
+            ..Wrench::at(column(carry, c), pulled(c))
+        });
+    }
+    wrench
+}
+
+#[cfg(test)]
+#[path = "splats_tests.rs"]
+mod tests;
