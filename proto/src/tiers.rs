@@ -1,6 +1,9 @@
 //! Names of quality tiers and model variants. The model crate defines their layers and samples;
 //! the contract has their names.
 
+/// The tier of those who name none.
+pub const DEFAULT_TIER: &str = "splat";
+
 /// Quality tiers, cheapest first, each with its trade-off.
 pub const TIERS: &[(&str, &str)] = &[
     (
@@ -9,7 +12,7 @@ pub const TIERS: &[(&str, &str)] = &[
     ),
     (
         "fast",
-        "the default on a CPU: hash-grid detail, small networks, 64 samples per ray",
+        "a field: hash-grid detail, small networks, 64 samples per ray",
     ),
     (
         "balanced",
@@ -17,7 +20,7 @@ pub const TIERS: &[(&str, &str)] = &[
     ),
     (
         "splat",
-        "Gaussians on the body's surface: sharpest in a minute, pictures in real time; needs exact poses",
+        "the default: Gaussians on the body's surface, sharpest in a minute, pictures in real time",
     ),
     (
         "paper-lean",

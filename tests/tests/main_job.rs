@@ -72,7 +72,7 @@ fn the_demo_leaves_pictures_and_figures() -> anyhow::Result<()> {
             .as_str()
             .is_some_and(|device| !device.is_empty())
     );
-    assert_eq!(report["objective"].as_str(), Some("mse+ssim"));
+    assert_eq!(report["objective"].as_str(), Some("l1+ssim"));
     for picture in ["contact-sheet.png", "motion-transfer.png"] {
         image::open(out.join(picture)).with_context(|| picture.to_owned())?;
     }

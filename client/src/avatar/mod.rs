@@ -23,12 +23,13 @@ use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_ingest::IngestSettings;
+use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{Orbit, PoseRefinement, TrainSpec, render_spec};
 
 /// Name of this command, on the folders that it may replace.
 const MAKER: &str = "avatar";
 /// Quality tier and variant of the model.
-const TIER: &str = "fast";
+const TIER: &str = DEFAULT_TIER;
 const VARIANT: &str = "yoto";
 /// The page, and the folders beside it.
 const PAGE: &str = "index.html";

@@ -163,7 +163,7 @@ impl ModelPerson {
 #[derive(Debug, Args)]
 pub(super) struct Shape {
     /// Quality tier: a trade-off of speed and detail.
-    #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
+    #[arg(long, default_value = tiers::DEFAULT_TIER, value_parser = table::tier, long_help = tier_help())]
     pub tier: String,
     /// Model variant of the paper's ablation.
     #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]

@@ -65,7 +65,7 @@ pub(super) struct Quality {
     #[arg(long, value_name = "N", default_value_t = 6)]
     curve_pictures: u32,
     /// Quality tier: a trade-off of speed and detail.
-    #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
+    #[arg(long, default_value = yoto_proto::tiers::DEFAULT_TIER, value_parser = table::tier, long_help = tier_help())]
     tier: String,
     /// Model variant of the paper's ablation.
     #[arg(long, default_value = "yoto", value_parser = table::variant, long_help = variant_help())]
@@ -83,7 +83,7 @@ pub(super) struct Quality {
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump [default: by the tier: auto, never for splats and the tiers of the paper].
+    /// wander off their masks or jump [default: by the tier: auto, or never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
     /// Also measure after a fit of the held-out pictures' poses, with the model as it is.

@@ -54,7 +54,7 @@ pub(super) struct TradeoffCommand {
         long,
         value_name = "A,B,…",
         value_delimiter = ',',
-        default_value = "draft,fast",
+        default_value = "fast,splat",
         value_parser = table::tier,
         conflicts_with_all = ["model", "model_flag"]
     )]

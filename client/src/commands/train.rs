@@ -11,6 +11,7 @@ use crate::progress::{ProgressDisplay, duration};
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
+use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
 
 const AFTER_HELP: &str = "\
@@ -32,7 +33,7 @@ pub(super) struct Train {
     /// Create the model first, with these people, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
     subjects: Vec<String>,
-    /// Quality tier of the new model [default: fast].
+    /// Quality tier of the new model [default: splat].
     #[arg(long, requires = "subjects", value_parser = table::tier, long_help = tier_help())]
     tier: Option<String>,
     /// Variant of the new model [default: yoto].
@@ -62,7 +63,7 @@ pub(super) struct Train {
     checkpoint_seconds: f64,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
     /// wander off their masks or jump, as estimated poses do [default: as before, or by the tier: auto,
-    /// never for splats and the tiers of the paper].
+    /// or never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
     /// Write a picture for each checkpoint: a held-out frame of each person beside its render.
@@ -86,7 +87,7 @@ impl Train {
             client.find_model(&self.model).await?
         } else {
             let shape = model::Shape {
-                tier: self.tier.unwrap_or_else(|| "fast".to_owned()),
+                tier: self.tier.unwrap_or_else(|| DEFAULT_TIER.to_owned()),
                 variant: self.variant.unwrap_or_else(|| "yoto".to_owned()),
             };
             create_with(&client, &self.model, &self.subjects, &shape).await?

@@ -21,10 +21,11 @@ use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
+use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{PoseRefinement, TrainSpec};
 
 /// Quality tier and variant of the demo's model.
-const TIER: &str = "fast";
+const TIER: &str = DEFAULT_TIER;
 const VARIANT: &str = "yoto";
 
 /// What to show.
