@@ -2,8 +2,8 @@
 //!
 //! A bone that turns by ω about its joint at p carries the columns of its transform along: the last
 //! one, its shift t, by ω × (t − p), the others by ω × column. A pixel's gradient to the transform of
-//! a splat is a force on each column, of which each bone takes its share. How the non-rigid field
-//! changes with the pose is left out.
+//! a splat is a force on each column, of which each bone takes its share. The non-rigid field's change
+//! with the pose is left out.
 
 use super::wrench::{self, Wrench};
 use super::{Picture, PoseFitter, Shown};

@@ -47,9 +47,10 @@ pub(super) struct PoseRefinement {
     /// stay.
     #[serde(default)]
     placed: u8,
-    /// Where the first placement was, as [`Self::stage`] counts progress.
+    /// Where the first placement was, as [`Self::stage`] counts progress. In single precision, which a
+    /// file of JSON gives back exactly.
     #[serde(default)]
-    placed_at: f64,
+    placed_at: f32,
     /// Frames that are not read as they were given, and their poses before the change.
     readings: BTreeMap<usize, (Reading, Pose)>,
 }
@@ -119,7 +120,7 @@ impl PoseRefinement {
     /// their placement.
     pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
         self.placed = 1;
-        self.placed_at = self.progress(opened, fraction);
+        self.placed_at = self.progress(opened, fraction) as f32;
         config.first_count()
     }
 
@@ -133,8 +134,8 @@ impl PoseRefinement {
     ) -> Option<usize> {
         let progress = self.progress(opened, fraction);
         // Somebody who came in the middle of a run has what was left of it.
-        let left = (1.0 - self.placed_at).max(f64::MIN_POSITIVE);
-        let passed = (progress - self.placed_at) / left;
+        let from = f64::from(self.placed_at);
+        let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
         let due = [config.coarse_again, config.all].map(|share| passed >= share);
         match (self.placed, due) {
             (1 | 2, [_, true]) => {
