@@ -1,14 +1,12 @@
 use super::*;
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Unposing};
-use crate::fit::{Picture, PixelGrid, PoseFitter, SEEN, truth};
+use crate::fit::test_scene::TestScene;
+use crate::fit::{PixelGrid, SEEN, truth};
 use crate::ops::warp::cpu::forward;
 use crate::ops::warp::inverse::solve::Skinning;
 use burn::module::Module;
-use burn::tensor::Device;
-use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::{after, apply, compose, rigid, rodrigues};
-use yoto_capture::synthetic::SyntheticPerson;
 
 /// Rays of the untrained model, their gradients by [`rows`], and what they show after a small
 /// change of one number of the pose.
@@ -23,45 +21,21 @@ fn rays_change_as_the_rows_say_through_inverse_skinning() {
 }
 
 fn rays_change_by(unposing: Unposing) {
-    let device = Device::flex().autodiff();
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.motion.unposing = unposing;
     // No sample comes or goes with the change.
     config.march.epsilon = 0.0;
     config.march.occupancy_cells = 0;
-    let (track, frames) = SyntheticPerson::cast(1, 7)[0].capture(4, 48);
-    let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
-    let body = Body::new(skeleton, &config, &device);
+    let scene = TestScene::new(config, 48);
+    let (config, body, image) = (&scene.config, &scene.body, &scene.image);
+    let (pose, picture, covered) = (&scene.pose, scene.picture(), &scene.covered);
     let joints = body.skeleton.joints();
-    let avatar = Avatar::new(&config, 1, joints, 5, &device).no_grad();
-    let frame = &track.frames[2];
-    let pose = Pose::from_frame(frame).expect("a pose");
-    let camera =
-        yoto_capture::camera::Camera::from_frame(frame, track.image_size).expect("a camera");
-    let image = &frames[2];
-    let pixels = (0..).zip(&image.mask);
-    let covered: Vec<u32> = pixels
-        .filter(|(_, mask)| **mask > 0)
-        .map(|(p, _)| p)
-        .collect();
-    let fitter = PoseFitter {
-        avatar: &avatar,
-        config: &config,
-        body: &body,
-        slot: 0,
-        progress: 0.0,
-        occupancy: None,
-        device: &device,
-    };
-    let picture = Picture {
-        image,
-        camera: &camera,
-        covered: &covered,
-    };
-    let grid = PixelGrid::new(image, &covered, 0.2, [0.0; 2]).expect("a person");
-    let posed = avatar.pose(&config, &body, 0, &pose, 0.0);
-    let host = HostPose::new(&body, &pose, &posed).expect("reads");
-    let mut samples = fitter.samples(&pose, &picture, &grid.pixels, &host);
+    let avatar = Avatar::new(config, 1, joints, 5, &scene.device).no_grad();
+    let fitter = scene.fitter(&avatar);
+    let grid = PixelGrid::new(image, covered, 0.2, [0.0; 2]).expect("a person");
+    let posed = avatar.pose(config, body, 0, pose, 0.0);
+    let host = HostPose::new(body, pose, &posed).expect("reads");
+    let mut samples = fitter.samples(pose, &picture, &grid.pixels, &host);
     assert!(truth(image, covered[0] as usize, SEEN[0]) > 0.0);
 
     let width = 3 * (joints + 1);
@@ -70,7 +44,7 @@ fn rays_change_by(unposing: Unposing) {
         let (_, to_warped) = fitter
             .gradients(&posed, &samples, &weights)
             .expect("renders");
-        let rows = rows(&body, &host, unposing, &samples, to_warped);
+        let rows = rows(body, &host, unposing, &samples, to_warped);
         let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let (mut off, mut all) = (0.0, 0.0);
         for parameter in (0..width).step_by(5).chain(width - 3..width) {
@@ -96,7 +70,7 @@ fn rays_change_by(unposing: Unposing) {
                         *point = apply(&back, point.map(f64::from)).map(|v| v as f32);
                     }
                 }
-                let transforms = crate::motion::posed::transforms(&body, &changed);
+                let transforms = crate::motion::posed::transforms(body, &changed);
                 let transforms = read(transforms).expect("reads");
                 let warped = forward(&host.weights, &transforms, &moved, &body.grid);
                 let (warped, _) = warped.as_chunks::<4>();

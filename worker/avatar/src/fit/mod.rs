@@ -7,6 +7,8 @@ mod grid;
 mod jacobian;
 mod normal;
 mod splats;
+#[cfg(test)]
+mod test_scene;
 mod wrench;
 
 use crate::avatar::{Avatar, Posed};

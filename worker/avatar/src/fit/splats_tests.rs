@@ -2,16 +2,14 @@ use super::*;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::field::splats::FirstSplats;
+use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, PoseChange, SEEN};
-use crate::motion::body::Body;
 use crate::ops::splat::draw;
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::synthetic::SyntheticPerson;
 
 /// Splats of any turn, scale and colour, around the bones.
 fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
@@ -31,47 +29,27 @@ fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
 
 #[test]
 fn pixels_change_as_the_rows_say() {
-    let device = Device::flex().autodiff();
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let count = 400;
     config.splats.as_mut().expect("splats").count = count;
-    let (track, frames) = SyntheticPerson::cast(1, 7)[0].capture(4, 64);
-    let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
-    let body = Body::new(skeleton, &config, &device);
+    let scene = TestScene::new(config, 64);
+    let (config, body, device) = (&scene.config, &scene.body, &scene.device);
+    let (pose, picture) = (&scene.pose, scene.picture());
     let joints = body.skeleton.joints();
-    let mut avatar = Avatar::new(&config, 1, joints, 5, &device);
+    let mut avatar = Avatar::new(config, 1, joints, 5, device);
     avatar.place_splats(0, &around(&body.skeleton, count));
-    let light = Tensor::<2>::from_floats([[0.2, -0.1, 0.3, 0.1, 0.0, 0.2, -0.2, 0.1]; 3], &device);
+    let light = Tensor::<2>::from_floats([[0.2, -0.1, 0.3, 0.1, 0.0, 0.2, -0.2, 0.1]; 3], device);
     avatar.splats[0].light = burn::module::Param::from_tensor(light);
     let avatar = avatar.no_grad();
-    let frame = &track.frames[2];
-    let pose = Pose::from_frame(frame).expect("a pose");
-    let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
-    let image = &frames[2];
-    let pixels = (0..).zip(&image.mask);
-    let covered: Vec<u32> = pixels.filter(|(_, m)| **m > 0).map(|(p, _)| p).collect();
-    let fitter = PoseFitter {
-        avatar: &avatar,
-        config: &config,
-        body: &body,
-        slot: 0,
-        progress: 0.0,
-        occupancy: None,
-        device: &device,
-    };
-    let picture = Picture {
-        image,
-        camera: &camera,
-        covered: &covered,
-    };
-    let grid = PixelGrid::new(image, &covered, 0.05, [0.0; 2]).expect("a person");
+    let fitter = scene.fitter(&avatar);
+    let grid = PixelGrid::new(&scene.image, &scene.covered, 0.05, [0.0; 2]).expect("a person");
     let width = 3 * (joints + 1);
     let size = 1e-3;
     for by in SEEN {
-        let (posed, _) = fitter.posed(&pose).expect("poses");
+        let (posed, _) = fitter.posed(pose).expect("poses");
         let weights = vec![by; grid.pixels.len()];
         let shown = fitter
-            .splats_shown(&pose, &picture, &grid.pixels, &weights)
+            .splats_shown(pose, &picture, &grid.pixels, &weights)
             .expect("reads")
             .expect("somebody");
         let at = |pose: &Pose| -> Vec<f32> {
@@ -80,8 +58,8 @@ fn pixels_change_as_the_rows_say() {
             let sums = seen.iter().map(|it| (0..4).map(|c| it[c] * by[c]).sum());
             sums.collect()
         };
-        let splats = avatar.posed_splats(&config, &body, &posed).expect("splats");
-        let sight = sight(&body.skeleton, &pose, &camera);
+        let splats = avatar.posed_splats(config, body, &posed).expect("splats");
+        let sight = sight(&body.skeleton, pose, &scene.camera);
         let drawn = draw(&HostSplats::read(splats).expect("reads").numbers(), &sight);
         let drawn = grid.pixels.iter().map(|p| {
             let colour: f32 = (0..3).map(|c| by[c] * drawn.rgb[3 * p + c]).sum();
@@ -89,7 +67,7 @@ fn pixels_change_as_the_rows_say() {
         });
         // Tiles stop at pixels that are not quite opaque.
         assert!(drawn.zip(&shown.values).all(|(a, b)| (a - b).abs() < 2e-3));
-        let same = at(&pose).into_iter().zip(&shown.values);
+        let same = at(pose).into_iter().zip(&shown.values);
         assert!(same.into_iter().all(|(a, b)| (a - b).abs() < 1e-5));
         for parameter in 0..width {
             let [less, more] = [-size, size].map(|by| {
@@ -97,7 +75,7 @@ fn pixels_change_as_the_rows_say() {
                 step[parameter] = by;
                 let mut change = PoseChange::none(joints);
                 change.take(&step, 1.0);
-                at(&change.of(&pose))
+                at(&change.of(pose))
             });
             let slopes = more.iter().zip(&less);
             let slopes = slopes.map(|(more, less)| f64::from(more - less) / (2.0 * size));
