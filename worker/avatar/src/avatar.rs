@@ -63,6 +63,8 @@ pub struct Posed {
     pub transforms: Tensor<2>,
     pose: Tensor<1>,
     code: Option<Tensor<1>>,
+    /// F_nr; the code itself as long as the non-rigid field has no use for it. Whatever no backward pass
+    /// reaches would stay in Burn's autodiff graph, and each step would search a larger one.
     conditioned: Option<Tensor<1>>,
 }
 
@@ -169,7 +171,8 @@ impl Avatar {
             }
         };
         let code = (!self.codes.is_empty()).then(|| self.codes[slot].val());
-        let conditioned = match (&self.condition, &code) {
+        let moves = config.schedule.moves_points(progress);
+        let conditioned = match (self.condition.as_ref().filter(|_| moves), &code) {
             (Some(condition), Some(code)) => Some(condition.forward(
                 &config.condition,
                 code.clone(),
@@ -392,3 +395,6 @@ fn any_grid(encoding: &Encoding) -> Option<HashGrid> {
     };
     hash_grid(encoding, &anywhere)
 }
+
+#[cfg(test)]
+mod tests;
