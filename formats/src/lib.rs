@@ -1,6 +1,6 @@
 //! Files of other programs as plain data.
 //!
-//! Bytes in, numbers and strings out. This crate has no notion of people or cameras, runs no code
+//! Read: bytes in, numbers and strings out. This crate has no notion of people or cameras, runs no code
 //! of a file, and returns data or an error for any bytes. The importers of the client and of the
 //! model interpret the numbers.
 //!
@@ -9,6 +9,9 @@
 //! - [`rle`]: COCO's masks as run lengths.
 //! - [`npy`], [`npz`]: numpy's files of one array and of several.
 //! - [`bvh`]: skeletons with motion.
+//!
+//! Written:
+//! - [`splat_ply`]: Gaussian splats.
 
 mod array;
 pub mod bvh;
@@ -17,6 +20,7 @@ pub mod npy;
 pub mod npz;
 pub mod pickle;
 pub mod rle;
+pub mod splat_ply;
 pub mod torch;
 mod value;
 

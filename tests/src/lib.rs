@@ -1,6 +1,7 @@
 //! Parts shared by the black-box tests: real processes that end with the test, captures and videos
-//! of synthetic people on disk.
+//! of synthetic people on disk, a browser.
 
+pub mod browser;
 pub mod film;
 pub mod people;
 pub mod process;

@@ -16,6 +16,8 @@ mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
 mod evaluate;
+#[cfg(feature = "embedded")]
+mod export;
 mod ffmpeg_arg;
 mod import;
 #[cfg(feature = "embedded")]
@@ -140,6 +142,8 @@ enum Command {
     Motion(motion::MotionCommand),
     #[cfg(feature = "embedded")]
     RenderFrame(render_frame::RenderFrame),
+    #[cfg(feature = "embedded")]
+    Export(export::Export),
     Evaluate(evaluate::Evaluate),
     #[cfg(feature = "embedded")]
     Quality(quality::Quality),
@@ -213,6 +217,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::RenderFrame(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Quality(command) => command.run(),

@@ -46,6 +46,8 @@ fn what_a_newcomer_types_parses() {
         "yoto model info checkpoints/5",
         "yoto model import-humannerf c.tar --canonical-joints j.pkl --out m",
         "yoto render-frame --model m --capture a --camera cam00 --frame 3 --numerics reference --out f.npz",
+        "yoto export duo --subject ada --capture a --capture b --out ada.html",
+        "yoto export checkpoints/5 --slot 1 --capture a --frame 3 --out ada.ply --force",
         "yoto evaluate --model-dir d --capture a --capture b --protocol zju-step30 --table",
         "yoto evaluate --model-dir d --capture a --size 64 --pictures 6",
         "yoto evaluate duo --table",

@@ -11,6 +11,7 @@ mod released;
 mod rest_points;
 pub mod samples;
 mod settings;
+mod skinned_splats;
 pub(crate) mod splats;
 pub mod walk;
 
@@ -18,3 +19,4 @@ pub use frame::{RenderError, RenderView, Rendered, Renderer};
 pub use rest_points::RestPoints;
 pub use samples::SampleCounts;
 pub use settings::RenderSettings;
+pub use skinned_splats::{SkinnedSplat, SkinnedSplats};

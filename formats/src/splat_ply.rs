@@ -1,0 +1,135 @@
+//! `.ply` files of Gaussian splats, as the program of 3D Gaussian splatting (Kerbl and others, 2023) writes
+//! them and every viewer of splats reads them.
+
+use std::io::{self, Write};
+
+/// A Gaussian in space, in metres, with y up and z towards the viewer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    /// Its middle.
+    pub mean: [f32; 3],
+    /// Unit quaternion, real part first.
+    pub turn: [f32; 4],
+    /// Standard deviations along the turned axes.
+    pub deviations: [f32; 3],
+    /// 0 to 1, at the middle.
+    pub opacity: f32,
+    /// 0 to 1 each, as a screen shows them.
+    pub colour: [f32; 3],
+}
+
+/// The spherical harmonic of degree 0: a colour is 0.5 plus this times its coefficient.
+const HARMONIC: f32 = 0.282_094_8;
+/// Coefficients of the degrees 1 to 3. Some readers refuse files without them.
+const REST: usize = 45;
+/// Opacities are this far from 0 and 1, whose logits are infinite.
+const CLEAR: f32 = 1e-6;
+
+/// Writes `splats`. The file has x to the right, y down and z forward, as viewers expect of it, and colours
+/// that do not depend on the view.
+///
+/// # Errors
+/// If writing fails.
+pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
+    write!(
+        to,
+        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n",
+        splats.len()
+    )?;
+    let fields = [
+        "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2",
+    ];
+    let mut fields: Vec<String> = fields.map(str::to_owned).to_vec();
+    fields.extend((0..REST).map(|i| format!("f_rest_{i}")));
+    fields.push("opacity".into());
+    fields.extend((0..3).map(|i| format!("scale_{i}")));
+    fields.extend((0..4).map(|i| format!("rot_{i}")));
+    for field in &fields {
+        writeln!(to, "property float {field}")?;
+    }
+    writeln!(to, "end_header")?;
+    let mut row = Vec::with_capacity(fields.len());
+    for splat in splats {
+        let [x, y, z] = splat.mean;
+        let [a, b, c, d] = splat.turn;
+        let opacity = splat.opacity.clamp(CLEAR, 1.0 - CLEAR);
+        row.clear();
+        row.extend([x, -y, -z]);
+        row.extend([0.0; 3]);
+        row.extend(splat.colour.map(|value| (value - 0.5) / HARMONIC));
+        row.extend([0.0; REST]);
+        row.push((opacity / (1.0 - opacity)).ln());
+        row.extend(splat.deviations.map(f32::ln));
+        // After a half turn about x.
+        row.extend([-b, a, -d, c]);
+        for value in &row {
+            to.write_all(&value.to_le_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_have_every_field_in_its_place() {
+        let splat = Gaussian {
+            mean: [1.0, 2.0, 3.0],
+            turn: [0.5, 0.5, -0.5, 0.5],
+            deviations: [0.01, 0.02, 0.03],
+            opacity: 0.9,
+            colour: [0.5, 0.25, 1.0],
+        };
+        let mut bytes = Vec::new();
+        write(&mut bytes, &[splat, splat]).expect("writes");
+        let end = b"end_header\n";
+        let start = bytes.windows(end.len()).position(|part| part == end);
+        let start = start.expect("a header") + end.len();
+        let header = String::from_utf8_lossy(&bytes[..start]).into_owned();
+        let fields: Vec<&str> = header
+            .lines()
+            .filter_map(|line| line.strip_prefix("property float "))
+            .collect();
+        assert_eq!(bytes.len() - start, 2 * 248);
+        assert_eq!(4 * fields.len(), 248);
+        let value = |name: &str| {
+            let place = fields.iter().position(|field| *field == name);
+            let at = start + 248 + 4 * place.expect("a field");
+            f32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"))
+        };
+        assert_eq!(["x", "y", "z"].map(value), [1.0, -2.0, -3.0]);
+        assert!((0.5 + HARMONIC * value("f_dc_1") - 0.25).abs() < 1e-6);
+        assert!((value("opacity") - 9f32.ln()).abs() < 1e-4);
+        assert!((value("scale_2") - 0.03f32.ln()).abs() < 1e-6);
+        assert_eq!(
+            ["rot_0", "rot_1", "rot_2", "rot_3"].map(value),
+            [-0.5, 0.5, -0.5, -0.5]
+        );
+        assert_eq!(value("f_rest_44"), 0.0);
+    }
+
+    #[test]
+    fn opaque_and_clear_splats_are_finite() {
+        for opacity in [0.0, 1.0] {
+            let splat = Gaussian {
+                mean: [0.0; 3],
+                turn: [1.0, 0.0, 0.0, 0.0],
+                deviations: [0.01; 3],
+                opacity,
+                colour: [0.0; 3],
+            };
+            let mut bytes = Vec::new();
+            write(&mut bytes, &[splat]).expect("writes");
+            let row = bytes.len() - 248;
+            assert!(
+                bytes[row..]
+                    .as_chunks::<4>()
+                    .0
+                    .iter()
+                    .all(|value| f32::from_le_bytes(*value).is_finite())
+            );
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! People leave in files that other programs play.
+
+use anyhow::{Context, ensure};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_tests::browser::Browser;
+use yoto_tests::people::write_capture;
+use yoto_tests::process::{Service, fail, succeed};
+
+const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const FRAMES: usize = 12;
+const SIZE: u32 = 96;
+/// The frame that browser and renderer draw.
+const FRAME: usize = 5;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let at = |name: &str| dir.path().join(name).display().to_string();
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let track = write_capture(person, FRAMES, SIZE, &dir.path().join("ada"))?;
+    let service = Service::start(YOTO, &dir.path().join("data"), true)?;
+    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
+        let mut arguments: Vec<&str> = line.split(' ').collect();
+        arguments.extend(["--server", &service.address]);
+        run(YOTO, &arguments)
+    };
+    yoto(&format!("subject add ada {}", at("ada")), succeed)?;
+    yoto("train solo --subjects ada --tier splat --steps 30", succeed)?;
+    yoto("train field --subjects ada --tier draft --steps 2", succeed)?;
+
+    let export = format!("export solo --subject ada --capture {}", at("ada"));
+    yoto(&format!("{export} --out {}", at("ada.html")), succeed)?;
+    yoto(
+        &format!("{export} --frame {FRAME} --out {}", at("ada.ply")),
+        succeed,
+    )?;
+    let ply = std::fs::read(dir.path().join("ada.ply"))?;
+    ensure!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
+    // Over an existing file only if asked.
+    let said = yoto(&format!("{export} --out {}", at("ada.html")), fail)?;
+    ensure!(
+        said.contains("is there already") && said.contains("--force"),
+        "{said}"
+    );
+    yoto(
+        &format!("{export} --force --out {}", at("ada.html")),
+        succeed,
+    )?;
+    for (line, cause) in [
+        (
+            "export field --subject ada --out x.ply",
+            "draft, has no splats",
+        ),
+        (
+            "export solo --subject ada --out x.obj",
+            "neither .html nor .ply",
+        ),
+        ("export solo --subject bob --out x.ply", "bob"),
+        ("export solo --out x.ply", "--subject is needed"),
+        (
+            "export solo --subject ada --slot 1 --out x.ply",
+            "cannot be used with",
+        ),
+    ] {
+        let said = yoto(line, fail)?;
+        ensure!(said.contains(cause), "{line}: {said}");
+    }
+    let said = yoto(&format!("{export} --frame 99 --out {}", at("x.ply")), fail)?;
+    ensure!(said.contains("no frame 99 among its 12"), "{said}");
+
+    yoto(&format!("model export solo --out {}", at("model")), succeed)?;
+    let render = format!(
+        "render-frame --model-dir {} --capture {} --camera train --frame {FRAME} --out {}",
+        at("model"),
+        at("ada"),
+        at("frame.png")
+    );
+    succeed(YOTO, &render.split(' ').collect::<Vec<_>>())?;
+    let Some(browser) = Browser::find()? else {
+        eprintln!("no browser here: the page is not drawn");
+        return Ok(());
+    };
+    // The page itself, and a script that holds the frame and keeps the canvas.
+    let frame = &track.frames[FRAME];
+    let k = &frame.k;
+    let lens = serde_json::json!([k[0][0], k[1][1], k[0][2], k[1][2]]);
+    let rows = serde_json::json!(&frame.e[..3]);
+    let page = std::fs::read_to_string(dir.path().join("ada.html"))?;
+    let script = format!(
+        "<script>yoto.hold(0, {FRAME}, {rows}, {lens}, {SIZE}, {SIZE}); \
+         document.body.dataset.picture = document.getElementById('view').toDataURL();</script></body>"
+    );
+    let held = dir.path().join("held.html");
+    std::fs::write(&held, page.replace("</body>", &script))?;
+    let document = browser.document(&held)?;
+    let start = r#"data-picture="data:image/png;base64,"#;
+    let picture = document
+        .split(start)
+        .nth(1)
+        .and_then(|rest| rest.split('"').next());
+    let picture = STANDARD.decode(picture.with_context(|| format!("no picture in {document}"))?)?;
+    let drawn = image::load_from_memory(&picture)?.to_rgba8();
+    let over_black = drawn.pixels().flat_map(|pixel| {
+        let [r, g, b, a] = pixel.0.map(|value| f32::from(value) / 255.0);
+        [r * a, g * a, b * a]
+    });
+    let rendered = image::open(dir.path().join("frame.png"))?.to_rgb8();
+    let rendered: Vec<f32> = rendered.iter().map(|v| f32::from(*v) / 255.0).collect();
+    let alike = psnr(&over_black.collect::<Vec<f32>>(), &rendered);
+    eprintln!("browser and renderer: {alike:.1} dB");
+    ensure!(alike > 50.0, "browser and renderer differ: {alike:.1} dB");
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! What a model of splats knows about one person, for players and files: splats in the rest pose, and the
+//! bones that carry them.
+
+use super::frame::{RenderError, Renderer, read};
+use crate::ops::splat::light::LIGHTS;
+use crate::ops::splat::{LEAST, ROW};
+use crate::ops::warp::inverse::solve::Skinning;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Skeleton;
+
+/// Most bones that carry a splat: players have room for as many.
+pub const BONES: usize = 4;
+
+/// A person of a model of splats, in host memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkinnedSplats {
+    /// Joint tree with rest positions.
+    pub skeleton: Skeleton,
+    /// Those that can be seen.
+    pub splats: Vec<SkinnedSplat>,
+    /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`crate::ops::splat::light`]).
+    pub light: [[f32; LIGHTS]; 3],
+}
+
+/// A Gaussian on the body's surface in the rest pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkinnedSplat {
+    /// Metres.
+    pub mean: [f32; 3],
+    /// Unit quaternion, real part first. The third axis is the surface's normal.
+    pub turn: [f32; 4],
+    /// Standard deviations along the turned axes, metres.
+    pub deviations: [f32; 3],
+    /// 0 to 1, at the centre.
+    pub opacity: f32,
+    /// Without light.
+    pub colour: [f32; 3],
+    /// Joints whose bones carry it, most first, and their shares, which sum to 1.
+    pub bones: [(u16, f32); BONES],
+}
+
+impl Renderer {
+    /// The splats of the identity in `slot`, with the non-rigid offsets of the rest pose; `None` if the
+    /// model has a field.
+    ///
+    /// # Errors
+    /// If the slot is empty, or the model can't be read from its device.
+    pub fn skinned_splats(&self, slot: usize) -> Result<Option<SkinnedSplats>, RenderError> {
+        let skeleton = self.skeleton(slot).ok_or(RenderError::NoSuchSlot(slot))?;
+        let rest = Pose::rest(skeleton.joints());
+        let body = self.body_in(slot, &rest)?;
+        let posed = self
+            .avatar
+            .pose(&self.config, body, slot, &rest, self.progress);
+        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
+            return Ok(None);
+        };
+        let rows = read(splats.rows())?;
+        let light = read(splats.light)?;
+        let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
+        let skinning = Skinning::new(&weights, &transforms, &body.grid);
+        let all = rows.as_chunks::<ROW>().0.iter();
+        let splats = all.map(|row| skinned(row, &skinning));
+        Ok(Some(SkinnedSplats {
+            skeleton: skeleton.clone(),
+            splats: splats.filter(SkinnedSplat::is_visible).collect(),
+            light: std::array::from_fn(|channel| {
+                std::array::from_fn(|term| light[channel * LIGHTS + term])
+            }),
+        }))
+    }
+}
+
+impl SkinnedSplat {
+    /// Whether the renderer draws it at all.
+    fn is_visible(&self) -> bool {
+        let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);
+        let mut numbers = numbers.chain(&self.colour);
+        self.opacity > LEAST && numbers.all(|number| number.is_finite())
+    }
+}
+
+/// The splat of a row.
+fn skinned(row: &[f32; ROW], skinning: &Skinning<'_>) -> SkinnedSplat {
+    let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
+    let length = (a * a + b * b + c * c + d * d).sqrt();
+    let mean = [x, y, z];
+    SkinnedSplat {
+        mean,
+        turn: [a, b, c, d].map(|q| q / length.max(f32::MIN_POSITIVE)),
+        deviations: scales.map(f32::exp),
+        opacity: 1.0 / (1.0 + (-opacity).exp()),
+        colour: [red, green, blue],
+        bones: most(skinning.shares(mean)),
+    }
+}
+
+/// The [`BONES`] largest of `shares`, which sum to 1 again.
+fn most(mut shares: Vec<(usize, f32)>) -> [(u16, f32); BONES] {
+    shares.sort_by(|(_, one), (_, other)| other.total_cmp(one));
+    shares.truncate(BONES);
+    let sum: f32 = shares.iter().map(|(_, share)| share).sum();
+    std::array::from_fn(|place| match shares.get(place) {
+        // A skeleton has at most 256 joints.
+        Some((bone, share)) => (*bone as u16, share / sum),
+        None => (0, 0.0),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bones_with_most_weight_carry_a_splat_alone() {
+        let shares = vec![(7, 0.1), (2, 0.4), (5, 0.05), (3, 0.2), (9, 0.15), (1, 0.1)];
+        let kept = most(shares);
+        assert_eq!(kept.map(|(bone, _)| bone), [2, 3, 9, 7]);
+        assert!((kept.iter().map(|(_, share)| share).sum::<f32>() - 1.0).abs() < 1e-6);
+        assert!((kept[0].1 - 0.4 / 0.85).abs() < 1e-6);
+        assert_eq!(
+            most(vec![(6, 1.0)]),
+            [(6, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
+        );
+    }
+}

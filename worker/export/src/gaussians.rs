@@ -1,0 +1,189 @@
+//! A person in one pose, as Gaussians in space: for programs that know neither bones nor light.
+
+use faer::{Mat, Side};
+use yoto_avatar::ops::splat::light::terms;
+use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::transform::{Mat3, Mat34, apply, compose, rigid};
+use yoto_capture::skeleton::{Skeleton, SkeletonError};
+use yoto_formats::splat_ply::Gaussian;
+
+const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// Smallest standard deviation, metres: skinning may flatten a Gaussian to nothing.
+const THINNEST: f64 = 1e-6;
+
+/// The person in `pose`, lit as their capture was, carried from the world by the rigid `to`.
+///
+/// # Errors
+/// If the pose is not of the person's skeleton.
+pub fn posed(
+    person: &SkinnedSplats,
+    pose: &Pose,
+    to: &Mat34,
+) -> Result<Vec<Gaussian>, SkeletonError> {
+    person.skeleton.check_pose(pose)?;
+    let bones = bones(&person.skeleton, pose);
+    let splats = person.splats.iter();
+    Ok(splats
+        .map(|splat| carried(splat, &bones, &person.light, to))
+        .collect())
+}
+
+/// What carries points from the rest pose to the world, of each bone.
+fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
+    let posed = skeleton.world_transforms(pose);
+    let back = |rest: &[f64; 3]| rigid(IDENTITY, rest.map(|v| -v));
+    let joints = posed.iter().zip(&skeleton.rest);
+    joints
+        .map(|(joint, rest)| compose(joint, &back(rest)))
+        .collect()
+}
+
+/// A splat where its bones carry it.
+fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Mat34) -> Gaussian {
+    let mut transform: Mat34 = [[0.0; 4]; 3];
+    for (bone, share) in splat.bones {
+        for (sum, row) in transform.iter_mut().zip(&bones[usize::from(bone)]) {
+            for (sum, value) in sum.iter_mut().zip(row) {
+                *sum += f64::from(share) * value;
+            }
+        }
+    }
+    let turn = rotation(splat.turn.map(f64::from));
+    let linear = |r: usize, c: usize| (0..3).map(|k| transform[r][k] * turn[k][c]).sum::<f64>();
+    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)));
+    let length = axes
+        .iter()
+        .map(|row| row[2] * row[2])
+        .sum::<f64>()
+        .sqrt()
+        .max(THINNEST);
+    let terms = terms(axes.map(|row| (row[2] / length) as f32));
+    let shade = |channel: usize| {
+        let sum = light[channel]
+            .iter()
+            .zip(&terms)
+            .map(|(light, term)| light * term);
+        1.0 + sum.sum::<f32>()
+    };
+    let moved = |r: usize, c: usize| (0..3).map(|k| to[r][k] * axes[k][c]).sum::<f64>();
+    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| moved(r, c)));
+    let (turn, deviations) = ellipsoid(&axes, splat.deviations.map(f64::from));
+    Gaussian {
+        mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
+        turn: quaternion(&turn).map(|v| v as f32),
+        deviations: deviations.map(|v| v as f32),
+        opacity: splat.opacity,
+        colour: std::array::from_fn(|c| (splat.colour[c] * shade(c)).clamp(0.0, 1.0)),
+    }
+}
+
+/// The turn and the standard deviations of the Gaussian with the covariance (A S)(A S)ᵀ.
+fn ellipsoid(axes: &Mat3, deviations: [f64; 3]) -> (Mat3, [f64; 3]) {
+    let entry = |r: usize, c: usize| -> f64 {
+        (0..3)
+            .map(|k| axes[r][k] * axes[c][k] * deviations[k] * deviations[k])
+            .sum()
+    };
+    let covariance = Mat::from_fn(3, 3, entry);
+    // Matrices of finite numbers always have them.
+    let Ok(found) = covariance.self_adjoint_eigen(Side::Lower) else {
+        return (IDENTITY, [f64::NAN; 3]);
+    };
+    let (vectors, values) = (found.U(), found.S());
+    let mut turn: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| vectors[(r, c)]));
+    let [[a, b, c], [d, e, f], [g, h, i]] = turn;
+    if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0 {
+        turn.iter_mut().for_each(|row| row[2] = -row[2]);
+    }
+    (
+        turn,
+        std::array::from_fn(|k| values[k].max(0.0).sqrt().max(THINNEST)),
+    )
+}
+
+/// The rotation of a unit quaternion, real part first.
+fn rotation([w, x, y, z]: [f64; 4]) -> Mat3 {
+    [
+        [
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ],
+    ]
+}
+
+/// The unit quaternion of a rotation, real part first. Of its four numbers, the largest is found first, so
+/// that none is divided by almost nothing.
+pub(crate) fn quaternion(m: &Mat3) -> [f64; 4] {
+    let [[a, b, c], [d, e, f], [g, h, i]] = *m;
+    let squares = [
+        1.0 + a + e + i,
+        1.0 + a - e - i,
+        1.0 - a + e - i,
+        1.0 - a - e + i,
+    ];
+    let largest = (0..4).fold(
+        0,
+        |best, k| if squares[k] > squares[best] { k } else { best },
+    );
+    let twice = squares[largest].max(0.0).sqrt();
+    let rest = match largest {
+        0 => [squares[0], h - f, c - g, d - b],
+        1 => [h - f, squares[1], b + d, c + g],
+        2 => [c - g, b + d, squares[2], f + h],
+        _ => [d - b, c + g, f + h, squares[3]],
+    };
+    rest.map(|q| q / (2.0 * twice))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_capture::skeleton::transform::rodrigues;
+
+    #[test]
+    fn quaternions_turn_as_their_matrices() {
+        for r in [
+            [0.3, -0.2, 0.5],
+            [3.1, 0.0, 0.1],
+            [0.0, 3.1, 0.1],
+            [0.1, 0.0, 3.1],
+            [0.0; 3],
+        ] {
+            let m = rodrigues(r);
+            let back = rotation(quaternion(&m));
+            for (one, other) in m.as_flattened().iter().zip(back.as_flattened()) {
+                assert!((one - other).abs() < 1e-9, "{r:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sheared_gaussian_keeps_its_covariance() {
+        let axes = [[1.0, 0.4, 0.0], [0.1, 0.8, -0.3], [0.0, 0.2, 1.1]];
+        let deviations = [0.02, 0.01, 0.003];
+        let (turn, found) = ellipsoid(&axes, deviations);
+        let covariance = |axes: &Mat3, deviations: [f64; 3], r: usize, c: usize| -> f64 {
+            (0..3)
+                .map(|k| axes[r][k] * axes[c][k] * deviations[k].powi(2))
+                .sum()
+        };
+        for r in 0..3 {
+            for c in 0..3 {
+                let off = covariance(&axes, deviations, r, c) - covariance(&turn, found, r, c);
+                assert!(off.abs() < 1e-12, "{r} {c}: {off}");
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! A page that plays a person in a browser: one file without a network, drawn by WebGL2.
+//!
+//! `page.html` has the shaders, which compute what `yoto_avatar`'s operation of splats does, and `player.js`
+//! poses the bones, sorts the splats and takes the user's input.
+
+mod packed;
+
+use crate::clip::Clip;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use packed::Packed;
+use serde::Serialize;
+use yoto_avatar::render::SkinnedSplats;
+use yoto_capture::skeleton::SkeletonError;
+
+const PAGE: &str = include_str!("page.html");
+const PLAYER: &str = include_str!("player.js");
+
+/// What the player reads.
+#[derive(Serialize)]
+struct Person<'a> {
+    joints: &'a [String],
+    parents: &'a [Option<usize>],
+    rest: &'a [[f64; 3]],
+    light: &'a [[f32; 8]; 3],
+    count: usize,
+    #[serde(rename = "box")]
+    bounds: [[f32; 3]; 2],
+    ranges: Ranges,
+    splats: String,
+    clips: Vec<PackedClip<'a>>,
+}
+
+/// Least and largest values of packed numbers.
+#[derive(Serialize)]
+struct Ranges {
+    /// Logarithms.
+    deviations: [f32; 2],
+    colours: [f32; 2],
+}
+
+#[derive(Serialize)]
+struct PackedClip<'a> {
+    name: &'a str,
+    fps: f64,
+    poses: String,
+}
+
+/// The page of a `person` called `title`, who moves as in `clips`, or stands in the rest pose without any.
+///
+/// # Errors
+/// If a clip's pose is not of the person's skeleton.
+pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<String, SkeletonError> {
+    let skeleton = &person.skeleton;
+    let Packed { bytes, bounds } = packed::pack(&person.splats);
+    let rest = [Clip::rest(skeleton)];
+    let clips = if clips.is_empty() { &rest } else { clips };
+    let mut moves = Vec::new();
+    for clip in clips {
+        moves.push(PackedClip {
+            name: &clip.name,
+            fps: clip.fps,
+            poses: STANDARD.encode(clip.packed(skeleton)?),
+        });
+    }
+    let data = Person {
+        joints: &skeleton.names,
+        parents: &skeleton.parents,
+        rest: &skeleton.rest,
+        light: &person.light,
+        count: person.splats.len(),
+        bounds,
+        ranges: Ranges {
+            deviations: packed::DEVIATIONS,
+            colours: packed::COLOURS,
+        },
+        splats: STANDARD.encode(bytes),
+        clips: moves,
+    };
+    // Strings and finite numbers always have a form in JSON; no tag can end the script in it.
+    let data = serde_json::json!(data).to_string().replace('<', "\\u003c");
+    Ok(PAGE
+        .replace("{{title}}", &escaped(title))
+        .replace("{{player}}", PLAYER)
+        .replace("{{person}}", &data))
+}
+
+/// `text` for HTML.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::new();
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            // Also none of the page's own places.
+            '{' => escaped.push_str("&#123;"),
+            other => escaped.push(other),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests;

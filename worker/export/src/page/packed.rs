@@ -1,0 +1,53 @@
+//! Splats in 36 bytes each. A 16-bit number of a metre-sized box is some hundredths of a millimetre exact.
+
+use yoto_avatar::render::SkinnedSplat;
+
+/// Range of the logarithms of standard deviations in metres: 1 µm to 7 m.
+pub(super) const DEVIATIONS: [f32; 2] = [-14.0, 2.0];
+/// Range of colours without light.
+pub(super) const COLOURS: [f32; 2] = [-1.0, 3.0];
+
+/// Splats as bytes.
+pub(super) struct Packed {
+    /// Little-endian; of each splat 3 numbers for the mean, 4 for the turn, 3 for the deviations, one for
+    /// the opacity and 3 for the colour, of 16 bits each; then 4 joints and 4 shares of 8 bits.
+    pub bytes: Vec<u8>,
+    /// Corners of the box of the means, metres.
+    pub bounds: [[f32; 3]; 2],
+}
+
+/// Packs `splats`.
+pub(super) fn pack(splats: &[SkinnedSplat]) -> Packed {
+    let corner = |start: f32, choose: fn(f32, f32) -> f32| -> [f32; 3] {
+        std::array::from_fn(|a| splats.iter().map(|splat| splat.mean[a]).fold(start, choose))
+    };
+    // Of nobody, a box around nothing.
+    let bounds = match splats.is_empty() {
+        true => [[0.0; 3]; 2],
+        false => [
+            corner(f32::INFINITY, f32::min),
+            corner(f32::NEG_INFINITY, f32::max),
+        ],
+    };
+    let [low, high] = bounds;
+    let mut bytes = Vec::with_capacity(36 * splats.len());
+    for splat in splats {
+        let mut numbers = Vec::with_capacity(14);
+        numbers.extend((0..3).map(|a| whole(splat.mean[a], [low[a], high[a]])));
+        numbers.extend(splat.turn.map(|q| whole(q, [-1.0, 1.0])));
+        numbers.extend(splat.deviations.map(|d| whole(d.ln(), DEVIATIONS)));
+        numbers.push(whole(splat.opacity, [0.0, 1.0]));
+        numbers.extend(splat.colour.map(|c| whole(c, COLOURS)));
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        // A skeleton has at most 256 joints.
+        bytes.extend(splat.bones.map(|(bone, _)| bone as u8));
+        bytes.extend(splat.bones.map(|(_, share)| (255.0 * share).round() as u8));
+    }
+    Packed { bytes, bounds }
+}
+
+/// `value` as a share of the range, of 65,535 parts.
+fn whole(value: f32, [low, high]: [f32; 2]) -> u16 {
+    let width = (high - low).max(f32::MIN_POSITIVE);
+    (f32::from(u16::MAX) * ((value - low) / width).clamp(0.0, 1.0)).round() as u16
+}

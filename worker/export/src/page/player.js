@@ -1,0 +1,427 @@
+"use strict";
+// Plays one person: splats that bones carry, sorted back to front and drawn by WebGL2. All numbers are in
+// metres and seconds; matrices are row-major 3x4; quaternions have the real part first.
+(() => {
+  const person = JSON.parse(document.getElementById("person").textContent);
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const joints = person.joints.length;
+  const count = person.count;
+
+  // The splats, as `packed.rs` writes them: 18 numbers of 16 bits each.
+  const STRIDE = 18;
+  const packed = bytes(person.splats);
+  const numbers = new Uint16Array(packed.buffer);
+  const means = new Float32Array(3 * count);
+  const texels = 4;
+  const across = 256;
+  const rows = Math.ceil(count / across);
+  const table = new Float32Array(4 * texels * across * rows);
+  const bones = new Uint8Array(4 * across * rows);
+  const shares = new Uint8Array(4 * across * rows);
+  const between = ([low, high], value) => low + ((high - low) * value) / 65535;
+  for (let i = 0; i < count; i++) {
+    const at = i * STRIDE;
+    const to = 4 * texels * i;
+    for (let a = 0; a < 3; a++) {
+      const range = [person.box[0][a], person.box[1][a]];
+      means[3 * i + a] = table[to + a] = between(range, numbers[at + a]);
+      table[to + 8 + a] = Math.exp(between(person.ranges.deviations, numbers[at + 7 + a]));
+      table[to + 12 + a] = between(person.ranges.colours, numbers[at + 11 + a]);
+    }
+    for (let a = 0; a < 4; a++) {
+      table[to + 4 + a] = between([-1, 1], numbers[at + 3 + a]);
+      bones[4 * i + a] = packed[2 * at + 28 + a];
+      shares[4 * i + a] = packed[2 * at + 32 + a];
+    }
+    table[to + 3] = between([0, 1], numbers[at + 10]);
+  }
+
+  // Clips: per frame, the shift of the root as 3 floats, then the turns of the joints.
+  const clips = person.clips.map((clip) => {
+    const data = new DataView(bytes(clip.poses).buffer);
+    const size = 12 + 8 * joints;
+    const frames = [];
+    for (let at = 0; at < data.byteLength; at += size) {
+      const shift = [0, 4, 8].map((a) => data.getFloat32(at + a, true));
+      const turns = new Float32Array(4 * joints);
+      for (let i = 0; i < turns.length; i++) {
+        turns[i] = data.getInt16(at + 12 + 2 * i, true) / 32767;
+      }
+      frames.push({ shift, turns });
+    }
+    return { name: clip.name, fps: clip.fps, frames };
+  });
+
+  const normalised = (v) => {
+    const length = Math.hypot(...v) || 1;
+    return v.map((x) => x / length);
+  };
+  const cross = ([a, b, c], [x, y, z]) => [b * z - c * y, c * x - a * z, a * y - b * x];
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const matrixOf = ([w, x, y, z]) => [
+    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+  ];
+  const turned = (m, v) => [0, 3, 6].map((r) => m[r] * v[0] + m[r + 1] * v[1] + m[r + 2] * v[2]);
+  const times = ([a, b, c, d], [e, f, g, h]) => [
+    a * e - b * f - c * g - d * h,
+    a * f + b * e + c * h - d * g,
+    a * g - b * h + c * e + d * f,
+    a * h + b * g - c * f + d * e,
+  ];
+
+  // The pose between frames of a clip, without a jump through the longer way round.
+  function poseAt(clip, time) {
+    const last = clip.frames.length - 1;
+    const place = Math.min(Math.max(time * clip.fps, 0), last);
+    const [one, other] = [clip.frames[Math.floor(place)], clip.frames[Math.ceil(place)]];
+    const part = place - Math.floor(place);
+    const turns = new Float32Array(4 * joints);
+    for (let joint = 0; joint < joints; joint++) {
+      const from = 4 * joint;
+      let side = 0;
+      for (let a = 0; a < 4; a++) side += one.turns[from + a] * other.turns[from + a];
+      const sign = side < 0 ? -1 : 1;
+      const mixed = [0, 1, 2, 3].map(
+        (a) => (1 - part) * one.turns[from + a] + part * sign * other.turns[from + a],
+      );
+      turns.set(normalised(mixed), from);
+    }
+    const shift = one.shift.map((x, a) => (1 - part) * x + part * other.shift[a]);
+    return { shift, turns };
+  }
+
+  // What carries rest points to the world, of each bone.
+  function boneMatrices(pose, bends) {
+    const turns = [];
+    const places = [];
+    const matrices = new Float32Array(12 * joints);
+    for (let joint = 0; joint < joints; joint++) {
+      let q = Array.from(pose.turns.subarray(4 * joint, 4 * joint + 4));
+      if (bends && bends[joint]) q = times(q, bends[joint]);
+      const local = matrixOf(q);
+      const rest = person.rest[joint];
+      const parent = person.parents[joint];
+      if (parent === null) {
+        turns.push(local);
+        places.push(rest.map((x, a) => x + pose.shift[a]));
+      } else {
+        const above = turns[parent];
+        turns.push(
+          [0, 1, 2].flatMap((r) =>
+            [0, 1, 2].map(
+              (c) =>
+                above[3 * r] * local[c] + above[3 * r + 1] * local[3 + c] + above[3 * r + 2] * local[6 + c],
+            ),
+          ),
+        );
+        const bone = turned(above, rest.map((x, a) => x - person.rest[parent][a]));
+        places.push(bone.map((x, a) => x + places[parent][a]));
+      }
+      const back = turned(turns[joint], rest);
+      for (let r = 0; r < 3; r++) {
+        matrices.set(turns[joint].slice(3 * r, 3 * r + 3), 12 * joint + 4 * r);
+        matrices[12 * joint + 4 * r + 3] = places[joint][r] - back[r];
+      }
+    }
+    return { matrices, places };
+  }
+
+  const canvas = document.getElementById("view");
+  const gl = canvas.getContext("webgl2", {
+    antialias: false,
+    premultipliedAlpha: true,
+    preserveDrawingBuffer: true,
+  });
+  if (!gl) {
+    document.getElementById("trouble").hidden = false;
+    return;
+  }
+
+  const program = gl.createProgram();
+  for (const [kind, id] of [[gl.VERTEX_SHADER, "vertex"], [gl.FRAGMENT_SHADER, "fragment"]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, document.getElementById(id).textContent.trim());
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
+    const trouble = document.getElementById("trouble");
+    trouble.textContent = `The shaders do not run here: ${gl.getProgramInfoLog(program)}`;
+    trouble.hidden = false;
+    return;
+  }
+  gl.useProgram(program);
+  const uniforms = new Map();
+  function uniform(name) {
+    if (!uniforms.has(name)) uniforms.set(name, gl.getUniformLocation(program, name));
+    return uniforms.get(name);
+  }
+
+  function texture(unit, name, inner, width, height, format, type, data) {
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+      gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
+    }
+    gl.texImage2D(gl.TEXTURE_2D, 0, inner, width, height, 0, format, type, data);
+    gl.uniform1i(uniform(name), unit);
+  }
+  texture(0, "splats", gl.RGBA32F, texels * across, rows, gl.RGBA, gl.FLOAT, table);
+  texture(1, "bones", gl.RGBA8UI, across, rows, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, bones);
+  texture(2, "shares", gl.RGBA8, across, rows, gl.RGBA, gl.UNSIGNED_BYTE, shares);
+  texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
+  gl.uniform1fv(uniform("light"), person.light.flat());
+
+  const order = new Uint32Array(count);
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  gl.bufferData(gl.ARRAY_BUFFER, order.byteLength, gl.DYNAMIC_DRAW);
+  const attribute = gl.getAttribLocation(program, "splat");
+  gl.enableVertexAttribArray(attribute);
+  gl.vertexAttribIPointer(attribute, 1, gl.UNSIGNED_INT, 0, 0);
+  gl.vertexAttribDivisor(attribute, 1);
+  gl.enable(gl.BLEND);
+  gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+  gl.clearColor(0, 0, 0, 0);
+
+  // Far splats first, by a counting sort of their depths.
+  const depths = new Float32Array(count);
+  const keys = new Uint16Array(count);
+  function sort(matrices, [, , axis]) {
+    // Depth of a point that one bone carries is linear in it: one row per bone.
+    const seen = new Float32Array(4 * joints);
+    for (let joint = 0; joint < joints; joint++) {
+      for (let c = 0; c < 4; c++) {
+        const at = 12 * joint + c;
+        seen[4 * joint + c] =
+          axis[0] * matrices[at] + axis[1] * matrices[at + 4] + axis[2] * matrices[at + 8];
+      }
+    }
+    let near = Infinity;
+    let far = -Infinity;
+    for (let i = 0; i < count; i++) {
+      const [x, y, z] = [means[3 * i], means[3 * i + 1], means[3 * i + 2]];
+      let depth = 0;
+      let sum = 0;
+      for (let a = 4 * i; a < 4 * i + 4; a++) {
+        const at = 4 * bones[a];
+        sum += shares[a];
+        depth += shares[a] * (seen[at] * x + seen[at + 1] * y + seen[at + 2] * z + seen[at + 3]);
+      }
+      depths[i] = depth / sum;
+      near = Math.min(near, depths[i]);
+      far = Math.max(far, depths[i]);
+    }
+    const starts = new Uint32Array(65537);
+    const scale = 65535 / Math.max(far - near, 1e-9);
+    for (let i = 0; i < count; i++) {
+      keys[i] = (far - depths[i]) * scale;
+      starts[keys[i] + 1]++;
+    }
+    for (let key = 0; key < 65536; key++) starts[key + 1] += starts[key];
+    for (let i = 0; i < count; i++) order[starts[keys[i]]++] = i;
+  }
+
+  // Draws a pose from a camera: rows of world to camera, and focal lengths and centre in pixels.
+  function draw({ matrices }, rows, lens) {
+    sort(matrices, rows);
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3, joints, gl.RGBA, gl.FLOAT, matrices);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, order);
+    gl.uniform4fv(uniform("camera"), rows.flat());
+    gl.uniform4fv(uniform("lens"), lens);
+    gl.uniform2f(uniform("size"), canvas.width, canvas.height);
+    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+  }
+
+  // The orbit: how the body stands in a clip says where up and front are.
+  function stance(clip) {
+    let [up, front, middle] = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
+    const every = Math.ceil(clip.frames.length / 200);
+    for (const frame of clip.frames.filter((_, i) => i % every === 0)) {
+      const root = matrixOf(frame.turns.subarray(0, 4));
+      const { places } = boneMatrices(frame);
+      for (let a = 0; a < 3; a++) {
+        up[a] += root[3 * a + 1];
+        front[a] += root[3 * a + 2];
+        middle[a] += places.reduce((sum, place) => sum + place[a], 0) / joints;
+      }
+    }
+    up = normalised(up);
+    const level = dot(front, up);
+    front = front.map((x, a) => x - level * up[a]);
+    // A body that turns all the way round has no mean front.
+    if (Math.hypot(...front) < 1e-3) front = cross(up, Math.abs(up[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0]);
+    return { up, front: normalised(front), middle: middle.map((x) => x / Math.ceil(clip.frames.length / every)) };
+  }
+
+  const home = { turn: 0, tilt: 0.1, distance: 3.2 };
+  const state = { ...home, clip: 0, time: 0, playing: true, speed: 1, changed: true, bends: {} };
+  const stances = clips.map(stance);
+
+  function orbit() {
+    const { up, front, middle } = stances[state.clip];
+    const side = cross(up, front);
+    const [c, s] = [Math.cos(state.turn), Math.sin(state.turn)];
+    const [ct, st] = [Math.cos(state.tilt), Math.sin(state.tilt)];
+    const from = up.map((u, a) => ct * (c * front[a] + s * side[a]) + st * u);
+    const eye = middle.map((m, a) => m + state.distance * from[a]);
+    const ahead = from.map((x) => -x);
+    const right = normalised(cross(ahead, up));
+    const down = cross(ahead, right);
+    const row = (axis) => [...axis, -dot(axis, eye)];
+    // People are taller than wide.
+    const focal = 1.1 * Math.min(1.5 * canvas.width, canvas.height);
+    return [[right, down, ahead].map(row), [focal, focal, canvas.width / 2, canvas.height / 2]];
+  }
+
+  function resize() {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) =>
+      Math.max(1, Math.round(x * ratio)),
+    );
+    if (canvas.width !== width || canvas.height !== height) {
+      canvas.width = width;
+      canvas.height = height;
+      state.changed = true;
+    }
+  }
+
+  let before = 0;
+  function step(now) {
+    const clip = clips[state.clip];
+    const length = (clip.frames.length - 1) / clip.fps;
+    if (state.playing && length > 0 && !state.held) {
+      state.time += (Math.min(now - before, 100) / 1000) * state.speed;
+      state.time %= length;
+      state.changed = true;
+    }
+    before = now;
+    if (!state.held) resize();
+    if (state.changed && !state.held) {
+      draw(boneMatrices(poseAt(clip, state.time), state.bends), ...orbit());
+      state.changed = false;
+    }
+    requestAnimationFrame(step);
+  }
+
+  // Controls.
+  const element = (id) => document.getElementById(id);
+  const change = (values) => Object.assign(state, values, { changed: true });
+  for (const [i, clip] of clips.entries()) element("clip").add(new Option(clip.name, i));
+  element("clip").onchange = (event) => change({ clip: Number(event.target.value), time: 0 });
+  element("speed").oninput = (event) => change({ speed: Number(event.target.value) });
+  function play(playing) {
+    change({ playing });
+    element("play").textContent = playing ? "Pause" : "Play";
+  }
+  element("play").onclick = () => play(!state.playing);
+  element("reset").onclick = () => {
+    for (const [, slider] of sliders) slider.value = 0;
+    change({ ...home, bends: {} });
+  };
+
+  const [X, Y, Z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+  const minus = (v) => v.map((x) => -x);
+  const groups = [
+    ["Head", { neck: Y, head: Y }],
+    ["Torso, turn", { spine1: Y, spine2: Y, spine3: Y }],
+    ["Torso, bend", { spine1: X, spine2: X, spine3: X }],
+    ["Left arm", { l_shoulder: Z }],
+    ["Right arm", { r_shoulder: minus(Z) }],
+    ["Left elbow", { l_elbow: minus(Y) }],
+    ["Right elbow", { r_elbow: Y }],
+    ["Left leg", { l_hip: minus(X) }],
+    ["Right leg", { r_hip: minus(X) }],
+    ["Left knee", { l_knee: X }],
+    ["Right knee", { r_knee: X }],
+  ];
+  const sliders = [];
+  function bend() {
+    const bends = {};
+    for (const [members, slider] of sliders) {
+      const half = Number(slider.value) / 2 / Object.keys(members).length;
+      for (const [name, axis] of Object.entries(members)) {
+        const joint = person.joints.indexOf(name);
+        const q = [Math.cos(half), ...axis.map((x) => Math.sin(half) * x)];
+        bends[joint] = bends[joint] ? times(bends[joint], q) : q;
+      }
+    }
+    change({ bends });
+  }
+  for (const [label, members] of groups) {
+    if (!Object.keys(members).every((name) => person.joints.includes(name))) continue;
+    const row = document.createElement("label");
+    const slider = Object.assign(document.createElement("input"), {
+      type: "range", min: -1.5, max: 1.5, step: 0.01, value: 0,
+      oninput: bend,
+    });
+    sliders.push([members, slider]);
+    row.append(label, slider);
+    element("bends").append(row);
+  }
+  element("bends").parentElement.hidden = element("bends").childElementCount === 0;
+
+  const turnBy = (x, y) =>
+    change({ turn: state.turn + x, tilt: Math.min(1.5, Math.max(-1.5, state.tilt + y)) });
+  const zoomBy = (factor) =>
+    change({ distance: Math.min(12, Math.max(0.6, state.distance * factor)) });
+  const pointers = new Map();
+  const spread = () => {
+    const [one, other] = [...pointers.values()];
+    return Math.hypot(one.x - other.x, one.y - other.y);
+  };
+  canvas.onpointerdown = (event) => {
+    if (event.button !== 0) return;
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+  };
+  canvas.onpointermove = (event) => {
+    const last = pointers.get(event.pointerId);
+    if (!last) return;
+    const wide = pointers.size === 2 ? spread() : 0;
+    const here = { x: event.clientX, y: event.clientY };
+    pointers.set(event.pointerId, here);
+    if (pointers.size === 1) turnBy((last.x - here.x) * 0.008, (here.y - last.y) * 0.008);
+    else if (pointers.size === 2) zoomBy(wide / Math.max(spread(), 1));
+  };
+  canvas.onpointerup = canvas.onpointercancel = (event) => pointers.delete(event.pointerId);
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoomBy(Math.exp(event.deltaY * 0.001));
+  }, { passive: false });
+  canvas.onkeydown = (event) => {
+    const actions = {
+      " ": () => play(!state.playing),
+      ArrowLeft: () => turnBy(-0.1, 0),
+      ArrowRight: () => turnBy(0.1, 0),
+      ArrowUp: () => turnBy(0, 0.1),
+      ArrowDown: () => turnBy(0, -0.1),
+      "+": () => zoomBy(0.9),
+      "-": () => zoomBy(1.1),
+    };
+    if (actions[event.key]) {
+      event.preventDefault();
+      actions[event.key]();
+    }
+  };
+
+  // For scripts: holds one frame of a clip, from the camera with these rows and lens.
+  window.yoto = {
+    hold(clip, frame, rows, lens, width, height) {
+      state.held = true;
+      Object.assign(canvas, { width, height });
+      draw(boneMatrices(clips[clip].frames[frame]), rows, lens);
+    },
+    release() {
+      change({ held: false });
+    },
+  };
+  play(clips[0].frames.length > 1);
+  requestAnimationFrame(step);
+})();

@@ -1,0 +1,97 @@
+use super::*;
+use crate::gaussians::posed;
+use yoto_avatar::render::SkinnedSplat;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::transform::{IDENTITY, inverse};
+
+fn person() -> SkinnedSplats {
+    let splat = |x: f32, bone: u16| SkinnedSplat {
+        mean: [x, 1.0, 0.25],
+        turn: [1.0, 0.0, 0.0, 0.0],
+        deviations: [0.01, 0.02, 0.005],
+        opacity: 0.75,
+        colour: [0.25, 0.5, 1.5],
+        bones: [(bone, 0.75), (0, 0.25), (0, 0.0), (0, 0.0)],
+    };
+    SkinnedSplats {
+        skeleton: Skeleton {
+            names: vec!["root".into(), "l_elbow</script>".into()],
+            parents: vec![None, Some(0)],
+            rest: vec![[0.0, 1.0, 0.0], [0.5, 1.0, 0.0]],
+        },
+        splats: vec![splat(0.0, 0), splat(1.0, 1)],
+        light: [[0.0; 8]; 3],
+    }
+}
+
+#[test]
+fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
+    let person = person();
+    let clip = Clip {
+        name: "<b>{{player}}".into(),
+        ..Clip::rest(&person.skeleton)
+    };
+    let page = page("Ada <i> {{person}}", &person, &[clip]).expect("a page");
+    assert!(page.contains("<title>Ada &lt;i&gt; &#123;&#123;person}}</title>"));
+    // Two shaders, the person and the player.
+    assert_eq!(page.matches("</script>").count(), 4);
+    for outside in ["http:", "https:", "src=", "href="] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    let data = page.split(r#"id="person">"#).nth(1).expect("data");
+    let data = data.split("</script>").next().expect("data");
+    let data: serde_json::Value = serde_json::from_str(data).expect("json");
+    assert_eq!(data["count"], 2);
+    assert_eq!(data["parents"], serde_json::json!([null, 0]));
+    assert_eq!(data["clips"][0]["name"], "<b>{{player}}");
+    let bytes = STANDARD
+        .decode(data["splats"].as_str().expect("text"))
+        .expect("base64");
+    assert_eq!(bytes.len(), 2 * 36);
+    let number = |splat: usize, place: usize| {
+        let at = 36 * splat + 2 * place;
+        f32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])) / 65535.0
+    };
+    assert_eq!([number(0, 0), number(1, 0)], [0.0, 1.0], "x in the box");
+    assert!((number(0, 10) - 0.75).abs() < 1e-4, "opacity");
+    assert!((-1.0 + 4.0 * number(1, 13) - 1.5).abs() < 1e-4, "blue");
+    assert_eq!(bytes[36 + 28..36 + 36], [1, 0, 0, 0, 191, 64, 0, 0]);
+    let poses = STANDARD.decode(data["clips"][0]["poses"].as_str().expect("text"));
+    assert_eq!(poses.expect("base64").len(), 12 + 2 * 8);
+}
+
+#[test]
+fn poses_of_another_skeleton_are_refused() {
+    let person = person();
+    let clip = Clip {
+        poses: vec![Pose::rest(3)],
+        ..Clip::rest(&person.skeleton)
+    };
+    assert!(page("Ada", &person, &[clip]).is_err());
+    assert!(posed(&person, &Pose::rest(3), &IDENTITY).is_err());
+}
+
+#[test]
+fn bones_carry_gaussians() {
+    let mut person = person();
+    person.splats[1].bones = [(1, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
+    let mut pose = Pose::rest(2);
+    pose.translation = [0.0, 0.0, 2.0];
+    // The elbow, a quarter turn about z: what was half a metre beyond it on x is above it.
+    pose.rotations[1] = [0.0, 0.0, std::f32::consts::FRAC_PI_2];
+    let carried = posed(&person, &pose, &IDENTITY).expect("a pose")[1];
+    for (found, expected) in carried.mean.iter().zip([0.5, 1.5, 2.25]) {
+        assert!((found - expected).abs() < 1e-5, "{:?}", carried.mean);
+    }
+    let mut widths = carried.deviations;
+    widths.sort_by(f32::total_cmp);
+    for (found, expected) in widths.iter().zip([0.005, 0.01, 0.02]) {
+        assert!((found - expected).abs() < 1e-6, "{widths:?}");
+    }
+    assert_eq!(carried.colour, [0.25, 0.5, 1.0], "what a screen can show");
+    // Back where the body stands at rest.
+    let back = inverse(&person.skeleton.body_to_world(&pose));
+    let back = posed(&person, &pose, &back).expect("a pose")[1];
+    assert!((back.mean[2] - 0.25).abs() < 1e-5, "{:?}", back.mean);
+}

@@ -1,0 +1,115 @@
+//! Exported people look as the renderer shows them.
+
+use burn::tensor::Device;
+use std::sync::Arc;
+use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::ops::splat::cpu::Numbers;
+use yoto_avatar::ops::splat::{Sight, draw};
+use yoto_avatar::render::RenderView;
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_capture::ShardBuilder;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::transform::IDENTITY;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_export::gaussians::posed;
+use yoto_formats::splat_ply::Gaussian;
+
+const SIZE: u32 = 96;
+const STEPS: u64 = 40;
+
+/// A training of one synthetic person, with its light and motion weights on the way.
+fn trainer() -> (Trainer, Person) {
+    let made_up = &SyntheticPerson::cast(1, 7)[0];
+    let (track, images) = made_up.capture(12, SIZE);
+    let mut builder = ShardBuilder::new(track);
+    for image in &images {
+        builder.push(image).expect("a synthetic frame is valid");
+    }
+    let person = Person {
+        slot: 0,
+        name: made_up.name().into(),
+        shard: Arc::new(builder.finish().expect("all frames are there")),
+    };
+    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+    config.splats.as_mut().expect("splats").count = 2000;
+    config.refinement.who = Refine::Never;
+    let options = TrainOptions {
+        refine_poses: None,
+        budget: Budget::Steps(STEPS),
+        used_seconds: 0.0,
+        used_steps: 0,
+        seed: 11,
+        image_size: 0,
+        validation: Validation::NONE,
+        lpips: None,
+    };
+    let people = vec![person.clone()];
+    let mut trainer = Trainer::new(config, options, people, &Device::flex()).expect("starts");
+    for _ in 0..STEPS {
+        trainer.step().expect("a step");
+    }
+    (trainer, person)
+}
+
+/// The picture of Gaussians that no bone carries and no light changes.
+fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
+    let whole = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let row = |splat: &Gaussian| {
+        let mut row = splat.mean.to_vec();
+        row.extend(splat.turn);
+        row.extend(splat.deviations.map(f32::ln));
+        row.push((splat.opacity / (1.0 - splat.opacity)).ln());
+        row.extend(splat.colour);
+        row
+    };
+    let rows: Vec<f32> = splats.iter().flat_map(row).collect();
+    let narrow = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
+    let sight = Sight {
+        width: camera.width as usize,
+        height: camera.height as usize,
+        k: [narrow(&camera.k[0]), narrow(&camera.k[1])],
+        e: std::array::from_fn(|r| camera.e[r].map(|v| v as f32)),
+        world: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    };
+    let numbers = Numbers {
+        transforms: &whole.repeat(splats.len()),
+        rows: &rows,
+        light: &[0.0; 24],
+    };
+    draw(&numbers, &sight).rgb
+}
+
+#[test]
+fn exported_gaussians_draw_the_renderer_s_picture() {
+    let (trainer, person) = trainer();
+    let renderer = trainer.renderer();
+    let exported = renderer.skinned_splats(0).expect("reads").expect("splats");
+    assert!(exported.splats.len() > 1000, "{}", exported.splats.len());
+    let track = &person.shard.track;
+    for place in [0, 7] {
+        let frame = &track.frames[place];
+        let pose = Pose::from_frame(frame).expect("a pose");
+        let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
+        let splats = posed(&exported, &pose, &IDENTITY).expect("a pose of hers");
+        let view = RenderView {
+            slot: 0,
+            pose,
+            camera: camera.clone(),
+            background: [0.0; 3],
+        };
+        let rendered = renderer.render(&view).expect("renders").rgb;
+        let drawn: Vec<f32> = picture(&splats, &camera)
+            .iter()
+            .map(|value| value.clamp(0.0, 1.0))
+            .collect();
+        // Four bones in place of all, and colours within what a screen shows.
+        let alike = psnr(&drawn, &rendered);
+        assert!(alike > 40.0, "frame {place}: {alike:.1} dB");
+        // A picture of the wrong pose is far from it.
+        let other = Pose::from_frame(&track.frames[place + 3]).expect("a pose");
+        let other = posed(&exported, &other, &IDENTITY).expect("a pose of hers");
+        assert!(psnr(&picture(&other, &camera), &rendered) < alike - 10.0);
+    }
+    assert!(renderer.skinned_splats(1).is_err(), "nobody is there");
+}
