@@ -11,16 +11,18 @@
 //! - [`bvh`]: skeletons with motion.
 //!
 //! Written:
-//! - [`splat_ply`]: Gaussian splats.
+//! - [`splats`]: Gaussian splats.
+//! - [`glb`]: glTF in one file.
 
 mod array;
 pub mod bvh;
 mod dtype;
+pub mod glb;
 pub mod npy;
 pub mod npz;
 pub mod pickle;
 pub mod rle;
-pub mod splat_ply;
+pub mod splats;
 pub mod torch;
 mod value;
 

@@ -5,6 +5,8 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_capture::synthetic::SyntheticPerson;
+use yoto_media::Limits;
+use yoto_media::video::{Ffmpeg, Video};
 use yoto_tests::browser::Browser;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{Service, fail, succeed};
@@ -39,7 +41,42 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     )?;
     let ply = std::fs::read(dir.path().join("ada.ply"))?;
     ensure!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
+    // Other forms: their own tests look inside.
+    for (name, options, start) in [
+        ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
+        ("splats.glb", " --frame 5 --format splats", &b"glTF"[..]),
+        ("ada.glb", " --triangles 4000 --texture 256", &b"glTF"[..]),
+    ] {
+        let line = format!("{export}{options} --out {}", at(name));
+        yoto(&line, succeed)?;
+        let file = std::fs::read(dir.path().join(name))?;
+        ensure!(file.starts_with(start), "{line}");
+    }
+    let film = format!(
+        "render solo --subject ada --motion ada --size 64 --out {}",
+        at("walk.mp4")
+    );
+    yoto(&film, succeed)?;
+    let video = Video::open(
+        &dir.path().join("walk.mp4"),
+        &Limits::default(),
+        &Ffmpeg::none(),
+        true,
+    )?;
+    ensure!(video.frames() == Some(FRAMES), "{:?}", video.frames());
+    let seconds = video.times().last().context("no times")?;
+    let expected = (FRAMES - 1) as f64 / track.fps;
+    ensure!(
+        (seconds - expected).abs() < 0.01,
+        "{seconds} s, not {expected}"
+    );
+    for options in [" --transparent", " --animate"] {
+        let said = yoto(&format!("{film} --force{options}"), fail)?;
+        ensure!(said.contains("an .mp4 is one film"), "{said}");
+    }
     // Over an existing file only if asked.
+    let said = yoto(&film, fail)?;
+    ensure!(said.contains("walk.mp4 is there already"), "{said}");
     let said = yoto(&format!("{export} --out {}", at("ada.html")), fail)?;
     ensure!(
         said.contains("is there already") && said.contains("--force"),
@@ -56,7 +93,19 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ),
         (
             "export solo --subject ada --out x.obj",
-            "neither .html nor .ply",
+            "none of .html, .ply, .spz, .glb",
+        ),
+        (
+            "export solo --subject ada --out x.ply --triangles 500",
+            "belong to a mesh",
+        ),
+        (
+            "export solo --subject ada --out x.ply --format mesh",
+            "another format than --format says",
+        ),
+        (
+            "render solo --subject ada --orbit 0 --fps 20 --out x",
+            "--fps belongs to --animate or to a film",
         ),
         ("export solo --subject bob --out x.ply", "bob"),
         ("export solo --out x.ply", "--subject is needed"),

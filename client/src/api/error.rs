@@ -43,6 +43,9 @@ pub enum ClientError {
         /// The violations, never empty.
         violations: Vec<Violation>,
     },
+    /// A model without a checkpoint, by name.
+    #[error("{0} has no checkpoint: train it first")]
+    NoCheckpoint(String),
     /// A job ended without success.
     #[error("{}", job_ended(.0))]
     JobEnded(Box<Job>),

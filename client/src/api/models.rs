@@ -2,6 +2,7 @@
 
 use super::{ClientError, YotoClient, request_id};
 use prost_types::FieldMask;
+use yoto_proto::names;
 use yoto_proto::pose_track::{PoseTrack, describe};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
@@ -133,6 +134,24 @@ impl YotoClient {
             )))?
             .into_inner()
             .checkpoints)
+    }
+
+    /// Name of the checkpoint of `model` at a `step`, or of the best one by held-out PSNR.
+    ///
+    /// # Errors
+    /// [`ClientError::NoCheckpoint`] if there is none yet; [`ClientError::Refused`].
+    pub async fn checkpoint_name(
+        &self,
+        model: &Model,
+        step: Option<u64>,
+    ) -> Result<String, ClientError> {
+        if let Some(step) = step {
+            return Ok(names::checkpoint(&model.name, step));
+        }
+        let all = self.list_checkpoints(&model.name).await?;
+        let best = all.into_iter().find(|checkpoint| checkpoint.best);
+        let missing = || ClientError::NoCheckpoint(model.display_name.clone());
+        Ok(best.ok_or_else(missing)?.name)
     }
 
     /// The pose track of `subject` (`subjects/{id}`) as the training of the best checkpoint of `model`

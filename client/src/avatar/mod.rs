@@ -18,7 +18,7 @@ use crate::progress::duration;
 use crate::studio::service::with_service;
 use crate::studio::shots::{Shot, Shots};
 use crate::studio::training::train;
-use crate::studio::{folder, person};
+use crate::studio::{folder, person, trained};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,8 +31,9 @@ const MAKER: &str = "avatar";
 /// Quality tier and variant of the model.
 const TIER: &str = DEFAULT_TIER;
 const VARIANT: &str = "yoto";
-/// The page, and the folders beside it.
+/// The page, the one that plays the person, and the folders beside them.
 const PAGE: &str = "index.html";
+const PLAYER: &str = "play.html";
 const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
 /// Views of the orbit.
 const ORBIT_VIEWS: u32 = 24;
@@ -92,7 +93,7 @@ fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
     Ok([capture?, check?, pictures?, service?])
 }
 
-/// Makes the avatar: `index.html`, `report.json` and what they show, in the folder of the options.
+/// Makes the avatar: `index.html`, `play.html`, `report.json` and what they show, in the folder of the options.
 ///
 /// # Errors
 /// The first failure; a capture whose check fails is one, unless the options say otherwise.
@@ -168,6 +169,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 animation: Some((out.join("motion.png"), fps)),
             })
             .await?;
+        let player = [(&subject, out.join(PLAYER))];
+        trained::pages(client, &model, &player, std::slice::from_ref(&folder)).await?;
         Ok((trained, orbit, moved))
     })
     .await?;

@@ -20,7 +20,7 @@ Steps, with a service of its own:
      the reading is proven by projecting the body onto the masks;
   2. checks the capture (check/sheet.png shows it) and stops if a measure fails;
   3. uploads it, trains, renders the person from all around and in a motion;
-  4. writes index.html, for a browser, and report.json.
+  4. writes index.html and play.html, for browsers, and report.json.
 
 One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
 down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/models/README.md.
@@ -118,9 +118,9 @@ impl Avatar {
         for (inside, whole) in training.filter_map(|it| it.psnr_box.zip(it.psnr)) {
             say!("{inside:.2} dB in the box, {whole:.2} dB whole, on held-out frames of the clip");
         }
-        let page = options.out.join("index.html");
-        output::put("files", output::paths(&[&page]));
-        say!("{}", page.display());
+        let pages = ["index.html", "play.html"].map(|name| options.out.join(name));
+        output::put("files", output::paths(&pages));
+        pages.iter().for_each(|page| say!("{}", page.display()));
         Ok(())
     }
 }

@@ -43,6 +43,7 @@ mod paper_table;
 mod quality;
 mod refine_poses;
 mod render;
+mod render_film;
 #[cfg(feature = "embedded")]
 mod render_frame;
 mod render_what;
@@ -59,6 +60,7 @@ mod tradeoff;
 mod train;
 mod train_preview;
 mod waiting;
+mod whole_file;
 #[cfg(feature = "embedded")]
 mod worker;
 

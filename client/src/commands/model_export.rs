@@ -3,12 +3,8 @@
 use super::Server;
 use super::job_fetch::objects;
 use super::out_folder::OutFolder;
-use crate::api::YotoClient;
 use crate::output;
-use anyhow::Context;
 use clap::Args;
-use yoto_proto::names;
-use yoto_proto::v1::Model;
 
 pub(super) const AFTER_HELP: &str = "\
 The folder serves `yoto render-frame --model-dir DIR`, `yoto evaluate --model-dir DIR` and
@@ -31,23 +27,11 @@ pub(super) struct Export {
     server: Server,
 }
 
-/// Name of the best checkpoint of `model` by held-out PSNR.
-pub(super) async fn best_checkpoint(client: &YotoClient, model: &Model) -> anyhow::Result<String> {
-    let all = client.list_checkpoints(&model.name).await?;
-    let best = all.into_iter().find(|checkpoint| checkpoint.best);
-    let best =
-        best.with_context(|| format!("{} has no checkpoint: train it first", model.display_name))?;
-    Ok(best.name)
-}
-
 impl Export {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
-        let checkpoint = match self.checkpoint {
-            Some(step) => names::checkpoint(&model.name, step),
-            None => best_checkpoint(&client, &model).await?,
-        };
+        let checkpoint = client.checkpoint_name(&model, self.checkpoint).await?;
         let paths = objects(&client, &checkpoint, &self.folder).await?;
         output::put("checkpoint", checkpoint);
         self.folder.show(&paths);

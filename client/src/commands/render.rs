@@ -2,6 +2,7 @@
 
 use super::motion::MotionArgs;
 use super::out_folder::{OutFolder, is_rendered};
+use super::render_film;
 use super::render_what::{FrameRange, read_views};
 use super::waiting::wait_for_new;
 use super::{Server, table};
@@ -14,8 +15,8 @@ use std::path::PathBuf;
 use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
-    MotionClip, MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderSpec, job_result,
-    render_quality::Want, render_spec,
+    MotionClip, MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderResult, RenderSpec,
+    job_result, render_quality::Want, render_spec,
 };
 
 const AFTER_HELP: &str = "\
@@ -26,6 +27,7 @@ Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
   yoto render duo --subject bob --motion ada --range 0..60:2 --animate --out out/dance
   yoto render duo --subject bob --motion-file walk.bvh --range 0..240:4 --animate --out out/walk
+  yoto render duo --subject bob --motion ada --out dance.mp4
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views";
 
@@ -94,8 +96,8 @@ pub(super) struct Render {
     /// Also write one animated PNG, for browsers.
     #[arg(long)]
     animate: bool,
-    /// Frames per second of the animation [default: the speed of the motion; 15 for others].
-    #[arg(long, requires = "animate", value_name = "N", value_parser = fps)]
+    /// Frames per second of the animation or the film [default: the speed of the motion; 15 for others].
+    #[arg(long, value_name = "N", value_parser = fps)]
     fps: Option<f32>,
     /// Background colour as red, green, blue from 0 to 1.
     #[arg(
@@ -129,7 +131,7 @@ impl Render {
             self.background.len() == 3,
             "--background takes three numbers, e.g. 1,1,1"
         );
-        self.folder.ensure_free(is_rendered)?;
+        self.ensure_free()?;
         let (clip, fps) = self.clip()?;
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
@@ -159,30 +161,73 @@ impl Render {
         ));
         let job = wait_for_new(&client, &job.name, &mut display).await?;
         output::put("job", output::message(&job));
-        let (choice, device) = match job.result.as_ref().and_then(|it| it.kind.as_ref()) {
-            Some(job_result::Kind::Render(it)) => (it.choice.clone(), it.device.clone()),
-            _ => (None, String::new()),
+        let result = match job.result.and_then(|it| it.kind) {
+            Some(job_result::Kind::Render(result)) => result,
+            _ => RenderResult::default(),
         };
-        let out = &self.folder.out;
-        let objects = client.list_objects(&job.name).await?;
-        let paths = client.fetch_objects(&objects, out, &mut |_| ()).await?;
-        self.folder.remove_others(is_rendered, &paths)?;
-        display.finish(&format!(
-            "{} in {}",
-            count(paths.len(), "file"),
-            out.display()
-        ));
-        if let Some(choice) = &choice {
+        let paths = if render_film::is_film(&self.folder.out) {
+            self.fetch_film(&client, &job.name, result.fps).await?
+        } else {
+            let out = &self.folder.out;
+            let objects = client.list_objects(&job.name).await?;
+            let paths = client.fetch_objects(&objects, out, &mut |_| ()).await?;
+            self.folder.remove_others(is_rendered, &paths)?;
+            paths
+        };
+        let written = match render_film::is_film(&self.folder.out) {
+            true => "a film".to_owned(),
+            false => count(paths.len(), "file"),
+        };
+        display.finish(&format!("{written} in {}", self.folder.out.display()));
+        if let Some(choice) = &result.choice {
             tell!("{}", kept(choice));
             if let Some(over) = self
                 .max_seconds_per_frame
-                .and_then(|it| over(it, choice, &device))
+                .and_then(|it| over(it, choice, &result.device))
             {
                 tell!("{over}");
             }
         }
         self.folder.show(&paths);
         Ok(())
+    }
+
+    /// Checks the options of the output, and that nothing of the user's would be replaced.
+    fn ensure_free(&self) -> anyhow::Result<()> {
+        let film = render_film::is_film(&self.folder.out);
+        anyhow::ensure!(
+            !film || (!self.transparent && !self.animate),
+            "--transparent and --animate belong to a folder of pictures: an .mp4 is one film without \
+             transparency"
+        );
+        anyhow::ensure!(
+            film || self.animate || self.fps.is_none(),
+            "--fps belongs to --animate or to a film (--out FILE.mp4)"
+        );
+        if film {
+            return render_film::ensure_free(&self.folder.out, self.folder.force);
+        }
+        self.folder.ensure_free(is_rendered)
+    }
+
+    /// Writes the pictures of the job `name` as a film, and returns its path.
+    async fn fetch_film(
+        &self,
+        client: &YotoClient,
+        name: &str,
+        fps: f32,
+    ) -> anyhow::Result<Vec<PathBuf>> {
+        let folder = tempfile::tempdir().context("making a temporary folder")?;
+        let objects = client.list_objects(name).await?;
+        let mut pictures = client
+            .fetch_objects(&objects, folder.path(), &mut |_| ())
+            .await?;
+        pictures.sort();
+        let out = self.folder.out.clone();
+        let written = tokio::task::spawn_blocking(move || {
+            render_film::write(&pictures, f64::from(fps), &out).map(|()| vec![out])
+        });
+        written.await.context("writing the film")?
     }
 
     /// The requested quality, if any.

@@ -154,7 +154,6 @@ fn contradictions_are_refused() {
         "yoto render duo --subject ada --orbit 3 --quality ultra --out o",
         "yoto render duo --subject ada --orbit 3 --min-psnr nan --out o",
         "yoto render duo --subject ada --orbit 3 --animate --fps 0 --out o",
-        "yoto render duo --subject ada --orbit 3 --fps 20 --out o",
         "yoto render duo --subject ada --orbit 3 --min-psnr 30 --quality fast --out o",
         "yoto ablation --capture a --out o --seconds 5 --steps 5",
     ] {

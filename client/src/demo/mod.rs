@@ -13,7 +13,7 @@ use crate::progress::duration;
 use crate::studio::service::with_service;
 use crate::studio::shots::Shots;
 use crate::studio::training::train;
-use crate::studio::{folder, person};
+use crate::studio::{folder, person, trained};
 use anyhow::Context;
 use people::Actor;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{PoseRefinement, TrainSpec};
+use yoto_proto::v1::{PoseRefinement, Subject, TrainSpec};
 
 /// Quality tier and variant of the demo's model.
 const TIER: &str = DEFAULT_TIER;
@@ -71,6 +71,10 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
             "the same, moving; open in a browser",
         ));
     }
+    files.push((
+        options.out.join("*.html"),
+        "each person to turn, move and bend; open in a browser",
+    ));
     files.push((options.out.join("report.json"), "the figures"));
     files
 }
@@ -155,6 +159,17 @@ async fn drive(
         _ => tell!("motion transfer needs two people; with one it is left out"),
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
+
+    let captures: Vec<PathBuf> = actors
+        .iter()
+        .map(|actor| capture_folder(&options.out, &actor.name))
+        .collect();
+    let pages: Vec<(&Subject, PathBuf)> = subjects
+        .iter()
+        .zip(actors)
+        .map(|(subject, actor)| (subject, options.out.join(format!("{}.html", actor.name))))
+        .collect();
+    trained::pages(client, &model, &pages, &captures).await?;
 
     let scores = score::subjects(actors, &renders)?;
     let settings = Settings {

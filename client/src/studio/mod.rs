@@ -4,10 +4,13 @@
 //! ```text
 //! folder (may it be replaced?) → service (runs while the work lasts) → person (upload, ingest)
 //!                                → training → shots (render jobs and their files)
+//!                                           → trained (a checkpoint's files, pages that play)
 //! ```
 
+pub(crate) mod clips;
 pub mod folder;
 pub mod person;
 pub mod service;
 pub mod shots;
+pub(crate) mod trained;
 pub mod training;

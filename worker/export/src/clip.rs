@@ -2,7 +2,9 @@
 
 use crate::gaussians::quaternion;
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::rodrigues;
+use yoto_capture::skeleton::transform::{
+    Mat34, Vec3, add, apply, cross, dot, length, normalised, position, rigid, rodrigues, scale, sub,
+};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
 /// A motion of a person's skeleton.
@@ -26,6 +28,52 @@ impl Clip {
         }
     }
 
+    /// From the world of the clip to one in which the person stands on the origin, with y up, and faces z
+    /// in the mean of the frames.
+    ///
+    /// # Errors
+    /// If a pose is not of `skeleton`.
+    pub fn stand(&self, skeleton: &Skeleton) -> Result<Mat34, SkeletonError> {
+        let (mut up, mut front) = ([0.0; 3], [0.0; 3]);
+        let mut joints: Vec<Vec3> = Vec::new();
+        for pose in &self.poses {
+            skeleton.check_pose(pose)?;
+            let transforms = skeleton.world_transforms(pose);
+            if let Some(root) = transforms.first() {
+                up = add(up, root.map(|row| row[1]));
+                front = add(front, root.map(|row| row[2]));
+            }
+            joints.extend(transforms.iter().map(position));
+        }
+        // Of a person who is upside down for half of the time, the mean says nothing.
+        let up = if length(up) < 1e-3 {
+            [0.0, 1.0, 0.0]
+        } else {
+            normalised(up)
+        };
+        let mut front = sub(front, scale(up, dot(front, up)));
+        if length(front) < 1e-3 {
+            // A person who turns all the way round has no mean front.
+            let any = if up[0].abs() < 0.9 {
+                [1.0, 0.0, 0.0]
+            } else {
+                [0.0, 1.0, 0.0]
+            };
+            front = cross(up, any);
+        }
+        let front = normalised(front);
+        let turn = rigid([cross(up, front), up, front], [0.0; 3]);
+        let places: Vec<Vec3> = joints.iter().map(|joint| apply(&turn, *joint)).collect();
+        let sum = places.iter().fold([0.0; 3], |sum, place| add(sum, *place));
+        let [x, _, z] = scale(sum, -1.0 / places.len().max(1) as f64);
+        let lowest = places
+            .iter()
+            .map(|place| place[1])
+            .fold(f64::INFINITY, f64::min);
+        let lowest = if places.is_empty() { 0.0 } else { lowest };
+        Ok(rigid([cross(up, front), up, front], [x, -lowest, z]))
+    }
+
     /// Little-endian: of each frame, the root's shift as 3 numbers of 32 bits, metres, then of each joint
     /// the turn as a quaternion of 4 numbers of 16 bits, real part first.
     ///
@@ -44,5 +92,67 @@ impl Clip {
             }
         }
         Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_capture::skeleton::transform::compose;
+
+    fn skeleton() -> Skeleton {
+        Skeleton {
+            names: vec!["root".into(), "head".into()],
+            parents: vec![None, Some(0)],
+            rest: vec![[0.0, 1.0, 0.0], [0.0, 1.6, 0.0]],
+        }
+    }
+
+    fn clip(turns: &[[f32; 3]], translation: [f32; 3]) -> Clip {
+        let pose = |turn: &[f32; 3]| {
+            let mut pose = Pose::rest(2);
+            pose.rotations[0] = *turn;
+            pose.translation = translation;
+            pose
+        };
+        Clip {
+            poses: turns.iter().map(pose).collect(),
+            ..Clip::rest(&skeleton())
+        }
+    }
+
+    #[test]
+    fn a_person_of_any_world_stands_on_the_origin_and_faces_z() {
+        // A world with z up, whose person faces x.
+        let turn = [2.094_395_1 / 3f32.sqrt(); 3];
+        let clip = clip(&[turn, turn], [3.0, -2.0, 5.0]);
+        let to = clip.stand(&skeleton()).expect("a pose of hers");
+        let joints = skeleton().world_transforms(&clip.poses[0]);
+        let [root, head] = [&joints[0], &joints[1]].map(|joint| compose(&to, joint));
+        for (place, expected) in [(&root, [0.0, 0.0, 0.0]), (&head, [0.0, 0.6, 0.0])] {
+            let off = length(sub(position(place), expected));
+            assert!(off < 1e-5, "{place:?}");
+        }
+        let front = root.map(|row| row[2]);
+        assert!(length(sub(front, [0.0, 0.0, 1.0])) < 1e-5, "{front:?}");
+    }
+
+    #[test]
+    fn turns_without_a_mean_still_give_a_rigid_motion() {
+        let pi = std::f32::consts::PI;
+        for turns in [
+            [[0.0; 3], [0.0, pi, 0.0]],
+            [[0.0; 3], [pi, 0.0, 0.0]],
+            [[0.0; 3], [0.0, 0.0, pi]],
+        ] {
+            let to = clip(&turns, [0.0; 3]).stand(&skeleton()).expect("poses");
+            let rows = to.map(|[a, b, c, _]| [a, b, c]);
+            for (i, row) in rows.iter().enumerate() {
+                for (j, other) in rows.iter().enumerate() {
+                    let expected = if i == j { 1.0 } else { 0.0 };
+                    assert!((dot(*row, *other) - expected).abs() < 1e-6, "{to:?}");
+                }
+            }
+        }
     }
 }

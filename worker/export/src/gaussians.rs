@@ -6,7 +6,7 @@ use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{Mat3, Mat34, apply, compose, rigid};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
-use yoto_formats::splat_ply::Gaussian;
+use yoto_formats::splats::Gaussian;
 
 const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Smallest standard deviation, metres: skinning may flatten a Gaussian to nothing.
@@ -39,8 +39,47 @@ fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
         .collect()
 }
 
+/// The splats' colours under the mean light of `poses`, or that of the rest pose without any. `[N, 3]`
+///
+/// # Errors
+/// If a pose is not of the person's skeleton.
+pub(crate) fn mean_colours(
+    person: &SkinnedSplats,
+    poses: &[Pose],
+) -> Result<Vec<[f32; 3]>, SkeletonError> {
+    let rest = [Pose::rest(person.skeleton.joints())];
+    let poses = if poses.is_empty() { &rest } else { poses };
+    let mut colours = vec![[0.0; 3]; person.splats.len()];
+    for pose in poses {
+        person.skeleton.check_pose(pose)?;
+        let bones = bones(&person.skeleton, pose);
+        for (sum, splat) in colours.iter_mut().zip(&person.splats) {
+            let colour = lit(splat, &turned(splat, &blend(splat, &bones)), &person.light);
+            *sum = std::array::from_fn(|c| sum[c] + colour[c] / poses.len() as f32);
+        }
+    }
+    Ok(colours)
+}
+
 /// A splat where its bones carry it.
 fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Mat34) -> Gaussian {
+    let transform = blend(splat, bones);
+    let axes = turned(splat, &transform);
+    let colour = lit(splat, &axes, light);
+    let moved = |r: usize, c: usize| (0..3).map(|k| to[r][k] * axes[k][c]).sum::<f64>();
+    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| moved(r, c)));
+    let (turn, deviations) = ellipsoid(&axes, splat.deviations.map(f64::from));
+    Gaussian {
+        mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
+        turn: quaternion(&turn).map(|v| v as f32),
+        deviations: deviations.map(|v| v as f32),
+        opacity: splat.opacity,
+        colour: colour.map(|value| value.clamp(0.0, 1.0)),
+    }
+}
+
+/// What carries a splat to the world: the mean of its bones by their shares.
+fn blend(splat: &SkinnedSplat, bones: &[Mat34]) -> Mat34 {
     let mut transform: Mat34 = [[0.0; 4]; 3];
     for (bone, share) in splat.bones {
         for (sum, row) in transform.iter_mut().zip(&bones[usize::from(bone)]) {
@@ -49,9 +88,18 @@ fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Ma
             }
         }
     }
+    transform
+}
+
+/// A splat's axes in the world, column by column: shares of bones may shear them.
+fn turned(splat: &SkinnedSplat, transform: &Mat34) -> Mat3 {
     let turn = rotation(splat.turn.map(f64::from));
     let linear = |r: usize, c: usize| (0..3).map(|k| transform[r][k] * turn[k][c]).sum::<f64>();
-    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)));
+    std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)))
+}
+
+/// The colour of a splat whose third axis is its normal.
+fn lit(splat: &SkinnedSplat, axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
     let length = axes
         .iter()
         .map(|row| row[2] * row[2])
@@ -66,16 +114,7 @@ fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Ma
             .map(|(light, term)| light * term);
         1.0 + sum.sum::<f32>()
     };
-    let moved = |r: usize, c: usize| (0..3).map(|k| to[r][k] * axes[k][c]).sum::<f64>();
-    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| moved(r, c)));
-    let (turn, deviations) = ellipsoid(&axes, splat.deviations.map(f64::from));
-    Gaussian {
-        mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
-        turn: quaternion(&turn).map(|v| v as f32),
-        deviations: deviations.map(|v| v as f32),
-        opacity: splat.opacity,
-        colour: std::array::from_fn(|c| (splat.colour[c] * shade(c)).clamp(0.0, 1.0)),
-    }
+    std::array::from_fn(|c| splat.colour[c] * shade(c))
 }
 
 /// The turn and the standard deviations of the Gaussian with the covariance (A S)(A S)ᵀ.

@@ -13,7 +13,7 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_export::gaussians::posed;
-use yoto_formats::splat_ply::Gaussian;
+use yoto_formats::splats::Gaussian;
 
 const SIZE: u32 = 96;
 const STEPS: u64 = 40;

@@ -5,6 +5,8 @@
 //!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
 //! ```
 //!
+//! Also writes pictures as a [`film`].
+//!
 //! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
 //! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
 //! the caller adds file and frame. Total memory and time are limited from outside: the service
@@ -13,6 +15,7 @@
 pub mod archive;
 pub mod compose;
 mod fault;
+pub mod film;
 pub mod lens;
 mod limits;
 pub mod mask;

@@ -62,6 +62,7 @@ pub fn run(
         seconds_per_frame: drawn.seconds_per_frame,
         device: context.device.info.adapter.clone(),
         checkpoint: names::checkpoint(&spec.model, found.manifest.step),
+        fps: scene.fps,
     })
 }
 

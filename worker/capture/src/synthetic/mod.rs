@@ -80,6 +80,13 @@ impl SyntheticPerson {
         raycast::render(&self.posed(pose, &self.drape), camera)
     }
 
+    /// Signed distance of a point to the surface in the rest pose, metres, negative inside.
+    pub fn distance_at_rest(&self, point: Vec3) -> f64 {
+        let rest = Pose::rest(self.skeleton.joints());
+        let all: Vec<usize> = (0..self.capsules.len()).collect();
+        self.posed(&rest, &self.drape).distance(point, &all)
+    }
+
     fn posed<'a>(&'a self, pose: &Pose, drape: &'a Drape) -> PosedBody<'a> {
         PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, drape, pose)
     }

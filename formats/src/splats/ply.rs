@@ -1,25 +1,9 @@
 //! `.ply` files of Gaussian splats, as the program of 3D Gaussian splatting (Kerbl and others, 2023) writes
 //! them and every viewer of splats reads them.
 
+use super::Gaussian;
 use std::io::{self, Write};
 
-/// A Gaussian in space, in metres, with y up and z towards the viewer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Gaussian {
-    /// Its middle.
-    pub mean: [f32; 3],
-    /// Unit quaternion, real part first.
-    pub turn: [f32; 4],
-    /// Standard deviations along the turned axes.
-    pub deviations: [f32; 3],
-    /// 0 to 1, at the middle.
-    pub opacity: f32,
-    /// 0 to 1 each, as a screen shows them.
-    pub colour: [f32; 3],
-}
-
-/// The spherical harmonic of degree 0: a colour is 0.5 plus this times its coefficient.
-const HARMONIC: f32 = 0.282_094_8;
 /// Coefficients of the degrees 1 to 3. Some readers refuse files without them.
 const REST: usize = 45;
 /// Opacities are this far from 0 and 1, whose logits are infinite.
@@ -56,7 +40,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         row.clear();
         row.extend([x, -y, -z]);
         row.extend([0.0; 3]);
-        row.extend(splat.colour.map(|value| (value - 0.5) / HARMONIC));
+        row.extend(splat.harmonic());
         row.extend([0.0; REST]);
         row.push((opacity / (1.0 - opacity)).ln());
         row.extend(splat.deviations.map(f32::ln));
@@ -72,6 +56,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splats::HARMONIC;
 
     #[test]
     fn rows_have_every_field_in_its_place() {

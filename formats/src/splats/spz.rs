@@ -1,0 +1,159 @@
+//! `.spz` files: splats in 20 bytes each, compressed (Niantic's `spz`, version 3).
+
+use super::Gaussian;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::f32::consts::SQRT_2;
+use std::io::{self, Write};
+
+/// "NGSP".
+const MAGIC: u32 = 0x5053_474e;
+/// The first version with quaternions of four bytes.
+const VERSION: u32 = 3;
+/// Bits of a coordinate behind the point: 15 µm, and rooms of 256 m.
+const FRACTION: u8 = 16;
+/// Largest whole number of a coordinate, which has 24 bits.
+const FARTHEST: f32 = 8_388_607.0;
+/// Units of a coefficient of degree 0, of 255.
+const COLOURS: f32 = 0.15;
+/// Largest whole number of the three small parts of a quaternion, which are at most √½.
+const PART: f32 = 511.0;
+
+/// Writes `splats`: y up, z towards the viewer, colours that do not depend on the view.
+///
+/// # Errors
+/// If writing fails, or there are 2³² splats or more.
+pub fn write(to: impl Write, splats: &[Gaussian]) -> io::Result<()> {
+    let count = u32::try_from(splats.len()).map_err(io::Error::other)?;
+    let mut to = GzEncoder::new(to, Compression::best());
+    for number in [MAGIC, VERSION, count] {
+        to.write_all(&number.to_le_bytes())?;
+    }
+    // No degree above 0, no flags.
+    to.write_all(&[0, FRACTION, 0, 0])?;
+    for splat in splats {
+        for value in splat.mean {
+            let fixed = (value * f32::from(2u8).powi(FRACTION.into())).round();
+            let [a, b, c, _] = (fixed.clamp(-FARTHEST, FARTHEST) as i32).to_le_bytes();
+            to.write_all(&[a, b, c])?;
+        }
+    }
+    for splat in splats {
+        to.write_all(&[byte(255.0 * splat.opacity)])?;
+    }
+    for splat in splats {
+        let bytes = splat
+            .harmonic()
+            .map(|value| byte(255.0 * (COLOURS * value + 0.5)));
+        to.write_all(&bytes)?;
+    }
+    for splat in splats {
+        to.write_all(
+            &splat
+                .deviations
+                .map(|value| byte((value.ln() + 10.0) * 16.0)),
+        )?;
+    }
+    for splat in splats {
+        to.write_all(&smallest_three(splat.turn).to_le_bytes())?;
+    }
+    to.finish()?.flush()
+}
+
+/// The nearest whole number from 0 to 255.
+fn byte(value: f32) -> u8 {
+    value.round().clamp(0.0, 255.0) as u8
+}
+
+/// A unit quaternion without its largest part: the place of that part in 2 bits, then the sign and 9 bits
+/// of each other one, in the order x, y, z, w.
+fn smallest_three([w, x, y, z]: [f32; 4]) -> u32 {
+    let parts = [x, y, z, w];
+    let larger = |best: usize, i: usize| {
+        if parts[i].abs() > parts[best].abs() {
+            i
+        } else {
+            best
+        }
+    };
+    let largest = (0..4).fold(0, larger);
+    let mut packed = largest as u32;
+    for (i, part) in parts.iter().enumerate().filter(|(i, _)| *i != largest) {
+        debug_assert!(i < 4);
+        // The turn by the negative quaternion is the same.
+        let negative = (*part < 0.0) != (parts[largest] < 0.0);
+        let size = (PART * part.abs() * SQRT_2).round().min(PART) as u32;
+        packed = packed << 10 | u32::from(negative) << 9 | size;
+    }
+    packed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use flate2::read::GzDecoder;
+    use std::io::Read;
+
+    /// As Niantic's reader unpacks it.
+    fn unpacked(mut packed: u32) -> [f32; 4] {
+        let largest = (packed >> 30) as usize;
+        let mut parts = [0.0f32; 4];
+        let mut squares = 0.0;
+        for i in (0..4).rev().filter(|i| *i != largest) {
+            parts[i] = (packed & 511) as f32 / 511.0 / SQRT_2;
+            if packed & 512 != 0 {
+                parts[i] = -parts[i];
+            }
+            squares += parts[i] * parts[i];
+            packed >>= 10;
+        }
+        parts[largest] = (1.0 - squares).sqrt();
+        let [x, y, z, w] = parts;
+        [w, x, y, z]
+    }
+
+    #[test]
+    fn quaternions_come_back_up_to_their_sign() {
+        for turn in [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.5, 0.5, -0.5, 0.5],
+            [0.1, -0.7, 0.7, 0.1],
+            [-0.2, 0.3, 0.1, -0.9],
+        ] {
+            let length = turn.iter().map(|q| q * q).sum::<f32>().sqrt();
+            let turn = turn.map(|q| q / length);
+            let back = unpacked(smallest_three(turn));
+            let alike: f32 = turn.iter().zip(back).map(|(one, other)| one * other).sum();
+            assert!(alike.abs() > 1.0 - 3e-6, "{turn:?} {back:?}");
+        }
+    }
+
+    #[test]
+    fn parts_stand_in_their_order() {
+        let splat = Gaussian {
+            mean: [1.0, -2.0, 0.5],
+            turn: [1.0, 0.0, 0.0, 0.0],
+            deviations: [1.0, 0.1, 0.01],
+            opacity: 0.6,
+            colour: [0.5, 1.0, 0.0],
+        };
+        let mut file = Vec::new();
+        write(&mut file, &[splat, splat]).expect("writes");
+        let mut bytes = Vec::new();
+        GzDecoder::new(file.as_slice())
+            .read_to_end(&mut bytes)
+            .expect("gzip");
+        assert_eq!(bytes.len(), 16 + 2 * 20);
+        assert_eq!(&bytes[..4], b"NGSP");
+        let fixed =
+            |at: usize| i32::from_le_bytes([0, bytes[at], bytes[at + 1], bytes[at + 2]]) >> 8;
+        assert_eq!(
+            [fixed(16), fixed(19), fixed(22)],
+            [1 << 16, -2 << 16, 1 << 15]
+        );
+        assert_eq!(bytes[16 + 18], 153);
+        assert_eq!(&bytes[36..39], &[128, 195, 60]);
+        assert_eq!(&bytes[42..45], &[160, 123, 86]);
+        assert_eq!(&bytes[48..52], &[0, 0, 0, 0b1100_0000]);
+    }
+}

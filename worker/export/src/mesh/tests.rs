@@ -1,0 +1,208 @@
+use super::*;
+use crate::clip::Clip;
+use std::collections::HashMap;
+use std::f32::consts::{PI, TAU};
+use yoto_avatar::render::SkinnedSplat;
+use yoto_capture::skeleton::Skeleton;
+
+const RADIUS: f32 = 0.2;
+/// Standard deviation of a splat across the ball, metres.
+const THICKNESS: f32 = 0.002;
+/// Where half of the light is stopped.
+const SEEN: f32 = RADIUS + surface::OUTWARD * THICKNESS;
+
+/// A ball of splats around [0, 1, 0], red above its middle and blue below, carried by one bone on either side of
+/// x = 0, without the splats that lie in the cap `hole` radians around x.
+fn ball(hole: f32) -> SkinnedSplats {
+    let count = 4000;
+    // A Fibonacci lattice.
+    let direction = |i: usize| {
+        let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+        let angle = TAU * (i as f32 * 0.618_034).fract();
+        let across = (1.0 - y * y).sqrt();
+        [across * angle.cos(), y, across * angle.sin()]
+    };
+    let splat = |n: [f32; 3]| {
+        // The turn from z to n.
+        let turn = match n[2] < -0.999 {
+            true => [0.0, 1.0, 0.0, 0.0],
+            false => {
+                let w = ((1.0 + n[2]) / 2.0).sqrt();
+                [w, -n[1] / (2.0 * w), n[0] / (2.0 * w), 0.0]
+            }
+        };
+        let (red, blue) = if n[1] > 0.0 { (0.8, 0.1) } else { (0.1, 0.8) };
+        let bone = u16::from(n[0] > 0.0);
+        SkinnedSplat {
+            mean: [RADIUS * n[0], 1.0 + RADIUS * n[1], RADIUS * n[2]],
+            turn,
+            deviations: [0.006, 0.006, THICKNESS],
+            opacity: 0.9,
+            colour: [red, 0.5, blue],
+            bones: [(bone, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+        }
+    };
+    let outside_hole = |n: &[f32; 3]| n[0] < hole.cos();
+    SkinnedSplats {
+        skeleton: Skeleton {
+            names: vec!["root".into(), "arm".into()],
+            parents: vec![None, Some(0)],
+            rest: vec![[0.0, 1.0, 0.0], [0.1, 1.0, 0.0]],
+        },
+        splats: (0..count)
+            .map(direction)
+            .filter(outside_hole)
+            .map(splat)
+            .collect(),
+        light: [[0.0; 8]; 3],
+    }
+}
+
+/// How often each edge is walked in its direction less how often against it, by the places of its ends.
+fn edges(mesh: &Mesh) -> HashMap<[[u32; 3]; 2], i32> {
+    let mut edges = HashMap::new();
+    for triangle in &mesh.triangles {
+        let place = triangle.map(|corner| mesh.positions[corner as usize].map(f32::to_bits));
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            *edges.entry([place[a], place[b]]).or_insert(0) += 1;
+            *edges.entry([place[b], place[a]]).or_insert(0) -= 1;
+        }
+    }
+    edges
+}
+
+fn volume(mesh: &Mesh) -> f32 {
+    let mut volume = 0.0;
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize]);
+        volume += cloud::dot(a, cloud::cross(b, c)) / 6.0;
+    }
+    volume
+}
+
+fn from_middle([x, y, z]: [f32; 3]) -> f32 {
+    (x * x + (y - 1.0) * (y - 1.0) + z * z).sqrt()
+}
+
+#[test]
+fn a_ball_of_splats_is_a_closed_ball_even_with_a_hole() {
+    let options = MeshOptions {
+        triangles: 2000,
+        texture: 128,
+    };
+    for hole in [0.0, 0.12] {
+        let person = ball(hole);
+        let mesh = mesh(&person, &[], &options).expect("a mesh");
+        assert!(edges(&mesh).values().all(|sum| *sum == 0), "open");
+        assert!(mesh.triangles.len() <= 2000);
+        let exact = 4.0 / 3.0 * PI * SEEN.powi(3);
+        assert!(
+            (volume(&mesh) / exact - 1.0).abs() < 0.02,
+            "{}",
+            volume(&mesh) / exact
+        );
+        for (place, normal) in mesh.positions.iter().zip(&mesh.normals) {
+            // Over the hole the lid is flat.
+            let lid = place[0] > SEEN * (1.6 * hole).cos() - 1e-3 && hole > 0.0;
+            let off = (from_middle(*place) - SEEN).abs();
+            assert!(off < if lid { 0.006 } else { 0.002 }, "{off} at {place:?}");
+            let outward = unit([place[0], place[1] - 1.0, place[2]]);
+            assert!(cloud::dot(outward, *normal) > if lid { 0.7 } else { 0.95 });
+        }
+    }
+}
+
+#[test]
+fn what_floats_beside_a_person_is_not_of_the_mesh() {
+    let mut person = ball(0.0);
+    let speck = person.splats[0];
+    for i in 0..40 {
+        let mut other = speck;
+        other.mean = [
+            0.5 + 0.002 * (i % 7) as f32,
+            1.0 + 0.002 * (i / 7) as f32,
+            0.0,
+        ];
+        person.splats.push(other);
+    }
+    let mesh = mesh(&person, &[], &MeshOptions::default()).expect("a mesh");
+    let farthest = mesh
+        .positions
+        .iter()
+        .map(|place| from_middle(*place))
+        .fold(0.0, f32::max);
+    assert!(farthest < SEEN + 0.01, "{farthest}");
+}
+
+#[test]
+fn vertices_have_the_colours_and_the_bones_of_their_place() {
+    let options = MeshOptions {
+        triangles: 3000,
+        texture: 256,
+    };
+    let mesh = mesh(&ball(0.0), &[], &options).expect("a mesh");
+    for (vertex, place) in mesh.positions.iter().enumerate() {
+        let [u, v] = mesh.coordinates[vertex];
+        let pixel = |share: f32| ((share * mesh.side as f32) as usize).min(mesh.side as usize - 1);
+        let [red, green, blue] = mesh.texture[pixel(v) * mesh.side as usize + pixel(u)];
+        if (place[1] - 1.0).abs() > 0.03 {
+            let (more, less) = if place[1] > 1.0 {
+                (red, blue)
+            } else {
+                (blue, red)
+            };
+            assert!(more > 195 && less < 35, "{place:?} {red} {blue}");
+            assert!((120..=135).contains(&green));
+        }
+        let shares = mesh.bones[vertex];
+        assert!((shares.iter().map(|(_, share)| share).sum::<f32>() - 1.0).abs() < 1e-5);
+        if place[0].abs() > 0.03 {
+            assert_eq!(shares[0].0, u16::from(place[0] > 0.0));
+            assert!(shares[0].1 > 0.95);
+        }
+    }
+}
+
+#[test]
+fn nobody_is_an_error() {
+    let mut person = ball(0.0);
+    person.splats.clear();
+    let error = mesh(&person, &[], &MeshOptions::default()).expect_err("nothing");
+    assert!(matches!(error, MeshError::Nothing));
+}
+
+#[test]
+fn a_file_has_the_mesh_its_joints_and_its_motions() {
+    let person = ball(0.0);
+    let mesh = mesh(&person, &[], &MeshOptions::default()).expect("a mesh");
+    let mut clip = Clip::rest(&person.skeleton);
+    clip.fps = 10.0;
+    let mut turned = clip.poses[0].clone();
+    turned.rotations[0] = [0.0, 0.0, 0.5];
+    turned.translation = [3.0, 0.0, 0.0];
+    clip.poses.push(turned);
+    let mut file = Vec::new();
+    glb::write(&mut file, "ada", &mesh, &person.skeleton, &[clip]).expect("writes");
+    let length = u32::from_le_bytes(file[12..16].try_into().expect("4 bytes")) as usize;
+    let scene: serde_json::Value = serde_json::from_slice(&file[20..20 + length]).expect("JSON");
+    assert_eq!(scene["skins"][0]["joints"], serde_json::json!([1, 2]));
+    assert_eq!(scene["nodes"][1]["children"], serde_json::json!([2]));
+    let channels = scene["animations"][0]["channels"]
+        .as_array()
+        .expect("channels");
+    assert_eq!(channels.len(), 3);
+    let times = scene["animations"][0]["samplers"][0]["input"]
+        .as_u64()
+        .expect("times") as usize;
+    assert_eq!(
+        scene["accessors"][times]["max"],
+        serde_json::json!([0.1f32])
+    );
+    let corners = scene["meshes"][0]["primitives"][0]["indices"]
+        .as_u64()
+        .expect("corners") as usize;
+    assert_eq!(
+        scene["accessors"][corners]["count"],
+        3 * mesh.triangles.len()
+    );
+}
