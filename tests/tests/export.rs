@@ -46,12 +46,24 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
         ("splats.glb", " --frame 5 --format splats", &b"glTF"[..]),
         ("ada.glb", " --triangles 4000 --texture 256", &b"glTF"[..]),
+        (
+            "ada.obj",
+            " --frame 5 --triangles 4000 --texture 256",
+            &b"# metres"[..],
+        ),
+        (
+            "mesh.ply",
+            " --frame 5 --format mesh --triangles 4000",
+            &b"ply\nformat"[..],
+        ),
     ] {
         let line = format!("{export}{options} --out {}", at(name));
         yoto(&line, succeed)?;
         let file = std::fs::read(dir.path().join(name))?;
         ensure!(file.starts_with(start), "{line}");
     }
+    let texture = image::open(dir.path().join("ada.png"))?;
+    ensure!(texture.width() >= 64 && dir.path().join("ada.mtl").exists());
     let film = format!(
         "render solo --subject ada --motion ada --size 64 --out {}",
         at("walk.mp4")
@@ -92,15 +104,15 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
             "draft, has no splats",
         ),
         (
-            "export solo --subject ada --out x.obj",
-            "none of .html, .ply, .spz, .glb",
+            "export solo --subject ada --out x.fbx",
+            "none of .html, .ply, .spz, .glb, .obj",
         ),
         (
             "export solo --subject ada --out x.ply --triangles 500",
             "belong to a mesh",
         ),
         (
-            "export solo --subject ada --out x.ply --format mesh",
+            "export solo --subject ada --out x.spz --format mesh",
             "another format than --format says",
         ),
         (

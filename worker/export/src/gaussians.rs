@@ -30,7 +30,7 @@ pub fn posed(
 }
 
 /// What carries points from the rest pose to the world, of each bone.
-fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
+pub(crate) fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
     let posed = skeleton.world_transforms(pose);
     let back = |rest: &[f64; 3]| rigid(IDENTITY, rest.map(|v| -v));
     let joints = posed.iter().zip(&skeleton.rest);
@@ -54,7 +54,11 @@ pub(crate) fn mean_colours(
         person.skeleton.check_pose(pose)?;
         let bones = bones(&person.skeleton, pose);
         for (sum, splat) in colours.iter_mut().zip(&person.splats) {
-            let colour = lit(splat, &turned(splat, &blend(splat, &bones)), &person.light);
+            let colour = lit(
+                splat,
+                &turned(splat, &blend(&splat.bones, &bones)),
+                &person.light,
+            );
             *sum = std::array::from_fn(|c| sum[c] + colour[c] / poses.len() as f32);
         }
     }
@@ -63,7 +67,7 @@ pub(crate) fn mean_colours(
 
 /// A splat where its bones carry it.
 fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Mat34) -> Gaussian {
-    let transform = blend(splat, bones);
+    let transform = blend(&splat.bones, bones);
     let axes = turned(splat, &transform);
     let colour = lit(splat, &axes, light);
     let moved = |r: usize, c: usize| (0..3).map(|k| to[r][k] * axes[k][c]).sum::<f64>();
@@ -78,13 +82,13 @@ fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Ma
     }
 }
 
-/// What carries a splat to the world: the mean of its bones by their shares.
-fn blend(splat: &SkinnedSplat, bones: &[Mat34]) -> Mat34 {
+/// What carries a point to the world: the mean of its `bones` by their shares.
+pub(crate) fn blend(shares: &[(u16, f32)], bones: &[Mat34]) -> Mat34 {
     let mut transform: Mat34 = [[0.0; 4]; 3];
-    for (bone, share) in splat.bones {
-        for (sum, row) in transform.iter_mut().zip(&bones[usize::from(bone)]) {
+    for (bone, share) in shares {
+        for (sum, row) in transform.iter_mut().zip(&bones[usize::from(*bone)]) {
             for (sum, value) in sum.iter_mut().zip(row) {
-                *sum += f64::from(share) * value;
+                *sum += f64::from(*share) * value;
             }
         }
     }

@@ -11,7 +11,7 @@ pub(super) enum Format {
     Page,
     /// Gaussian splats of one pose (.ply, .spz, .glb).
     Splats,
-    /// A mesh with texture, bones and motions (.glb).
+    /// A mesh: with texture, bones and motions (.glb), or of one pose (.obj, .ply).
     Mesh,
 }
 
@@ -20,7 +20,15 @@ pub(super) enum Format {
 pub(super) enum Form {
     Page,
     Splats(SplatFile),
-    Mesh,
+    Mesh(MeshFile),
+}
+
+/// A file of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MeshFile {
+    Glb,
+    Obj,
+    Ply,
 }
 
 /// A file of splats.
@@ -38,22 +46,32 @@ impl Form {
         let extension = out.extension().and_then(|extension| extension.to_str());
         let form = match (extension, format) {
             (Some("html"), _) => Self::Page,
+            (Some("ply"), Some(Format::Mesh)) => Self::Mesh(MeshFile::Ply),
             (Some("ply"), _) => Self::Splats(SplatFile::Ply),
             (Some("spz"), _) => Self::Splats(SplatFile::Spz),
             (Some("glb"), Some(Format::Splats)) => Self::Splats(SplatFile::Glb),
-            (Some("glb"), _) => Self::Mesh,
-            _ => bail!("--out {name}: none of .html, .ply, .spz, .glb"),
+            (Some("glb"), _) => Self::Mesh(MeshFile::Glb),
+            (Some("obj"), _) => Self::Mesh(MeshFile::Obj),
+            _ => bail!("--out {name}: none of .html, .ply, .spz, .glb, .obj"),
         };
         let is = match form {
             Self::Page => Format::Page,
             Self::Splats(_) => Format::Splats,
-            Self::Mesh => Format::Mesh,
+            Self::Mesh(_) => Format::Mesh,
         };
         ensure!(
             format.is_none_or(|format| format == is),
             "--out {name}: that file has another format than --format says"
         );
         Ok(form)
+    }
+
+    /// Whether the file has one pose.
+    pub fn is_still(self) -> bool {
+        match self {
+            Self::Page | Self::Mesh(MeshFile::Glb) => false,
+            Self::Splats(_) | Self::Mesh(MeshFile::Obj | MeshFile::Ply) => true,
+        }
     }
 }
 
@@ -65,7 +83,9 @@ mod tests {
     fn the_name_says_the_form_and_the_format_chooses_among_those_of_a_name() {
         let form = |name: &str, format| Form::of(Path::new(name), format).ok();
         assert_eq!(form("a.html", None), Some(Form::Page));
-        assert_eq!(form("a.glb", None), Some(Form::Mesh));
+        assert_eq!(form("a.glb", None), Some(Form::Mesh(MeshFile::Glb)));
+        assert_eq!(form("a.obj", None), Some(Form::Mesh(MeshFile::Obj)));
+        assert_eq!(form("a.ply", None), Some(Form::Splats(SplatFile::Ply)));
         assert_eq!(
             form("a.glb", Some(Format::Splats)),
             Some(Form::Splats(SplatFile::Glb))
@@ -75,7 +95,11 @@ mod tests {
             Some(Form::Splats(SplatFile::Spz))
         );
         assert_eq!(form("a.glb", Some(Format::Page)), None);
-        assert_eq!(form("a.ply", Some(Format::Mesh)), None);
-        assert_eq!(form("a.obj", None), None);
+        assert_eq!(
+            form("a.ply", Some(Format::Mesh)),
+            Some(Form::Mesh(MeshFile::Ply))
+        );
+        assert_eq!(form("a.obj", Some(Format::Splats)), None);
+        assert_eq!(form("a.fbx", None), None);
     }
 }

@@ -11,9 +11,9 @@ use crate::studio::clips::{ChosenFrame, clip, read_track, tell_apart};
 use crate::studio::trained;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use form::{Form, Format, SplatFile};
+use form::{Form, Format, MeshFile, SplatFile};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::{NamedTempFile, TempDir};
 use yoto_avatar::render::SkinnedSplats;
 use yoto_capture::skeleton::Pose;
@@ -33,6 +33,8 @@ The name of the file says its form:
   .spz   the same in a twelfth of the bytes
   .glb   a mesh with a texture and bones, which plays the captures' motions in programs
          that read glTF; with --format splats, the splats of one pose
+  .obj   the mesh in one pose, with a material (.mtl) and a texture (.png) beside it;
+         with --format mesh, a .ply is the mesh with a colour per vertex
 The model has the tier splat; other tiers have no splats to export. Of a capture only
 poses.json is read; `yoto subject poses --refined` writes one with refined poses.
 
@@ -41,6 +43,7 @@ Examples:
   yoto export duo --subject ada --capture captures/ada --capture captures/bob --out ada.html
   yoto export duo --subject ada --out ada.ply
   yoto export duo --subject ada --capture captures/ada --out ada.glb
+  yoto export duo --subject ada --capture captures/ada --frame 30 --out ada.obj
   yoto export checkpoints/000000002000 --slot 1 --capture captures/bob --frame 30 --out bob.ply";
 
 /// Most poses whose mean light a texture has.
@@ -65,13 +68,13 @@ pub(super) struct Export {
     /// Folder of a capture whose motion the person takes; may be given several times.
     #[arg(long = "capture", value_name = "DIR")]
     captures: Vec<PathBuf>,
-    /// Number of the frame of the capture whose pose splats have.
+    /// Number of the frame of the capture whose pose a file without motion has.
     #[arg(long, value_name = "N", requires = "captures")]
     frame: Option<u32>,
-    /// File to write: .html, .ply, .spz or .glb.
+    /// File to write: .html, .ply, .spz, .glb or .obj.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// What a .glb has [default: mesh].
+    /// What a .glb or .ply has [default: mesh for .glb, splats for .ply].
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Most triangles of a mesh [default: 20000].
@@ -90,11 +93,13 @@ pub(super) struct Export {
 impl Export {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let form = self.form()?;
-        ensure!(
-            self.force || !self.out.exists(),
-            "{} is there already: choose another file (--out), or write over it (--force)",
-            self.out.display()
-        );
+        for file in self.files(form) {
+            ensure!(
+                self.force || !file.exists(),
+                "{} is there already: choose another file (--out), or write over it (--force)",
+                file.display()
+            );
+        }
         let tracks: Vec<PoseTrack> = self
             .captures
             .iter()
@@ -131,32 +136,43 @@ impl Export {
         let said = match form {
             Form::Page => self.page(&person, &title, &tracks)?,
             Form::Splats(file) => self.splats(&person, file, frame.as_ref())?,
-            Form::Mesh => self.mesh(&person, &title, &tracks)?,
+            Form::Mesh(file) => self.mesh(&person, &title, file, &tracks, frame.as_ref())?,
         };
         let bytes = std::fs::metadata(&self.out)
             .with_context(|| format!("reading {}", self.out.display()))?
             .len();
         say!("{}: {said}, {bytes} bytes", self.out.display());
-        output::put("files", output::paths(&[&self.out]));
+        output::put("files", output::paths(&self.files(form)));
         output::put("bytes", bytes);
         Ok(())
+    }
+
+    /// The files to write: an .obj has its material and its texture beside it.
+    fn files(&self, form: Form) -> Vec<PathBuf> {
+        let mut files = vec![self.out.clone()];
+        if form == Form::Mesh(MeshFile::Obj) {
+            files.extend(["mtl", "png"].map(|it| self.out.with_extension(it)));
+        }
+        files
     }
 
     /// Checks the file's name and the options that belong to it before anything is fetched.
     fn form(&self) -> anyhow::Result<Form> {
         let form = Form::of(&self.out, self.format)?;
-        match form {
-            Form::Splats(_) => ensure!(
+        if form.is_still() {
+            ensure!(
                 self.captures.is_empty() || self.frame.is_some(),
-                "a file of splats has one pose: choose one of the capture's with --frame"
-            ),
-            Form::Page | Form::Mesh => ensure!(
+                "{} has one pose: choose one of the capture's with --frame",
+                self.out.display()
+            );
+        } else {
+            ensure!(
                 self.frame.is_none(),
-                "--frame belongs to splats: pages and meshes play all frames"
-            ),
+                "--frame belongs to files of one pose: pages and .glb meshes play all frames"
+            );
         }
         ensure!(
-            form == Form::Mesh || (self.triangles.is_none() && self.texture.is_none()),
+            matches!(form, Form::Mesh(_)) || (self.triangles.is_none() && self.texture.is_none()),
             "--triangles and --texture belong to a mesh"
         );
         Ok(form)
@@ -241,9 +257,16 @@ impl Export {
         &self,
         person: &SkinnedSplats,
         title: &str,
+        file: MeshFile,
         tracks: &[PoseTrack],
+        frame: Option<&ChosenFrame<'_>>,
     ) -> anyhow::Result<String> {
-        let clips = self.clips(person, tracks)?;
+        let skeleton = &person.skeleton;
+        let still = frame.map(|chosen| chosen.pose(skeleton)).transpose()?;
+        let clips = match still {
+            Some(_) => Vec::new(),
+            None => self.clips(person, tracks)?,
+        };
         let standard = MeshOptions::default();
         let options = MeshOptions {
             triangles: self.triangles.map_or(standard.triangles, |n| n as usize),
@@ -251,10 +274,26 @@ impl Export {
         };
         let all = || clips.iter().flat_map(|clip| &clip.poses);
         let every = all().count().div_ceil(LIGHT_POSES).max(1);
-        let poses: Vec<Pose> = all().step_by(every).cloned().collect();
-        let mesh = mesh::mesh(person, &poses, &options).context("the surface of the person")?;
+        let poses = all().step_by(every).chain(&still).cloned();
+        let poses: Vec<Pose> = poses.collect();
+        let mut mesh = mesh::mesh(person, &poses, &options).context("the surface of the person")?;
+        if let Some(pose) = &still {
+            let to_rest = inverse(&skeleton.body_to_world(pose));
+            mesh = mesh::still::posed(&mesh, skeleton, pose, &to_rest)?;
+        }
         let mut bytes = Vec::new();
-        mesh::glb::write(&mut bytes, title, &mesh, &person.skeleton, &clips)?;
+        match file {
+            MeshFile::Glb => mesh::glb::write(&mut bytes, title, &mesh, skeleton, &clips)?,
+            MeshFile::Ply => mesh::ply::write(&mut bytes, &mesh)?,
+            MeshFile::Obj => {
+                let stem = self.out.file_stem().and_then(|stem| stem.to_str());
+                let stem = stem.with_context(|| format!("{}: not a name", self.out.display()))?;
+                let files = mesh::obj::files(&mesh, stem).context("the texture")?;
+                self.write_to(&self.out.with_extension("mtl"), files.mtl.as_bytes())?;
+                self.write_to(&self.out.with_extension("png"), &files.texture)?;
+                bytes = files.obj.into_bytes();
+            }
+        }
         self.write(&bytes)?;
         let triangles = mesh.triangles.len();
         output::put("triangles", triangles);
@@ -276,14 +315,18 @@ impl Export {
         Ok(clips)
     }
 
-    /// Writes the file whole or not at all.
     fn write(&self, bytes: &[u8]) -> anyhow::Result<()> {
-        let writing = || format!("writing {}", self.out.display());
-        let folder = folder_of(&self.out);
+        self.write_to(&self.out, bytes)
+    }
+
+    /// Writes a file whole or not at all.
+    fn write_to(&self, out: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        let writing = || format!("writing {}", out.display());
+        let folder = folder_of(out);
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         let mut part = NamedTempFile::new_in(folder).with_context(writing)?;
         part.write_all(bytes).with_context(writing)?;
-        keep(part, &self.out).with_context(writing)
+        keep(part, out).with_context(writing)
     }
 }
 

@@ -51,7 +51,7 @@ pub fn write(
     }
     let mut numbers = Numbers::default();
     let bones = mesh.bones.iter();
-    // A joint without a share is written as none, as glTF demands.
+    // A joint without a share is written as joint 0, as glTF demands.
     let joint = |(bone, share): (u16, f32)| if share > 0.0 { bone as u8 } else { 0 };
     let carriers: Vec<[u8; 4]> = bones.clone().map(|bones| bones.map(joint)).collect();
     let shares: Vec<[f32; 4]> = bones.map(|bones| bones.map(|(_, share)| share)).collect();
@@ -196,7 +196,7 @@ fn unmoved([x, y, z]: [f64; 3]) -> [f32; 16] {
 }
 
 /// The texture as a file.
-fn png(mesh: &Mesh) -> Result<Vec<u8>, image::ImageError> {
+pub(super) fn png(mesh: &Mesh) -> Result<Vec<u8>, image::ImageError> {
     let mut file = Vec::new();
     PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive)
         .write_image(

@@ -2,7 +2,10 @@
 
 mod cloud;
 pub mod glb;
+pub mod obj;
+pub mod ply;
 mod reduce;
+pub mod still;
 mod surface;
 mod texture;
 

@@ -96,7 +96,9 @@ fn cover(
                     (nearest - pixel[a]).powi(2)
                 })
                 .sum();
-            if taken[place] || off > margin * margin + 1e-6 {
+            // Also not for a NaN, of a triangle with almost no area.
+            let near = off <= margin * margin + 1e-6;
+            if taken[place] || !near {
                 continue;
             }
             taken[place] = true;
