@@ -60,8 +60,29 @@ mod tests {
         }
     }
 
+    /// Set in the process that runs the test alone.
+    const ALONE: &str = "YOTO_TEST_ALLOCATOR";
+
+    /// Runs in a process of its own: other tests take memory meanwhile.
     #[test]
     fn freed_memory_stays_with_the_process_until_it_is_given_back() {
+        if std::env::var_os(ALONE).is_some() {
+            return check_freed_memory();
+        }
+        let name = concat!(
+            "allocator::tests::",
+            "freed_memory_stays_with_the_process_until_it_is_given_back"
+        );
+        let tests = std::env::current_exe().expect("this program");
+        let mut alone = std::process::Command::new(tests);
+        alone.args(["--exact", name, "--nocapture"]).env(ALONE, "1");
+        let out = alone.output().expect("runs");
+        let said = String::from_utf8_lossy(&out.stdout);
+        assert!(out.status.success(), "{said}");
+        assert!(said.contains("1 passed"), "{said}");
+    }
+
+    fn check_freed_memory() {
         // SAFETY: as in `keep_freed_memory`. No delay: what is freed goes back at once.
         unsafe { mi_option_set(PURGE_DELAY, 0) };
         let before = resident();
