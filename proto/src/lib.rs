@@ -2,8 +2,8 @@
 //!
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
 //! agree on and messages can't express: resource names, object keys, the pose track with its
-//! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, and the names of
-//! tiers, variants and evaluation protocols.
+//! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people and the
+//! checks of a render, and the names of tiers, variants and evaluation protocols.
 
 pub mod correction;
 pub mod keys;
@@ -12,6 +12,8 @@ pub mod media_plan;
 pub mod names;
 pub mod pose_track;
 pub mod protocols;
+pub mod render_needs;
+pub mod scene;
 pub mod smpl;
 pub mod tiers;
 

@@ -43,10 +43,12 @@ mod paper_table;
 mod quality;
 mod refine_poses;
 mod render;
+mod render_choice;
 mod render_film;
 #[cfg(feature = "embedded")]
 mod render_frame;
 mod render_what;
+mod scene;
 mod scores;
 #[cfg(feature = "embedded")]
 mod serve;
@@ -142,6 +144,7 @@ enum Command {
     Gc(status::gc::Gc),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
+    Scene(scene::SceneCommand),
     #[cfg(feature = "embedded")]
     RenderFrame(render_frame::RenderFrame),
     #[cfg(feature = "embedded")]
@@ -216,6 +219,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Status(command) => runtime.block_on(command.run()),
         Command::Gc(command) => runtime.block_on(command.run()),
         Command::Motion(command) => command.run(),
+        Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::RenderFrame(command) => command.run(),

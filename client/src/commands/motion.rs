@@ -53,6 +53,16 @@ impl MotionArgs {
         self.joint_map.is_some() || self.up.is_some()
     }
 
+    /// No options.
+    #[cfg(test)]
+    pub(super) fn none() -> Self {
+        Self {
+            joint_map: None,
+            smpl: None,
+            up: None,
+        }
+    }
+
     /// Options with a joint map alone.
     #[cfg(feature = "embedded")]
     pub(super) fn of_map(joint_map: Option<PathBuf>) -> Self {

@@ -2,8 +2,10 @@
 
 use super::motion::MotionArgs;
 use super::out_folder::{OutFolder, is_rendered};
+use super::render_choice::{kept, over};
 use super::render_film;
 use super::render_what::{FrameRange, read_views};
+use super::scene::SceneFile;
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
@@ -11,12 +13,13 @@ use crate::output;
 use crate::progress::{ProgressDisplay, count};
 use anyhow::Context;
 use clap::{ArgGroup, Args};
-use std::path::PathBuf;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
-    MotionClip, MotionTransfer, Orbit, RenderChoice, RenderQuality, RenderResult, RenderSpec,
-    job_result, render_quality::Want, render_spec,
+    Light, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderResult, RenderSpec, job_result,
+    light, render_quality::Want, render_spec,
 };
 
 const AFTER_HELP: &str = "\
@@ -29,7 +32,9 @@ Examples:
   yoto render duo --subject bob --motion-file walk.bvh --range 0..240:4 --animate --out out/walk
   yoto render duo --subject bob --motion ada --out dance.mp4
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
-  yoto render duo --subject ada --view-list views.json --out out/views";
+  yoto render duo --subject ada --view-list views.json --out out/views
+  yoto render duo --subject ada --orbit 0 --light none --out out/neutral
+  yoto render duo --scene scene.json --out scene.mp4    # yoto scene --help";
 
 /// Fastest animation of the service, frames per second.
 const MAX_FPS: f64 = 120.0;
@@ -50,21 +55,27 @@ fn quality_help() -> String {
     )
 }
 
-/// Render a person: one pose from all around, with a person's or a file's motion, or given views.
+/// Render a person (one pose from all around, with a person's or a file's motion, or given views), or a
+/// scene of several people.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list"]))]
+#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list", "scene"]))]
 pub(super) struct Render {
     /// The trained model, by name.
     model: String,
     /// The person to render, by name.
-    #[arg(long, value_name = "NAME")]
-    subject: String,
+    #[arg(
+        long,
+        required_unless_present = "scene",
+        conflicts_with = "scene",
+        value_name = "NAME"
+    )]
+    subject: Option<String>,
     /// Render this frame of the person's own capture from all around.
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
     /// Views around the circle [default: 24].
-    #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list", "scene"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     views: Option<u32>,
     /// Use the motion in this person's capture.
     #[arg(long, value_name = "DRIVER")]
@@ -79,19 +90,37 @@ pub(super) struct Render {
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
     /// Frames of the motion, e.g. 0..60:2 or 100.. [default: all].
-    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
+    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list", "scene"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Move the camera along with a person who walks, who otherwise may leave the picture.
-    #[arg(long, conflicts_with_all = ["orbit", "view_list"])]
+    #[arg(long, conflicts_with_all = ["orbit", "view_list", "scene"])]
     follow: bool,
     /// Poses and cameras from a JSON file.
     #[arg(long, value_name = "FILE")]
     view_list: Option<PathBuf>,
+    /// Several people in one picture, from a JSON file, which has size and background too; `yoto scene
+    /// example` writes one to start from.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade; or that of the
+    /// capture of another person of the model, by name. Only models of splats have a light.
+    #[arg(
+        long,
+        default_value = "own",
+        conflicts_with = "scene",
+        value_name = "LIGHT"
+    )]
+    light: String,
     /// Step of the checkpoint to render with [default: the best one by held-out PSNR].
     #[arg(long, value_name = "STEP")]
     checkpoint: Option<u64>,
     /// Longest side of the pictures, pixels; a view list has its own.
-    #[arg(long, default_value_t = 256, value_name = "PX")]
+    #[arg(
+        long,
+        default_value_t = 256,
+        conflicts_with = "scene",
+        value_name = "PX"
+    )]
     size: u32,
     /// Also write one animated PNG, for browsers.
     #[arg(long)]
@@ -104,11 +133,12 @@ pub(super) struct Render {
         long,
         value_delimiter = ',',
         default_value = "0,0,0",
+        conflicts_with = "scene",
         value_name = "R,G,B"
     )]
     background: Vec<f32>,
     /// Transparent pictures: no background.
-    #[arg(long, conflicts_with = "background")]
+    #[arg(long, conflicts_with_all = ["background", "scene"])]
     transparent: bool,
     /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "S", value_parser = table::seconds, group = "wish")]
@@ -132,33 +162,47 @@ impl Render {
             "--background takes three numbers, e.g. 1,1,1"
         );
         self.ensure_free()?;
+        let scene = self.scene.as_deref().map(SceneFile::read).transpose()?;
+        let transparent = self.transparent || scene.as_ref().is_some_and(|it| it.transparent);
+        self.ensure_film(transparent)?;
         let (clip, fps) = self.clip()?;
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
-        let subject = client.find_subject(&self.subject).await?;
+        let subject = match &self.subject {
+            Some(name) => Some(client.find_subject(name).await?),
+            None => None,
+        };
         let checkpoint = self
             .checkpoint
             .map(|step| names::checkpoint(&model.name, step));
-        let spec = RenderSpec {
+        let mut spec = RenderSpec {
             checkpoint: checkpoint.unwrap_or_default(),
             model: model.name,
-            subject: subject.name,
-            what: Some(match clip {
-                Some(clip) => render_spec::What::Clip(clip),
-                None => self.what(&client).await?,
-            }),
+            subject: subject
+                .as_ref()
+                .map(|it| it.name.clone())
+                .unwrap_or_default(),
+            what: None,
             background: self.background.clone(),
             animate: self.animate,
             fps: self.fps.unwrap_or(fps),
             quality: self.wish(),
-            transparent: self.transparent,
+            transparent,
+            light: self.light(&client).await?,
         };
+        spec.what = Some(match (scene, clip) {
+            (Some(scene), _) => {
+                spec.background = scene.background.map(Vec::from).unwrap_or_default();
+                spec.fps = self.fps.or(scene.fps).unwrap_or_default();
+                self.scene(&client, &scene).await?
+            }
+            (None, Some(clip)) => render_spec::What::Clip(clip),
+            (None, None) => self.what(&client).await?,
+        });
         let job = client.create_render(spec).await?;
         output::put("job", output::message(&job));
-        let mut display = ProgressDisplay::new(format!(
-            "{} by {}",
-            subject.display_name, model.display_name
-        ));
+        let shown = subject.map_or_else(|| "a scene".to_owned(), |it| it.display_name);
+        let mut display = ProgressDisplay::new(format!("{shown} by {}", model.display_name));
         let job = wait_for_new(&client, &job.name, &mut display).await?;
         output::put("job", output::message(&job));
         let result = match job.result.and_then(|it| it.kind) {
@@ -196,11 +240,6 @@ impl Render {
     fn ensure_free(&self) -> anyhow::Result<()> {
         let film = render_film::is_film(&self.folder.out);
         anyhow::ensure!(
-            !film || (!self.transparent && !self.animate),
-            "--transparent and --animate belong to a folder of pictures: an .mp4 is one film without \
-             transparency"
-        );
-        anyhow::ensure!(
             film || self.animate || self.fps.is_none(),
             "--fps belongs to --animate or to a film (--out FILE.mp4)"
         );
@@ -208,6 +247,42 @@ impl Render {
             return render_film::ensure_free(&self.folder.out, self.folder.force);
         }
         self.folder.ensure_free(is_rendered)
+    }
+
+    /// Checks that a film is not requested with what films lack.
+    fn ensure_film(&self, transparent: bool) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            !render_film::is_film(&self.folder.out) || (!transparent && !self.animate),
+            "transparency and --animate belong to a folder of pictures: an .mp4 is one film without \
+             transparency"
+        );
+        Ok(())
+    }
+
+    /// The light that is wanted instead of the person's own.
+    async fn light(&self, client: &YotoClient) -> anyhow::Result<Option<Light>> {
+        let of = match self.light.as_str() {
+            "own" => return Ok(None),
+            "none" => light::Of::Neutral(true),
+            name => light::Of::Subject(client.find_subject(name).await.context("--light")?.name),
+        };
+        Ok(Some(Light { of: Some(of) }))
+    }
+
+    /// The scene of a file, with the people that the service knows.
+    async fn scene(
+        &self,
+        client: &YotoClient,
+        scene: &SceneFile,
+    ) -> anyhow::Result<render_spec::What> {
+        let mut names = HashMap::new();
+        for person in scene.people() {
+            let subject = client.find_subject(person).await?;
+            names.insert(person.to_owned(), subject.name);
+        }
+        let path = self.scene.as_deref().unwrap_or(Path::new(""));
+        let scene = scene.to_message(path, &names, &self.reading)?;
+        Ok(render_spec::What::Scene(scene))
     }
 
     /// Writes the pictures of the job `name` as a film, and returns its path.
@@ -243,8 +318,8 @@ impl Render {
     fn clip(&self) -> anyhow::Result<(Option<MotionClip>, f32)> {
         let Some(path) = &self.motion_file else {
             anyhow::ensure!(
-                !self.reading.any(),
-                "--joint-map and --up belong to --motion-file"
+                self.scene.is_some() || !self.reading.any(),
+                "--joint-map and --up belong to --motion-file or --scene"
             );
             return Ok((None, 0.0));
         };
@@ -300,84 +375,9 @@ impl Render {
             };
             return Ok(render_spec::What::Motion(transfer));
         }
-        let path = self
-            .view_list
-            .as_deref()
-            .context("nothing to render: give --orbit, --motion, --motion-file or --view-list")?;
+        let path = self.view_list.as_deref().context(
+            "nothing to render: give --orbit, --motion, --motion-file, --view-list or --scene",
+        )?;
         Ok(render_spec::What::Views(read_views(path)?))
-    }
-}
-
-/// The chosen settings, with predicted and actual figures, in two lines.
-fn kept(choice: &RenderChoice) -> String {
-    let settings = choice.settings.unwrap_or_default();
-    let decibels = |psnr: Option<f64>| {
-        psnr.map_or_else(|| "unknown".to_owned(), |psnr| format!("{psnr:.2} dB"))
-    };
-    let seen = match choice.psnr {
-        Some(psnr) => format!("{psnr:.2} dB on {} pictures", choice.pictures_with_truth),
-        None => "no ground truth for these pictures".to_owned(),
-    };
-    format!(
-        "chosen: {} samples per ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
-         resolution\n\
-         promised {:.4} s a frame and {} (on {}); took {:.4} s a frame, {seen}",
-        settings.samples,
-        settings.epsilon,
-        settings.min_transmittance,
-        if settings.bf16 { "bf16" } else { "f32" },
-        100.0 * settings.scale,
-        choice.predicted_seconds_per_frame,
-        decibels(choice.predicted_psnr),
-        choice.measured_on,
-        choice.seconds_per_frame,
-    )
-}
-
-/// A note that a frame took longer than the `limit` in seconds, and a likely reason; `device` has
-/// rendered it.
-fn over(limit: f64, choice: &RenderChoice, device: &str) -> Option<String> {
-    let taken = choice.seconds_per_frame;
-    let reason = if choice.measured_on != device {
-        format!(
-            "the trade-off was measured on {}, this was rendered on {device}: measure it there with \
-             `yoto tradeoff`",
-            choice.measured_on
-        )
-    } else {
-        "the machine was busier than at the measurement, or these pictures show more of the person; \
-         a lower limit leaves room for that"
-            .to_owned()
-    };
-    (taken > limit).then(|| {
-        format!(
-            "over your limit of {limit} s by {:.4} s: {reason}",
-            taken - limit
-        )
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_limit_that_was_not_kept_is_admitted() {
-        let choice = |seconds| RenderChoice {
-            measured_on: "a CPU".into(),
-            seconds_per_frame: seconds,
-            ..RenderChoice::default()
-        };
-        assert_eq!(over(0.1, &choice(0.1), "a CPU"), None);
-        let said = over(0.1, &choice(0.144), "a CPU").expect("over");
-        assert!(
-            said.starts_with("over your limit of 0.1 s by 0.0440 s: the machine"),
-            "{said}"
-        );
-        let said = over(0.1, &choice(0.144), "a GPU").expect("over");
-        assert!(
-            said.contains("measured on a CPU, this was rendered on a GPU"),
-            "{said}"
-        );
     }
 }

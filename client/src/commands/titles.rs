@@ -47,6 +47,9 @@ impl Titles {
         match job.spec.as_ref().and_then(|spec| spec.kind.as_ref()) {
             Some(job_spec::Kind::Ingest(spec)) => self.name(&spec.capture).to_owned(),
             Some(job_spec::Kind::Train(spec)) => self.name(&spec.model).to_owned(),
+            Some(job_spec::Kind::Render(spec)) if spec.subject.is_empty() => {
+                format!("a scene by {}", self.name(&spec.model))
+            }
             Some(job_spec::Kind::Render(spec)) => {
                 format!("{} by {}", self.name(&spec.subject), self.name(&spec.model))
             }

@@ -60,6 +60,7 @@ impl Shots<'_> {
             quality: None,
             checkpoint: String::new(),
             transparent: false,
+            light: None,
         };
         let queued = self.client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(shot.label);

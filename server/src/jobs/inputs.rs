@@ -6,10 +6,8 @@ use crate::{
 };
 use yoto_proto::{
     names::{Collection, NameError},
-    v1::{
-        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, Model, SubjectShard, job_spec,
-        render_spec::What,
-    },
+    render_needs::needs,
+    v1::{Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, Model, SubjectShard, job_spec},
 };
 
 /// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
@@ -29,11 +27,11 @@ pub async fn resolve(
         }
         Some(job_spec::Kind::Render(render)) => {
             let people = |_: &Model| {
-                let mut people = vec![render.subject.clone()];
-                if let Some(What::Motion(motion)) = &render.what
-                    && motion.driver != render.subject
-                {
-                    people.push(motion.driver.clone());
+                let mut people: Vec<String> = Vec::new();
+                for need in needs(render) {
+                    if !people.iter().any(|it| it == need.subject) {
+                        people.push(need.subject.to_owned());
+                    }
                 }
                 people
             };

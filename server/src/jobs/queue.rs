@@ -13,9 +13,10 @@ use crate::{
 };
 use yoto_proto::{
     names::Collection,
+    render_needs::needs,
     v1::{
         Checkpoint, EvaluateSpec, Job, JobSpec, Model, RenderSpec, SubjectShard, TrainSpec,
-        job_spec, render_spec::What,
+        job_spec,
     },
 };
 
@@ -89,31 +90,25 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
     spec::check_render(render)?;
     let model = model(context, "spec.render.model", &render.model).await?;
-    let shard = require_shard(context, "spec.render.subject", &render.subject).await?;
-    require_slot(context, &model, &render.subject).await?;
-    match &render.what {
-        Some(What::Motion(motion)) => {
-            let driver = "spec.render.motion.driver";
-            let driver = require_shard(context, driver, &motion.driver).await?;
-            check_frame(
-                &driver,
-                "spec.render.motion.first_frame",
-                motion.first_frame,
-            )?;
+    let needs = needs(render);
+    let mut shown = Vec::new();
+    for need in &needs {
+        let field = |name: &str| format!("spec.render.{name}");
+        let shard = require_shard(context, &field(&need.field), need.subject).await?;
+        if need.slot {
+            shown.push((
+                require_slot(context, &model, need.subject).await?,
+                shard.clone(),
+            ));
         }
-        Some(What::Orbit(orbit)) => {
-            check_frame(&shard, "spec.render.orbit.frame", Some(orbit.frame))?;
+        if let Some((name, frame)) = &need.frame {
+            check_frame(&shard, &field(name), *frame)?;
         }
-        Some(What::Clip(clip)) => {
-            check_frame(&shard, "spec.render.clip.camera_frame", clip.camera_frame)?;
-        }
-        Some(What::Views(_)) | None => {}
     }
     let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
-    let slot = model.slots.iter().find(|it| it.subject == render.subject);
-    if let Some(slot) = slot
+    let unknown = shown.iter().find(|(slot, _)| !used.slots.contains(slot));
+    if let Some((_, shard)) = unknown
         && !used.slots.is_empty()
-        && !used.slots.contains(&slot.slot)
     {
         let message = format!(
             "step {} of {} was trained before {} joined the model: train it again",
@@ -148,10 +143,14 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
     Ok(())
 }
 
-/// Checks that the subject, which exists, is in the model.
-async fn require_slot(context: &Context, model: &Model, subject: &str) -> Result<(), RequestError> {
-    if model.slots.iter().any(|slot| slot.subject == subject) {
-        return Ok(());
+/// The subject's slot in the model; the subject exists.
+async fn require_slot(
+    context: &Context,
+    model: &Model,
+    subject: &str,
+) -> Result<u32, RequestError> {
+    if let Some(slot) = model.slots.iter().find(|slot| slot.subject == subject) {
+        return Ok(slot.slot);
     }
     let id = parse(Collection::Subjects, "subject", subject)?;
     let person = context.store.subject(id).await?.display_name;
@@ -191,9 +190,8 @@ async fn model(context: &Context, field: &str, name: &str) -> Result<Model, Requ
 
 /// Checks that the `wanted` frame is not beyond the frames of a capture, where they are known. It may
 /// still lack a frame between them: the worker tells.
-fn check_frame(shard: &SubjectShard, field: &str, wanted: Option<u32>) -> Result<(), RequestError> {
-    let (Some(wanted), Some(first), Some(last)) = (wanted, shard.first_frame, shard.last_frame)
-    else {
+fn check_frame(shard: &SubjectShard, field: &str, wanted: u32) -> Result<(), RequestError> {
+    let (Some(first), Some(last)) = (shard.first_frame, shard.last_frame) else {
         return Ok(());
     };
     if (first..=last).contains(&wanted) {

@@ -5,11 +5,13 @@ use crate::error::RequestError;
 use prost::Message;
 use yoto_proto::{
     pose_track::{MAX_JOINTS, MAX_SIDE, Skeleton},
-    protocols, tiers,
+    protocols,
+    scene::{self, MAX_PICTURES},
+    tiers,
     v1::{
         BodyPose, Camera, EvaluateSpec, JobSpec, MotionClip, MotionTransfer, Orbit, RenderQuality,
-        RenderSpec, TradeoffSpec, TrainSpec, View, Violation, render_quality::Want,
-        render_spec::What,
+        RenderSpec, Scene, TradeoffSpec, TrainSpec, View, Violation, actor::Motion,
+        render_quality::Want, render_spec::What, scene_camera::Path,
     },
 };
 
@@ -21,8 +23,6 @@ const MAX_RENDER_SIDE: u32 = 4096;
 const MIN_SIDE: u32 = 8;
 /// Shortest side for SSIM, pixels.
 const MIN_EVALUATE_SIDE: u32 = 16;
-/// Most pictures of one render job.
-const MAX_PICTURES: u32 = 10_000;
 /// Most pictures of a trade-off measurement, and most renders of each.
 const MAX_TRADEOFF_VIEWS: u32 = 64;
 const MAX_TRADEOFF_REPEATS: u32 = 32;
@@ -104,6 +104,9 @@ pub fn check_render(render: &RenderSpec) -> Checked {
         || format!("{} is not between 0 and {MAX_FPS}", render.fps),
     )?;
     render.quality.as_ref().map_or(Ok(()), check_quality)?;
+    if let Some(light) = &render.light {
+        refuse(scene::light_faults("light", light), "spec.render")?;
+    }
     match &render.what {
         Some(What::Views(list)) => {
             check_count("spec.render.views.views", list.views.len() as u64)?;
@@ -116,7 +119,20 @@ pub fn check_render(render: &RenderSpec) -> Checked {
             check_count("spec.render.orbit.views", u64::from(*views))?;
             check_side("spec.render.orbit.size", *size)
         }
-        Some(What::Clip(clip)) => check_clip(clip),
+        Some(What::Clip(clip)) => {
+            check_side("spec.render.clip.size", clip.size)?;
+            check_clip("spec.render.clip", clip)
+        }
+        Some(What::Scene(scene)) => {
+            let no_light = render.light.is_none();
+            ensure(no_light, "spec.render.light", || {
+                "the actors of a scene have their own".into()
+            })?;
+            ensure(render.subject.is_empty(), "spec.render.subject", || {
+                "a scene has actors instead".into()
+            })?;
+            check_scene(scene)
+        }
         Some(What::Motion(MotionTransfer {
             frame_count,
             frame_step,
@@ -174,10 +190,34 @@ fn check_tradeoff(tradeoff: &TradeoffSpec) -> Checked {
     Ok(())
 }
 
-fn check_clip(clip: &MotionClip) -> Checked {
-    let field = "spec.render.clip";
+/// The first of `faults` of what is at `field`.
+fn refuse(faults: Vec<scene::Fault>, field: &str) -> Checked {
+    match faults.into_iter().next() {
+        Some((name, message)) => Err(RequestError::invalid(format!("{field}.{name}"), message)),
+        None => Ok(()),
+    }
+}
+
+fn check_scene(scene: &Scene) -> Checked {
+    let field = "spec.render.scene";
+    refuse(scene::faults(scene), field)?;
+    for (i, actor) in scene.actors.iter().enumerate() {
+        if let Some(Motion::Clip(clip)) = &actor.motion {
+            check_clip(&format!("{field}.actors[{i}].clip"), clip)?;
+        }
+    }
+    let path = scene.camera.as_ref().and_then(|it| it.path.as_ref());
+    let Some(Path::Cameras(list)) = path else {
+        return Ok(());
+    };
+    let mut cameras = list.cameras.iter().enumerate();
+    cameras.try_for_each(|(i, camera)| {
+        check_camera(&format!("{field}.camera.cameras.cameras[{i}]"), camera)
+    })
+}
+
+fn check_clip(field: &str, clip: &MotionClip) -> Checked {
     check_count(&format!("{field}.poses"), clip.poses.len() as u64)?;
-    check_side(&format!("{field}.size"), clip.size)?;
     let message = clip.skeleton.clone().unwrap_or_default();
     let invalid = |fault: &Violation| {
         RequestError::invalid(format!("{field}.{}", fault.field), fault.message.clone())

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use support::{options, people, run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
-use yoto_avatar::render::{RenderView, Rendered, Renderer};
+use yoto_avatar::render::{Actor, Light, RenderView, Rendered, Renderer, SceneView};
 use yoto_avatar::tradeoff::Axes;
 use yoto_avatar::train::{Person, Trainer};
 use yoto_capture::ShardBuilder;
@@ -303,4 +303,112 @@ fn people_without_identities_share_their_splats() {
     trainer.save(dir.path()).expect("saves");
     let sets = weights(dir.path());
     assert!(sets.contains_key("splats.0.means") && !sets.contains_key("splats.1.means"));
+}
+
+/// Frame 0 of each of `people` in one picture, the second `metres` nearer to the camera.
+fn scene(people: &[Person], metres: f32) -> SceneView {
+    let track = &people[0].shard.track;
+    let camera = Camera::from_frame(&track.frames[0], track.image_size).expect("a camera");
+    let actors = people.iter().zip([0.0, metres]).map(|(person, nearer)| {
+        let mut pose = Pose::from_frame(&person.shard.track.frames[0]).expect("a pose");
+        for (axis, along) in pose.translation.iter_mut().zip(camera.e[2]) {
+            *axis -= nearer * along as f32;
+        }
+        Actor {
+            slot: person.slot,
+            pose,
+            light: Light::Own,
+        }
+    });
+    SceneView {
+        actors: actors.collect(),
+        background: [0.0; 3],
+        camera,
+    }
+}
+
+fn rendered(renderer: &Renderer, view: &SceneView) -> Rendered {
+    renderer.render_scene(view, &mut |_| true).expect("renders")
+}
+
+#[test]
+fn a_splat_person_in_front_hides_the_other() {
+    let people = people(&[0, 1], 12, SIZE);
+    let renderer = trainer(&[0, 1], 1).renderer();
+    let scene = scene(&people, 1.0);
+    let both = rendered(&renderer, &scene);
+    let alone = |place: usize| {
+        let mut one = scene.clone();
+        one.actors = vec![scene.actors[place].clone()];
+        rendered(&renderer, &one)
+    };
+    let (back, front) = (alone(0), alone(1));
+    let mut hidden = 0;
+    for i in 0..both.alpha.len() {
+        let through = 1.0 - front.alpha[i];
+        for c in 0..3 {
+            let rgb = front.rgb[3 * i + c] + through * back.rgb[3 * i + c];
+            assert!((both.rgb[3 * i + c] - rgb).abs() < 2e-3);
+        }
+        hidden += usize::from(front.alpha[i] > 0.9 && back.alpha[i] > 0.9);
+    }
+    assert!(
+        hidden > 50,
+        "{hidden} pixels of the person behind are hidden"
+    );
+    let mut other = scene.clone();
+    other.actors.reverse();
+    assert_eq!(rendered(&renderer, &other).alpha.len(), both.alpha.len());
+    let apart = rendered(&renderer, &other).rgb;
+    let apart = apart.iter().zip(&both.rgb).map(|(a, b)| (a - b).abs());
+    assert!(
+        apart.fold(0.0, f32::max) < 1e-6,
+        "their order does not matter"
+    );
+}
+
+#[test]
+fn light_is_the_capture_s_none_or_another_person_s() {
+    let people = people(&[0, 1], 12, SIZE);
+    let mut trainer = trainer(&[0, 1], 60);
+    run(&mut trainer, 60);
+    let renderer = trainer.renderer();
+    let of = |slot: usize, light: Light| {
+        let mut view = scene(&people, 0.0);
+        view.actors = vec![view.actors[slot].clone()];
+        view.actors[0].light = light;
+        rendered(&renderer, &view)
+    };
+    let same = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let turn = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+    let own = of(0, Light::Own);
+    let named = of(
+        0,
+        Light::Of {
+            slot: 0,
+            turn: same,
+        },
+    );
+    assert_eq!(own.rgb, named.rgb);
+    let others = [
+        Light::Neutral,
+        Light::Of {
+            slot: 1,
+            turn: same,
+        },
+        Light::Of { slot: 0, turn },
+    ];
+    for light in others {
+        let lit = of(0, light);
+        assert_eq!(own.alpha, lit.alpha, "light moves nothing: {light:?}");
+        let apart = own.rgb.iter().zip(&lit.rgb).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f32::max) > 1e-3, "{light:?}");
+    }
+    let nobody = Light::Of {
+        slot: 7,
+        turn: same,
+    };
+    let mut view = scene(&people, 0.0);
+    view.actors[0].light = nobody;
+    assert!(renderer.render_scene(&view, &mut |_| true).is_err());
 }

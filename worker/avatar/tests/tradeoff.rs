@@ -145,14 +145,21 @@ fn settings_change_the_frame_and_nothing_else() {
     let (renderer, views) = trained();
     let own = renderer.settings();
     let frame = renderer.render(&views[0].view).expect("renders");
-    let rays = renderer.rays(&views[0].view).expect("counts");
+    let rays = renderer
+        .rays(&views[0].view.clone().into())
+        .expect("counts");
     assert!((1..=frame.alpha.len()).contains(&rays), "{rays} rays");
     let half = RenderSettings { scale: 0.5, ..own };
     let renderer = renderer.with_settings(&half).expect("good settings");
     let small = renderer.render(&views[0].view).expect("renders");
     assert_eq!((small.width, small.height), (frame.width, frame.height));
     assert_ne!(small.rgb, frame.rgb);
-    assert_eq!(renderer.rays(&views[0].view).expect("counts"), rays);
+    assert_eq!(
+        renderer
+            .rays(&views[0].view.clone().into())
+            .expect("counts"),
+        rays
+    );
     let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
     for (name, a, b) in [
         ("alpha", &small.alpha, &frame.alpha),

@@ -77,7 +77,7 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
         rows: &rows,
         light: &[0.0; 24],
     };
-    draw(&numbers, &sight).rgb
+    draw(&[(numbers, &sight)]).expect("somebody").rgb
 }
 
 #[test]

@@ -1,27 +1,30 @@
-//! Renders pictures of one person: given views, an orbit around one pose, the motion of another
-//! person, or a motion from a file.
+//! Renders pictures of one person (given views, an orbit around one pose, the motion of another
+//! person, or a motion from a file) or of several people in a scene.
 
+mod cast;
 mod clip;
 mod follow;
+mod level;
 mod motion;
 mod orbit;
 mod quality;
 mod request;
+mod scene;
 mod truth;
 mod views;
 
-use super::checkpoint::Downloaded;
-use super::{JobContext, JobFailure, checkpoint, shard};
+use super::{JobContext, JobFailure, checkpoint};
 use crate::media::{
     Pixels,
     animation::{Animation, MAX_FPS},
     picture,
 };
+use cast::{Cast, bearings};
 use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
 use truth::Truths;
-use yoto_avatar::render::{RenderError, RenderView, Rendered, Renderer};
+use yoto_avatar::render::{Light, RenderError, RenderView, Rendered, Renderer, SceneView};
 use yoto_proto::{
     keys, names,
     v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
@@ -43,11 +46,12 @@ pub fn run(
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
-    let scene = expand(context, &request, &renderer, &found, inputs)?;
+    let cast = Cast::new(context, &request, &renderer, &found, inputs);
+    let film = expand(&cast)?;
     let promise = match &spec.quality {
         Some(quality) => {
             let promise =
-                Promise::make(context, quality, &found.checkpoint, &renderer, &scene.views)?;
+                Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?;
             renderer
                 .set(promise.settings())
                 .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
@@ -55,20 +59,20 @@ pub fn run(
         }
         None => None,
     };
-    let drawn = draw(context, &request, &renderer, &scene)?;
+    let drawn = draw(context, &request, &renderer, &film)?;
     Ok(RenderResult {
         choice: promise.map(|promise| promise.came_true(drawn.seconds_per_frame, &drawn.psnr)),
         files: drawn.files,
         seconds_per_frame: drawn.seconds_per_frame,
         device: context.device.info.adapter.clone(),
         checkpoint: names::checkpoint(&spec.model, found.manifest.step),
-        fps: scene.fps,
+        fps: film.fps,
     })
 }
 
 /// Everything that a request asks to see.
-struct Scene {
-    views: Vec<RenderView>,
+struct Film {
+    views: Vec<SceneView>,
     /// The ground truth, if known.
     truths: Truths,
     /// Frames per second of the animation.
@@ -76,58 +80,64 @@ struct Scene {
 }
 
 /// What the request asks to see.
-fn expand(
-    context: &JobContext,
-    request: &Request<'_>,
-    renderer: &Renderer,
-    found: &Downloaded,
-    inputs: &Inputs,
-) -> Result<Scene, JobFailure> {
-    let skeleton = renderer
-        .skeleton(request.slot)
-        .ok_or_else(|| JobFailure::Failed {
-            code: "NO_CHECKPOINT",
-            message: format!(
-                "{} does not know {}: it was trained before they joined the model",
-                found.checkpoint.name,
-                shard::person(inputs, &request.spec.subject)
-            ),
-        })?;
+fn expand(cast: &Cast<'_>) -> Result<Film, JobFailure> {
+    match cast.request.what {
+        What::Scene(scene) => scene::film(cast, scene),
+        what => of_one(cast, what),
+    }
+}
+
+/// Pictures of the request's subject.
+fn of_one(cast: &Cast<'_>, what: &What) -> Result<Film, JobFailure> {
+    let request = cast.request;
+    let subject = &request.spec.subject;
+    let skeleton = cast.body(subject)?;
     let stage = views::Stage {
-        slot: request.slot,
+        slot: cast.slot(subject)?,
         background: request.background,
         joints: skeleton.parents.len(),
     };
-    let still = request.fps.unwrap_or(FPS);
-    let views = match request.what {
+    // The pictures are in the world of the subject's capture, except with somebody else's motion.
+    let mut world = subject;
+    let (mut fps, mut truths) = (request.fps.unwrap_or(FPS), Truths::none());
+    let views = match what {
         What::Views(list) => stage.listed(list)?,
-        What::Orbit(orbit) => {
-            let subject = &request.spec.subject;
-            let (_, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
-            orbit::views(&stage, orbit, &shard.track)?
-        }
-        What::Clip(clip) => {
-            let subject = &request.spec.subject;
-            let (_, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
-            clip::views(&stage, clip, &shard.track, skeleton)?
-        }
+        What::Orbit(orbit) => orbit::views(&stage, orbit, &*cast.track(subject)?)?,
+        What::Clip(clip) => clip::views(&stage, clip, &*cast.track(subject)?, skeleton)?,
         What::Motion(transfer) => {
-            let driver = &transfer.driver;
-            let (_, shard) = shard::with_refined_poses(context, inputs, found, driver)?;
-            let places = motion::places(transfer, &shard.track)?;
+            world = &transfer.driver;
+            let shard = cast.shard(world)?;
+            let places = motion::places(transfer, &shard.track, "motion")?;
             let natural = motion::natural_fps(&places, &shard.track);
-            return Ok(Scene {
-                fps: request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS),
-                views: motion::views(&stage, transfer, &places, &shard.track, skeleton)?,
-                truths: Truths::of_motion(request, transfer, shard, skeleton)?,
-            });
+            fps = request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS);
+            let views = motion::views(&stage, transfer, &places, &shard.track, skeleton)?;
+            truths = Truths::of_motion(request, transfer, shard, skeleton)?;
+            views
+        }
+        What::Scene(_) => return Err(JobFailure::invalid("render", "scene", "not of one person")),
+    };
+    let light = match &request.spec.light {
+        None if world == subject || !cast.renderer.has_light() => Light::Own,
+        None => cast.of(subject, &bearings(&*cast.track(world)?)?)?,
+        wanted => {
+            let world = bearings(&*cast.track(world)?)?;
+            cast.wanted(wanted.as_ref(), "light", &world)?
+                .unwrap_or_default()
         }
     };
-    Ok(Scene {
-        views,
-        truths: Truths::none(),
-        fps: still,
+    Ok(Film {
+        views: views.into_iter().map(|view| lit(view, light)).collect(),
+        truths,
+        fps,
     })
+}
+
+fn lit(view: RenderView, light: Light) -> SceneView {
+    let mut view = SceneView::from(view);
+    for actor in &mut view.actors {
+        actor.light = light;
+    }
+    view
 }
 
 /// Result of rendering all views.
@@ -143,9 +153,9 @@ fn draw(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
-    scene: &Scene,
+    film: &Film,
 ) -> Result<Drawn, JobFailure> {
-    let Scene { views, truths, fps } = scene;
+    let Film { views, truths, fps } = film;
     let job = context.job_id()?;
     let store = |file: String, bytes| {
         let object = context.put(&keys::render(job, context.token, &file), bytes)?;
@@ -180,14 +190,14 @@ fn draw(
             Pixels::Rgba => image.to_rgba8(),
         };
         spent += began.elapsed();
-        psnr.extend(truths.psnr(done, view, &image.to_rgb8()));
+        let size = (view.camera.width, view.camera.height);
+        psnr.extend(truths.psnr(done, size, &image.to_rgb8()));
         if let Some(animation) = &mut animation {
             animation.push(&pixels)?;
         }
-        let (width, height) = (view.camera.width, view.camera.height);
         rendered.push(store(
             format!("{done:06}.png"),
-            picture::png(kind, width, height, &pixels)?,
+            picture::png(kind, size.0, size.1, &pixels)?,
         )?);
     }
     if animation.map(Animation::finish).transpose()?.is_some() {
@@ -205,10 +215,10 @@ fn draw(
 fn frame(
     context: &JobContext,
     renderer: &Renderer,
-    view: &RenderView,
+    view: &SceneView,
     place: usize,
 ) -> Result<Rendered, JobFailure> {
-    let rendered = renderer.render_while(view, &mut |_| context.check().is_ok());
+    let rendered = renderer.render_scene(view, &mut |_| context.check().is_ok());
     rendered.or_else(|error| {
         if matches!(error, RenderError::Stopped) {
             context.check()?;

@@ -172,6 +172,7 @@ impl Motion {
             size,
             camera_frame: None,
             follow: false,
+            fps: self.fps / step.max(1) as f64,
         }
     }
 }

@@ -174,6 +174,7 @@ fn a_clip_s_skeleton_and_poses_fit() {
         }],
         size: 64,
         follow: false,
+        fps: 0.0,
         camera_frame: None,
     };
     let check = |clip| {
@@ -201,4 +202,56 @@ fn a_clip_s_skeleton_and_poses_fit() {
         break_it(&mut broken);
         assert!(check(broken).is_err(), "case {case}");
     }
+}
+
+#[test]
+fn a_scene_is_checked_with_its_actors_motions_and_cameras() {
+    use yoto_proto::v1::{Actor, CameraList, CaptureMotion, Light, SceneCamera};
+    let scene = || Scene {
+        actors: vec![Actor {
+            motion: Some(Motion::Capture(CaptureMotion::default())),
+            ..Actor::default()
+        }],
+        width: 64,
+        height: 64,
+        ..Scene::default()
+    };
+    let spec = |scene| RenderSpec {
+        what: Some(What::Scene(scene)),
+        ..RenderSpec::default()
+    };
+    let said = |spec: &RenderSpec| check_render(spec).map_err(|error| error.to_string());
+    assert_eq!(said(&spec(scene())), Ok(()));
+    let refused = |spec: &RenderSpec, field: &str| {
+        let error = said(spec).expect_err(field);
+        assert!(
+            error.starts_with(&format!("spec.render.{field}: ")),
+            "{error}"
+        );
+    };
+    let mut fast = scene();
+    fast.actors[0].speed = 1e9;
+    refused(&spec(fast), "scene.actors[0].speed");
+    let mut unposed = scene();
+    unposed.actors[0].motion = Some(Motion::Clip(MotionClip {
+        poses: vec![BodyPose::default()],
+        fps: 30.0,
+        ..MotionClip::default()
+    }));
+    refused(&spec(unposed), "scene.actors[0].clip.skeleton.parents");
+    let mut blind = scene();
+    let list = CameraList {
+        cameras: vec![Camera::default()],
+    };
+    blind.camera = Some(SceneCamera {
+        path: Some(Path::Cameras(list)),
+    });
+    (blind.width, blind.height) = (0, 0);
+    refused(&spec(blind), "scene.camera.cameras.cameras[0].width");
+    let mut named = spec(scene());
+    named.subject = "subjects/a".into();
+    refused(&named, "subject");
+    let mut lit = spec(scene());
+    lit.light = Some(Light { of: None });
+    refused(&lit, "light");
 }

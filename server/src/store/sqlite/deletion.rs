@@ -13,7 +13,8 @@ use sqlx::SqliteConnection;
 use yoto_proto::{
     keys,
     names::{self, Collection},
-    v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec, render_spec::What},
+    render_needs::needs,
+    v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
 };
 
 /// Deletes `target` and what goes with it.
@@ -222,7 +223,7 @@ async fn ensure_unused(
     let name = Collection::Subjects.name(subject_id);
     for row in &rows {
         let spec: Option<JobSpec> = row.message("spec")?;
-        if row.flag("has_slot")? || spec.is_some_and(|spec| drives(&spec, &name)) {
+        if row.flag("has_slot")? || spec.is_some_and(|spec| is_needed(&spec, &name)) {
             let job = Collection::Jobs.name(&row.text("id")?);
             return Err(pins::in_use(&job, what, "SUBJECT_BUSY"));
         }
@@ -230,12 +231,12 @@ async fn ensure_unused(
     Ok(())
 }
 
-/// Whether the motion of `subject` is rendered.
-fn drives(spec: &JobSpec, subject: &str) -> bool {
+/// Whether a render needs the capture of `subject`.
+fn is_needed(spec: &JobSpec, subject: &str) -> bool {
     let Some(job_spec::Kind::Render(render)) = &spec.kind else {
         return false;
     };
-    matches!(&render.what, Some(What::Motion(motion)) if motion.driver == subject)
+    needs(render).iter().any(|need| need.subject == subject)
 }
 
 /// Runs a statement on `id`; the number of rows.

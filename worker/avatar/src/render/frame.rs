@@ -1,27 +1,18 @@
-//! Rendering of whole frames: a person in a pose, from a camera.
+//! Rendering of whole frames: people in poses, from a camera.
 
 use super::enlarge::enlarge;
-use super::march::{Volume, march};
 use super::occupancy::Occupancy;
 use super::samples::SampleCounts;
 use super::settings::RenderSettings;
-use crate::avatar::{Avatar, Posed};
+use super::view::{RenderView, SceneView};
+use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
-use crate::ops::composite::{RayAccumulator, opacity};
 use crate::ops::mlp::check_device;
-use burn::tensor::{Device, ExecutionError, Tensor, TensorData};
-use rand_chacha::ChaCha8Rng;
+use burn::tensor::{Device, ExecutionError, Tensor};
 use thiserror::Error;
-use yoto_capture::body_box::{BodyView, Ray};
-use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
-
-/// Rays per batch, which bounds the memory of frames of any size.
-const RAYS_PER_BATCH: usize = 8192;
-
-/// Live samples per ray in the first wave; each further wave has twice as many.
-const FIRST_WAVE: usize = 8;
 
 /// Rendering error.
 #[derive(Debug, Error)]
@@ -41,6 +32,14 @@ pub enum RenderError {
     /// The device failed.
     #[error("device: {0}")]
     Device(String),
+    /// The model has no light apart from its colours.
+    #[error(
+        "only models of splats (tier splat) can be rendered in another light than their captures'"
+    )]
+    NoLight,
+    /// The released program's numerics know one person per picture.
+    #[error("a model with the released program's numerics renders one person per picture, not {0}")]
+    OnePerson(usize),
     /// The caller did not want the rest of the frame.
     #[error("the frame was not finished, as asked")]
     Stopped,
@@ -50,19 +49,6 @@ impl From<ExecutionError> for RenderError {
     fn from(error: ExecutionError) -> Self {
         Self::Device(format!("{error:?}"))
     }
-}
-
-/// A view to render.
-#[derive(Clone, Debug)]
-pub struct RenderView {
-    /// Slot of the identity.
-    pub slot: usize,
-    /// Pose of the body.
-    pub pose: Pose,
-    /// Camera, with the size of the frame.
-    pub camera: Camera,
-    /// Linear rgb in [0, 1].
-    pub background: [f32; 3],
 }
 
 /// A rendered frame.
@@ -83,6 +69,19 @@ pub struct Rendered {
 }
 
 impl Rendered {
+    /// The background of `view` alone.
+    pub(super) fn empty(view: &SceneView) -> Self {
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        Self {
+            width,
+            height,
+            rgb: view.background.repeat(width * height),
+            alpha: vec![0.0; width * height],
+            depth: vec![0.0; width * height],
+            counts: SampleCounts::default(),
+        }
+    }
+
     /// `[H, W, 3]`, rounded to 8 bits.
     pub fn to_rgb8(&self) -> Vec<u8> {
         self.rgb
@@ -113,7 +112,7 @@ pub struct Renderer {
     /// By slot.
     bodies: Vec<Option<Body>>,
     /// Occupancy grids by slot; as many as bodies.
-    occupancy: Vec<Option<Occupancy>>,
+    pub(super) occupancy: Vec<Option<Occupancy>>,
     /// Completed fraction of the run, which determines the active parts of the model.
     pub(super) progress: f64,
     settings: RenderSettings,
@@ -216,24 +215,6 @@ impl Renderer {
         &self.config
     }
 
-    /// Number of rays of a view that meet the body's box, which determines the time of a frame.
-    /// They are counted at the size of the view, whatever the scale it is rendered at.
-    ///
-    /// # Errors
-    /// As [`Self::render`].
-    pub fn rays(&self, view: &RenderView) -> Result<usize, RenderError> {
-        let body = self.body(view)?;
-        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
-        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-        Ok((0..width * height)
-            .filter(|i| {
-                sight
-                    .ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5)
-                    .is_some()
-            })
-            .count())
-    }
-
     /// The skeleton of the identity in `slot`.
     pub fn skeleton(&self, slot: usize) -> Option<&Skeleton> {
         self.bodies.get(slot)?.as_ref().map(|body| &body.skeleton)
@@ -242,32 +223,32 @@ impl Renderer {
     /// Renders one view.
     ///
     /// # Errors
-    /// If the slot is empty, or the pose or camera is invalid.
+    /// As [`Self::render_scene`].
     pub fn render(&self, view: &RenderView) -> Result<Rendered, RenderError> {
-        self.render_while(view, &mut |_| true)
+        self.render_scene(&view.clone().into(), &mut |_| true)
     }
 
-    /// As [`Self::render`], as long as `go_on` says so, which is told the finished share of the frame
-    /// before each batch of rays: a large frame takes minutes.
+    /// Renders a view of any number of people, as long as `go_on` says so, which is told the finished
+    /// share of the frame before each batch of rays: a large frame takes minutes.
     ///
     /// # Errors
-    /// As [`Self::render`], and [`RenderError::Stopped`].
-    pub fn render_while(
+    /// If a slot is empty, a pose or the camera is invalid, or the model can't be lit as requested, and
+    /// [`RenderError::Stopped`].
+    pub fn render_scene(
         &self,
-        view: &RenderView,
+        view: &SceneView,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let body = self.body(view)?;
         let (width, height) = (view.camera.width, view.camera.height);
         let (small_width, small_height) = self.settings.rendered_size(width, height);
         if (small_width, small_height) == (width, height) {
-            return self.render_whole(body, view, go_on);
+            return self.render_whole(view, go_on);
         }
-        let small = RenderView {
+        let small = SceneView {
             camera: view.camera.resized(small_width, small_height),
             ..view.clone()
         };
-        let frame = self.render_whole(body, &small, go_on)?;
+        let frame = self.render_whole(&small, go_on)?;
         enlarge(&frame, width as usize, height as usize)
     }
 
@@ -279,126 +260,20 @@ impl Renderer {
         Ok(body)
     }
 
-    /// The body that a view shows, once the view is checked.
-    fn body(&self, view: &RenderView) -> Result<&Body, RenderError> {
-        let body = self.body_in(view.slot, &view.pose)?;
-        if !view
-            .camera
-            .k
-            .iter()
-            .flatten()
-            .chain(view.camera.e.iter().flatten())
-            .all(|v| v.is_finite())
-        {
-            return Err(RenderError::NotFinite("camera"));
-        }
-        Ok(body)
-    }
-
     /// Renders a view with one ray per pixel.
     fn render_whole(
         &self,
-        body: &Body,
-        view: &RenderView,
+        view: &SceneView,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
+        let shown = self.shown(view)?;
         if self.config.numerics == Numerics::Reference {
-            return self.render_as_released(body, view, go_on);
+            return self.render_as_released(&shown, view, go_on);
         }
-        if let Some(frame) = self.render_splats(body, view)? {
-            return Ok(frame);
+        if self.config.splats.is_some() {
+            return self.render_splats(&shown, view);
         }
-        let posed = self
-            .avatar
-            .pose(&self.config, body, view.slot, &view.pose, self.progress);
-        let weights = read(posed.weights.clone())?;
-        let transforms = read(posed.transforms.clone())?;
-        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
-        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-        let pixel = |i: usize| sight.ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-        let mut frame = Rendered {
-            width,
-            height,
-            rgb: view.background.repeat(width * height),
-            alpha: vec![0.0; width * height],
-            depth: vec![0.0; width * height],
-            counts: SampleCounts::default(),
-        };
-        let volume = Volume {
-            weights: &weights,
-            transforms: &transforms,
-            grid: &body.grid,
-            unposing: self.config.motion.unposing,
-            occupancy: self.occupancy[view.slot].as_ref(),
-            step: None,
-        };
-        let hits: Vec<(usize, Ray)> = (0..width * height)
-            .filter_map(|i| Some((i, pixel(i)?)))
-            .collect();
-        for (place, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
-            if !go_on((place * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
-                return Err(RenderError::Stopped);
-            }
-            self.render_batch(body, &posed, &volume, batch, view.background, &mut frame)?;
-        }
-        Ok(frame)
-    }
-
-    /// Renders a batch of rays front to back in waves, so that samples behind opaque ones are not
-    /// evaluated.
-    fn render_batch(
-        &self,
-        body: &Body,
-        posed: &Posed,
-        volume: &Volume,
-        batch: &[(usize, Ray)],
-        background: [f32; 3],
-        frame: &mut Rendered,
-    ) -> Result<(), RenderError> {
-        let rays: Vec<Option<Ray>> = batch.iter().map(|(_, ray)| Some(*ray)).collect();
-        let settings = &self.config.march;
-        let candidates = march(&rays, settings, None::<&mut ChaCha8Rng>, volume);
-        let mut walk = candidates.walk();
-        let mut sums = vec![RayAccumulator::START; rays.len()];
-        let mut counts = candidates.counts();
-        let mut wave = match settings.min_transmittance > 0.0 {
-            true => FIRST_WAVE,
-            false => usize::MAX,
-        };
-        let device = body.log_prior.device();
-        while !walk.is_over() {
-            let samples = walk.wave(wave);
-            let count = samples.live();
-            counts.evaluated += count as u64;
-            if count == 0 {
-                continue;
-            }
-            let points = TensorData::new(samples.canonical.clone(), [count, 3]);
-            let points = Tensor::<2>::from_data(points, &device);
-            let values = self.avatar.fields(&self.config, body, posed, points);
-            let (rgb, density) = (read(values.rgb)?, read(values.density)?);
-            if (rgb.len(), density.len()) != (3 * count, count) {
-                return Err(RenderError::Device("fewer field values than points".into()));
-            }
-            for (i, (rgb, density)) in rgb.as_chunks::<3>().0.iter().zip(density).enumerate() {
-                let sums = &mut sums[samples.ray(i)];
-                if sums.transmittance >= settings.min_transmittance {
-                    let alpha = opacity(density, samples.steps[i], samples.likelihoods[i]);
-                    sums.add(rgb, alpha, samples.depths[i]);
-                }
-            }
-            walk.keep(|ray| sums[ray].transmittance >= settings.min_transmittance);
-            wave = wave.saturating_mul(2);
-        }
-        for (sums, (pixel, _)) in sums.iter().zip(batch) {
-            for (c, background) in background.iter().enumerate() {
-                frame.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;
-            }
-            frame.alpha[*pixel] = sums.alpha;
-            frame.depth[*pixel] = sums.depth;
-        }
-        frame.counts += counts;
-        Ok(())
+        self.render_fields(&shown, view, go_on)
     }
 }
 

@@ -4,6 +4,7 @@
 mod blend;
 pub mod composite;
 mod enlarge;
+mod fields;
 pub(crate) mod frame;
 pub mod march;
 pub mod occupancy;
@@ -13,10 +14,12 @@ pub mod samples;
 mod settings;
 mod skinned_splats;
 pub(crate) mod splats;
+mod view;
 pub mod walk;
 
-pub use frame::{RenderError, RenderView, Rendered, Renderer};
+pub use frame::{RenderError, Rendered, Renderer};
 pub use rest_points::RestPoints;
 pub use samples::SampleCounts;
 pub use settings::RenderSettings;
 pub use skinned_splats::{SkinnedSplat, SkinnedSplats};
+pub use view::{Actor, Light, RenderView, SceneView};

@@ -5,8 +5,9 @@
 //!
 //! Compositing runs on the host, without gradients: the networks take nearly all of the time.
 
-use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
+use super::frame::{RenderError, Rendered, Renderer, read};
 use super::samples::SampleCounts;
+use super::view::{SceneView, Shown};
 use crate::avatar::Posed;
 use crate::motion::body::Body;
 use crate::ops::warp::cpu::unlimited;
@@ -100,30 +101,26 @@ impl Seen {
 }
 
 impl Renderer {
-    /// `view` of `body`, which belongs to its slot.
+    /// A view of one person.
     pub(super) fn render_as_released(
         &self,
-        body: &Body,
-        view: &RenderView,
+        shown: &[Shown<'_>],
+        view: &SceneView,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-        let mut frame = Rendered {
-            width,
-            height,
-            rgb: view.background.repeat(width * height),
-            alpha: vec![0.0; width * height],
-            depth: vec![0.0; width * height],
-            counts: SampleCounts::default(),
+        let [Shown { actor, body }] = *shown else {
+            return Err(RenderError::OnePerson(shown.len()));
         };
+        let (width, height) = (view.camera.width as usize, view.camera.height as usize);
+        let mut frame = Rendered::empty(view);
         let posed = self
             .avatar
-            .pose(&self.config, body, view.slot, &view.pose, self.progress);
+            .pose(&self.config, body, actor.slot, &actor.pose, self.progress);
         let (weights, transforms) = (
             read(posed.weights.clone())?,
             read(posed.transforms.clone())?,
         );
-        let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
+        let sight = BodyView::new(&body.skeleton, &actor.pose, &view.camera);
         // HumanNeRF's rays pass through pixel coordinates i, which is i + 0.5 with a principal
         // point moved by half a pixel.
         let pixel = |i: usize| ray(&sight, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5);

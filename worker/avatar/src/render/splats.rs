@@ -1,8 +1,8 @@
 //! Frames of models that consist of splats.
 
-use super::frame::{RenderError, RenderView, Rendered, Renderer, read};
-use super::samples::SampleCounts;
-use crate::motion::body::Body;
+use super::frame::{RenderError, Rendered, Renderer, read};
+use super::view::{Light, SceneView, Shown};
+use crate::ops::splat::light::LIGHTS;
 use crate::ops::splat::{Sight, Splats, cpu::Numbers, draw};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
@@ -49,37 +49,56 @@ impl HostSplats {
 }
 
 impl Renderer {
-    /// Renders a view of a model of splats; `None` if the model has a field.
+    /// Renders a view of people that consist of splats, all in one pass, so that they hide each other.
     pub(super) fn render_splats(
         &self,
-        body: &Body,
-        view: &RenderView,
-    ) -> Result<Option<Rendered>, RenderError> {
-        if self.config.splats.is_none() {
-            return Ok(None);
-        }
-        let posed = self
-            .avatar
-            .pose(&self.config, body, view.slot, &view.pose, self.progress);
-        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
-            return Ok(None);
+        shown: &[Shown<'_>],
+        view: &SceneView,
+    ) -> Result<Rendered, RenderError> {
+        let people = shown.iter().map(|shown| self.lit(shown, view));
+        let people = people.collect::<Result<Vec<_>, _>>()?;
+        let parts: Vec<_> = people
+            .iter()
+            .map(|(it, sight)| (it.numbers(), sight))
+            .collect();
+        let mut frame = Rendered::empty(view);
+        let Some(mut drawn) = draw(&parts) else {
+            return Ok(frame);
         };
-        let splats = HostSplats::read(splats)?;
-        let sight = sight(&body.skeleton, &view.pose, &view.camera);
-        let mut drawn = draw(&splats.numbers(), &sight);
         let pixels = drawn.rgb.as_chunks_mut::<3>().0.iter_mut();
         for (rgb, alpha) in pixels.zip(&drawn.alpha) {
             for (value, background) in rgb.iter_mut().zip(view.background) {
                 *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
             }
         }
-        Ok(Some(Rendered {
-            width: sight.width,
-            height: sight.height,
-            rgb: drawn.rgb,
-            alpha: drawn.alpha,
-            depth: drawn.depth,
-            counts: SampleCounts::default(),
-        }))
+        frame.rgb = drawn.rgb;
+        frame.alpha = drawn.alpha;
+        frame.depth = drawn.depth;
+        Ok(frame)
     }
+
+    /// The splats of an actor in the light of the scene, and the camera in their body's frame.
+    fn lit(&self, shown: &Shown<'_>, view: &SceneView) -> Result<(HostSplats, Sight), RenderError> {
+        let Shown { actor, body } = *shown;
+        let (slot, pose) = (actor.slot, &actor.pose);
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
+        let splats = self.avatar.posed_splats(&self.config, body, &posed);
+        let mut splats = HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?)?;
+        let mut sight = sight(&body.skeleton, pose, &view.camera);
+        match actor.light {
+            Light::Own => (),
+            Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS],
+            Light::Of { slot, turn } => {
+                let other = self.avatar.splats.get(slot);
+                let light = other.ok_or(RenderError::NoSuchSlot(slot))?.light.val();
+                splats.light = read(light.detach())?;
+                sight.world = product(&turn, &sight.world);
+            }
+        }
+        Ok((splats, sight))
+    }
+}
+
+fn product(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    a.map(|row| std::array::from_fn(|c| (0..3).map(|k| row[k] * b[k][c]).sum()))
 }

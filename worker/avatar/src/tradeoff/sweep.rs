@@ -166,7 +166,7 @@ fn check_truths(views: &[SweepView]) -> Result<(), SweepError> {
 fn mean_rays(renderer: &Renderer, views: &[&RenderView]) -> Result<f64, SweepError> {
     let mut sum = 0;
     for view in views {
-        sum += renderer.rays(view)?;
+        sum += renderer.rays(&(*view).clone().into())?;
     }
     Ok(sum as f64 / views.len() as f64)
 }
@@ -200,7 +200,7 @@ fn fixed_seconds(
     for row in [0, 2] {
         away.camera.e[row] = away.camera.e[row].map(|value| -value);
     }
-    if renderer.rays(&away)? > 0 {
+    if renderer.rays(&away.clone().into())? > 0 {
         return Ok(0.0);
     }
     let times = (0..repeats).map(|_| timed(renderer, &away));

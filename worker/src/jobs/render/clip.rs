@@ -5,13 +5,14 @@
 //! from that frame's camera.
 
 use super::{
-    RenderView,
     follow::followed,
+    level::{FORWARD, upright},
     motion::sized,
     orbit::world_up,
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
+use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::Pose,
     skeleton::{
@@ -26,11 +27,6 @@ use yoto_proto::{
     v1::MotionClip,
 };
 
-/// The up axis of a clip.
-const UP: Vec3 = [0.0, 1.0, 0.0];
-/// Facing of a body at rest.
-const FORWARD: Vec3 = [0.0, 0.0, 1.0];
-
 /// All poses of `clip`, on `body`, in the world of its capture's `track`.
 pub(super) fn views(
     stage: &Stage,
@@ -44,17 +40,7 @@ pub(super) fn views(
     };
     let frame = &track.frames[place];
     let camera = sized(&capture_camera(track, frame)?, clip.size);
-    let driver = driver(clip, body)?;
-    let mut poses = Vec::with_capacity(clip.poses.len());
-    for (at, moved) in clip.poses.iter().enumerate() {
-        let field = |field: &str| format!("clip.poses[{at}].{field}");
-        let read = Pose::from_proto(moved)
-            .map_err(|error| JobFailure::invalid("render", &field(&error.field), error.message))?;
-        let taken = retarget(&driver, body, &read).map_err(|error| {
-            JobFailure::invalid("render", &field("rotations"), error.to_string())
-        })?;
-        poses.push(taken);
-    }
+    let poses = poses(clip, body, "clip")?;
     let Some(first) = poses.first().cloned() else {
         return Err(JobFailure::invalid(
             "render",
@@ -77,9 +63,27 @@ pub(super) fn views(
         .collect()
 }
 
+/// The poses of `clip`, at `field`, on `body`, in the clip's world.
+pub(super) fn poses(
+    clip: &MotionClip,
+    body: &Skeleton,
+    field: &str,
+) -> Result<Vec<Pose>, JobFailure> {
+    let driver = driver(clip, body, field)?;
+    let poses = clip.poses.iter().enumerate().map(|(at, moved)| {
+        let invalid = |name: &str, message: String| {
+            JobFailure::invalid("render", &format!("{field}.poses[{at}].{name}"), message)
+        };
+        let read = Pose::from_proto(moved).map_err(|error| invalid(&error.field, error.message))?;
+        retarget(&driver, body, &read).map_err(|error| invalid("rotations", error.to_string()))
+    });
+    poses.collect()
+}
+
 /// The skeleton of the motion. Without rest joints it has the size of `body`.
-fn driver(clip: &MotionClip, body: &Skeleton) -> Result<Skeleton, JobFailure> {
-    let invalid = |message: String| JobFailure::invalid("render", "clip.skeleton", message);
+fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, JobFailure> {
+    let field = format!("{field}.skeleton");
+    let invalid = |message: String| JobFailure::invalid("render", &field, message);
     let message = clip
         .skeleton
         .clone()
@@ -147,24 +151,13 @@ impl Stand {
     }
 }
 
-/// The axis-angle that takes a clip's up to a world's, which is along an axis.
-fn upright(up: Vec3) -> Vec3 {
-    let across = cross(UP, up);
-    let (sine, cosine) = (length(across), dot(UP, up));
-    if sine > 1e-6 {
-        return scale(across, sine.atan2(cosine) / sine);
-    }
-    if cosine > 0.0 {
-        [0.0; 3]
-    } else {
-        [std::f64::consts::PI, 0.0, 0.0]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::views::tests::{STAGE, track};
+    use crate::jobs::render::{
+        level::UP,
+        views::tests::{STAGE, track},
+    };
     use yoto_capture::skeleton::transform::position;
     use yoto_proto::v1::{BodyPose, Skeleton as Message};
 
@@ -184,6 +177,7 @@ mod tests {
             size: 32,
             camera_frame: Some(5),
             follow: false,
+            fps: 0.0,
         }
     }
 

@@ -1,11 +1,11 @@
 //! The motion of one person on the body of another, seen by the driver's own camera.
 
 use super::{
-    RenderView,
     follow::followed,
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
+use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::{Camera, Pose},
     skeleton::{Skeleton, retarget},
@@ -13,13 +13,14 @@ use yoto_capture::{
 use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
 
 /// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
-/// on, `frame_count` of them (0 means all remaining ones).
+/// on, `frame_count` of them (0 means all remaining ones). The request has the motion at `field`.
 pub(super) fn places(
     transfer: &MotionTransfer,
     track: &PoseTrack,
+    field: &str,
 ) -> Result<Vec<usize>, JobFailure> {
     let first = match transfer.first_frame {
-        Some(index) => find_place(track, index, "motion.first_frame")?,
+        Some(index) => find_place(track, index, &format!("{field}.first_frame"))?,
         None => 0,
     };
     let step = transfer.frame_step.max(1) as usize;
@@ -32,7 +33,8 @@ pub(super) fn places(
                 "{count} frames, but the driver's capture has {left} from frame {} on in steps of {step}",
                 track.frames[first].index
             );
-            return Err(JobFailure::invalid("render", "motion.frame_count", message));
+            let field = format!("{field}.frame_count");
+            return Err(JobFailure::invalid("render", &field, message));
         }
     };
     Ok((0..count).map(|i| first + i * step).collect())
@@ -107,7 +109,7 @@ mod tests {
 
     fn all_views(transfer: &MotionTransfer) -> Result<Vec<RenderView>, JobFailure> {
         let track = track();
-        let places = places(transfer, &track)?;
+        let places = places(transfer, &track, "motion")?;
         views(&STAGE, transfer, &places, &track, &body())
     }
 

@@ -1,12 +1,10 @@
 //! One pose from all around: the camera circles the person at the capture camera's distance and
 //! height, and shows the whole body, however little of it the video's frame had.
 
-use super::{
-    RenderView,
-    views::{Stage, capture_camera, find_frame, pose},
-};
+use super::views::{Stage, capture_camera, find_frame, pose};
 use crate::jobs::JobFailure;
 use std::f64::consts::TAU;
+use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::Camera,
     skeleton::{
@@ -108,7 +106,7 @@ fn circled(capture: &Camera, body: &Extent, up: Vec3, angle: f64, size: u32) -> 
 }
 
 /// The world's up for `camera`.
-fn up(camera: &Camera) -> Vec3 {
+pub(super) fn up(camera: &Camera) -> Vec3 {
     let [x, y, z, _] = camera.e[1];
     world_up([-x, -y, -z])
 }

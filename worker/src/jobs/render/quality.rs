@@ -3,7 +3,7 @@
 
 use crate::jobs::{JobContext, JobFailure};
 use yoto_avatar::{
-    render::{RenderSettings, RenderView, Renderer},
+    render::{RenderSettings, Renderer, SceneView},
     tradeoff::{Choice, Curve, Want, choose},
 };
 use yoto_proto::v1::{Checkpoint, RenderChoice, RenderQuality, render_quality};
@@ -25,7 +25,7 @@ impl Promise {
         quality: &RenderQuality,
         checkpoint: &Checkpoint,
         renderer: &Renderer,
-        views: &[RenderView],
+        views: &[SceneView],
     ) -> Result<Self, JobFailure> {
         let (field, want) = want(quality)?;
         let object = checkpoint
@@ -81,8 +81,8 @@ fn want(quality: &RenderQuality) -> Result<(&'static str, Want), JobFailure> {
     }
 }
 
-/// Mean number of rays through the body's box per view, over a sample of `views`.
-fn mean_rays(renderer: &Renderer, views: &[RenderView]) -> Result<f64, JobFailure> {
+/// Mean number of rays through the bodies' boxes per view, over a sample of `views`.
+fn mean_rays(renderer: &Renderer, views: &[SceneView]) -> Result<f64, JobFailure> {
     let stride = views.len().div_ceil(COUNTED_VIEWS).max(1);
     let (mut sum, mut count) = (0, 0);
     for view in views.iter().step_by(stride) {

@@ -1,27 +1,30 @@
 //! The request's numbers, checked before a checkpoint is downloaded.
 
-use super::RenderView;
 use crate::{
     jobs::{JobFailure, shard},
     media::animation::MAX_FPS,
 };
 use std::ops::RangeInclusive;
+use yoto_avatar::render::SceneView;
 use yoto_proto::{
     pose_track::violation,
+    render_needs::needs,
+    scene,
     v1::{Inputs, RenderSpec, Violation, render_spec::What},
 };
 
 /// Sides of a picture, pixels.
-pub(super) const SIDES: RangeInclusive<u32> = 8..=4096;
+pub(super) const SIDES: RangeInclusive<u32> = scene::SIDES;
 /// Pictures of one job.
-pub(super) const VIEWS: RangeInclusive<u32> = 1..=10_000;
+pub(super) const VIEWS: RangeInclusive<u32> = 1..=scene::MAX_PICTURES;
 
 /// A valid request.
 #[derive(Debug)]
 pub(super) struct Request<'a> {
     pub(super) spec: &'a RenderSpec,
     pub(super) what: &'a What,
-    pub(super) slot: usize,
+    /// Slots of everybody who is shown or lights others, by subject.
+    slots: Vec<(&'a str, usize)>,
     pub(super) background: [f32; 3],
     /// Frames per second of the animation, if the request says it.
     pub(super) fps: Option<f32>,
@@ -33,35 +36,37 @@ impl<'a> Request<'a> {
             return Err(JobFailure::invalid(
                 "render",
                 "what",
-                "views, an orbit or a motion is needed",
+                "views, an orbit, a motion or a scene is needed",
             ));
         };
         let violations = check(spec, what);
         if !violations.is_empty() {
             return Err(JobFailure::Invalid(violations));
         }
-        let slots = inputs.model.iter().flat_map(|model| &model.slots);
-        let slot = slots
-            .into_iter()
-            .find(|slot| slot.subject == spec.subject)
-            .ok_or_else(|| {
-                JobFailure::invalid(
-                    "render",
-                    "subject",
-                    format!(
-                        "{} is not in {}",
-                        shard::person(inputs, &spec.subject),
-                        shard::model(inputs)
-                    ),
-                )
-            })?;
+        let model = inputs.model.iter().flat_map(|model| &model.slots);
+        let mut slots = Vec::new();
+        for need in needs(spec).into_iter().filter(|need| need.slot) {
+            let slot = model.clone().find(|slot| slot.subject == need.subject);
+            let Some(slot) = slot else {
+                let person = shard::person(inputs, need.subject);
+                let message = format!("{person} is not in {}", shard::model(inputs));
+                return Err(JobFailure::invalid("render", &need.field, message));
+            };
+            slots.push((need.subject, slot.slot as usize));
+        }
         Ok(Self {
             spec,
             what,
-            slot: slot.slot as usize,
+            slots,
             background: spec.background.as_slice().try_into().unwrap_or([0.0; 3]),
             fps: (spec.fps != 0.0).then_some(spec.fps),
         })
+    }
+
+    /// The slot of somebody whom the request shows, or whose light.
+    pub(super) fn slot(&self, subject: &str) -> Option<usize> {
+        let known = self.slots.iter().find(|(name, _)| *name == subject);
+        known.map(|(_, slot)| *slot)
     }
 }
 
@@ -105,6 +110,11 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
             need(VIEWS.contains(&count), "clip.poses", counted(count));
             need(SIDES.contains(&clip.size), "clip.size", sized(clip.size));
         }
+        What::Scene(scene) => {
+            for (field, message) in scene::faults(scene) {
+                need(false, &format!("scene.{field}"), message);
+            }
+        }
         What::Motion(motion) => {
             // 0 means all remaining frames.
             let count = motion.frame_count;
@@ -119,6 +129,13 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
                 sized(motion.size),
             );
         }
+    }
+    for (field, message) in spec
+        .light
+        .iter()
+        .flat_map(|it| scene::light_faults("light", it))
+    {
+        need(false, &field, message);
     }
     let colour = &spec.background;
     let visible = colour.iter().all(|value| (0.0..=1.0).contains(value));
@@ -142,8 +159,8 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
 }
 
 /// An animation has one size.
-pub(super) fn same_size(views: &[RenderView]) -> Result<(), JobFailure> {
-    let size = |view: &RenderView| (view.camera.width, view.camera.height);
+pub(super) fn same_size(views: &[SceneView]) -> Result<(), JobFailure> {
+    let size = |view: &SceneView| (view.camera.width, view.camera.height);
     match views.iter().position(|view| size(view) != size(&views[0])) {
         None => Ok(()),
         Some(odd) => Err(JobFailure::invalid(
@@ -157,7 +174,10 @@ pub(super) fn same_size(views: &[RenderView]) -> Result<(), JobFailure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::{IdentitySlot, Model, MotionTransfer, Orbit, ViewList};
+    use yoto_proto::v1::{
+        Actor, CaptureMotion, IdentitySlot, Model, MotionTransfer, Orbit, Scene, ViewList,
+        actor::Motion,
+    };
 
     fn orbit(views: u32, size: u32) -> RenderSpec {
         RenderSpec {
@@ -201,8 +221,8 @@ mod tests {
         let inputs = inputs();
         let request = Request::new(&spec, &inputs).expect("good");
         assert_eq!(
-            (request.slot, request.background, request.fps),
-            (4, [0.0; 3], None)
+            (request.slot("subjects/a"), request.background, request.fps),
+            (Some(4), [0.0; 3], None)
         );
     }
 
@@ -265,5 +285,24 @@ mod tests {
             }),
             ["subject"]
         );
+        let mut scene = Scene {
+            actors: vec![Actor {
+                subject: "subjects/a".into(),
+                motion: Some(Motion::Capture(CaptureMotion::default())),
+                ..Actor::default()
+            }],
+            width: 8,
+            height: 8,
+            ..Scene::default()
+        };
+        let of = |scene: &Scene| RenderSpec {
+            what: Some(What::Scene(scene.clone())),
+            ..RenderSpec::default()
+        };
+        assert_eq!(fields(&of(&scene)), [""; 0]);
+        scene.actors[0].subject = "subjects/b".into();
+        assert_eq!(fields(&of(&scene)), ["scene.actors[0].subject"]);
+        scene.width = 7;
+        assert_eq!(fields(&of(&scene)), ["scene.width"]);
     }
 }

@@ -1,6 +1,6 @@
 //! Ground truth of rendered pictures: frames of a person's own motion.
 
-use super::{RenderView, motion, request::Request};
+use super::{motion, request::Request};
 use crate::jobs::JobFailure;
 use std::sync::Arc;
 use yoto_avatar::tradeoff::sweep::fidelity;
@@ -27,24 +27,25 @@ impl Truths {
         shard: Arc<Shard>,
         body: &Skeleton,
     ) -> Result<Self, JobFailure> {
-        let as_filmed = request.background == [0.0; 3] && !transfer.follow;
+        let lit_as_filmed = request.spec.light.is_none();
+        let as_filmed = request.background == [0.0; 3] && !transfer.follow && lit_as_filmed;
         let own = transfer.driver == request.spec.subject && as_filmed;
         let same_body = Skeleton::from_track(&shard.track.skeleton)
             .is_ok_and(|theirs| theirs.rest == body.rest && theirs.parents == body.parents);
         if !own || !same_body {
             return Ok(Self::none());
         }
-        let places = motion::places(transfer, &shard.track)?;
+        let places = motion::places(transfer, &shard.track, "motion")?;
         Ok(Self {
             seen: Some((shard, places)),
         })
     }
 
-    /// PSNR of the picture of view number `index`, dB; `None` without ground truth at its
-    /// size.
-    pub(super) fn psnr(&self, index: usize, view: &RenderView, rgb: &[u8]) -> Option<f64> {
+    /// PSNR of the picture of view number `index`, of `size` (width, height), dB; `None` without
+    /// ground truth at that size.
+    pub(super) fn psnr(&self, index: usize, size: (u32, u32), rgb: &[u8]) -> Option<f64> {
         let (shard, places) = self.seen.as_ref()?;
-        let (width, height) = (view.camera.width, view.camera.height);
+        let (width, height) = size;
         let real = shard.image(*places.get(index)?).resized(width.max(height));
         let same_size = (real.width, real.height) == (width as usize, height as usize);
         same_size.then(|| fidelity(&real.rgb, rgb))
@@ -54,11 +55,7 @@ impl Truths {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::{
-        ShardBuilder,
-        camera::{Camera, Pose},
-        synthetic::SyntheticPerson,
-    };
+    use yoto_capture::{ShardBuilder, synthetic::SyntheticPerson};
     use yoto_proto::v1::{IdentitySlot, Inputs, Model, RenderSpec, render_spec::What};
 
     fn transfer(driver: &str) -> MotionTransfer {
@@ -103,35 +100,26 @@ mod tests {
             Truths::of_motion(&request, &transfer(driver), Arc::clone(&shard), body)
                 .expect("good places")
         };
-        let frame = &shard.track.frames[3];
-        let view = |size: u32| RenderView {
-            slot: 0,
-            pose: Pose::from_frame(frame).expect("a pose"),
-            camera: Camera::from_frame(frame, shard.track.image_size)
-                .expect("a camera")
-                .resized(size, size),
-            background: [0.0; 3],
-        };
         let own = known("subjects/a", vec![], &body);
         let seen = images[3].resized(16).rgb;
         assert_eq!(
-            own.psnr(1, &view(16), &seen),
+            own.psnr(1, (16, 16), &seen),
             Some(100.0),
             "frame 3 comes second"
         );
-        assert!(own.psnr(0, &view(16), &seen).expect("frame 0 is known") < 100.0);
+        assert!(own.psnr(0, (16, 16), &seen).expect("frame 0 is known") < 100.0);
         assert_eq!(
-            own.psnr(1, &view(48), &[0; 48 * 48 * 3]),
+            own.psnr(1, (48, 48), &[0; 48 * 48 * 3]),
             None,
             "larger than seen"
         );
         let other = known("subjects/b", vec![], &body);
-        assert_eq!(other.psnr(1, &view(16), &seen), None);
+        assert_eq!(other.psnr(1, (16, 16), &seen), None);
         let white = known("subjects/a", vec![1.0; 3], &body);
-        assert_eq!(white.psnr(1, &view(16), &seen), None);
+        assert_eq!(white.psnr(1, (16, 16), &seen), None);
         let mut grown = body.clone();
         grown.rest[1][1] += 0.1;
         let replaced = known("subjects/a", vec![], &grown);
-        assert_eq!(replaced.psnr(1, &view(16), &seen), None);
+        assert_eq!(replaced.psnr(1, (16, 16), &seen), None);
     }
 }

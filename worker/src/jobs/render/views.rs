@@ -1,7 +1,8 @@
 //! Views listed by a request, and the steps that all kinds of requests share.
 
-use super::{RenderView, request::SIDES};
+use super::request::SIDES;
 use crate::jobs::JobFailure;
+use yoto_avatar::render::RenderView;
 use yoto_capture::ViewError;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::{

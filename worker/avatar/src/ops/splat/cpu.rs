@@ -105,15 +105,27 @@ pub struct Drawn {
     pub depth: Vec<f32>,
 }
 
-/// The picture of splats, with their depth.
-pub fn draw(numbers: &Numbers<'_>, sight: &Sight) -> Drawn {
-    let drawn = blend(&numbers.flats(sight), sight);
+/// The picture of all `people`'s splats, each with the same camera in the frame of their body; `None`
+/// if there is nobody. Whoever is nearer hides the others.
+///
+/// # Panics
+/// If the cameras differ in size.
+pub fn draw(people: &[(Numbers<'_>, &Sight)]) -> Option<Drawn> {
+    let (_, sight) = people.first()?;
+    let size = (sight.width, sight.height);
+    assert!(people.iter().all(|(_, it)| (it.width, it.height) == size));
+    let flats = people.iter().map(|(numbers, sight)| numbers.flats(sight));
+    let flats: Vec<Flat> = flats.reduce(|mut all, more| {
+        all.extend(more);
+        all
+    })?;
+    let drawn = blend(&flats, sight);
     let one = |channel: usize| drawn.pixels(sight, |tile, i| [tile[channel][i]]);
-    Drawn {
+    Some(Drawn {
         rgb: drawn.pixels(sight, |tile, i| [tile[0][i], tile[1][i], tile[2][i]]),
         alpha: one(3),
         depth: one(4),
-    }
+    })
 }
 
 /// The tiles of a picture.

@@ -3,7 +3,11 @@
 
 use super::*;
 use crate::ops::composite::{RaySamples, reference};
-use burn::tensor::Device;
+use crate::render::march::{Volume, march};
+use crate::render::view::{Actor, Light};
+use burn::tensor::{Device, TensorData};
+use rand_chacha::ChaCha8Rng;
+use yoto_capture::body_box::{BodyView, Ray};
 use yoto_capture::synthetic::SyntheticPerson;
 
 const SIDE: u32 = 40;
@@ -143,8 +147,9 @@ fn a_frame_that_nobody_wants_any_longer_is_left() {
     let (renderer, mut view) = renderer(config());
     // Several batches of rays.
     view.camera = SyntheticPerson::train_camera(160);
+    let view = view.into();
     let mut shares = Vec::new();
-    let whole = renderer.render_while(&view, &mut |share| {
+    let whole = renderer.render_scene(&view, &mut |share| {
         shares.push(share);
         true
     });
@@ -152,7 +157,7 @@ fn a_frame_that_nobody_wants_any_longer_is_left() {
     assert!(shares.len() > 1 && shares[0] == 0.0 && shares.is_sorted());
     assert!(shares.iter().all(|share| *share < 1.0), "{shares:?}");
     let mut asked = 0;
-    let left = renderer.render_while(&view, &mut |_| {
+    let left = renderer.render_scene(&view, &mut |_| {
         asked += 1;
         asked < 2
     });
@@ -172,4 +177,96 @@ fn colours_of_a_transparent_frame_are_the_person_s_own() {
     };
     let expected = [204, 102, 0, 128, 0, 0, 0, 0, 255, 128, 64, 255];
     assert_eq!(frame.to_rgba8(), expected);
+}
+
+/// The view's person twice, the second time moved by `metres` towards the camera and 0.15 m aside.
+fn pair(view: &RenderView, metres: f64) -> SceneView {
+    let [aside, _, away] = [0, 1, 2].map(|row| view.camera.e[row]);
+    let moved = |axis: usize| {
+        let by = 0.15 * aside[axis] - metres * away[axis];
+        (f64::from(view.pose.translation[axis]) + by) as f32
+    };
+    let mut nearer = view.pose.clone();
+    nearer.translation = std::array::from_fn(moved);
+    let actor = |pose: &Pose| Actor {
+        slot: view.slot,
+        pose: pose.clone(),
+        light: Light::Own,
+    };
+    SceneView {
+        actors: vec![actor(&view.pose), actor(&nearer)],
+        camera: view.camera.clone(),
+        background: view.background,
+    }
+}
+
+/// The picture of some of a scene's actors.
+fn of(renderer: &Renderer, scene: &SceneView, places: &[usize]) -> Rendered {
+    let mut part = scene.clone();
+    part.actors = places.iter().map(|it| scene.actors[*it].clone()).collect();
+    renderer
+        .render_scene(&part, &mut |_| true)
+        .expect("renders")
+}
+
+#[test]
+fn a_person_in_front_hides_what_is_behind_by_their_opacity() {
+    let (renderer, view) = renderer(config());
+    let scene = pair(&view, 1.2);
+    let both = of(&renderer, &scene, &[0, 1]);
+    let mut black = scene.clone();
+    black.background = [0.0; 3];
+    let front = of(&renderer, &black, &[1]);
+    let back = of(&renderer, &scene, &[0]);
+    let mut hidden = 0;
+    for i in 0..both.alpha.len() {
+        let through = 1.0 - front.alpha[i];
+        let alpha = front.alpha[i] + through * back.alpha[i];
+        assert!((both.alpha[i] - alpha).abs() < 1e-5);
+        let depth = front.depth[i] + through * back.depth[i];
+        assert!((both.depth[i] - depth).abs() < 1e-4);
+        for c in 0..3 {
+            let rgb = front.rgb[3 * i + c] + through * back.rgb[3 * i + c];
+            assert!((both.rgb[3 * i + c] - rgb).abs() < 1e-5);
+        }
+        hidden += usize::from(front.alpha[i] > 0.2 && back.alpha[i] > 0.2);
+    }
+    assert!(hidden > 20, "{hidden} pixels show both");
+    assert_eq!(
+        renderer.rays(&scene).expect("rays") as u64,
+        both.counts.rays
+    );
+}
+
+#[test]
+fn people_whose_boxes_overlap_are_merged_whatever_their_order() {
+    let (renderer, view) = renderer(config());
+    let scene = pair(&view, 0.1);
+    let one = of(&renderer, &scene, &[0, 1]);
+    let other = of(&renderer, &scene, &[1, 0]);
+    let apart = one.rgb.iter().zip(&other.rgb).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f32::max) < 1e-6);
+    // Neither is in front of the other as a whole.
+    let front = of(&renderer, &scene, &[1]);
+    let back = of(&renderer, &scene, &[0]);
+    let over = |i: usize| front.depth[i] + (1.0 - front.alpha[i]) * back.depth[i];
+    let merged = (0..one.depth.len()).filter(|i| (one.depth[*i] - over(*i)).abs() > 1e-4);
+    assert!(merged.count() > 20);
+}
+
+#[test]
+fn nobody_is_a_picture_of_the_background() {
+    let (renderer, view) = renderer(config());
+    let nobody = of(&renderer, &view.into(), &[]);
+    assert_eq!(nobody.rgb, BACKGROUND.repeat((SIDE * SIDE) as usize));
+    assert!(nobody.alpha.iter().all(|alpha| *alpha == 0.0));
+}
+
+#[test]
+fn a_field_in_another_light_is_refused() {
+    let (renderer, view) = renderer(config());
+    let mut scene = SceneView::from(view);
+    scene.actors[0].light = Light::Neutral;
+    let refused = renderer.render_scene(&scene, &mut |_| true);
+    assert!(matches!(refused, Err(RenderError::NoLight)));
 }

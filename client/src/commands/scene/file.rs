@@ -1,0 +1,247 @@
+//! The scene file, as users write it.
+
+use super::super::render_what::FrameRange;
+use anyhow::Context;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// People in one picture or film, who hide each other.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::commands) struct SceneFile {
+    /// Width and height of the pictures, pixels. Matrices of a camera have their own.
+    #[serde(default = "default_size")]
+    pub size: [u32; 2],
+    /// Length of the film; left out: until the last motion ends.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+    /// Frames per second; left out: those of the first actor who moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fps: Option<f32>,
+    /// Red, green and blue from 0 to 1; left out: black.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<[f32; 3]>,
+    /// Whether the pictures are transparent where nobody is.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub transparent: bool,
+    /// The people.
+    pub actors: Vec<FileActor>,
+    /// The camera's path.
+    #[serde(default)]
+    pub camera: FileCamera,
+}
+
+/// A person of a scene.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::commands) struct FileActor {
+    /// Name of the person.
+    pub subject: String,
+    /// How they move; left out: as in their own capture.
+    #[serde(default)]
+    pub motion: FileMotion,
+    /// Place on the ground at the beginning of the motion: to the right and towards the default camera,
+    /// metres.
+    #[serde(default)]
+    pub at: Placed,
+    /// Facing at the beginning of the motion, degrees: 0 towards the default camera, 90 to the person's
+    /// left.
+    #[serde(default)]
+    pub heading: f64,
+    /// Seconds until the motion begins.
+    #[serde(default)]
+    pub start: f64,
+    /// Speed of the motion: 2 is twice as fast.
+    #[serde(default = "one")]
+    pub speed: f64,
+    /// Whether the motion begins again when it has ended.
+    #[serde(default)]
+    pub repeat: bool,
+    /// Light on the person; left out: that of their own capture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<FileLight>,
+}
+
+/// A place on the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+pub(in crate::commands) struct Placed(pub [f64; 2]);
+
+/// A motion: of a capture or of a file.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::commands) struct FileMotion {
+    /// Person whose capture has the motion; left out: the actor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capture: Option<String>,
+    /// Motion file (BVH, AMASS-style .npz, or a pose track), relative to the scene file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// A single frame: the actor stands still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u32>,
+    /// Frames of the motion, e.g. "0..60:2"; left out: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
+}
+
+/// Light on a person.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::commands) enum FileLight {
+    /// Colours without light and shade.
+    None,
+    /// The light of this person's capture.
+    Of(String),
+}
+
+/// The path of the camera.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(in crate::commands) enum FileCamera {
+    /// Around the middle of all motions.
+    Orbit(FileOrbit),
+    /// From key to key in straight lines.
+    Keys(Vec<FileKey>),
+    /// Matrices: one camera for all pictures, or one per picture.
+    Matrices(Vec<FileMatrices>),
+    /// The camera that filmed the motion of an actor, by the actor's place in the list, from 0.
+    Capture(u32),
+}
+
+/// A camera around the middle of all motions, which shows everybody.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(in crate::commands) struct FileOrbit {
+    /// Angle to the right of the front at the beginning, degrees.
+    pub azimuth: f64,
+    /// Angle above the ground, degrees.
+    pub elevation: f64,
+    /// Angle that the camera passes during the film, degrees: 360 is once around.
+    pub sweep: f64,
+    /// Distance from the middle, metres; 0: as near as everybody fits.
+    pub distance: f64,
+    /// Vertical field of view, degrees; 0: 35.
+    pub fov: f64,
+}
+
+/// A camera at a moment.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::commands) struct FileKey {
+    /// Since the beginning of the scene.
+    pub seconds: f64,
+    /// Position, metres.
+    pub eye: [f64; 3],
+    /// The point in the middle of the picture, metres.
+    pub target: [f64; 3],
+    /// Vertical field of view, degrees; left out: 35.
+    #[serde(default)]
+    pub fov: f64,
+}
+
+/// A camera by its matrices, in the world of the scene (OpenCV axes, metres).
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in crate::commands) struct FileMatrices {
+    /// Intrinsics, pixels.
+    #[serde(rename = "K")]
+    pub k: [[f64; 3]; 3],
+    /// World to camera.
+    #[serde(rename = "E")]
+    pub e: [[f64; 4]; 4],
+    /// Width and height, pixels.
+    pub image_size: [u32; 2],
+}
+
+impl Default for FileCamera {
+    fn default() -> Self {
+        Self::Orbit(FileOrbit::default())
+    }
+}
+
+impl FileActor {
+    /// Somebody with the motion of their own capture.
+    pub(super) fn of(subject: String) -> Self {
+        Self {
+            subject,
+            motion: FileMotion::default(),
+            at: Placed::default(),
+            heading: 0.0,
+            start: 0.0,
+            speed: one(),
+            repeat: false,
+            light: None,
+        }
+    }
+}
+
+impl SceneFile {
+    /// A scene of `actors` with default values.
+    pub(super) fn of(actors: Vec<FileActor>) -> Self {
+        Self {
+            size: default_size(),
+            seconds: None,
+            fps: None,
+            background: None,
+            transparent: false,
+            actors,
+            camera: FileCamera::default(),
+        }
+    }
+
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// If it can't be read, with the path of the value that is wrong.
+    pub(in crate::commands) fn read(path: &Path) -> anyhow::Result<Self> {
+        let json = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+        let reader = &mut serde_json::Deserializer::from_slice(&json);
+        serde_path_to_error::deserialize(reader)
+            .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))
+    }
+
+    /// Everybody whom the scene names, once each.
+    pub(in crate::commands) fn people(&self) -> Vec<&str> {
+        let mut people: Vec<&str> = Vec::new();
+        for actor in &self.actors {
+            let light = match &actor.light {
+                Some(FileLight::Of(name)) => Some(name),
+                Some(FileLight::None) | None => None,
+            };
+            let named = [Some(&actor.subject), actor.motion.capture.as_ref(), light];
+            people.extend(named.into_iter().flatten().map(String::as_str));
+        }
+        people.sort_unstable();
+        people.dedup();
+        people
+    }
+}
+
+impl FileMotion {
+    /// The frames of the motion.
+    pub(super) fn frames(&self) -> Result<FrameRange, String> {
+        match (self.frame, &self.range) {
+            (Some(_), Some(_)) => Err("either a frame or a range".into()),
+            (Some(frame), None) => Ok(FrameRange {
+                first: frame,
+                end: frame.saturating_add(1),
+                step: 1,
+            }),
+            (None, Some(range)) => range.parse(),
+            (None, None) => Ok(FrameRange::ALL),
+        }
+    }
+}
+
+fn default_size() -> [u32; 2] {
+    [512, 512]
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
+}

@@ -1,0 +1,245 @@
+//! A scene file as the request that the service takes.
+
+use super::super::motion::MotionArgs;
+use super::super::render_what::FrameRange;
+use super::file::{FileActor, FileCamera, FileKey, FileLight, FileMatrices, FileMotion, SceneFile};
+use anyhow::{Context, anyhow, ensure};
+use std::collections::HashMap;
+use std::path::Path;
+use yoto_proto::v1::{
+    Actor, Camera, CameraKey, CameraKeys, CameraList, CaptureCamera, CaptureMotion, Light,
+    MotionClip, Scene, SceneCamera, SceneOrbit, actor::Motion, light, scene_camera::Path as Track,
+};
+
+impl SceneFile {
+    /// The scene, with the resource names of its people in `names` and motion files beside the scene's
+    /// `file`.
+    ///
+    /// # Errors
+    /// A value that makes no sense, or a motion file that can't be read.
+    pub(in crate::commands) fn to_message(
+        &self,
+        file: &Path,
+        names: &HashMap<String, String>,
+        reading: &MotionArgs,
+    ) -> anyhow::Result<Scene> {
+        let place = |field: &str| format!("{}: {field}", file.display());
+        let actors = self.actors.iter().enumerate().map(|(i, actor)| {
+            let folder = file.parent().unwrap_or(Path::new(""));
+            let message = to_actor(actor, folder, names, reading);
+            message.with_context(|| place(&format!("actors[{i}]")))
+        });
+        let matrices = matches!(self.camera, FileCamera::Matrices(_));
+        let [width, height] = if matrices { [0, 0] } else { self.size };
+        Ok(Scene {
+            actors: actors.collect::<anyhow::Result<_>>()?,
+            camera: Some(SceneCamera {
+                path: Some(to_path(&self.camera)),
+            }),
+            width,
+            height,
+            seconds: self.seconds.unwrap_or_default(),
+        })
+    }
+}
+
+fn to_actor(
+    actor: &FileActor,
+    folder: &Path,
+    names: &HashMap<String, String>,
+    reading: &MotionArgs,
+) -> anyhow::Result<Actor> {
+    let named = |name: &String| {
+        let known = names.get(name).cloned();
+        known.ok_or_else(|| anyhow!("there is no person called '{name}'"))
+    };
+    ensure!(actor.speed > 0.0, "speed: {} is not above 0", actor.speed);
+    let motion = &actor.motion;
+    let frames = motion.frames();
+    let frames = frames.map_err(|message| anyhow!("motion: {message}"))?;
+    let motion = match (&motion.capture, &motion.file) {
+        (Some(_), Some(_)) => anyhow::bail!("motion: either a capture or a file"),
+        (None, Some(_)) => Motion::Clip(to_clip(motion, frames, folder, reading)?),
+        (driver, None) => Motion::Capture(CaptureMotion {
+            driver: driver.as_ref().map(named).transpose()?.unwrap_or_default(),
+            first_frame: (frames != FrameRange::ALL).then_some(frames.first),
+            frame_count: frames.count(),
+            frame_step: frames.step,
+        }),
+    };
+    let light = match &actor.light {
+        None => None,
+        Some(FileLight::None) => Some(light::Of::Neutral(true)),
+        Some(FileLight::Of(name)) => Some(light::Of::Subject(named(name)?)),
+    };
+    Ok(Actor {
+        subject: named(&actor.subject)?,
+        motion: Some(motion),
+        at: actor.at.0.to_vec(),
+        heading: actor.heading,
+        start: actor.start,
+        speed: actor.speed,
+        repeat: actor.repeat,
+        light: light.map(|of| Light { of: Some(of) }),
+    })
+}
+
+fn to_clip(
+    motion: &FileMotion,
+    frames: FrameRange,
+    folder: &Path,
+    reading: &MotionArgs,
+) -> anyhow::Result<MotionClip> {
+    let path = folder.join(motion.file.as_deref().unwrap_or(Path::new("")));
+    let motion = reading.read(&path).context("motion.file")?;
+    let [first, end, step] = [frames.first, frames.end, frames.step].map(|it| it as usize);
+    let clip = motion.clip(first, end, step, 0);
+    let count = motion.frames.len();
+    ensure!(
+        !clip.poses.is_empty(),
+        "motion: {} has {count} frames, none of them chosen",
+        path.display()
+    );
+    Ok(clip)
+}
+
+fn to_path(camera: &FileCamera) -> Track {
+    match camera {
+        FileCamera::Orbit(orbit) => Track::Orbit(SceneOrbit {
+            azimuth: orbit.azimuth,
+            elevation: orbit.elevation,
+            sweep: orbit.sweep,
+            distance: orbit.distance,
+            fov: orbit.fov,
+        }),
+        FileCamera::Keys(keys) => {
+            let key = |key: &FileKey| CameraKey {
+                seconds: key.seconds,
+                eye: key.eye.to_vec(),
+                target: key.target.to_vec(),
+                fov: key.fov,
+            };
+            let keys = keys.iter().map(key).collect();
+            Track::Keys(CameraKeys { keys })
+        }
+        FileCamera::Matrices(list) => {
+            let camera = |camera: &FileMatrices| Camera {
+                width: camera.image_size[0],
+                height: camera.image_size[1],
+                intrinsics: camera.k.concat(),
+                extrinsics: camera.e.concat(),
+            };
+            let cameras = list.iter().map(camera).collect();
+            Track::Cameras(CameraList { cameras })
+        }
+        FileCamera::Capture(actor) => Track::Capture(CaptureCamera { actor: *actor }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::scene::example;
+
+    const SCENE: &str = r#"{
+        "size": [640, 360], "seconds": 4, "fps": 25, "background": [1, 1, 1],
+        "actors": [
+            {"subject": "ada", "motion": {"capture": "bob", "range": "4..20:2"}, "at": [-0.5, 1],
+             "heading": 30, "start": 0.5, "speed": 2, "repeat": true, "light": {"of": "bob"}},
+            {"subject": "bob", "motion": {"frame": 7}, "light": "none"}
+        ],
+        "camera": {"keys": [{"seconds": 0, "eye": [0, 1, 4], "target": [0, 1, 0]}]}
+    }"#;
+
+    fn names() -> HashMap<String, String> {
+        ["ada", "bob"]
+            .map(|it| (it.to_owned(), format!("subjects/{it}")))
+            .into()
+    }
+
+    fn read(json: &str) -> anyhow::Result<Scene> {
+        let dir = tempfile::tempdir()?;
+        let path = dir.path().join("scene.json");
+        std::fs::write(&path, json)?;
+        SceneFile::read(&path)?.to_message(&path, &names(), &MotionArgs::none())
+    }
+
+    #[test]
+    fn a_file_says_everything_that_a_request_takes() {
+        let scene = read(SCENE).expect("reads");
+        assert_eq!((scene.width, scene.height, scene.seconds), (640, 360, 4.0));
+        let [ada, bob] = scene.actors.as_slice() else {
+            panic!("two actors");
+        };
+        assert_eq!((ada.subject.as_str(), ada.heading), ("subjects/ada", 30.0));
+        assert_eq!((ada.start, ada.speed, ada.repeat), (0.5, 2.0, true));
+        assert_eq!(ada.at, [-0.5, 1.0]);
+        let motion = CaptureMotion {
+            driver: "subjects/bob".into(),
+            first_frame: Some(4),
+            frame_count: 8,
+            frame_step: 2,
+        };
+        assert_eq!(ada.motion, Some(Motion::Capture(motion)));
+        let light = |actor: &Actor| actor.light.clone().and_then(|light| light.of);
+        let bob_s = light::Of::Subject("subjects/bob".into());
+        assert_eq!(light(ada), Some(bob_s));
+        let still = CaptureMotion {
+            driver: String::new(),
+            first_frame: Some(7),
+            frame_count: 1,
+            frame_step: 1,
+        };
+        assert_eq!(bob.motion, Some(Motion::Capture(still)));
+        assert_eq!(light(bob), Some(light::Of::Neutral(true)));
+        assert_eq!(yoto_proto::scene::faults(&scene), []);
+    }
+
+    #[test]
+    fn the_example_is_a_good_scene() {
+        let json = serde_json::to_string(&example(vec!["ada".into(), "bob".into()]));
+        let scene = read(&json.expect("writes")).expect("reads");
+        assert_eq!(yoto_proto::scene::faults(&scene), []);
+        assert_eq!(scene.actors[1].at, [0.6, 0.0]);
+    }
+
+    #[test]
+    fn the_schema_knows_every_field_of_a_scene() {
+        let schema = serde_json::to_string(&schemars::schema_for!(SceneFile)).expect("writes");
+        let fields = "size seconds fps background transparent actors camera subject motion at heading \
+             start speed repeat light capture file frame range none of orbit keys matrices azimuth \
+             elevation sweep distance fov eye target K E image_size";
+        for field in fields.split(' ') {
+            assert!(schema.contains(&format!("\"{field}\"")), "{field}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_its_place() {
+        let cases = [
+            (
+                SCENE.replace("\"heading\"", "\"haeding\""),
+                "actors[0].haeding",
+            ),
+            (
+                SCENE.replace("\"seconds\": 4", "\"seconds\": \"4\""),
+                "seconds",
+            ),
+            (SCENE.replace("\"4..20:2\"", "\"4..2\""), "actors[0]"),
+            (SCENE.replace("\"ada\"", "\"eve\""), "actors[0]"),
+            (SCENE.replace("\"speed\": 2", "\"speed\": 0"), "speed"),
+            (
+                SCENE.replace("\"frame\": 7", "\"file\": \"walk.xyz\""),
+                "motion.file",
+            ),
+            (
+                SCENE.replace("\"frame\": 7", "\"frame\": 7, \"range\": \"1..2\""),
+                "either a frame or a range",
+            ),
+        ];
+        for (json, place) in cases {
+            let error = read(&json).expect_err(place);
+            assert!(format!("{error:#}").contains(place), "{error:#}");
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Checks of scenes, which the service makes before a job is queued and workers before they render.
+
+use crate::v1::{
+    Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
+    scene_camera::Path,
+};
+use std::ops::RangeInclusive;
+
+/// Actors of a scene.
+pub const ACTORS: RangeInclusive<usize> = 1..=16;
+/// Pictures of one render, and poses of one motion.
+pub const MAX_PICTURES: u32 = 10_000;
+/// Sides of a picture, pixels.
+pub const SIDES: RangeInclusive<u32> = 8..=4096;
+/// Vertical field of view where none is given, degrees.
+pub const FOV: f64 = 35.0;
+/// Farthest place from the middle of a scene, metres.
+const FARTHEST: f64 = 1000.0;
+/// Length of a scene, seconds.
+const LONGEST: f64 = 10_000.0;
+/// Speeds of a motion, where 1 is its own.
+const SPEEDS: RangeInclusive<f64> = 0.01..=100.0;
+/// Frame rates of a motion.
+const RATES: RangeInclusive<f64> = 0.01..=1000.0;
+/// Fields of view, degrees.
+const FOVS: RangeInclusive<f64> = 1.0..=150.0;
+/// Angles that a camera passes in one film, degrees.
+const SWEEP: f64 = 36_000.0;
+
+/// A fault: the field of the scene, and what is wrong with it.
+pub type Fault = (String, String);
+
+/// All faults of `scene`'s own numbers. Poses and matrices are not looked at.
+pub fn faults(scene: &Scene) -> Vec<Fault> {
+    let mut found = Faults(Vec::new());
+    let count = scene.actors.len();
+    let (least, most) = (ACTORS.start(), ACTORS.end());
+    found.unless(ACTORS.contains(&count), "actors", || {
+        format!("{count} actors: {least} to {most} are allowed")
+    });
+    for (i, actor) in scene.actors.iter().enumerate() {
+        check_actor(&mut found, &format!("actors[{i}]"), actor);
+    }
+    found.within("seconds", scene.seconds, &(0.0..=LONGEST));
+    let listed = check_camera(&mut found, scene);
+    for (field, side) in [("width", scene.width), ("height", scene.height)] {
+        if listed {
+            found.unless(side == 0, field, || {
+                format!("{side} pixels: a list of cameras has its own sizes")
+            });
+        } else {
+            found.unless(SIDES.contains(&side), field, || {
+                let (least, most) = (SIDES.start(), SIDES.end());
+                format!("{side} pixels: {least} to {most} are allowed")
+            });
+        }
+    }
+    found.0
+}
+
+/// The faults of a light, at `field`.
+pub fn light_faults(field: &str, light: &Light) -> Vec<Fault> {
+    let mut found = Faults(Vec::new());
+    match &light.of {
+        None => found.add(field, "says neither neutral nor whose".into()),
+        Some(light::Of::Neutral(neutral)) => {
+            let field = format!("{field}.neutral");
+            found.unless(*neutral, &field, || "false: leave the light out".into());
+        }
+        Some(light::Of::Subject(_)) => (),
+    }
+    found.0
+}
+
+struct Faults(Vec<Fault>);
+
+impl Faults {
+    fn add(&mut self, field: &str, message: String) {
+        self.0.push((field.to_owned(), message));
+    }
+
+    fn unless(&mut self, good: bool, field: &str, message: impl FnOnce() -> String) {
+        if !good {
+            self.add(field, message());
+        }
+    }
+
+    fn within(&mut self, field: &str, value: f64, range: &RangeInclusive<f64>) {
+        self.unless(range.contains(&value), field, || {
+            let (least, most) = (range.start(), range.end());
+            format!("{value} is not between {least} and {most}")
+        });
+    }
+
+    /// `N` numbers, none farther from 0 than [`FARTHEST`].
+    fn place<const N: usize>(&mut self, field: &str, place: &[f64]) {
+        let near = |value: &f64| value.abs() <= FARTHEST;
+        let good = place.len() == N && place.iter().all(near);
+        self.unless(good, field, || {
+            format!("{place:?}: {N} numbers from -{FARTHEST} to {FARTHEST}, metres")
+        });
+    }
+}
+
+fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
+    let field = |name: &str| format!("{at}.{name}");
+    match &actor.motion {
+        None => found.add(&field("motion"), "there is none".into()),
+        Some(Motion::Capture(motion)) => {
+            let count = motion.frame_count;
+            found.unless(count <= MAX_PICTURES, &field("capture.frame_count"), || {
+                format!("{count} frames: at most {MAX_PICTURES} are allowed")
+            });
+        }
+        Some(Motion::Clip(clip)) => {
+            let count = clip.poses.len();
+            let fits = (1..=MAX_PICTURES as usize).contains(&count);
+            found.unless(fits, &field("clip.poses"), || {
+                format!("{count} poses: 1 to {MAX_PICTURES} are allowed")
+            });
+            found.within(&field("clip.fps"), clip.fps, &RATES);
+        }
+    }
+    if !actor.at.is_empty() {
+        found.place::<2>(&field("at"), &actor.at);
+    }
+    found.within(&field("heading"), actor.heading, &(-SWEEP..=SWEEP));
+    found.within(&field("start"), actor.start, &(0.0..=LONGEST));
+    if actor.speed != 0.0 {
+        found.within(&field("speed"), actor.speed, &SPEEDS);
+    }
+    if let Some(light) = &actor.light {
+        found.0.extend(light_faults(&field("light"), light));
+    }
+}
+
+/// Checks the camera's path; whether it is a list of cameras.
+fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
+    let Some(SceneCamera { path }) = &scene.camera else {
+        return false;
+    };
+    match path {
+        None => found.add("camera", "has no path".into()),
+        Some(Path::Orbit(orbit)) => check_orbit(found, orbit),
+        Some(Path::Keys(keys)) => check_keys(found, keys),
+        Some(Path::Cameras(list)) => {
+            found.unless(!list.cameras.is_empty(), "camera.cameras", || {
+                "there is none".into()
+            });
+            return true;
+        }
+        Some(Path::Capture(capture)) => {
+            let actor = scene.actors.get(capture.actor as usize);
+            let motion = actor.and_then(|actor| actor.motion.as_ref());
+            let filmed = matches!(motion, Some(Motion::Capture(_)));
+            found.unless(filmed, "camera.capture.actor", || {
+                format!("{}: no actor with a capture's motion", capture.actor)
+            });
+        }
+    }
+    false
+}
+
+fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
+    found.within("camera.orbit.azimuth", orbit.azimuth, &(-SWEEP..=SWEEP));
+    found.within("camera.orbit.elevation", orbit.elevation, &(-89.0..=89.0));
+    found.within("camera.orbit.sweep", orbit.sweep, &(-SWEEP..=SWEEP));
+    found.within("camera.orbit.distance", orbit.distance, &(0.0..=FARTHEST));
+    check_fov(found, "camera.orbit.fov", orbit.fov);
+}
+
+fn check_fov(found: &mut Faults, field: &str, fov: f64) {
+    if fov != 0.0 {
+        found.within(field, fov, &FOVS);
+    }
+}
+
+fn check_keys(found: &mut Faults, keys: &CameraKeys) {
+    found.unless(!keys.keys.is_empty(), "camera.keys", || {
+        "there is none".into()
+    });
+    let mut last = None;
+    for (i, key) in keys.keys.iter().enumerate() {
+        let field = |name: &str| format!("camera.keys[{i}].{name}");
+        found.within(&field("seconds"), key.seconds, &(0.0..=LONGEST));
+        let later = last.is_none_or(|last| key.seconds > last);
+        found.unless(later, &field("seconds"), || {
+            format!("{} is not after the key before", key.seconds)
+        });
+        last = Some(key.seconds);
+        found.place::<3>(&field("eye"), &key.eye);
+        found.place::<3>(&field("target"), &key.target);
+        found.unless(key.eye != key.target, &field("target"), || {
+            "is where the eye is".into()
+        });
+        check_fov(found, &field("fov"), key.fov);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::v1::{CameraKey, CameraList, CaptureCamera, CaptureMotion, MotionClip};
+
+    fn good() -> Scene {
+        Scene {
+            actors: vec![Actor {
+                motion: Some(Motion::Capture(CaptureMotion::default())),
+                ..Actor::default()
+            }],
+            width: 64,
+            height: 64,
+            ..Scene::default()
+        }
+    }
+
+    fn key(seconds: f64, eye: [f64; 3]) -> CameraKey {
+        CameraKey {
+            seconds,
+            eye: eye.to_vec(),
+            target: vec![0.0, 1.0, 0.0],
+            fov: 0.0,
+        }
+    }
+
+    fn by(path: Path) -> Option<SceneCamera> {
+        Some(SceneCamera { path: Some(path) })
+    }
+
+    #[test]
+    fn a_scene_of_default_values_is_good() {
+        assert_eq!(faults(&good()), []);
+        let mut scene = good();
+        let keys = vec![key(0.0, [0.0, 1.0, 4.0]), key(2.0, [1.0, 1.0, 4.0])];
+        scene.camera = by(Path::Keys(CameraKeys { keys }));
+        assert_eq!(faults(&scene), []);
+        scene.camera = by(Path::Capture(CaptureCamera { actor: 0 }));
+        assert_eq!(faults(&scene), []);
+    }
+
+    #[test]
+    fn each_fault_is_named_by_its_field() {
+        type Break = fn(&mut Scene);
+        let cases: [(Break, &str); 17] = [
+            (|it| it.actors.clear(), "actors"),
+            (|it| it.actors[0].motion = None, "actors[0].motion"),
+            (|it| it.actors[0].at = vec![1.0], "actors[0].at"),
+            (|it| it.actors[0].at = vec![1.0, f64::NAN], "actors[0].at"),
+            (
+                |it| it.actors[0].heading = f64::INFINITY,
+                "actors[0].heading",
+            ),
+            (|it| it.actors[0].start = -1.0, "actors[0].start"),
+            (|it| it.actors[0].speed = -1.0, "actors[0].speed"),
+            (
+                |it| it.actors[0].light = Some(Light { of: None }),
+                "actors[0].light",
+            ),
+            (
+                |it| {
+                    let clip = MotionClip::default();
+                    it.actors[0].motion = Some(Motion::Clip(clip));
+                },
+                "actors[0].clip.poses",
+            ),
+            (|it| it.width = 5000, "width"),
+            (|it| it.seconds = f64::NAN, "seconds"),
+            (|it| it.camera = Some(SceneCamera { path: None }), "camera"),
+            (
+                |it| {
+                    let elevation = 90.0;
+                    let orbit = SceneOrbit {
+                        elevation,
+                        ..SceneOrbit::default()
+                    };
+                    it.camera = by(Path::Orbit(orbit));
+                },
+                "camera.orbit.elevation",
+            ),
+            (
+                |it| {
+                    let keys = vec![key(1.0, [0.0, 1.0, 4.0]), key(1.0, [1.0, 1.0, 4.0])];
+                    it.camera = by(Path::Keys(CameraKeys { keys }));
+                },
+                "camera.keys[1].seconds",
+            ),
+            (
+                |it| {
+                    let keys = vec![key(0.0, [0.0, 1.0, 0.0])];
+                    it.camera = by(Path::Keys(CameraKeys { keys }));
+                },
+                "camera.keys[0].target",
+            ),
+            (
+                |it| {
+                    it.camera = by(Path::Cameras(CameraList::default()));
+                    (it.width, it.height) = (0, 0);
+                },
+                "camera.cameras",
+            ),
+            (
+                |it| it.camera = by(Path::Capture(CaptureCamera { actor: 1 })),
+                "camera.capture.actor",
+            ),
+        ];
+        for (break_it, field) in cases {
+            let mut scene = good();
+            break_it(&mut scene);
+            let found = faults(&scene);
+            assert_eq!(found.first().map(|(it, _)| it.as_str()), Some(field));
+        }
+    }
+}
