@@ -3,7 +3,8 @@
 use crate::api::ClientError;
 use anyhow::Context;
 use std::path::Path;
-use yoto_capture::skeleton::{Pose, Skeleton, retarget};
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::{Pose, Skeleton, retarget, transfer};
 use yoto_export::clip::Clip;
 use yoto_proto::pose_track::{self, PoseTrack};
 
@@ -27,25 +28,15 @@ pub(crate) struct ChosenFrame<'a> {
 impl ChosenFrame<'_> {
     /// Its pose on the body of `target`.
     pub fn pose(&self, target: &Skeleton) -> anyhow::Result<Pose> {
-        moved(self.dir, &driver(self.dir, self.track)?, target, self.frame)
+        let place = || format!("{}: frame {}", self.dir.display(), self.frame.index);
+        let pose = Pose::from_frame(self.frame).with_context(place)?;
+        retarget(&driver(self.dir, self.track)?, target, &pose).with_context(place)
     }
 }
 
 /// The skeleton that moves in the capture in `dir`.
 fn driver(dir: &Path, track: &PoseTrack) -> anyhow::Result<Skeleton> {
     Skeleton::from_track(&track.skeleton).with_context(|| format!("{}: skeleton", dir.display()))
-}
-
-/// The pose of a frame of the capture in `dir`, on the body of `target`.
-fn moved(
-    dir: &Path,
-    driver: &Skeleton,
-    target: &Skeleton,
-    frame: &pose_track::Frame,
-) -> anyhow::Result<Pose> {
-    let place = || format!("{}: frame {}", dir.display(), frame.index);
-    let pose = Pose::from_frame(frame).with_context(place)?;
-    retarget(driver, target, &pose).with_context(place)
 }
 
 /// Gives a number to each clip whose name an earlier one has.
@@ -64,14 +55,25 @@ pub(crate) fn tell_apart(clips: &mut [Clip]) {
 
 /// The motion of the capture in `dir` on the body of `target`.
 pub(crate) fn clip(dir: &Path, track: &PoseTrack, target: &Skeleton) -> anyhow::Result<Clip> {
-    let driver = driver(dir, track)?;
-    let frames = track.frames.iter();
-    let poses = frames.map(|frame| moved(dir, &driver, target, frame));
+    let place = |at: usize| format!("{}: frame {}", dir.display(), track.frames[at].index);
+    let frames = track.frames.iter().enumerate();
+    let poses = frames.map(|(at, frame)| Pose::from_frame(frame).with_context(|| place(at)));
+    let poses = poses.collect::<anyhow::Result<Vec<_>>>()?;
+    let camera = track.frames.first();
+    let camera = camera.map(|frame| Camera::from_frame(frame, track.image_size));
+    let up = match camera {
+        Some(camera) => camera.with_context(|| place(0))?.world_up(),
+        None => [0.0, 1.0, 0.0],
+    };
+    let seconds = (0..poses.len()).map(|at| at as f64 / track.fps);
+    let seconds: Vec<f64> = seconds.collect();
+    let poses = transfer(&driver(dir, track)?, target, &poses, &seconds, up)
+        .map_err(|(at, error)| anyhow::Error::new(error).context(place(at)))?;
     let name = dir.file_name().unwrap_or(dir.as_os_str());
     Ok(Clip {
         name: name.to_string_lossy().into_owned(),
         fps: track.fps,
-        poses: poses.collect::<anyhow::Result<_>>()?,
+        poses,
     })
 }
 

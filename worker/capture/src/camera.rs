@@ -233,6 +233,17 @@ impl Camera {
         self.to_world_axes([x, y, 1.0])
     }
 
+    /// The world's up: the axis nearest to the camera's up, since people stand upright in pictures while a
+    /// pose track does not say which axis that is.
+    pub fn world_up(&self) -> Vec3 {
+        let down = self.e[1];
+        let longest = |a: usize, b: usize| if down[b].abs() > down[a].abs() { b } else { a };
+        let axis = longest(longest(0, 1), 2);
+        let mut up = [0.0; 3];
+        up[axis] = -down[axis].signum();
+        up
+    }
+
     /// The same camera, with the frame that `to_world` starts from as its world.
     pub fn in_frame(&self, to_world: &Mat34) -> Self {
         let e = &self.e;

@@ -103,7 +103,9 @@ fn of_one(cast: &Cast<'_>, what: &What) -> Result<Film, JobFailure> {
     let views = match what {
         What::Views(list) => stage.listed(list)?,
         What::Orbit(orbit) => orbit::views(&stage, orbit, &*cast.track(subject)?)?,
-        What::Clip(clip) => clip::views(&stage, clip, &*cast.track(subject)?, skeleton)?,
+        What::Clip(clip) => {
+            clip::views(&stage, clip, &*cast.track(subject)?, skeleton, fps.into())?
+        }
         What::Motion(transfer) => {
             world = &transfer.driver;
             let shard = cast.shard(world)?;

@@ -4,6 +4,7 @@
 //! [`retarget`] work on any tree whose parents come before their children.
 
 mod bounds;
+pub mod feet;
 pub mod kinematics;
 mod pose;
 pub mod readings;
@@ -13,7 +14,7 @@ pub mod transform;
 
 pub use bounds::Bounds;
 pub use pose::Pose;
-pub use retarget::retarget;
+pub use retarget::{retarget, transfer};
 pub use transform::{Mat34, Vec3};
 
 use serde::{Deserialize, Serialize};

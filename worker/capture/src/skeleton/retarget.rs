@@ -1,6 +1,29 @@
 //! One person's motion on another person's skeleton.
 
-use super::{Pose, Skeleton, SkeletonError};
+use super::feet::Footing;
+use super::{Pose, Skeleton, SkeletonError, Vec3};
+
+/// The motion `poses` of `driver`, at `seconds` each and in a world with the unit vector `up`, as `target`
+/// would make it: each pose as [`retarget`] has it, and on another body than the driver's with feet that
+/// rest where the driver's do, in place of sliding on legs of other proportions.
+///
+/// # Errors
+/// Those of [`retarget`], with the place of the pose.
+pub fn transfer(
+    driver: &Skeleton,
+    target: &Skeleton,
+    poses: &[Pose],
+    seconds: &[f64],
+    up: Vec3,
+) -> Result<Vec<Pose>, (usize, SkeletonError)> {
+    let moved = poses.iter().enumerate();
+    let moved = moved.map(|(at, pose)| retarget(driver, target, pose).map_err(|error| (at, error)));
+    let mut moved = moved.collect::<Result<Vec<_>, _>>()?;
+    if driver.rest != target.rest {
+        Footing::of(driver, poses, seconds, up).plant(target, &mut moved, seconds);
+    }
+    Ok(moved)
+}
 
 /// `pose` of `driver`, as `target` would take it.
 ///
@@ -33,7 +56,7 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
 
 impl Skeleton {
     /// The root's rest height above the lowest rest joint, metres.
-    fn hip_height(&self) -> Result<f64, SkeletonError> {
+    pub(super) fn hip_height(&self) -> Result<f64, SkeletonError> {
         let root = self.root()[1];
         let lowest = self.rest.iter().map(|p| p[1]).fold(root, f64::min);
         let height = root - lowest;

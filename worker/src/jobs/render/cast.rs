@@ -1,6 +1,6 @@
 //! The people of a request: their bodies, and the light on them.
 
-use super::{level::levelled, orbit, request::Request, views};
+use super::{level::levelled, request::Request, views};
 use crate::jobs::{JobContext, JobFailure, checkpoint::Downloaded, shard};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -137,7 +137,7 @@ pub(super) fn bearings(track: &PoseTrack) -> Result<Mat3, JobFailure> {
     let pose = views::pose(frame)?;
     let body = skeleton.posed_joints(&pose);
     let towards = sub(camera.centre(), body.first().copied().unwrap_or_default());
-    let up = orbit::up(&camera);
+    let up = camera.world_up();
     let level = sub(towards, scale(up, dot(towards, up)));
     Ok(rodrigues(levelled(up, level)))
 }

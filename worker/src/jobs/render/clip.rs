@@ -6,9 +6,8 @@
 
 use super::{
     follow::followed,
-    level::{FORWARD, upright},
+    level::{FORWARD, UP, upright},
     motion::sized,
-    orbit::world_up,
     views::{Stage, capture_camera, find_place, pose},
 };
 use crate::jobs::JobFailure;
@@ -16,7 +15,7 @@ use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::Pose,
     skeleton::{
-        Skeleton, retarget,
+        Skeleton, transfer,
         transform::{
             Vec3, add, after, apply, cross, dot, length, normalised, rigid, rodrigues, scale, sub,
         },
@@ -33,6 +32,7 @@ pub(super) fn views(
     clip: &MotionClip,
     track: &PoseTrack,
     body: &Skeleton,
+    fps: f64,
 ) -> Result<Vec<RenderView>, JobFailure> {
     let place = match clip.camera_frame {
         Some(index) => find_place(track, index, "clip.camera_frame")?,
@@ -40,7 +40,7 @@ pub(super) fn views(
     };
     let frame = &track.frames[place];
     let camera = sized(&capture_camera(track, frame)?, clip.size);
-    let poses = poses(clip, body, "clip")?;
+    let poses = poses(clip, body, "clip", fps)?;
     let Some(first) = poses.first().cloned() else {
         return Err(JobFailure::invalid(
             "render",
@@ -48,8 +48,7 @@ pub(super) fn views(
             "there is none".to_owned(),
         ));
     };
-    let [x, y, z, _] = camera.e[1];
-    let stand = Stand::new(&first, &pose(frame)?, world_up([-x, -y, -z]));
+    let stand = Stand::new(&first, &pose(frame)?, camera.world_up());
     let start = stand.put(&first);
     poses
         .into_iter()
@@ -63,21 +62,28 @@ pub(super) fn views(
         .collect()
 }
 
-/// The poses of `clip`, at `field`, on `body`, in the clip's world.
+/// The poses of `clip`, at `field`, on `body`, in the clip's world. `fps` are the frames per second of a clip
+/// that does not say its own.
 pub(super) fn poses(
     clip: &MotionClip,
     body: &Skeleton,
     field: &str,
+    fps: f64,
 ) -> Result<Vec<Pose>, JobFailure> {
     let driver = driver(clip, body, field)?;
     let poses = clip.poses.iter().enumerate().map(|(at, moved)| {
         let invalid = |name: &str, message: String| {
             JobFailure::invalid("render", &format!("{field}.poses[{at}].{name}"), message)
         };
-        let read = Pose::from_proto(moved).map_err(|error| invalid(&error.field, error.message))?;
-        retarget(&driver, body, &read).map_err(|error| invalid("rotations", error.to_string()))
+        Pose::from_proto(moved).map_err(|error| invalid(&error.field, error.message))
     });
-    poses.collect()
+    let poses = poses.collect::<Result<Vec<_>, _>>()?;
+    let fps = if clip.fps > 0.0 { clip.fps } else { fps };
+    let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
+    transfer(&driver, body, &poses, &seconds, UP).map_err(|(at, error)| {
+        let field = format!("{field}.poses[{at}].rotations");
+        JobFailure::invalid("render", &field, error.to_string())
+    })
 }
 
 /// The skeleton of the motion. Without rest joints it has the size of `body`.
@@ -154,10 +160,7 @@ impl Stand {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::{
-        level::UP,
-        views::tests::{STAGE, track},
-    };
+    use crate::jobs::render::views::tests::{STAGE, track};
     use yoto_capture::skeleton::transform::position;
     use yoto_proto::v1::{BodyPose, Skeleton as Message};
 
@@ -188,7 +191,7 @@ mod tests {
     #[test]
     fn the_first_frame_stands_where_the_capture_does_and_walks_ahead() {
         let track = track();
-        let views = views(&STAGE, &clip(&[]), &track, &body()).expect("views");
+        let views = views(&STAGE, &clip(&[]), &track, &body(), 30.0).expect("views");
         let there = pose(&track.frames[0]).expect("a pose");
         assert_eq!(views[0].pose.translation, there.translation);
         // The capture's frame 5 faces +z: so does the clip, and walks there.
@@ -207,7 +210,7 @@ mod tests {
     fn strides_fit_the_legs() {
         // Twice as tall as the body (0.8 m from root to tip), in centimetres.
         let tall = clip(&[0.0, 200.0, 0.0, 0.0, 40.0, 0.0]);
-        let views = views(&STAGE, &tall, &track(), &body()).expect("views");
+        let views = views(&STAGE, &tall, &track(), &body(), 30.0).expect("views");
         let walked = views[1].pose.translation[2] - views[0].pose.translation[2];
         assert!((walked - 0.5 * 0.8 / 160.0).abs() < 1e-6, "{walked}");
     }
@@ -255,7 +258,8 @@ mod tests {
         for (break_it, field) in cases {
             let mut broken = clip(&[]);
             break_it(&mut broken);
-            let Err(JobFailure::Invalid(found)) = views(&STAGE, &broken, &track(), &body()) else {
+            let Err(JobFailure::Invalid(found)) = views(&STAGE, &broken, &track(), &body(), 30.0)
+            else {
                 panic!("{field} is refused");
             };
             assert_eq!(found[0].field, field);

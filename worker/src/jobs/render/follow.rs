@@ -1,6 +1,5 @@
 //! A camera that moves along with the body.
 
-use super::orbit::world_up;
 use yoto_capture::{
     camera::{Camera, Pose},
     skeleton::transform::{dot, rotate, scale, sub},
@@ -9,8 +8,7 @@ use yoto_capture::{
 /// `camera`, which sees a body in the pose `first`, moved over the ground as the body's root has moved
 /// to the pose `now`. Jumps and crouches stay visible.
 pub(super) fn followed(camera: &Camera, first: &Pose, now: &Pose) -> Camera {
-    let [x, y, z, _] = camera.e[1];
-    let up = world_up([-x, -y, -z]);
+    let up = camera.world_up();
     let place = |pose: &Pose| pose.translation.map(f64::from);
     let moved = sub(place(now), place(first));
     let moved = sub(moved, scale(up, dot(moved, up)));
@@ -36,8 +34,7 @@ mod tests {
             translation,
         };
         let first = at([0.25, 0.5, 0.125]);
-        let [x, y, z, _] = camera.e[1];
-        let up = world_up([-x, -y, -z]);
+        let up = camera.world_up();
         let seen = |camera: &Camera, pose: &Pose| {
             let [x, y, z, _] = camera.e;
             apply(&[x, y, z], pose.translation.map(f64::from))

@@ -8,7 +8,7 @@ use crate::jobs::JobFailure;
 use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::{Camera, Pose},
-    skeleton::{Skeleton, retarget},
+    skeleton::{Skeleton, Vec3, transfer},
 };
 use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
 
@@ -48,6 +48,40 @@ pub(super) fn natural_fps(places: &[usize], track: &PoseTrack) -> Option<f32> {
     (passed > 0.0).then(|| ((places.len() - 1) as f64 * track.fps / passed) as f32)
 }
 
+/// Seconds from the first of the frames at `places` of `track` to each of them. Frames that are not in the
+/// order of their numbers, which captures need not be, follow each other at the capture's speed.
+pub(super) fn seconds(places: &[usize], track: &PoseTrack) -> Vec<f64> {
+    let index = |place: &usize| f64::from(track.frames[*place].index);
+    let first = places.first().map_or(0.0, index);
+    let ascending = places
+        .windows(2)
+        .all(|pair| index(&pair[0]) < index(&pair[1]));
+    let passed = places.iter().enumerate().map(|(count, place)| {
+        let frames = match ascending {
+            true => index(place) - first,
+            false => count as f64,
+        };
+        frames / track.fps
+    });
+    passed.collect()
+}
+
+/// The frames at `places` of the driver's `track`, in whose world `up` is up, on `body`.
+pub(super) fn poses(
+    driver: &Skeleton,
+    body: &Skeleton,
+    track: &PoseTrack,
+    places: &[usize],
+    up: Vec3,
+) -> Result<Vec<Pose>, JobFailure> {
+    let driven = places.iter().map(|place| pose(&track.frames[*place]));
+    let driven = driven.collect::<Result<Vec<_>, _>>()?;
+    transfer(driver, body, &driven, &seconds(places, track), up).map_err(|(at, error)| {
+        let place = format!("the driver's frame {}", track.frames[places[at]].index);
+        JobFailure::failed("RETARGET", &place, &error)
+    })
+}
+
 /// The frames at `places` for `transfer`, with `body` in the driver's poses.
 pub(super) fn views(
     stage: &Stage,
@@ -58,26 +92,23 @@ pub(super) fn views(
 ) -> Result<Vec<RenderView>, JobFailure> {
     let driver = Skeleton::from_track(&track.skeleton)
         .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
-    let mut first: Option<(Pose, Camera)> = None;
-    (places.iter())
-        .map(|place| {
-            let frame = &track.frames[*place];
-            let pose = retarget(&driver, body, &pose(frame)?).map_err(|error| {
-                JobFailure::failed(
-                    "RETARGET",
-                    &format!("the driver's frame {}", frame.index),
-                    &error,
-                )
-            })?;
-            let camera = sized(&capture_camera(track, frame)?, transfer.size);
-            if !transfer.follow {
-                return stage.view(pose, camera);
-            }
-            let (start, camera) = first.get_or_insert_with(|| (pose.clone(), camera));
-            let camera = followed(camera, start, &pose);
-            stage.view(pose, camera)
-        })
-        .collect()
+    let cameras = places.iter().map(|place| {
+        let camera = capture_camera(track, &track.frames[*place])?;
+        Ok(sized(&camera, transfer.size))
+    });
+    let cameras = cameras.collect::<Result<Vec<_>, JobFailure>>()?;
+    let (Some(first), Some(up)) = (cameras.first(), cameras.first().map(Camera::world_up)) else {
+        return Ok(Vec::new());
+    };
+    let poses = poses(&driver, body, track, places, up)?;
+    let pictures = poses.iter().zip(&cameras).map(|(pose, camera)| {
+        let camera = match transfer.follow {
+            true => followed(first, &poses[0], pose),
+            false => camera.clone(),
+        };
+        stage.view(pose.clone(), camera)
+    });
+    pictures.collect()
 }
 
 /// `camera` with `size` pixels on its longest side, which may exceed the capture's.
@@ -143,6 +174,15 @@ mod tests {
             frame.index = index;
         }
         assert_eq!(natural_fps(&[0, 1, 2, 3], &track), Some(5.0));
+    }
+
+    #[test]
+    fn skipped_frames_take_their_time_and_unordered_ones_follow_each_other() {
+        let mut track = track();
+        assert_eq!(seconds(&[1, 3], &track), [0.0, 2.0 / 15.0]);
+        track.frames.reverse();
+        assert_eq!(seconds(&[1, 3], &track), [0.0, 1.0 / 15.0]);
+        assert_eq!(seconds(&[], &track), [0.0; 0]);
     }
 
     #[test]

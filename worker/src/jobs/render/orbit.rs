@@ -32,7 +32,7 @@ pub(super) fn views(
         .map_err(|error| JobFailure::failed("INTERNAL", "the capture's skeleton", &error))?;
     let capture = capture_camera(track, frame)?;
     let stands = pose(frame)?;
-    let up = up(&capture);
+    let up = capture.world_up();
     let body = Extent::of(&skeleton.posed_joints(&stands), up);
     (0..orbit.views)
         .map(|view| {
@@ -103,31 +103,6 @@ fn circled(capture: &Camera, body: &Extent, up: Vec3, angle: f64, size: u32) -> 
     let mut camera = Camera::look_at(add(body.middle, turned), body.middle, up, focal, size, size);
     camera.k[0][0] = focal * capture.k[0][0] / capture.k[1][1];
     camera
-}
-
-/// The world's up for `camera`.
-pub(super) fn up(camera: &Camera) -> Vec3 {
-    let [x, y, z, _] = camera.e[1];
-    world_up([-x, -y, -z])
-}
-
-/// The world's up: the axis nearest to the capture camera's up, since people stand upright
-/// in pictures while a pose track does not say which axis that is.
-pub(super) fn world_up(camera_up: Vec3) -> Vec3 {
-    let axis = (0..3).fold(0, |best, i| {
-        if camera_up[i].abs() > camera_up[best].abs() {
-            i
-        } else {
-            best
-        }
-    });
-    std::array::from_fn(|i| {
-        if i == axis {
-            camera_up[axis].signum()
-        } else {
-            0.0
-        }
-    })
 }
 
 #[cfg(test)]

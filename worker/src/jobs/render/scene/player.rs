@@ -8,16 +8,15 @@ use crate::jobs::{
         cast::{Cast, IN_SCENE},
         clip,
         level::UP,
-        motion, orbit,
-        views::{capture_camera, pose},
+        motion,
+        views::capture_camera,
     },
 };
 use yoto_avatar::render::{Actor, Light};
 use yoto_capture::{
     camera::{Camera, Pose},
-    skeleton::{Skeleton, readings::between, retarget, transform::Vec3},
+    skeleton::{Skeleton, readings::between, transform::Vec3},
 };
-use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::{self, CaptureMotion, MotionTransfer, actor::Motion};
 
 /// An actor with their motion in the scene.
@@ -125,7 +124,7 @@ fn moves(
     match &actor.motion {
         Some(Motion::Capture(motion)) => captured(actor, motion, field, cast, body),
         Some(Motion::Clip(clip)) => {
-            let poses = clip::poses(clip, body, &format!("{field}.clip"))?;
+            let poses = clip::poses(clip, body, &format!("{field}.clip"), clip.fps)?;
             Ok(Moves {
                 seconds: (0..poses.len()).map(|it| it as f64 / clip.fps).collect(),
                 poses,
@@ -159,56 +158,15 @@ fn captured(
     let places = motion::places(&transfer, track, &format!("{field}.capture"))?;
     let driver = Skeleton::from_track(&track.skeleton)
         .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
-    let mut moves = Moves {
-        poses: Vec::with_capacity(places.len()),
-        seconds: seconds(&places, track),
-        up: UP,
-        cameras: Vec::with_capacity(places.len()),
-    };
-    for place in places {
-        let frame = &track.frames[place];
-        let pose = retarget(&driver, body, &pose(frame)?).map_err(|error| {
-            let place = format!("the driver's frame {}", frame.index);
-            JobFailure::failed("RETARGET", &place, &error)
-        })?;
-        moves.poses.push(pose);
-        moves.cameras.push(capture_camera(track, frame)?);
-    }
-    if let Some(camera) = moves.cameras.first() {
-        moves.up = orbit::up(camera);
-    }
-    Ok(moves)
-}
-
-/// Seconds from the first of the frames at `places` of `track` to each of them. Frames that are not in the
-/// order of their numbers, which captures need not be, follow each other at the capture's speed.
-fn seconds(places: &[usize], track: &PoseTrack) -> Vec<f64> {
-    let index = |place: &usize| f64::from(track.frames[*place].index);
-    let first = places.first().map_or(0.0, index);
-    let ascending = places
-        .windows(2)
-        .all(|pair| index(&pair[0]) < index(&pair[1]));
-    let passed = places.iter().enumerate().map(|(count, place)| {
-        let frames = match ascending {
-            true => index(place) - first,
-            false => count as f64,
-        };
-        frames / track.fps
-    });
-    passed.collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::jobs::render::views::tests::track;
-
-    #[test]
-    fn skipped_frames_take_their_time_and_unordered_ones_follow_each_other() {
-        let mut track = track();
-        assert_eq!(seconds(&[1, 3], &track), [0.0, 2.0 / 15.0]);
-        track.frames.reverse();
-        assert_eq!(seconds(&[1, 3], &track), [0.0, 1.0 / 15.0]);
-        assert_eq!(seconds(&[], &track), [0.0; 0]);
-    }
+    let frames = places.iter().map(|place| &track.frames[*place]);
+    let cameras = frames.clone().map(|frame| capture_camera(track, frame));
+    let cameras = cameras.collect::<Result<Vec<_>, _>>()?;
+    let up = cameras.first().map_or(UP, Camera::world_up);
+    let seconds = motion::seconds(&places, track);
+    Ok(Moves {
+        poses: motion::poses(&driver, body, track, &places, up)?,
+        seconds,
+        up,
+        cameras,
+    })
 }
