@@ -1,8 +1,8 @@
 //! Checks of scenes, which the service makes before a job is queued and workers before they render.
 
 use crate::v1::{
-    Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
-    scene_camera::Path,
+    Actor, CameraKeys, Layer, Light, RenderSpec, Scene, SceneCamera, SceneOrbit, actor::Motion,
+    light, render_spec, scene_camera::Path,
 };
 use std::ops::RangeInclusive;
 
@@ -14,6 +14,8 @@ pub const MAX_PICTURES: u32 = 10_000;
 pub const SIDES: RangeInclusive<u32> = 8..=4096;
 /// Vertical field of view where none is given, degrees.
 pub const FOV: f64 = 35.0;
+/// Bytes of the picture behind a scene: with the rest of the request, they fit in one message.
+pub const LARGEST_BACKDROP: usize = 3 << 20;
 /// Farthest place from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;
 /// Length of a scene, seconds.
@@ -42,6 +44,10 @@ pub fn faults(scene: &Scene) -> Vec<Fault> {
         check_actor(&mut found, &format!("actors[{i}]"), actor);
     }
     found.within("seconds", scene.seconds, &(0.0..=LONGEST));
+    let large = scene.backdrop.len();
+    found.unless(large <= LARGEST_BACKDROP, "backdrop", || {
+        format!("{large} bytes: at most {LARGEST_BACKDROP} are allowed")
+    });
     let listed = check_camera(&mut found, scene);
     for (field, side) in [("width", scene.width), ("height", scene.height)] {
         if listed {
@@ -68,6 +74,47 @@ pub fn light_faults(field: &str, light: &Light) -> Vec<Fault> {
             found.unless(*neutral, &field, || "false: leave the light out".into());
         }
         Some(light::Of::Subject(_)) => (),
+    }
+    found.0
+}
+
+/// The faults of what the pictures of `render` show.
+pub fn layer_faults(render: &RenderSpec) -> Vec<Fault> {
+    let mut found = Faults(Vec::new());
+    let layer = Layer::try_from(render.layer);
+    found.unless(layer.is_ok(), "layer", || {
+        format!("{} is not known", render.layer)
+    });
+    let layered = !matches!(layer, Ok(Layer::Unspecified));
+    let scene = match &render.what {
+        Some(render_spec::What::Scene(scene)) => Some(scene),
+        _ => None,
+    };
+    let surrounded = scene.is_some_and(|scene| scene.shadow || !scene.backdrop.is_empty());
+    let coloured = render.background.iter().any(|value| *value != 0.0);
+    for (wrong, field, message) in [
+        (
+            layered && (render.transparent || surrounded || coloured),
+            "layer",
+            "depth and opacity have no background, transparency or shadow",
+        ),
+        (
+            layered && render.compare,
+            "compare",
+            "only colours were filmed",
+        ),
+        (
+            render.transparent && render.compare,
+            "compare",
+            "filmed pictures are not transparent",
+        ),
+        (
+            render.transparent && scene.is_some_and(|scene| !scene.backdrop.is_empty()),
+            "scene.backdrop",
+            "a transparent picture has none",
+        ),
+    ] {
+        found.unless(!wrong, field, || message.into());
     }
     found.0
 }

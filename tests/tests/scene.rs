@@ -121,7 +121,126 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
     let video = Video::open(&path, &Limits::default(), &Ffmpeg::none(), true)?;
     ensure!(video.frames() == Some(15), "{:?} frames", video.frames());
 
+    layers(dir.path(), yoto, &ada)?;
     refusals(dir.path(), yoto, &ada)
+}
+
+/// What is behind people, depth and opacity, the filmed picture beside the rendered one, and turntables.
+fn layers(
+    dir: &Path,
+    yoto: impl Fn(&str, fn(&str, &[&str]) -> anyhow::Result<String>) -> anyhow::Result<String>,
+    ada: &Value,
+) -> anyhow::Result<()> {
+    let at = |name: &str| dir.join(name).display().to_string();
+    let render =
+        |what: &str, out: &str| yoto(&format!("render duo {what} --out {}", at(out)), succeed);
+    let shown = |mut scene: Value, out: &str| {
+        scene["camera"] =
+            json!({"keys": [{"seconds": 0, "eye": [0, 2, 4], "target": [0, 0.6, 0]}]});
+        write_json(&dir.join("shown.json"), &scene)?;
+        render(&format!("--scene {}", at("shown.json")), out)?;
+        picture(&dir.join(out), 0)
+    };
+    RgbaImage::from_pixel(40, 20, image::Rgba([200, 100, 50, 255])).save(dir.join("wall.png"))?;
+    let plain = json!({"size": [SIZE, SIZE], "actors": [ada], "backdrop": "wall.png"});
+    let mut shady = plain.clone();
+    shady["shadow"] = json!(true);
+    let mut floating = scene(std::slice::from_ref(ada));
+    floating["shadow"] = json!(true);
+    let clear = shown(scene(std::slice::from_ref(ada)), "clear")?;
+    let (plain, shady) = (shown(plain, "plain")?, shown(shady, "shady")?);
+    let floating = shown(floating, "floating")?;
+    let (mut people, mut dark) = (0, 0);
+    for (x, y, before) in clear.enumerate_pixels() {
+        let (plain, shady) = (plain.get_pixel(x, y).0, shady.get_pixel(x, y).0);
+        let floating = floating.get_pixel(x, y).0;
+        match before.0[3] {
+            0 => {
+                ensure!(plain == [200, 100, 50, 255], "({x}, {y}): {plain:?}");
+                // The shadow takes the same share of each colour, and is that opaque without them.
+                let share = 1.0 - f32::from(shady[0]) / 200.0;
+                let opaque = f32::from(floating[3]) / 255.0;
+                ensure!(
+                    (share - opaque).abs() < 0.01,
+                    "({x}, {y}): {share}, {opaque}"
+                );
+                dark += usize::from(share > 0.2);
+            }
+            253.. => {
+                let near = plain.iter().zip(shady).all(|(a, b)| a.abs_diff(b) <= 2);
+                ensure!(near, "({x}, {y}): the person changed: {plain:?}, {shady:?}");
+                people += 1;
+            }
+            _ => (),
+        }
+    }
+    ensure!(people > 100 && dark > 20, "{people} of people, {dark} dark");
+
+    let own = format!("--subject ada --motion ada --range 2..4 --size {SIZE}");
+    render(&format!("{own} --transparent"), "cut")?;
+    render(&format!("{own} --layer opacity"), "opacity")?;
+    render(&format!("{own} --layer depth"), "depth")?;
+    let [cut, opacity, depth] = ["cut", "opacity", "depth"].map(|it| picture(&dir.join(it), 0));
+    let (opacity, depth) = (opacity?, depth?);
+    for (x, y, cut) in cut?.enumerate_pixels() {
+        let (opacity, depth) = (opacity.get_pixel(x, y).0, depth.get_pixel(x, y).0);
+        ensure!(
+            opacity[..3] == [cut.0[3]; 3],
+            "({x}, {y}): {opacity:?}, {cut:?}"
+        );
+        let known = depth[0] > 0;
+        ensure!(
+            known == (cut.0[3] >= 128) || cut.0[3].abs_diff(128) < 2,
+            "({x}, {y}): {depth:?}"
+        );
+    }
+
+    render(&format!("{own} --compare truth"), "pair")?;
+    render(&own, "alone")?;
+    let (pair, alone) = (
+        picture(&dir.join("pair"), 1)?,
+        picture(&dir.join("alone"), 1)?,
+    );
+    ensure!(
+        pair.dimensions() == (2 * SIZE, SIZE),
+        "{:?}",
+        pair.dimensions()
+    );
+    let half = |left: u32| image::imageops::crop_imm(&pair, left, 0, SIZE, SIZE).to_image();
+    ensure!(
+        half(SIZE) == alone,
+        "the right side is not the rendered picture"
+    );
+    let filmed = psnr(&values(&half(0)), &values(&alone));
+    ensure!(
+        (10.0..60.0).contains(&filmed),
+        "{filmed} dB to the filmed picture"
+    );
+    let other = format!(
+        "render duo --subject bob --motion ada --compare truth --out {}",
+        at("no")
+    );
+    let said = yoto(&other, fail)?;
+    ensure!(said.contains("view 0 was not filmed"), "{said}");
+    let said = yoto(
+        &format!(
+            "render duo {own} --transparent --layer depth --out {}",
+            at("no")
+        ),
+        fail,
+    )?;
+    ensure!(
+        said.contains("depth and opacity have no background"),
+        "{said}"
+    );
+
+    render("--subject ada --turntable --size 48", "round.gif")?;
+    let gif = image::codecs::gif::GifDecoder::new(std::io::BufReader::new(std::fs::File::open(
+        dir.join("round.gif"),
+    )?))?;
+    let frames = image::AnimationDecoder::into_frames(gif).collect_frames()?;
+    ensure!(frames.len() == FRAMES, "{} frames", frames.len());
+    Ok(())
 }
 
 fn refusals(
@@ -144,12 +263,18 @@ fn refusals(
     late["motion"] = json!({"frame": 99});
     let mut odd = ada.clone();
     odd["pose"] = json!(3);
+    let backed = |picture: &str| {
+        let picture = Path::new("ada").join(picture);
+        json!({"size": [64, 64], "actors": [ada], "backdrop": picture})
+    };
     for (scene, cause) in [
         (tall, "height: 5000 pixels"),
         (scene(&[unknown]), "eve"),
         (scene(&[late]), "frames 0 to 11, not 99"),
         (scene(&[odd]), "actors[0].pose"),
         (scene(&[]), "0 actors"),
+        (backed("poses.json"), "backdrop"),
+        (backed("missing.png"), "missing.png"),
     ] {
         let said = refused(&scene, "duo")?;
         ensure!(said.contains(cause), "{said}");

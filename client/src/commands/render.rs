@@ -5,7 +5,7 @@ use super::out_folder::{OutFolder, is_rendered};
 use super::render_choice::{kept, over};
 use super::render_film;
 use super::render_what::{FrameRange, read_views};
-use super::scene::SceneFile;
+use super::scene::{FileLight, SceneFile};
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
-    Light, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderResult, RenderSpec, job_result,
-    light, render_quality::Want, render_spec,
+    Layer, Light, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderResult, RenderSpec,
+    job_result, light, render_quality::Want, render_spec,
 };
 
 const AFTER_HELP: &str = "\
@@ -30,7 +30,9 @@ Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
   yoto render duo --subject bob --motion ada --range 0..60:2 --animate --out out/dance
   yoto render duo --subject bob --motion-file walk.bvh --range 0..240:4 --animate --out out/walk
-  yoto render duo --subject bob --motion ada --out dance.mp4
+  yoto render duo --subject bob --motion ada --out dance.mp4    # or dance.gif
+  yoto render duo --subject ada --turntable --out ada.mp4
+  yoto render duo --subject ada --motion ada --compare truth --out ada.mp4
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views
   yoto render duo --subject ada --orbit 0 --light none --out out/neutral
@@ -59,7 +61,7 @@ fn quality_help() -> String {
 /// scene of several people.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list", "scene"]))]
+#[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list", "turntable", "scene"]))]
 pub(super) struct Render {
     /// The trained model, by name.
     model: String,
@@ -75,7 +77,7 @@ pub(super) struct Render {
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
     /// Views around the circle [default: 24].
-    #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list", "scene"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    #[arg(long, conflicts_with_all = ["motion", "motion_file", "view_list", "turntable", "scene"], value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     views: Option<u32>,
     /// Use the motion in this person's capture.
     #[arg(long, value_name = "DRIVER")]
@@ -90,14 +92,17 @@ pub(super) struct Render {
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
     /// Frames of the motion, e.g. 0..60:2 or 100.. [default: all].
-    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list", "scene"], value_name = "A..B:STEP")]
+    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list", "turntable", "scene"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Move the camera along with a person who walks, who otherwise may leave the picture.
-    #[arg(long, conflicts_with_all = ["orbit", "view_list", "scene"])]
+    #[arg(long, conflicts_with_all = ["orbit", "view_list", "turntable", "scene"])]
     follow: bool,
     /// Poses and cameras from a JSON file.
     #[arg(long, value_name = "FILE")]
     view_list: Option<PathBuf>,
+    /// Go around the person once while they move as in their capture.
+    #[arg(long)]
+    turntable: bool,
     /// Several people in one picture, from a JSON file, which has size and background too; `yoto scene
     /// example` writes one to start from.
     #[arg(long, value_name = "FILE")]
@@ -140,6 +145,13 @@ pub(super) struct Render {
     /// Transparent pictures: no background.
     #[arg(long, conflicts_with_all = ["background", "scene"])]
     transparent: bool,
+    /// Show depth (near is bright) or opacity in grey in place of colours.
+    #[arg(long, value_name = "LAYER", value_parser = ["depth", "opacity"])]
+    layer: Option<String>,
+    /// Put the filmed picture to the left of each rendered one, where there is one: of a person's own
+    /// motion (--motion with their own name).
+    #[arg(long, value_name = "WITH", value_parser = ["truth"], requires = "motion")]
+    compare: Option<String>,
     /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "S", value_parser = table::seconds, group = "wish")]
     max_seconds_per_frame: Option<f64>,
@@ -162,13 +174,15 @@ impl Render {
             "--background takes three numbers, e.g. 1,1,1"
         );
         self.ensure_free()?;
-        let scene = self.scene.as_deref().map(SceneFile::read).transpose()?;
+        let scene = self.scene_file()?;
         let transparent = self.transparent || scene.as_ref().is_some_and(|it| it.transparent);
         self.ensure_film(transparent)?;
         let (clip, fps) = self.clip()?;
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
         let subject = match &self.subject {
+            // A turntable is a scene.
+            Some(_) if scene.is_some() => None,
             Some(name) => Some(client.find_subject(name).await?),
             None => None,
         };
@@ -188,7 +202,12 @@ impl Render {
             fps: self.fps.unwrap_or(fps),
             quality: self.wish(),
             transparent,
-            light: self.light(&client).await?,
+            light: match &scene {
+                Some(_) => None,
+                None => self.light(&client).await?,
+            },
+            layer: self.layer().into(),
+            compare: self.compare.is_some(),
         };
         spec.what = Some(match (scene, clip) {
             (Some(scene), _) => {
@@ -201,7 +220,7 @@ impl Render {
         });
         let job = client.create_render(spec).await?;
         output::put("job", output::message(&job));
-        let shown = subject.map_or_else(|| "a scene".to_owned(), |it| it.display_name);
+        let shown = self.subject.as_deref().unwrap_or("a scene");
         let mut display = ProgressDisplay::new(format!("{shown} by {}", model.display_name));
         let job = wait_for_new(&client, &job.name, &mut display).await?;
         output::put("job", output::message(&job));
@@ -223,6 +242,10 @@ impl Render {
             false => count(paths.len(), "file"),
         };
         display.finish(&format!("{written} in {}", self.folder.out.display()));
+        if result.depth_far > 0.0 {
+            let (near, far) = (result.depth_near, result.depth_far);
+            tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is nobody");
+        }
         if let Some(choice) = &result.choice {
             tell!("{}", kept(choice));
             if let Some(over) = self
@@ -241,7 +264,7 @@ impl Render {
         let film = render_film::is_film(&self.folder.out);
         anyhow::ensure!(
             film || self.animate || self.fps.is_none(),
-            "--fps belongs to --animate or to a film (--out FILE.mp4)"
+            "--fps belongs to --animate or to a film (--out FILE.mp4 or FILE.gif)"
         );
         if film {
             return render_film::ensure_free(&self.folder.out, self.folder.force);
@@ -253,10 +276,32 @@ impl Render {
     fn ensure_film(&self, transparent: bool) -> anyhow::Result<()> {
         anyhow::ensure!(
             !render_film::is_film(&self.folder.out) || (!transparent && !self.animate),
-            "transparency and --animate belong to a folder of pictures: an .mp4 is one film without \
-             transparency"
+            "transparency and --animate belong to a folder of pictures: a film has no transparency"
         );
         Ok(())
+    }
+
+    fn layer(&self) -> Layer {
+        match self.layer.as_deref() {
+            Some("depth") => Layer::Depth,
+            Some("opacity") => Layer::Opacity,
+            _ => Layer::Unspecified,
+        }
+    }
+
+    /// The scene of the options: that of a file, or a turntable.
+    fn scene_file(&self) -> anyhow::Result<Option<SceneFile>> {
+        let (true, Some(subject)) = (self.turntable, &self.subject) else {
+            return self.scene.as_deref().map(SceneFile::read).transpose();
+        };
+        let mut scene = SceneFile::turntable(subject.clone(), self.size);
+        scene.background = self.background.as_slice().try_into().ok();
+        scene.actors[0].light = match self.light.as_str() {
+            "own" => None,
+            "none" => Some(FileLight::None),
+            name => Some(FileLight::Of(name.into())),
+        };
+        Ok(Some(scene))
     }
 
     /// The light that is wanted instead of the person's own.
@@ -280,7 +325,7 @@ impl Render {
             let subject = client.find_subject(person).await?;
             names.insert(person.to_owned(), subject.name);
         }
-        let path = self.scene.as_deref().unwrap_or(Path::new(""));
+        let path = self.scene.as_deref().unwrap_or(Path::new("--turntable"));
         let scene = scene.to_message(path, &names, &self.reading)?;
         Ok(render_spec::What::Scene(scene))
     }
@@ -376,7 +421,7 @@ impl Render {
             return Ok(render_spec::What::Motion(transfer));
         }
         let path = self.view_list.as_deref().context(
-            "nothing to render: give --orbit, --motion, --motion-file, --view-list or --scene",
+            "nothing to render: give --orbit, --turntable, --motion, --motion-file, --view-list or --scene",
         )?;
         Ok(render_spec::What::Views(read_views(path)?))
     }

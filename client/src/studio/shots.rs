@@ -54,13 +54,9 @@ impl Shots<'_> {
             model: self.model.name.clone(),
             subject: shot.subject.name.clone(),
             what: Some(shot.what),
-            background: Vec::new(),
             animate: shot.animation.is_some(),
             fps: shot.animation.as_ref().map_or(0.0, |(_, fps)| *fps),
-            quality: None,
-            checkpoint: String::new(),
-            transparent: false,
-            light: None,
+            ..RenderSpec::default()
         };
         let queued = self.client.create_render(spec).await?;
         let mut display = ProgressDisplay::new(shot.label);

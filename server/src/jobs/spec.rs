@@ -104,6 +104,7 @@ pub fn check_render(render: &RenderSpec) -> Checked {
         || format!("{} is not between 0 and {MAX_FPS}", render.fps),
     )?;
     render.quality.as_ref().map_or(Ok(()), check_quality)?;
+    refuse(scene::layer_faults(render), "spec.render")?;
     if let Some(light) = &render.light {
         refuse(scene::light_faults("light", light), "spec.render")?;
     }

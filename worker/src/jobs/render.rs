@@ -4,12 +4,14 @@
 mod cast;
 mod clip;
 mod follow;
+mod layers;
 mod level;
 mod motion;
 mod orbit;
 mod quality;
 mod request;
 mod scene;
+mod surroundings;
 mod truth;
 mod views;
 
@@ -20,14 +22,19 @@ use crate::media::{
     picture,
 };
 use cast::{Cast, bearings};
+use layers::Shown;
 use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
-use truth::Truths;
-use yoto_avatar::render::{Light, RenderError, RenderView, Rendered, Renderer, SceneView};
+use surroundings::Surroundings;
+use truth::{Truths, beside};
+use yoto_avatar::{
+    render::{Light, RenderError, RenderView, Rendered, Renderer, SceneView},
+    tradeoff::sweep::fidelity,
+};
 use yoto_proto::{
     keys, names,
-    v1::{Inputs, RenderResult, RenderSpec, RenderedFile, render_spec::What},
+    v1::{Inputs, Layer, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
 /// Name of the animated file.
@@ -59,8 +66,13 @@ pub fn run(
         }
         None => None,
     };
-    let drawn = draw(context, &request, &renderer, &film)?;
+    let layer = Layer::try_from(spec.layer).unwrap_or_default();
+    let shown = Shown::new(layer, &renderer, &film.views);
+    let drawn = draw(context, &request, &renderer, &film, &shown)?;
+    let [depth_near, depth_far] = shown.range();
     Ok(RenderResult {
+        depth_near,
+        depth_far,
         choice: promise.map(|promise| promise.came_true(drawn.seconds_per_frame, &drawn.psnr)),
         files: drawn.files,
         seconds_per_frame: drawn.seconds_per_frame,
@@ -73,6 +85,8 @@ pub fn run(
 /// Everything that a request asks to see.
 struct Film {
     views: Vec<SceneView>,
+    /// What is behind the people, other than the views' own colour.
+    surroundings: Option<Surroundings>,
     /// The ground truth, if known.
     truths: Truths,
     /// Frames per second of the animation.
@@ -129,6 +143,7 @@ fn of_one(cast: &Cast<'_>, what: &What) -> Result<Film, JobFailure> {
     };
     Ok(Film {
         views: views.into_iter().map(|view| lit(view, light)).collect(),
+        surroundings: None,
         truths,
         fps,
     })
@@ -156,8 +171,9 @@ fn draw(
     request: &Request<'_>,
     renderer: &Renderer,
     film: &Film,
+    shown: &Shown,
 ) -> Result<Drawn, JobFailure> {
-    let Film { views, truths, fps } = film;
+    let views = &film.views;
     let job = context.job_id()?;
     let store = |file: String, bytes| {
         let object = context.put(&keys::render(job, context.token, &file), bytes)?;
@@ -170,13 +186,18 @@ fn draw(
         true => Pixels::Rgba,
         false => Pixels::Rgb,
     };
+    let compare = request.spec.compare;
+    let size = |view: &SceneView| {
+        let width = view.camera.width * if compare { 2 } else { 1 };
+        (width, view.camera.height)
+    };
     let mut animated = Vec::new();
     let mut animation = match views.first() {
         Some(first) if request.spec.animate => {
             request::same_size(views)?;
-            let size = (first.camera.width, first.camera.height);
             let count = views.len() as u32;
-            Some(Animation::new(&mut animated, kind, size, count, *fps)?)
+            let size = size(first);
+            Some(Animation::new(&mut animated, kind, size, count, film.fps)?)
         }
         _ => None,
     };
@@ -185,21 +206,37 @@ fn draw(
     for (done, view) in views.iter().enumerate() {
         context.check()?;
         context.report_pieces("rendering", done, views.len());
+        let filmed = film
+            .truths
+            .picture(done, (view.camera.width, view.camera.height));
+        if compare && filmed.is_none() {
+            return Err(not_filmed(done));
+        }
         let began = Instant::now();
-        let image = frame(context, renderer, view, done)?;
-        let pixels = match kind {
-            Pixels::Rgb => image.to_rgb8(),
+        let mut image = frame(context, renderer, view, done)?;
+        if let Some(surroundings) = &film.surroundings {
+            let above = |view: &SceneView| frame(context, renderer, view, done);
+            let shadow = surroundings.shadow(renderer, view, above)?;
+            surroundings.behind(&mut image, shadow.as_ref(), &view.camera);
+        }
+        let mut pixels = match kind {
+            Pixels::Rgb => shown.rgb8(&image),
             Pixels::Rgba => image.to_rgba8(),
         };
         spent += began.elapsed();
-        let size = (view.camera.width, view.camera.height);
-        psnr.extend(truths.psnr(done, size, &image.to_rgb8()));
+        if let Some(filmed) = filmed {
+            psnr.push(fidelity(&filmed, &image.to_rgb8()));
+            if compare {
+                pixels = beside(&filmed, &pixels, view.camera.width);
+            }
+        }
         if let Some(animation) = &mut animation {
             animation.push(&pixels)?;
         }
+        let (width, height) = size(view);
         rendered.push(store(
             format!("{done:06}.png"),
-            picture::png(kind, size.0, size.1, &pixels)?,
+            picture::png(kind, width, height, &pixels)?,
         )?);
     }
     if animation.map(Animation::finish).transpose()?.is_some() {
@@ -211,6 +248,15 @@ fn draw(
         seconds_per_frame: spent.as_secs_f64() / views.len().max(1) as f64,
         psnr,
     })
+}
+
+/// View number `place` has no filmed picture to compare it with.
+fn not_filmed(place: usize) -> JobFailure {
+    let message = format!(
+        "view {place} was not filmed: only a person's own motion over black, in their own light, with their \
+         capture's camera and at most its size"
+    );
+    JobFailure::invalid("render", "compare", message)
 }
 
 /// View number `place`, unless the job must stop before it is finished.

@@ -22,6 +22,13 @@ pub(in crate::commands) struct SceneFile {
     /// Red, green and blue from 0 to 1; left out: black.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<[f32; 3]>,
+    /// Picture behind everybody (PNG or JPEG), relative to the scene file, in place of a colour: as large as
+    /// covers the pictures, and cut at their edges.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backdrop: Option<PathBuf>,
+    /// Whether people darken the ground below them.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub shadow: bool,
     /// Whether the pictures are transparent where nobody is.
     #[serde(default, skip_serializing_if = "is_false")]
     pub transparent: bool,
@@ -176,7 +183,27 @@ impl FileActor {
     }
 }
 
+impl FileOrbit {
+    /// Once around everybody, from a little above.
+    pub(super) fn around() -> Self {
+        Self {
+            elevation: 10.0,
+            sweep: 360.0,
+            ..Self::default()
+        }
+    }
+}
+
 impl SceneFile {
+    /// One person who moves as in their capture, in square pictures of `size` pixels; the camera goes around
+    /// them once.
+    pub(in crate::commands) fn turntable(subject: String, size: u32) -> Self {
+        let mut scene = Self::of(vec![FileActor::of(subject)]);
+        scene.size = [size; 2];
+        scene.camera = FileCamera::Orbit(FileOrbit::around());
+        scene
+    }
+
     /// A scene of `actors` with default values.
     pub(super) fn of(actors: Vec<FileActor>) -> Self {
         Self {
@@ -184,6 +211,8 @@ impl SceneFile {
             seconds: None,
             fps: None,
             background: None,
+            backdrop: None,
+            shadow: false,
             transparent: false,
             actors,
             camera: FileCamera::default(),

@@ -6,6 +6,7 @@ use super::file::{FileActor, FileCamera, FileKey, FileLight, FileMatrices, FileM
 use anyhow::{Context, anyhow, ensure};
 use std::collections::HashMap;
 use std::path::Path;
+use yoto_proto::scene::LARGEST_BACKDROP;
 use yoto_proto::v1::{
     Actor, Camera, CameraKey, CameraKeys, CameraList, CaptureCamera, CaptureMotion, Light,
     MotionClip, Scene, SceneCamera, SceneOrbit, actor::Motion, light, scene_camera::Path as Track,
@@ -29,6 +30,10 @@ impl SceneFile {
             let message = to_actor(actor, folder, names, reading);
             message.with_context(|| place(&format!("actors[{i}]")))
         });
+        let backdrop = match &self.backdrop {
+            Some(picture) => read_backdrop(file, picture).with_context(|| place("backdrop"))?,
+            None => Vec::new(),
+        };
         let matrices = matches!(self.camera, FileCamera::Matrices(_));
         let [width, height] = if matrices { [0, 0] } else { self.size };
         Ok(Scene {
@@ -39,8 +44,23 @@ impl SceneFile {
             width,
             height,
             seconds: self.seconds.unwrap_or_default(),
+            backdrop,
+            shadow: self.shadow,
         })
     }
+}
+
+/// The bytes of the `picture` beside the scene's `file`.
+fn read_backdrop(file: &Path, picture: &Path) -> anyhow::Result<Vec<u8>> {
+    let path = file.parent().unwrap_or(Path::new("")).join(picture);
+    let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+    let large = bytes.len();
+    ensure!(
+        large <= LARGEST_BACKDROP,
+        "{} has {large} bytes: at most {LARGEST_BACKDROP} are allowed",
+        path.display()
+    );
+    Ok(bytes)
 }
 
 fn to_actor(
@@ -206,7 +226,7 @@ mod tests {
     #[test]
     fn the_schema_knows_every_field_of_a_scene() {
         let schema = serde_json::to_string(&schemars::schema_for!(SceneFile)).expect("writes");
-        let fields = "size seconds fps background transparent actors camera subject motion at heading \
+        let fields = "size seconds fps background backdrop shadow transparent actors camera subject motion at heading \
              start speed repeat light capture file frame range none of orbit keys matrices azimuth \
              elevation sweep distance fov eye target K E image_size";
         for field in fields.split(' ') {

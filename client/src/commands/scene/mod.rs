@@ -3,7 +3,7 @@
 mod file;
 mod message;
 
-pub(super) use file::SceneFile;
+pub(super) use file::{FileLight, SceneFile};
 
 use clap::{Args, Subcommand};
 use file::Placed;
@@ -70,10 +70,6 @@ fn example(people: Vec<String>) -> SceneFile {
         actor
     });
     let mut scene = SceneFile::of(actors.collect());
-    scene.camera = file::FileCamera::Orbit(file::FileOrbit {
-        elevation: 10.0,
-        sweep: 360.0,
-        ..file::FileOrbit::default()
-    });
+    scene.camera = file::FileCamera::Orbit(file::FileOrbit::around());
     scene
 }

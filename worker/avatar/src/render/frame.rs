@@ -70,7 +70,7 @@ pub struct Rendered {
 
 impl Rendered {
     /// The background of `view` alone.
-    pub(super) fn empty(view: &SceneView) -> Self {
+    pub fn empty(view: &SceneView) -> Self {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         Self {
             width,

@@ -134,6 +134,7 @@ fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
         .light
         .iter()
         .flat_map(|it| scene::light_faults("light", it))
+        .chain(scene::layer_faults(spec))
     {
         need(false, &field, message);
     }

@@ -5,7 +5,7 @@ mod clock;
 mod place;
 mod player;
 
-use super::{FPS, Film, cast::Cast, truth::Truths};
+use super::{FPS, Film, cast::Cast, surroundings::Surroundings, truth::Truths};
 use crate::{jobs::JobFailure, media::animation::MAX_FPS};
 use player::Player;
 use yoto_avatar::render::SceneView;
@@ -27,13 +27,20 @@ pub(super) fn film(cast: &Cast<'_>, scene: &Scene) -> Result<Film, JobFailure> {
     let times = times(scene.seconds, fps, &players)?;
     let cameras = camera::cameras(scene, &players, &times)?;
     let pictures = times.iter().zip(cameras);
+    let request = cast.request;
+    let (colour, transparent) = (request.background, request.spec.transparent);
+    let surroundings = Surroundings::new(scene, colour, transparent)?;
     let views = pictures.map(|(time, camera)| SceneView {
         actors: players.iter().map(|player| player.actor(*time)).collect(),
         camera,
-        background: cast.request.background,
+        background: match surroundings {
+            Some(_) => [0.0; 3],
+            None => colour,
+        },
     });
     Ok(Film {
         views: views.collect(),
+        surroundings,
         truths: Truths::none(),
         fps,
     })

@@ -3,7 +3,6 @@
 use super::{motion, request::Request};
 use crate::jobs::JobFailure;
 use std::sync::Arc;
-use yoto_avatar::tradeoff::sweep::fidelity;
 use yoto_capture::{Shard, skeleton::Skeleton};
 use yoto_proto::v1::MotionTransfer;
 
@@ -41,20 +40,29 @@ impl Truths {
         })
     }
 
-    /// PSNR of the picture of view number `index`, of `size` (width, height), dB; `None` without
-    /// ground truth at that size.
-    pub(super) fn psnr(&self, index: usize, size: (u32, u32), rgb: &[u8]) -> Option<f64> {
+    /// The filmed picture of view number `index`, of `size` (width, height): `[H, W, 3]`. `None` if there is
+    /// none at that size.
+    pub(super) fn picture(&self, index: usize, size: (u32, u32)) -> Option<Vec<u8>> {
         let (shard, places) = self.seen.as_ref()?;
         let (width, height) = size;
         let real = shard.image(*places.get(index)?).resized(width.max(height));
         let same_size = (real.width, real.height) == (width as usize, height as usize);
-        same_size.then(|| fidelity(&real.rgb, rgb))
+        same_size.then_some(real.rgb)
     }
+}
+
+/// `left` and `right` side by side, each of `width` pixels of 3 bytes.
+pub(super) fn beside(left: &[u8], right: &[u8], width: u32) -> Vec<u8> {
+    let row = 3 * width as usize;
+    let rows = left.chunks_exact(row).zip(right.chunks_exact(row));
+    rows.flat_map(|(left, right)| [left, right].concat())
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yoto_avatar::tradeoff::sweep::fidelity;
     use yoto_capture::{ShardBuilder, synthetic::SyntheticPerson};
     use yoto_proto::v1::{IdentitySlot, Inputs, Model, RenderSpec, render_spec::What};
 
@@ -103,23 +111,29 @@ mod tests {
         let own = known("subjects/a", vec![], &body);
         let seen = images[3].resized(16).rgb;
         assert_eq!(
-            own.psnr(1, (16, 16), &seen),
-            Some(100.0),
+            own.picture(1, (16, 16)).as_ref(),
+            Some(&seen),
             "frame 3 comes second"
         );
-        assert!(own.psnr(0, (16, 16), &seen).expect("frame 0 is known") < 100.0);
-        assert_eq!(
-            own.psnr(1, (48, 48), &[0; 48 * 48 * 3]),
-            None,
-            "larger than seen"
-        );
+        let first = own.picture(0, (16, 16)).expect("frame 0 is known");
+        assert!(fidelity(&first, &seen) < 100.0);
+        assert_eq!(own.picture(1, (48, 48)), None, "larger than seen");
         let other = known("subjects/b", vec![], &body);
-        assert_eq!(other.psnr(1, (16, 16), &seen), None);
+        assert_eq!(other.picture(1, (16, 16)), None);
         let white = known("subjects/a", vec![1.0; 3], &body);
-        assert_eq!(white.psnr(1, (16, 16), &seen), None);
+        assert_eq!(white.picture(1, (16, 16)), None);
         let mut grown = body.clone();
         grown.rest[1][1] += 0.1;
         let replaced = known("subjects/a", vec![], &grown);
-        assert_eq!(replaced.psnr(1, (16, 16), &seen), None);
+        assert_eq!(replaced.picture(1, (16, 16)), None);
+    }
+
+    #[test]
+    fn pictures_stand_side_by_side() {
+        let (left, right) = ([1, 2, 3, 4, 5, 6], [7, 8, 9, 10, 11, 12]);
+        assert_eq!(
+            beside(&left, &right, 1),
+            [1, 2, 3, 7, 8, 9, 4, 5, 6, 10, 11, 12]
+        );
     }
 }
