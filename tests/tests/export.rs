@@ -31,7 +31,10 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     };
     yoto(&format!("subject add ada {}", at("ada")), succeed)?;
     yoto("train solo --subjects ada --tier splat --steps 30", succeed)?;
-    yoto("train field --subjects ada --tier draft --steps 2", succeed)?;
+    yoto(
+        "train field --subjects ada --tier draft --steps 100",
+        succeed,
+    )?;
 
     let export = format!("export solo --subject ada --capture {}", at("ada"));
     yoto(&format!("{export} --out {}", at("ada.html")), succeed)?;
@@ -84,7 +87,7 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     );
     for options in [" --transparent", " --animate"] {
         let said = yoto(&format!("{film} --force{options}"), fail)?;
-        ensure!(said.contains("an .mp4 is one film"), "{said}");
+        ensure!(said.contains("an .mp4 or .gif is one film"), "{said}");
     }
     // Over an existing file only if asked.
     let said = yoto(&film, fail)?;
@@ -140,6 +143,33 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         at("frame.png")
     );
     succeed(YOTO, &render.split(' ').collect::<Vec<_>>())?;
+    // Of a field, splats can be made first.
+    yoto(
+        &format!("model export field --out {}", at("field")),
+        succeed,
+    )?;
+    let distill = |model: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
+        let (model, capture, out) = (at(model), at("ada"), at("distilled"));
+        let line = format!(
+            "distill --model-dir {model} --capture {capture} --size 64 --seconds 4 --out {out}"
+        );
+        run(YOTO, &line.split(' ').collect::<Vec<_>>())
+    };
+    let said = distill("field", succeed)?;
+    ensure!(said.contains("dB to the field"), "{said}");
+    let line = format!(
+        "export {} --slot 0 --out {}",
+        at("distilled"),
+        at("distilled.ply")
+    );
+    succeed(YOTO, &line.split(' ').collect::<Vec<_>>())?;
+    for (model, cause) in [("model", "is there already"), ("other", "other")] {
+        let said = distill(model, fail)?;
+        ensure!(said.contains(cause), "{said}");
+        std::fs::remove_dir_all(at("distilled")).ok();
+    }
+    let said = distill("model", fail)?;
+    ensure!(said.contains("has splats already"), "{said}");
     let Some(browser) = Browser::find()? else {
         eprintln!("no browser here: the page is not drawn");
         return Ok(());

@@ -15,6 +15,8 @@ mod completions;
 mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
+#[cfg(feature = "embedded")]
+mod distill;
 mod evaluate;
 #[cfg(feature = "embedded")]
 mod export;
@@ -148,6 +150,8 @@ enum Command {
     #[cfg(feature = "embedded")]
     RenderFrame(render_frame::RenderFrame),
     #[cfg(feature = "embedded")]
+    Distill(distill::Distill),
+    #[cfg(feature = "embedded")]
     Export(export::Export),
     Evaluate(evaluate::Evaluate),
     #[cfg(feature = "embedded")]
@@ -223,6 +227,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Render(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::RenderFrame(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::Distill(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),

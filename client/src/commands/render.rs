@@ -276,7 +276,7 @@ impl Render {
     fn ensure_film(&self, transparent: bool) -> anyhow::Result<()> {
         anyhow::ensure!(
             !render_film::is_film(&self.folder.out) || (!transparent && !self.animate),
-            "transparency and --animate belong to a folder of pictures: a film has no transparency"
+            "transparency and --animate belong to a folder of pictures: an .mp4 or .gif is one film without transparency"
         );
         Ok(())
     }

@@ -38,7 +38,10 @@ pub(crate) fn person(folder: &Path, slot: usize, model: &str) -> anyhow::Result<
     let person = renderer.skinned_splats(slot).with_context(reading)?;
     let tier = &renderer.config().tier;
     person.with_context(|| {
-        format!("the model's tier, {tier}, has no splats: train one with --tier splat")
+        format!(
+            "the model's tier, {tier}, has no splats: train one with --tier splat, or make some of \
+             this one with `yoto distill`"
+        )
     })
 }
 

@@ -1,0 +1,138 @@
+//! A film of what a model knows about one person, from which another model learns them: splats from a field.
+//!
+//! The other model trains on the film as on a capture. Its poses are those of motions, its cameras stand all
+//! around the person.
+
+use crate::render::{RenderError, RenderView, Rendered, Renderer};
+use std::f64::consts::TAU;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::transform::{
+    Vec3, add, apply, cross, length, normalised, rigid, rodrigues, scale, sub,
+};
+use yoto_capture::{CaptureError, FrameImage, Shard, ShardBuilder};
+use yoto_proto::pose_track::PoseTrack;
+
+/// Distance of the cameras, metres.
+const DISTANCE: f64 = 3.5;
+/// What a person reaches beyond their joints, metres.
+const REACH: f64 = 0.25;
+/// Elevations of the cameras, degrees, one after the other. Few captures show crowns and soles.
+const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
+/// Steps through motions and around the person: the most even sequence in two dimensions, however long it is
+/// (Roberts' R2).
+const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+
+/// A film that can't be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DistillError {
+    /// Nobody is in the slot.
+    #[error("the model has no slot {0}")]
+    NoSuchSlot(usize),
+    /// There are no poses.
+    #[error("no poses to draw the person in")]
+    NoPoses,
+    /// A picture can't be rendered.
+    #[error("picture {place}")]
+    Render {
+        /// Its place in the film.
+        place: usize,
+        /// What is wrong.
+        source: RenderError,
+    },
+    /// The pictures are no capture.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+}
+
+/// What to film of a person.
+pub struct Lessons<'a> {
+    /// The model that knows them.
+    pub renderer: &'a Renderer,
+    /// Their slot in it.
+    pub slot: usize,
+    /// Poses of their body.
+    pub poses: &'a [Pose],
+    /// The up axis of the poses' world.
+    pub up: Vec3,
+    /// Side of the pictures, pixels.
+    pub size: u32,
+}
+
+impl Lessons<'_> {
+    /// The film, with as many pictures as `wanted` asks for, given the number that there are, and at least one.
+    ///
+    /// # Errors
+    /// If there is nobody or no pose, or a picture can't be rendered.
+    pub fn film(&self, mut wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
+        let body = self.renderer.skeleton(self.slot);
+        let body = body.ok_or(DistillError::NoSuchSlot(self.slot))?;
+        let (mut frames, mut images) = (Vec::new(), Vec::new());
+        while frames.is_empty() || wanted(frames.len()) {
+            let place = frames.len();
+            let [moment, around] = STEPS.map(|step| (place as f64 * step).fract());
+            let pose = (moment * self.poses.len() as f64) as usize;
+            let pose = self.poses.get(pose).ok_or(DistillError::NoPoses)?;
+            let camera = self.camera(&body.posed_joints(pose), around, place);
+            let rendered = self.renderer.render(&RenderView {
+                slot: self.slot,
+                pose: pose.clone(),
+                camera: camera.clone(),
+                background: [0.0; 3],
+            });
+            let rendered = rendered.map_err(|source| DistillError::Render { place, source })?;
+            images.push(picture(&rendered));
+            frames.push(camera.to_frame(place as u32, pose));
+        }
+        let mut shard = ShardBuilder::new(PoseTrack {
+            skeleton: body.to_track(),
+            image_size: [self.size; 2],
+            fps: 30.0,
+            distortion: [0.0; 5],
+            frames,
+        });
+        for image in &images {
+            shard.push(image)?;
+        }
+        Ok(shard.finish()?)
+    }
+
+    /// A camera that sees all of `joints`, a share of the way `around` them.
+    fn camera(&self, joints: &[Vec3], around: f64, place: usize) -> Camera {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for joint in joints {
+            for axis in 0..3 {
+                low[axis] = low[axis].min(joint[axis]);
+                high[axis] = high[axis].max(joint[axis]);
+            }
+        }
+        let middle = scale(add(low, high), 0.5);
+        let far = |joint: &Vec3| length(sub(*joint, middle));
+        let radius = joints.iter().map(far).fold(0.0, f64::max) + REACH;
+        let elevation = ELEVATIONS[place % ELEVATIONS.len()].to_radians();
+        let any = if self.up[0].abs() < 0.9 {
+            [1.0, 0.0, 0.0]
+        } else {
+            [0.0, 0.0, 1.0]
+        };
+        let level = normalised(cross(self.up, any));
+        let turn = rigid(rodrigues(scale(self.up, TAU * around)), [0.0; 3]);
+        let level = scale(apply(&turn, level), elevation.cos());
+        let direction = add(level, scale(self.up, elevation.sin()));
+        let eye = add(middle, scale(direction, DISTANCE.max(2.0 * radius)));
+        let distance = length(sub(eye, middle));
+        // The sphere around the body touches the picture's edges.
+        let focal = 0.5 * f64::from(self.size) / (radius / distance).asin().tan();
+        Camera::look_at(eye, middle, self.up, focal, self.size, self.size)
+    }
+}
+
+/// A frame over black, as a capture has it.
+fn picture(rendered: &Rendered) -> FrameImage {
+    let byte = |alpha: &f32| (alpha.clamp(0.0, 1.0) * 255.0).round() as u8;
+    FrameImage {
+        width: rendered.width,
+        height: rendered.height,
+        rgb: rendered.to_rgb8(),
+        mask: rendered.alpha.iter().map(byte).collect(),
+    }
+}

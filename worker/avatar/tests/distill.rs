@@ -1,0 +1,86 @@
+//! Splats that learn a person from a field's pictures.
+
+use burn::tensor::Device;
+use std::sync::Arc;
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::distill::{DistillError, Lessons};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_capture::camera::Pose;
+use yoto_capture::synthetic::SyntheticPerson;
+use yoto_capture::{Shard, ShardBuilder};
+
+const SIZE: u32 = 64;
+
+fn trained(tier: &str, shard: Arc<Shard>, steps: u64, validation: Validation) -> Trainer {
+    let config = ModelConfig::named(tier, "yoto").expect("a tier");
+    let options = TrainOptions {
+        budget: Budget::Steps(steps),
+        validation,
+        ..TrainOptions::default()
+    };
+    let person = Person {
+        slot: 0,
+        name: "ada".into(),
+        shard,
+    };
+    let mut trainer = Trainer::new(config, options, vec![person], &Device::flex()).expect("starts");
+    while !trainer.finished() {
+        trainer.step().expect("a step");
+    }
+    trainer
+}
+
+#[test]
+fn splats_show_what_a_field_shows() {
+    let actor = &SyntheticPerson::cast(1, 7)[0];
+    let (track, images) = actor.capture(12, SIZE);
+    let poses: Vec<Pose> = track
+        .frames
+        .iter()
+        .map(|frame| Pose::from_frame(frame).expect("a pose"))
+        .collect();
+    let mut shard = ShardBuilder::new(track);
+    for image in &images {
+        shard.push(image).expect("fits");
+    }
+    let shard = Arc::new(shard.finish().expect("complete"));
+    let field = trained("draft", shard, 150, Validation::NONE).renderer();
+    let lessons = |poses, slot| Lessons {
+        renderer: &field,
+        slot,
+        poses,
+        up: [0.0, 1.0, 0.0],
+        size: SIZE,
+    };
+    let film = lessons(&poses, 0)
+        .film(|pictures| pictures < 24)
+        .expect("a film");
+    assert_eq!(film.frames(), 24);
+    for frame in 0..film.frames() {
+        let image = film.image(frame);
+        let shown = image.mask.iter().filter(|alpha| **alpha > 127).count();
+        assert!(
+            shown > 150,
+            "picture {frame} shows {shown} pixels of the person"
+        );
+        // Nobody reaches the edge: the camera sees the whole body.
+        let side = SIZE as usize;
+        let edge =
+            (0..side).flat_map(|i| [i, (side - 1) * side + i, i * side, i * side + side - 1]);
+        let cut = edge.filter(|at| image.mask[*at] > 127).count();
+        assert_eq!(cut, 0, "picture {frame}");
+    }
+    let mut splats = trained("splat", Arc::new(film), 200, Validation::Every(6));
+    splats.validate().expect("pictures");
+    let likeness = splats.progress().psnr.expect("held-out pictures");
+    assert!(likeness > 24.0, "{likeness} dB to the field");
+
+    assert!(matches!(
+        lessons(&[], 0).film(|_| false),
+        Err(DistillError::NoPoses)
+    ));
+    assert!(matches!(
+        lessons(&poses, 3).film(|_| false),
+        Err(DistillError::NoSuchSlot(3))
+    ));
+}
