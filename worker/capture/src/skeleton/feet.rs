@@ -219,7 +219,7 @@ fn shortest(from: Vec3, to: Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{retarget, smpl};
+    use super::super::{retarget, smpl, transfer};
     use super::*;
 
     const UP: Vec3 = [0.0, 1.0, 0.0];
@@ -294,6 +294,11 @@ mod tests {
             slid > 0.03 && slides < 1e-4,
             "{slid} m/s, then {slides} m/s"
         );
+        // A transfer plants feet, except on the driver's own body.
+        let other = transfer(&driver, &body, &poses, &seconds, UP);
+        assert_eq!(other.as_ref(), Ok(&moved));
+        let own = transfer(&driver, &driver, &poses, &seconds, UP);
+        assert_eq!(own.as_ref(), Ok(&poses));
         for (before, after) in before.iter().zip(&moved) {
             let (before, after) = (body.world_transforms(before), body.world_transforms(after));
             // Feet keep their directions, and everything but the legs its place.

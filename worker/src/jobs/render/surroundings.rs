@@ -1,7 +1,8 @@
 //! What is behind and below the people of a scene: a picture and their shadow.
 
 use crate::jobs::JobFailure;
-use image::{RgbImage, imageops::FilterType};
+use image::{DynamicImage, RgbImage, imageops::FilterType};
+use std::cell::RefCell;
 use yoto_avatar::render::{Rendered, Renderer, SceneView};
 use yoto_capture::{
     camera::Camera,
@@ -25,7 +26,9 @@ const DARKEST: f32 = 0.5;
 
 /// What is behind and below people.
 pub(super) struct Surroundings {
-    backdrop: Option<RgbImage>,
+    backdrop: Option<DynamicImage>,
+    /// The backdrop at the size of the last picture: all pictures of a film mostly have one size.
+    fitted: RefCell<Option<RgbImage>>,
     colour: [f32; 3],
     shadow: bool,
     transparent: bool,
@@ -43,17 +46,14 @@ impl Surroundings {
     ) -> Result<Option<Self>, JobFailure> {
         let backdrop = match scene.backdrop.as_slice() {
             [] => None,
-            bytes => Some(
-                image::load_from_memory(bytes)
-                    .map_err(|error| {
-                        JobFailure::invalid("render", "scene.backdrop", error.to_string())
-                    })?
-                    .to_rgb8(),
-            ),
+            bytes => Some(image::load_from_memory(bytes).map_err(|error| {
+                JobFailure::invalid("render", "scene.backdrop", error.to_string())
+            })?),
         };
         let any = backdrop.is_some() || scene.shadow;
         Ok(any.then_some(Self {
             backdrop,
+            fitted: RefCell::new(None),
             colour,
             shadow: scene.shadow,
             transparent,
@@ -63,11 +63,13 @@ impl Surroundings {
     /// Puts them behind `frame`, which `camera` sees over black.
     pub(super) fn behind(&self, frame: &mut Rendered, shadow: Option<&Shadow>, camera: &Camera) {
         let (width, height) = (camera.width, camera.height);
-        let filled = self.backdrop.as_ref().map(|backdrop| {
-            let picture = image::DynamicImage::ImageRgb8(backdrop.clone());
-            let picture = picture.resize_to_fill(width, height, FilterType::Triangle);
-            picture.to_rgb8()
-        });
+        let mut fitted = self.fitted.borrow_mut();
+        if let Some(backdrop) = &self.backdrop
+            && fitted.as_ref().map(RgbImage::dimensions) != Some((width, height))
+        {
+            let filled = backdrop.resize_to_fill(width, height, FilterType::Triangle);
+            *fitted = Some(filled.to_rgb8());
+        }
         let pixels = frame.rgb.as_chunks_mut::<3>().0.iter_mut();
         for (at, (rgb, alpha)) in pixels.zip(&mut frame.alpha).enumerate() {
             let (x, y) = (at as u32 % width, at as u32 / width);
@@ -77,7 +79,7 @@ impl Surroundings {
                 *alpha += through * dark;
                 continue;
             }
-            let colour = match &filled {
+            let colour = match fitted.as_ref() {
                 Some(picture) => picture.get_pixel(x, y).0.map(|v| f32::from(v) / 255.0),
                 None => self.colour,
             };
