@@ -1,6 +1,9 @@
 //! Coordinator and worker in this process, with the same gRPC as over a network.
 //!
-//! The worker and this process's own client use an in-memory stream; other clients may use TCP.
+//! The workers and this process's own client use an in-memory stream; other clients may use TCP. There are
+//! two workers, a lane for trainings and one for everything else, so that a render or an upload does not
+//! wait for the end of a training. Their tensor operations share one pool with a thread per core, into which
+//! each lane puts small pieces of work in turn: a render beside a training takes about half of the cores.
 //! A shutdown has a time limit, regardless of jobs and clients: first the network and the worker
 //! (a running job saves and returns to the queue), then the coordinator, which the worker needs
 //! until it has returned its job.
@@ -17,6 +20,7 @@ use tokio_util::sync::CancellationToken;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
+use yoto_proto::v1::JobKind;
 use yoto_server::{
     Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, StorageLimits,
     in_memory,
@@ -95,6 +99,9 @@ pub struct Embedded {
     /// Ends the in-memory side, which the worker needs while it drains.
     stop: CancellationToken,
     coordinator: Option<JoinHandle<Outcome<ServerError>>>,
+    /// The lane for trainings.
+    trainer: Option<JoinHandle<Outcome<WorkerError>>>,
+    /// The lane for everything else.
     worker: Option<JoinHandle<Outcome<WorkerError>>>,
 }
 
@@ -132,6 +139,7 @@ impl Embedded {
                 drain.clone(),
                 stop.clone(),
             ))),
+            trainer: None,
             worker: None,
             connector,
             address,
@@ -143,24 +151,38 @@ impl Embedded {
         if options.worker {
             let picked = pick_device().await?;
             embedded.device.clone_from(&picked.info.adapter);
-            let config = WorkerConfig {
-                display_name: "embedded".into(),
+            let config = |name: &str, kinds: &[JobKind]| WorkerConfig {
+                display_name: name.into(),
+                kinds: kinds.to_vec(),
+                embedded: true,
                 // Polling is cheap within one process.
                 idle_poll_seconds: 0.25,
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
-                ingest: options.ingest,
-                lpips: options.lpips,
+                ingest: options.ingest.clone(),
+                lpips: options.lpips.clone(),
                 after_job: crate::allocator::give_back_memory,
                 ..WorkerConfig::default()
             };
-            let worker = Worker::new(embedded.connector.channel(), &objects, picked, config)?;
-            let drain = embedded.drain.clone();
-            // On its own thread: heartbeats must not wait for a busy coordinator.
-            let runtime = tokio::runtime::Handle::current();
-            let run = move || runtime.block_on(worker.run(drain.cancelled_owned()));
-            embedded.worker = Some(tokio::task::spawn_blocking(run));
+            let trainer = config("embedded trainer", &[JobKind::Train]);
+            embedded.trainer = Some(embedded.lane(picked.clone(), trainer)?);
+            let others = [JobKind::Ingest, JobKind::Render, JobKind::Evaluate];
+            let others = config("embedded", &others);
+            embedded.worker = Some(embedded.lane(picked, others)?);
         }
         Ok(embedded)
+    }
+
+    /// Starts a worker on a thread of its own: heartbeats must not wait for a busy coordinator.
+    fn lane(
+        &self,
+        device: PickedDevice,
+        config: WorkerConfig,
+    ) -> Result<JoinHandle<Outcome<WorkerError>>, EmbeddedError> {
+        let worker = Worker::new(self.connector.channel(), &self.objects, device, config)?;
+        let drain = self.drain.clone();
+        let runtime = tokio::runtime::Handle::current();
+        let run = move || runtime.block_on(worker.run(drain.cancelled_owned()));
+        Ok(tokio::task::spawn_blocking(run))
     }
 
     /// A client of the service, over the in-memory stream.
@@ -187,6 +209,7 @@ impl Embedded {
     pub async fn failed(&mut self) -> EmbeddedError {
         tokio::select! {
             error = ended_early(&mut self.coordinator, "coordinator") => error,
+            error = ended_early(&mut self.trainer, "trainer") => error,
             error = ended_early(&mut self.worker, "worker") => error,
         }
     }
@@ -198,7 +221,10 @@ impl Embedded {
     /// When a part failed, or was stopped by force.
     pub async fn shutdown(mut self) -> Result<(), EmbeddedError> {
         self.drain.cancel();
-        let worker = joined(self.worker.take(), "worker", WORKER_DRAIN + SLACK).await;
+        let (trainer, worker) = tokio::join!(
+            joined(self.trainer.take(), "trainer", WORKER_DRAIN + SLACK),
+            joined(self.worker.take(), "worker", WORKER_DRAIN + SLACK),
+        );
         self.stop.cancel();
         let coordinator = joined(
             self.coordinator.take(),
@@ -206,7 +232,7 @@ impl Embedded {
             3 * SERVER_GRACE + SLACK,
         )
         .await;
-        worker.and(coordinator)
+        trainer.and(worker).and(coordinator)
     }
 }
 

@@ -173,6 +173,9 @@ fn queued(job: &Job) -> String {
         0 => "next in the queue".to_owned(),
         ahead => format!("{ahead} ahead in the queue"),
     };
+    if let Some(cause) = &job.waiting {
+        return format!("waits to be tried again: {}", cause.message);
+    }
     match job.lost_workers {
         0 => format!("queued, {place}"),
         lost => {

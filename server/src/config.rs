@@ -1,7 +1,11 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::{checkpoints::retention::Retention, error::ServerError};
-use std::{path::PathBuf, time::Duration};
+use crate::{
+    checkpoints::retention::Retention,
+    clock::{Clock, SystemClock},
+    error::ServerError,
+};
+use std::{path::PathBuf, sync::Arc, time::Duration};
 use url::Url;
 
 /// Longest gRPC message that either side takes, bytes. A list of views or of a capture's
@@ -19,8 +23,10 @@ pub struct ServerConfig {
     pub lease_seconds: f64,
     /// Interval of the search for expired leases.
     pub reap_interval: Duration,
-    /// Number of lost workers after which a job FAILS.
+    /// Number of lost workers after which a job FAILS, counted from its last published checkpoint.
     pub max_lost_workers: u32,
+    /// The clock of jobs and leases.
+    pub clock: Arc<dyn Clock>,
     /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
     /// Longest time for open connections to end after the start of a shutdown.
@@ -30,6 +36,8 @@ pub struct ServerConfig {
     /// What is stored, and for how long.
     pub storage: StorageLimits,
 }
+
+const DAY: Duration = Duration::from_secs(24 * 3600);
 
 /// What is stored, and for how long.
 #[derive(Debug, Clone)]
@@ -44,6 +52,12 @@ pub struct StorageLimits {
     pub collect_interval: Duration,
     /// Free bytes of the disk below which uploads and trainings are refused.
     pub min_free_bytes: u64,
+    /// Age at which answers to request ids are forgotten.
+    pub keep_request_ids: Duration,
+    /// Age at which the history of ended attempts is forgotten.
+    pub keep_attempts: Duration,
+    /// Age at which workers are forgotten that no job names any more.
+    pub keep_workers: Duration,
 }
 
 impl Default for StorageLimits {
@@ -51,9 +65,12 @@ impl Default for StorageLimits {
         Self {
             keep_newest: 3,
             keep_every: 10,
-            grace: Duration::from_secs(24 * 3600),
+            grace: DAY,
             collect_interval: Duration::from_secs(3600),
             min_free_bytes: 2 << 30,
+            keep_request_ids: 7 * DAY,
+            keep_attempts: 90 * DAY,
+            keep_workers: 7 * DAY,
         }
     }
 }
@@ -90,6 +107,7 @@ impl ServerConfig {
             lease_seconds: 20.0,
             reap_interval: Duration::from_millis(500),
             max_lost_workers: 5,
+            clock: Arc::new(SystemClock),
             watch_poll: Duration::from_millis(250),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {

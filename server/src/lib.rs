@@ -1,11 +1,12 @@
 //! The coordinator: API, jobs, catalogue, objects. It has no tensors and decodes no media.
 //!
-//! A request passes through the layers: `api` (gRPC) → `jobs` and `objects` (rules) →
-//! `store` (database). [`Coordinator`] opens them on a data folder and serves them on any
+//! A request passes through the layers: `api` (gRPC) → `jobs` and `objects` → `store` (database, by
+//! the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod api;
 mod checkpoints;
+pub mod clock;
 pub mod config;
 mod context;
 mod error;
@@ -13,6 +14,7 @@ mod in_memory;
 mod jobs;
 mod lock;
 mod objects;
+mod rules;
 mod serve;
 mod store;
 
@@ -65,12 +67,12 @@ impl Coordinator {
             Some(url) => Objects::open(url)?,
             None => Objects::open(&folder_url(&data_dir.join(OBJECTS_FOLDER))?)?,
         };
-        let store = SqliteStore::open(&data_dir.join(DATABASE_FILE)).await?;
+        let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
         let context = Arc::new(Context {
             config,
             store: Arc::new(store),
             objects,
-            changes: JobChanges::new(),
+            changes: JobChanges::default(),
             roster: Roster::default(),
             started: SystemTime::now(),
             stop: CancellationToken::new(),
@@ -78,6 +80,7 @@ impl Coordinator {
             collecting: tokio::sync::Mutex::new(()),
         });
         remove_cut_uploads(&context).await?;
+        reaper::take_back_embedded(&context).await?;
         let tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
@@ -104,6 +107,15 @@ impl Coordinator {
         F: Future<Output = ()>,
     {
         serve::serve(Arc::clone(&self.context), incoming, shutdown)
+    }
+
+    /// Looks after all leases now, as the coordinator does by itself at every
+    /// [`ServerConfig::reap_interval`].
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn look_after_leases(&self) -> Result<(), ServerError> {
+        Ok(reaper::tick(&self.context).await?)
     }
 
     /// Where the objects are, for workers to open.

@@ -57,6 +57,7 @@ async fn a_request_id_gets_one_answer_and_serves_one_body() {
             })),
         }),
         request_id: "r-1".into(),
+        ..<_>::default()
     };
     let mut client = service.jobs();
     let first = client
@@ -103,9 +104,9 @@ async fn pages_follow_each_other_without_gap_or_repeat() {
             break;
         }
         let foreign = ListJobsRequest {
-            states: Vec::new(),
             page_size: 2,
             page_token: token.clone(),
+            ..<_>::default()
         };
         assert_invalid(service.jobs().list_jobs(foreign).await, "page_token");
     }
@@ -276,6 +277,7 @@ async fn a_job_is_refused_while_the_catalogue_cannot_serve_it() {
     let published = service.publish(&lease, 7).await.expect("publishes");
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
+        ..<_>::default()
     };
     let listed = service
         .models()

@@ -39,7 +39,10 @@ async fn delete_capture(service: &Service, name: &str) -> Answer {
 }
 
 async fn cancel(service: &Service, name: &str) {
-    let request = CancelJobRequest { name: name.into() };
+    let request = CancelJobRequest {
+        name: name.into(),
+        request_id: String::new(),
+    };
     service.jobs().cancel_job(request).await.expect("cancels");
 }
 

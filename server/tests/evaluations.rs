@@ -175,6 +175,7 @@ async fn the_best_checkpoint_is_measured_unless_another_is_asked_for() {
     assert_invalid(unknown, "spec.evaluate.checkpoint");
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
+        ..<_>::default()
     };
     let listed = service.models().list_checkpoints(request).await;
     let listed = listed.expect("lists").into_inner().checkpoints;

@@ -8,7 +8,7 @@ use tonic::Code;
 use yoto_proto::{
     keys,
     v1::{
-        CreateJobRequest, DeleteJobRequest, FailJobRequest, JobError, JobSpec, TrainSpec, job_spec,
+        CreateJobRequest, DeleteJobRequest, JobSpec, TrainSpec, end_job_request::Outcome, job_spec,
         upload_capture_request::Part,
     },
 };
@@ -102,16 +102,8 @@ async fn what_a_running_job_writes_is_not_garbage_until_it_ends() {
     assert!(service.has(&own), "it may be published yet");
     assert!(!service.has(&other), "nobody has this token");
 
-    let ended = FailJobRequest {
-        job: job_name(&lease),
-        token: lease.token,
-        error: Some(JobError {
-            code: "DIVERGED".into(),
-            ..<_>::default()
-        }),
-        ..<_>::default()
-    };
-    service.workers().fail_job(ended).await.expect("fails");
+    let error = Outcome::Failed(support::job_error("DIVERGED", ""));
+    service.end(&lease, error).await.expect("fails");
     service.collect(false, false).await;
     assert!(!service.has(&own));
 }

@@ -1,57 +1,74 @@
-//! Leases: guarded writes, lost workers, ends of jobs.
+//! Leases: guarded writes, lost workers, ends of jobs. The clock is the tests' own.
 
 mod support;
 
-use support::{Service, assert_invalid, assert_refused, eventually, job_name};
+use std::sync::Arc;
+use support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
 use tonic::{Code, Status};
 use yoto_proto::v1::{
-    CancelJobRequest, FailJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest,
-    Progress, TrainResult, capture, job, job_result,
+    CancelJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest, Progress,
+    TrainResult, capture,
+    end_job_request::{Cancelled, Outcome, Returned},
+    job,
+    job_attempt::Outcome as Ended,
+    job_result,
 };
+use yoto_server::clock::ManualClock;
 
-/// A lease that expires during a test, seconds; long enough for a few calls on a busy machine.
-const SHORT_LEASE: f64 = 1.0;
+/// Length of a lease, seconds.
+const LEASE: f64 = 20.0;
+const STALE: &str = "STALE_LEASE";
+
+/// A service whose clock moves only when it is told to.
+async fn start() -> (Service, Arc<ManualClock>) {
+    let clock = Arc::new(ManualClock::at(1e9));
+    let own = clock.clone();
+    let service = Service::start_with(move |config| {
+        config.clock = own;
+        config.lease_seconds = LEASE;
+        config.max_lost_workers = 3;
+    })
+    .await;
+    (service, clock)
+}
+
+/// Moves the clock in steps short enough to be no outage, and has the service look after its leases.
+async fn pass(service: &Service, clock: &ManualClock, seconds: f64) {
+    let mut left = seconds;
+    while left > 0.0 {
+        let step = left.min(LEASE / 4.0);
+        clock.advance(step);
+        service
+            .coordinator
+            .look_after_leases()
+            .await
+            .expect("looks");
+        left -= step;
+    }
+}
 
 async fn heartbeat(service: &Service, lease: &Lease, step: u64) -> Result<bool, Status> {
     let progress = Some(Progress {
         phase: "training".into(),
         step,
+        steps_per_second: 7.0,
         ..<_>::default()
     });
     let request = HeartbeatRequest {
-        job: job_name(lease),
-        token: lease.token,
+        claim: Some(claim(lease)),
         progress,
     };
-    service
-        .workers()
-        .heartbeat(request)
-        .await
-        .map(|answer| answer.into_inner().cancel)
+    let answer = service.workers().heartbeat(request).await;
+    answer.map(|answer| answer.into_inner().cancel)
 }
 
 async fn cancel(service: &Service, job: &str) -> Job {
-    let request = CancelJobRequest { name: job.into() };
-    service
-        .jobs()
-        .cancel_job(request)
-        .await
-        .expect("is heard")
-        .into_inner()
-}
-
-async fn give_up(
-    service: &Service,
-    lease: &Lease,
-    change: impl FnOnce(&mut FailJobRequest),
-) -> Result<(), Status> {
-    let mut request = FailJobRequest {
-        job: job_name(lease),
-        token: lease.token,
-        ..<_>::default()
+    let request = CancelJobRequest {
+        name: job.into(),
+        request_id: "once".into(),
     };
-    change(&mut request);
-    service.workers().fail_job(request).await.map(drop)
+    let answer = service.jobs().cancel_job(request).await;
+    answer.expect("is heard").into_inner()
 }
 
 async fn train_result(service: &Service, lease: &Lease, step: u64) -> job_result::Kind {
@@ -63,16 +80,24 @@ async fn train_result(service: &Service, lease: &Lease, step: u64) -> job_result
     })
 }
 
+async fn training(service: &Service) -> Job {
+    let subject = service.ready_subject("Ada").await;
+    service.train(&service.model_of(&subject).await).await
+}
+
+/// How each attempt of a job ended.
+async fn history(service: &Service, job: &str) -> Vec<Ended> {
+    let attempts = service.get_job(job).await.attempts;
+    attempts.iter().map(|it| it.outcome()).collect()
+}
+
 #[tokio::test]
 async fn a_training_is_leased_reported_and_completed() {
     let service = Service::start().await;
     let subject = service.ready_subject("Ada").await;
     let model = service.model_of(&subject).await;
     let job = service.train(&model).await;
-    assert_eq!(
-        (job.state(), job.sequence, job.lease),
-        (job::State::Queued, 1, 0)
-    );
+    assert_eq!((job.state(), job.sequence), (job::State::Queued, 1));
     let renderer = service.worker(&["render"]).await;
     assert_eq!(service.lease(&renderer).await, None, "it does not train");
 
@@ -83,151 +108,211 @@ async fn a_training_is_leased_reported_and_completed() {
     assert_eq!(inputs.model, Some(model));
     assert_eq!(inputs.shards.len(), 1);
     assert_eq!(inputs.shards[0].subject, subject.name);
-    assert!(
-        !heartbeat(&service, &lease, 3)
-            .await
-            .expect("holds the lease")
-    );
+    let cancelled = heartbeat(&service, &lease, 3).await;
+    assert!(!cancelled.expect("holds the lease"));
     let running = service.get_job(&job.name).await;
-    assert_eq!(
-        (running.state(), running.worker),
-        (job::State::Running, trainer.clone())
-    );
+    let seen = (running.state(), running.worker);
+    assert_eq!(seen, (job::State::Running, trainer.clone()));
     assert_eq!(running.progress.expect("has progress").step, 3);
 
     let unpublished = TrainResult {
         checkpoint: "models/x/checkpoints/9".into(),
         ..<_>::default()
     };
-    let answer = service
-        .complete(&lease, job_result::Kind::Train(unpublished))
-        .await;
-    assert_invalid(answer, "result.train.checkpoint");
+    let answer = service.complete(&lease, job_result::Kind::Train(unpublished));
+    assert_invalid(answer.await, "result.train.checkpoint");
     let ingest = job_result::Kind::Ingest(IngestResult::default());
     assert_invalid(service.complete(&lease, ingest).await, "result");
     let result = train_result(&service, &lease, 10).await;
-    service
-        .complete(&lease, result.clone())
-        .await
-        .expect("completes");
+    let answer = service.complete(&lease, result.clone()).await;
+    answer.expect("completes");
     let done = service.get_job(&job.name).await;
     assert_eq!(done.state(), job::State::Succeeded);
     assert!(done.end_time.is_some() && done.start_time.is_some());
-    let answer = service.complete(&lease, result).await;
-    assert_refused(answer, Code::FailedPrecondition, "STALE_LEASE");
+    assert_eq!(history(&service, &job.name).await, [Ended::Succeeded]);
+
+    // A repeated call gets the answer of the first, another end is refused.
+    let repeated = service.complete(&lease, result).await;
+    repeated.expect("is a repetition");
+    let failed = Outcome::Failed(job_error("INTERNAL", "after all"));
+    let answer = service.end(&lease, failed).await;
+    assert_refused(answer, Code::FailedPrecondition, STALE);
     let again = heartbeat(&service, &lease, 4).await;
-    assert_refused(again, Code::FailedPrecondition, "STALE_LEASE");
+    assert_refused(again, Code::FailedPrecondition, STALE);
     let request = LeaseJobRequest {
         worker: "workers/none".into(),
+        request_id: String::new(),
     };
-    assert_refused(
-        service.workers().lease_job(request).await,
-        Code::NotFound,
-        "NOT_FOUND",
-    );
+    let answer = service.workers().lease_job(request).await;
+    assert_refused(answer, Code::NotFound, "NOT_FOUND");
 }
 
 #[tokio::test]
 async fn a_lost_lease_is_taken_over_and_every_late_write_refused() {
-    let service = Service::start_with(|config| config.lease_seconds = SHORT_LEASE).await;
-    let subject = service.ready_subject("Ada").await;
-    let model = service.model_of(&subject).await;
-    let job = service.train(&model).await;
+    let (service, clock) = start().await;
+    let job = training(&service).await;
     let lost = service.worker(&["train"]).await;
     let old = service.lease(&lost).await.expect("the training waits");
     service.publish(&old, 5).await.expect("publishes in time");
+    heartbeat(&service, &old, 5).await.expect("in time");
 
+    pass(&service, &clock, 0.9 * LEASE).await;
     let heir = service.worker(&["train"]).await;
-    let new = service.lease_eventually(&heir).await;
+    assert_eq!(service.lease(&heir).await, None, "it may only be late");
+    pass(&service, &clock, 0.2 * LEASE).await;
+    let waiting = service.get_job(&job.name).await;
+    let progress = waiting.progress.expect("what it had reached");
+    assert_eq!((progress.step, progress.steps_per_second), (5, 0.0));
+    let new = service.lease(&heir).await.expect("waits again");
     assert_eq!((job_name(&new), new.token), (job.name.clone(), 2));
     let resume = new.inputs.clone().expect("has inputs").checkpoints;
-    assert_eq!(
-        resume.iter().map(|found| found.step).collect::<Vec<_>>(),
-        [5]
-    );
-    assert!(service.get_job(&job.name).await.lost_workers >= 1);
+    let steps: Vec<u64> = resume.iter().map(|found| found.step).collect();
+    assert_eq!(steps, [5]);
+    assert_eq!(service.get_job(&job.name).await.lost_workers, 1);
 
-    let stale = "STALE_LEASE";
-    assert_refused(
-        heartbeat(&service, &old, 9).await,
-        Code::FailedPrecondition,
-        stale,
-    );
-    assert_refused(
-        service.publish(&old, 9).await,
-        Code::FailedPrecondition,
-        stale,
-    );
-    let result = job_result::Kind::Train(TrainResult::default());
-    assert_refused(
-        service.complete(&old, result).await,
-        Code::FailedPrecondition,
-        stale,
-    );
-    let answer = give_up(&service, &old, |request| request.requeue = true).await;
-    assert_refused(answer, Code::FailedPrecondition, stale);
     let future = Lease {
         token: u64::MAX,
         ..new.clone()
     };
-    assert_refused(
-        heartbeat(&service, &future, 9).await,
-        Code::FailedPrecondition,
-        stale,
-    );
-
-    // Whether or not the heir's short lease has run out as well, no late write got through.
+    // The right token in other hands: the worker's own.
+    let mut stolen = new.clone();
+    stolen.job = old.job.clone();
+    for late in [&old, &future, &stolen] {
+        let refused = |answer| assert_refused(answer, Code::FailedPrecondition, STALE);
+        refused(heartbeat(&service, late, 9).await.map(drop));
+        refused(service.publish(late, 9).await.map(drop));
+        let result = job_result::Kind::Train(TrainResult::default());
+        refused(service.complete(late, result).await);
+        refused(service.end(late, Outcome::Returned(Returned {})).await);
+    }
     let job = service.get_job(&job.name).await;
-    assert!(job.lease >= 2 && job.progress.is_none(), "{job:?}");
+    assert_eq!(job.progress.clone().expect("the old one").step, 5);
     assert!(job.result.is_none() && job.end_time.is_none(), "{job:?}");
+    assert_eq!(
+        history(&service, &job.name).await,
+        [Ended::Lost, Ended::Running]
+    );
 }
 
 #[tokio::test]
 async fn a_heartbeat_keeps_the_lease() {
-    let service = Service::start_with(|config| config.lease_seconds = 2.0).await;
-    let subject = service.ready_subject("Ada").await;
-    let job = service.train(&service.model_of(&subject).await).await;
+    let (service, clock) = start().await;
+    let job = training(&service).await;
     let worker = service.worker(&["train"]).await;
     let lease = service.lease(&worker).await.expect("the training waits");
-    let begun = tokio::time::Instant::now();
-    let mut step = 0;
-    while begun.elapsed().as_secs_f64() < 4.5 {
-        step += 1;
-        heartbeat(&service, &lease, step)
+    for step in 1..=4 {
+        pass(&service, &clock, 0.9 * LEASE).await;
+        let kept = heartbeat(&service, &lease, step).await;
+        kept.expect("holds the lease");
+    }
+    assert_eq!(service.get_job(&job.name).await.lost_workers, 0);
+}
+
+#[tokio::test]
+async fn an_outage_charges_no_worker() {
+    let (service, clock) = start().await;
+    let job = training(&service).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    pass(&service, &clock, 0.5 * LEASE).await;
+    // The machine slept, the coordinator was down, or the clock was set.
+    for step in [3600.0, -7200.0, 86_400.0] {
+        clock.advance(step);
+        service
+            .coordinator
+            .look_after_leases()
+            .await
+            .expect("looks");
+        assert_eq!(
+            service.get_job(&job.name).await.state(),
+            job::State::Running
+        );
+        heartbeat(&service, &lease, 1)
             .await
             .expect("holds the lease");
-        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+        pass(&service, &clock, 0.4 * LEASE).await;
     }
-    let job = service.get_job(&job.name).await;
-    assert_eq!((job.lost_workers, job.lease), (0, 1));
+    assert_eq!(service.get_job(&job.name).await.lost_workers, 0);
+    // But a worker that stays away loses its job within a lease.
+    pass(&service, &clock, 1.1 * LEASE).await;
+    assert_eq!(service.get_job(&job.name).await.state(), job::State::Queued);
+}
+
+#[tokio::test]
+async fn an_outage_is_known_after_a_restart() {
+    let (service, clock) = start().await;
+    let job = training(&service).await;
+    let worker = service.worker(&["train"]).await;
+    service.lease(&worker).await.expect("the training waits");
+    pass(&service, &clock, 0.5 * LEASE).await;
+    let dir = service.stop().await;
+    clock.advance(50.0 * LEASE);
+    let own = clock.clone();
+    let service = Service::start_in(dir, move |config| {
+        config.clock = own;
+        config.lease_seconds = LEASE;
+    })
+    .await;
+    service
+        .coordinator
+        .look_after_leases()
+        .await
+        .expect("looks");
+    assert_eq!(
+        service.get_job(&job.name).await.state(),
+        job::State::Running
+    );
+    pass(&service, &clock, 0.6 * LEASE).await;
+    assert_eq!(service.get_job(&job.name).await.state(), job::State::Queued);
 }
 
 #[tokio::test]
 async fn a_job_that_loses_too_many_workers_fails_and_its_capture_is_rejected() {
-    let service = Service::start_with(|config| {
-        config.lease_seconds = 0.05;
-        config.max_lost_workers = 3;
-    })
-    .await;
+    let (service, clock) = start().await;
     let subject = service.subject("Ada").await;
     let uploaded = service.upload_good(&subject.name).await;
     let worker = service.worker(&["ingest"]).await;
     for token in 1..=3 {
-        assert_eq!(service.lease_eventually(&worker).await.token, token);
+        let lease = service.lease(&worker).await.expect("it waits");
+        assert_eq!(lease.token, token);
+        pass(&service, &clock, 1.1 * LEASE).await;
     }
-    let ended = || async {
-        let job = service.get_job(&uploaded.ingest_job).await;
-        (job.state() == job::State::Failed).then_some(job)
-    };
-    let job = eventually("the end", ended).await;
-    assert_eq!(job.lost_workers, 3);
+    let job = service.get_job(&uploaded.ingest_job).await;
+    assert_eq!((job.state(), job.lost_workers), (job::State::Failed, 3));
     assert_eq!(job.error.expect("says why").code, "WORKERS_LOST");
+    assert_eq!(history(&service, &job.name).await, [Ended::Lost; 3]);
     assert_eq!(service.lease(&worker).await, None);
-    let capture = service
-        .get_capture(&uploaded.capture.expect("has one").name)
-        .await;
+    let capture = uploaded.capture.expect("has one").name;
+    let capture = service.get_capture(&capture).await;
     assert_eq!(capture.state(), capture::State::Rejected);
     assert_eq!(capture.violations[0].code, "WORKERS_LOST");
+}
+
+#[tokio::test]
+async fn losses_before_a_checkpoint_are_forgiven() {
+    let (service, clock) = start().await;
+    let job = training(&service).await;
+    let worker = service.worker(&["train"]).await;
+    for step in 1..=5 {
+        let lease = service.lease(&worker).await.expect("it goes on");
+        service.publish(&lease, step).await.expect("publishes");
+        pass(&service, &clock, 1.1 * LEASE).await;
+    }
+    let going_on = service.get_job(&job.name).await;
+    assert_eq!(
+        (going_on.state(), going_on.lost_workers),
+        (job::State::Queued, 5)
+    );
+    for _ in 0..2 {
+        service.lease(&worker).await.expect("it goes on");
+        pass(&service, &clock, 1.1 * LEASE).await;
+    }
+    let job = service.get_job(&job.name).await;
+    assert_eq!(
+        job.state(),
+        job::State::Failed,
+        "three in a row came no further"
+    );
 }
 
 #[tokio::test]
@@ -237,106 +322,95 @@ async fn a_queued_job_is_cancelled_at_once_and_a_running_one_by_its_worker() {
     let model = service.model_of(&subject).await;
     let queued = service.train(&model).await;
     let cancelled = cancel(&service, &queued.name).await;
-    assert_eq!(
-        (cancelled.state(), cancelled.sequence),
-        (job::State::Cancelled, 2)
-    );
-    assert_eq!(
-        cancel(&service, &queued.name).await,
-        cancelled,
-        "once is enough"
-    );
+    let seen = (cancelled.state(), cancelled.sequence);
+    assert_eq!(seen, (job::State::Cancelled, 2));
+    assert_eq!(cancel(&service, &queued.name).await, cancelled);
     let worker = service.worker(&["train"]).await;
     assert_eq!(service.lease(&worker).await, None);
 
     service.train(&model).await;
     let lease = service.lease(&worker).await.expect("the training waits");
-    let answer = give_up(&service, &lease, |request| request.cancelled = true).await;
+    let stopped = || Outcome::Cancelled(Cancelled {});
+    let answer = service.end(&lease, stopped()).await;
     assert_refused(answer, Code::FailedPrecondition, "CANCEL_NOT_REQUESTED");
-    let marked = cancel(&service, &job_name(&lease)).await;
-    assert_eq!(
-        (marked.state(), marked.cancel_requested),
-        (job::State::Running, true)
-    );
-    assert!(
-        heartbeat(&service, &lease, 1)
-            .await
-            .expect("holds the lease")
-    );
-    give_up(&service, &lease, |request| request.cancelled = true)
-        .await
-        .expect("is recorded");
-    assert_eq!(
-        service.get_job(&job_name(&lease)).await.state(),
-        job::State::Cancelled
-    );
+    // The request id belongs to the other job.
+    let request = CancelJobRequest {
+        name: job_name(&lease),
+        request_id: "once".into(),
+    };
+    let answer = service.jobs().cancel_job(request).await;
+    assert_refused(answer, Code::AlreadyExists, "REQUEST_ID_REUSED");
+    let request = CancelJobRequest {
+        name: job_name(&lease),
+        request_id: "another".into(),
+    };
+    let marked = service.jobs().cancel_job(request).await.expect("is heard");
+    let marked = marked.into_inner();
+    let seen = (marked.state(), marked.cancel_requested);
+    assert_eq!(seen, (job::State::Running, true));
+    let told = heartbeat(&service, &lease, 1).await;
+    assert!(told.expect("holds the lease"));
+    service.end(&lease, stopped()).await.expect("is recorded");
+    let ended = service.get_job(&job_name(&lease)).await;
+    assert_eq!(ended.state(), job::State::Cancelled);
 }
 
 #[tokio::test]
 async fn a_cancelled_job_whose_worker_is_lost_does_not_run_again() {
-    let service = Service::start_with(|config| config.lease_seconds = SHORT_LEASE).await;
-    let subject = service.ready_subject("Ada").await;
-    let job = service.train(&service.model_of(&subject).await).await;
+    let (service, clock) = start().await;
+    let job = training(&service).await;
     let worker = service.worker(&["train"]).await;
     service.lease(&worker).await.expect("the training waits");
     cancel(&service, &job.name).await;
-    let ended = || async {
-        let job = service.get_job(&job.name).await;
-        (job.state() == job::State::Cancelled).then_some(job)
-    };
-    assert_eq!(eventually("the end", ended).await.lost_workers, 1);
+    pass(&service, &clock, 1.1 * LEASE).await;
+    let ended = service.get_job(&job.name).await;
+    assert_eq!(
+        (ended.state(), ended.lost_workers),
+        (job::State::Cancelled, 1)
+    );
     assert_eq!(service.lease(&worker).await, None);
 }
 
 #[tokio::test]
-async fn a_model_has_one_trainer_at_a_time_and_a_job_given_back_keeps_its_place() {
-    let service = Service::start().await;
-    let subject = service.ready_subject("Ada").await;
-    let one = service.model_of(&subject).await;
-    let first = service.train(&one).await;
-    let second = service.train(&one).await;
-    assert_eq!(service.get_job(&second.name).await.queue_position, 1);
+async fn a_lease_whose_answer_was_lost_is_found_again() {
+    let (service, clock) = start().await;
+    training(&service).await;
+    training(&service).await;
     let worker = service.worker(&["train"]).await;
-    let lease = service.lease(&worker).await.expect("the first waits");
-    assert_eq!(job_name(&lease), first.name);
-    assert_eq!(
-        service.lease(&worker).await,
-        None,
-        "the model is being trained"
-    );
-    let other = service.train(&service.model_of(&subject).await).await;
-    let beside = service
-        .lease(&worker)
+    let first = service.lease_by(&worker, "call 1").await;
+    clock.advance(0.4 * LEASE);
+    let again = service.lease_by(&worker, "call 1").await;
+    assert_eq!(again, first);
+    let lease = first.expect("a training waits");
+    // The worker counts its lease from the call that was answered.
+    pass(&service, &clock, 0.9 * LEASE).await;
+    heartbeat(&service, &lease, 1)
         .await
-        .expect("another model may be trained");
-    assert_eq!(job_name(&beside), other.name);
-
-    give_up(&service, &lease, |request| request.requeue = true)
-        .await
-        .expect("is given back");
-    let back = service.get_job(&first.name).await;
-    assert_eq!((back.state(), back.lost_workers), (job::State::Queued, 0));
-    let lease = service.lease(&worker).await.expect("the first waits again");
-    assert_eq!((job_name(&lease), lease.token), (first.name, 2));
-    let result = train_result(&service, &lease, 1).await;
-    service.complete(&lease, result).await.expect("completes");
-    let lease = service.lease(&worker).await.expect("now the second");
-    assert_eq!(job_name(&lease), second.name);
+        .expect("holds the lease");
+    let other = service.lease_by(&worker, "call 2").await;
+    assert_ne!(job_name(&other.expect("the other one")), job_name(&lease));
+    let stranger = service.worker(&["train"]).await;
+    assert_eq!(service.lease_by(&stranger, "call 1").await, None);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn workers_that_ask_at_once_never_get_the_same_job() {
-    let service = Service::start().await;
-    let mut queued = Vec::new();
-    for n in 0..6 {
-        let subject = service.subject(&format!("person {n}")).await;
-        queued.push(service.upload_good(&subject.name).await.ingest_job);
-    }
-    let worker = service.worker(&["ingest"]).await;
-    let asked = (0..20).map(|_| service.lease(&worker));
-    let leases = futures::future::join_all(asked).await;
-    let mut leased: Vec<_> = leases.iter().flatten().map(job_name).collect();
-    leased.sort();
-    queued.sort();
-    assert_eq!(leased, queued);
+#[tokio::test]
+async fn a_fault_of_a_resource_is_told_while_the_job_waits() {
+    let (service, clock) = start().await;
+    let job = training(&service).await;
+    let worker = service.worker(&["train"]).await;
+    let full = job_error("MACHINE", "the disk is full");
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let postponed = Outcome::Postponed(full.clone());
+    service.end(&lease, postponed).await.expect("is recorded");
+    let waiting = service.get_job(&job.name).await;
+    assert_eq!(waiting.state(), job::State::Queued);
+    assert_eq!((&waiting.waiting, &waiting.error), (&Some(full), &None));
+    assert!(waiting.retry_time.is_some());
+    assert_eq!(service.lease(&worker).await, None, "not at once");
+    clock.advance(1.3);
+    service.lease(&worker).await.expect("a second is over");
+    let running = service.get_job(&job.name).await;
+    assert_eq!((running.waiting, running.retry_time), (None, None));
+    let ended = [Ended::Postponed, Ended::Running];
+    assert_eq!(history(&service, &job.name).await, ended);
 }

@@ -97,7 +97,7 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
     };
     let download = |file: &str| range(file, 0, 0);
     let early = download("000000.png").await;
-    assert_refused(early, Code::FailedPrecondition, "NOT_SUCCEEDED");
+    assert_refused(early, Code::NotFound, "NOT_FOUND");
     let lease = service.lease(&worker).await.expect("the render waits");
     assert_eq!(
         lease.inputs.clone().expect("has inputs").checkpoints.len(),
@@ -121,6 +121,7 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
     let list = |parent: &str| {
         let request = ListObjectsRequest {
             parent: parent.to_owned(),
+            ..<_>::default()
         };
         let mut client = service.objects();
         async move { Ok::<_, Status>(client.list_objects(request).await?.into_inner().objects) }

@@ -2,14 +2,14 @@
 
 mod support;
 
-use support::{Service, assert_invalid, assert_refused, job_name};
+use support::{Service, assert_invalid, assert_refused, claim, job_name};
 use tonic::Code;
 use yoto_proto::{
     keys,
     v1::{
         CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest,
-        IngestResult, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec, job,
-        job_result, job_spec, render_spec::What, status_service_client::StatusServiceClient,
+        IngestResult, JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec,
+        job, job_result, job_spec, render_spec::What, status_service_client::StatusServiceClient,
     },
 };
 
@@ -43,7 +43,8 @@ async fn the_status_counts_jobs_and_knows_who_asks_for_them() {
         (&*busy.job, &*busy.display_name),
         (&*first.name, "test worker")
     );
-    assert_eq!(busy.kinds, ["render", "train"]);
+    let kinds: Vec<JobKind> = busy.kinds().collect();
+    assert_eq!(kinds, [JobKind::Render, JobKind::Train]);
     assert!(busy.last_seen.is_some());
 
     let mut jobs = service.jobs();
@@ -75,8 +76,7 @@ async fn the_status_counts_jobs_and_knows_who_asks_for_them() {
         ..Progress::default()
     };
     let beat = HeartbeatRequest {
-        job: job_name(&lease),
-        token: lease.token,
+        claim: Some(claim(&lease)),
         progress: Some(progress),
     };
     service.workers().heartbeat(beat).await.expect("in time");
@@ -139,7 +139,7 @@ async fn requests_that_no_worker_could_serve_are_refused_at_once() {
         };
         let request = CreateRenderRequest {
             spec: Some(spec),
-            request_id: String::new(),
+            ..<_>::default()
         };
         service.renders().create_render(request).await
     };

@@ -116,6 +116,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
     assert_eq!(found.checkpoint, checkpoint);
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
+        ..<_>::default()
     };
     let listed = service.models().list_checkpoints(request).await;
     let listed = listed.expect("lists").into_inner().checkpoints;

@@ -9,7 +9,7 @@ use tonic::Code;
 use yoto_proto::{
     keys,
     v1::{
-        FailJobRequest, GetCaptureRequest, JobError, Violation, capture, job, subject,
+        GetCaptureRequest, JobError, Violation, capture, end_job_request::Outcome, job, subject,
         subject_service_client::SubjectServiceClient,
     },
 };
@@ -236,17 +236,8 @@ async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
         message: "poses".into(),
         violations: vec![violation.clone()],
     };
-    let request = FailJobRequest {
-        job: support::job_name(&lease),
-        token: lease.token,
-        error: Some(error.clone()),
-        ..<_>::default()
-    };
-    service
-        .workers()
-        .fail_job(request)
-        .await
-        .expect("is recorded");
+    let ended = service.end(&lease, Outcome::Failed(error.clone())).await;
+    ended.expect("is recorded");
     let job = service.get_job(&support::job_name(&lease)).await;
     assert_eq!((job.state(), job.error), (job::State::Failed, Some(error)));
     let capture = service.get_capture(&first).await;
@@ -317,19 +308,9 @@ async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_
         .name;
     let worker = service.worker(&["ingest"]).await;
     let lease = service.lease(&worker).await.expect("the ingest job waits");
-    let request = FailJobRequest {
-        job: support::job_name(&lease),
-        token: lease.token,
-        requeue: true,
-        error: Some(JobError {
-            code: "OBJECTS".into(),
-            message: "the store is out of reach".into(),
-            ..JobError::default()
-        }),
-        ..FailJobRequest::default()
-    };
-    let answer = service.workers().fail_job(request).await;
-    answer.expect("is recorded");
+    let error = support::job_error("OBJECTS", "the store is out of reach");
+    let ended = service.end(&lease, Outcome::Postponed(error)).await;
+    ended.expect("is recorded");
     let job = service.get_job(&support::job_name(&lease)).await;
     assert_eq!((job.state(), job.error), (job::State::Queued, None));
     let waiting = service.get_capture(&capture).await;

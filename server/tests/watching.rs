@@ -4,11 +4,11 @@ mod support;
 
 use futures::{StreamExt, TryStreamExt};
 use std::time::Duration;
-use support::{Service, assert_refused, job_name};
+use support::{Service, assert_refused, claim, job_error};
 use tonic::{Code, Streaming};
 use yoto_proto::v1::{
-    CancelJobRequest, FailJobRequest, HeartbeatRequest, Job, JobError, Progress, WatchJobRequest,
-    WatchJobResponse, job,
+    CancelJobRequest, HeartbeatRequest, Job, Progress, WatchJobRequest, WatchJobResponse,
+    end_job_request::Outcome, job,
 };
 
 async fn watch(service: &Service, name: &str, after_sequence: u64) -> Streaming<WatchJobResponse> {
@@ -63,8 +63,7 @@ async fn a_watcher_sees_each_change_in_order_and_the_end() {
             ..<_>::default()
         });
         let request = HeartbeatRequest {
-            job: job_name(&lease),
-            token: lease.token,
+            claim: Some(claim(&lease)),
             progress,
         };
         // The same news twice is one change.
@@ -84,20 +83,8 @@ async fn a_watcher_sees_each_change_in_order_and_the_end() {
             (2 + step, step)
         );
     }
-    let request = FailJobRequest {
-        job: job_name(&lease),
-        token: lease.token,
-        error: Some(JobError {
-            code: "DIVERGED".into(),
-            ..<_>::default()
-        }),
-        ..<_>::default()
-    };
-    service
-        .workers()
-        .fail_job(request)
-        .await
-        .expect("is recorded");
+    let error = Outcome::Failed(job_error("DIVERGED", ""));
+    service.end(&lease, error).await.expect("is recorded");
     let end = rest(stream).await;
     assert_eq!(end.len(), 1);
     assert_eq!((end[0].state(), end[0].sequence), (job::State::Failed, 6));
@@ -135,6 +122,7 @@ async fn a_watcher_that_knows_the_job_waits_for_the_next_change() {
     let job = service.train(&service.model_of(&subject).await).await;
     let stream = watch(&service, &job.name, job.sequence).await;
     let request = CancelJobRequest {
+        request_id: String::new(),
         name: job.name.clone(),
     };
     let cancelled = service

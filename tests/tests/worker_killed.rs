@@ -9,8 +9,8 @@ use yoto_client::api::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
-    CompleteJobRequest, HeartbeatRequest, Job, PoseRefinement, PublishCheckpointRequest, TrainSpec,
-    job_result,
+    Claim, EndJobRequest, HeartbeatRequest, Job, JobResult, PoseRefinement,
+    PublishCheckpointRequest, TrainSpec, end_job_request::Outcome, job_result,
 };
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};
@@ -111,7 +111,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     first.kill()?;
     let orphan = client.get_job(&job).await?;
     ensure!(
-        (orphan.state(), orphan.lease) == (State::Running, 1),
+        (orphan.state(), orphan.attempts.len()) == (State::Running, 1),
         "{orphan:?}"
     );
 
@@ -126,13 +126,18 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         "went on at step {step}, a checkpoint of step {kept} was there"
     );
     let resumed = client.get_job(&job).await?;
-    assert_eq!((resumed.lease, resumed.worker == orphan.worker), (2, false));
+    let seen = (resumed.attempts.len(), resumed.worker == orphan.worker);
+    assert_eq!(seen, (2, false));
 
     // A call with the dead worker's token.
     let mut late = WorkerServiceClient::connect(service.address.clone()).await?;
-    let heartbeat = HeartbeatRequest {
+    let claim = Claim {
         job: job.clone(),
+        worker: orphan.worker.clone(),
         token: 1,
+    };
+    let heartbeat = HeartbeatRequest {
+        claim: Some(claim.clone()),
         progress: None,
     };
     let refused = late
@@ -142,8 +147,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
     let checkpoint = client.list_checkpoints(&model).await?.first().cloned();
     let publish = PublishCheckpointRequest {
-        job: job.clone(),
-        token: 1,
+        claim: Some(claim.clone()),
         checkpoint,
     };
     let refused = late
@@ -152,22 +156,19 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         .expect_err("a late checkpoint");
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
 
-    let complete = CompleteJobRequest {
-        job: job.clone(),
-        token: 1,
-        result: None,
+    let end = EndJobRequest {
+        claim: Some(claim),
+        outcome: Some(Outcome::Succeeded(JobResult::default())),
     };
-    let refused = late
-        .complete_job(complete)
-        .await
-        .expect_err("a late result");
+    let refused = late.end_job(end).await.expect_err("a late result");
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
 
     let ended = until(&client, &job, "it succeeded", |job| {
         job.state() == State::Succeeded
     })
     .await?;
-    assert_eq!((ended.lease, ended.lost_workers), (2, 1));
+    let attempts = client.get_job(&job).await?.attempts;
+    assert_eq!((attempts.len(), ended.lost_workers), (2, 1));
     let Some(job_result::Kind::Train(result)) = ended.result.and_then(|result| result.kind) else {
         anyhow::bail!("no result of a training");
     };

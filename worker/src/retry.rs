@@ -1,7 +1,16 @@
 //! Pauses between attempts, and the gRPC answers that justify a retry.
 
 use std::time::Duration;
-use tonic::Code;
+use tonic::{Code, Status};
+use tonic_types::StatusExt;
+
+/// Share by which a pause is longer or shorter by chance: workers that lost the same coordinator do not
+/// all come back at once.
+const JITTER: f64 = 0.2;
+/// `ErrorInfo.reason` of a claim that is not the job's newest.
+const STALE_LEASE: &str = "STALE_LEASE";
+/// `ErrorInfo.reason` of a job that was deleted.
+const NOT_FOUND: &str = "NOT_FOUND";
 
 /// Pauses that double from a first to a longest one.
 #[derive(Debug, Clone)]
@@ -21,8 +30,13 @@ impl Backoff {
         }
     }
 
-    /// The pause to make now; the next one is twice as long.
+    /// The pause to make now, give or take a fifth; the next one is twice as long.
     pub(crate) fn pause(&mut self) -> Duration {
+        self.steady().mul_f64(1.0 + JITTER * (2.0 * chance() - 1.0))
+    }
+
+    /// The pause without its jitter.
+    fn steady(&mut self) -> Duration {
         let pause = self.next;
         self.next = (pause * 2).min(self.longest);
         pause
@@ -53,8 +67,15 @@ pub(crate) fn is_transient(code: Code) -> bool {
 }
 
 /// Whether the coordinator reports that this lease is lost.
-pub(crate) fn is_stale_lease(code: Code) -> bool {
-    matches!(code, Code::FailedPrecondition | Code::NotFound)
+pub(crate) fn is_stale_lease(status: &Status) -> bool {
+    let details = status.get_error_details();
+    let reason = details.error_info().map(|info| info.reason.as_str());
+    matches!(reason, Some(STALE_LEASE | NOT_FOUND))
+}
+
+/// A random number from 0 to 1, of the random bits of a UUID.
+fn chance() -> f64 {
+    f64::from(uuid::Uuid::new_v4().as_u128() as u32) / f64::from(u32::MAX)
 }
 
 #[cfg(test)]
@@ -65,10 +86,15 @@ mod tests {
     fn pauses_double_up_to_the_longest_and_start_over() {
         let ms = Duration::from_millis;
         let mut backoff = Backoff::new(ms(200), ms(500));
-        let pauses: Vec<_> = (0..4).map(|_| backoff.pause()).collect();
+        let pauses: Vec<_> = (0..4).map(|_| backoff.steady()).collect();
         assert_eq!(pauses, [ms(200), ms(400), ms(500), ms(500)]);
         backoff.reset();
-        assert_eq!(backoff.pause(), ms(200));
+        assert_eq!(backoff.steady(), ms(200));
+        backoff.reset();
+        let pauses: Vec<_> = (0..32).map(|_| backoff.pause()).collect();
+        let last = &pauses[2..];
+        assert!(last.iter().all(|pause| (ms(400)..=ms(600)).contains(pause)));
+        assert!(last.iter().max() > last.iter().min(), "they differ");
     }
 
     #[test]
@@ -79,11 +105,31 @@ mod tests {
             Code::DeadlineExceeded,
             Code::Cancelled,
         ] {
-            assert!(is_transient(code) && !is_stale_lease(code), "{code:?}");
+            assert!(is_transient(code), "{code:?}");
         }
-        for code in [Code::FailedPrecondition, Code::NotFound] {
-            assert!(!is_transient(code) && is_stale_lease(code), "{code:?}");
+        for code in [
+            Code::FailedPrecondition,
+            Code::NotFound,
+            Code::InvalidArgument,
+        ] {
+            assert!(!is_transient(code), "{code:?}");
         }
-        assert!(!is_transient(Code::InvalidArgument) && !is_stale_lease(Code::InvalidArgument));
+    }
+
+    #[test]
+    fn a_lease_is_lost_for_a_reason_and_not_for_a_code() {
+        let status = |code, reason: &str| {
+            let details = tonic_types::ErrorDetails::with_error_info(reason, "yoto.v1", []);
+            Status::with_error_details(code, "", details)
+        };
+        assert!(is_stale_lease(&status(
+            Code::FailedPrecondition,
+            STALE_LEASE
+        )));
+        assert!(is_stale_lease(&status(Code::NotFound, NOT_FOUND)));
+        let full = status(Code::FailedPrecondition, "CANCEL_NOT_REQUESTED");
+        assert!(!is_stale_lease(&full));
+        // A proxy in between that knows no such service.
+        assert!(!is_stale_lease(&Status::not_found("404")));
     }
 }

@@ -4,7 +4,8 @@ use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, GetJobRequest,
-    IngestSpec, Job, JobSpec, ListJobsRequest, RenderSpec, TrainSpec, job, job_spec,
+    IngestSpec, Job, JobKind, JobSpec, JobView, ListJobsRequest, PauseJobsRequest, RenderSpec,
+    ResumeJobsRequest, TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -21,6 +22,8 @@ impl YotoClient {
         let request = CreateJobRequest {
             spec: Some(JobSpec { kind: Some(kind) }),
             request_id: request_id(),
+            priority: self.turn.priority.into(),
+            owner: self.turn.owner.clone(),
         };
         Ok(self
             .job_service()
@@ -86,6 +89,8 @@ impl YotoClient {
                 page_size: (limit - jobs.len()).min(1000) as i32,
                 page_token,
                 states: states.iter().map(|&state| state.into()).collect(),
+                view: JobView::Full.into(),
+                ..ListJobsRequest::default()
             };
             let page = service
                 .list_jobs(request)
@@ -110,11 +115,37 @@ impl YotoClient {
             .job_service()
             .cancel_job(CancelJobRequest {
                 name: name.to_owned(),
+                request_id: request_id(),
             })
             .await;
         Ok(answer
             .map_err(ClientError::refused(format!("cancelling {name}")))?
             .into_inner())
+    }
+
+    /// Stops the leasing of a kind of jobs, for a reason; those that run go on.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn pause_jobs(&self, kind: JobKind, reason: &str) -> Result<(), ClientError> {
+        let request = PauseJobsRequest {
+            kind: kind.into(),
+            reason: reason.to_owned(),
+        };
+        let answer = self.job_service().pause_jobs(request).await;
+        answer.map_err(ClientError::refused("pausing jobs"))?;
+        Ok(())
+    }
+
+    /// Ends the pause of a kind of jobs.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn resume_jobs(&self, kind: JobKind) -> Result<(), ClientError> {
+        let request = ResumeJobsRequest { kind: kind.into() };
+        let answer = self.job_service().resume_jobs(request).await;
+        answer.map_err(ClientError::refused("resuming jobs"))?;
+        Ok(())
     }
 
     /// Deletes a job that has ended, with its pictures and figures.

@@ -24,6 +24,7 @@ pub use watch::{JobChange, JobWatch};
 
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
+use yoto_proto::v1::JobPriority;
 
 /// Default address of `yoto serve`.
 pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
@@ -35,6 +36,16 @@ const MAX_MESSAGE: usize = 32 << 20;
 #[derive(Debug, Clone)]
 pub struct YotoClient {
     channel: Channel,
+    turn: Turn,
+}
+
+/// Whose turn it is among the jobs of a service.
+#[derive(Debug, Clone, Default)]
+pub struct Turn {
+    /// Jobs of a higher priority come first.
+    pub priority: JobPriority,
+    /// For whom jobs run: of equals, the owner with the fewest running ones comes first.
+    pub owner: String,
 }
 
 impl YotoClient {
@@ -66,7 +77,16 @@ impl YotoClient {
     /// A client over an existing channel, such as the in-memory channel of an embedded
     /// service.
     pub fn new(channel: Channel) -> Self {
-        Self { channel }
+        Self {
+            channel,
+            turn: Turn::default(),
+        }
+    }
+
+    /// The same connection, whose new jobs have this turn.
+    #[must_use]
+    pub fn with_turn(self, turn: Turn) -> Self {
+        Self { turn, ..self }
     }
 }
 

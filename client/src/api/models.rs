@@ -124,16 +124,22 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`].
     pub async fn list_checkpoints(&self, model: &str) -> Result<Vec<Checkpoint>, ClientError> {
-        let request = ListCheckpointsRequest {
-            model: model.to_owned(),
-        };
-        let answer = self.model_service().list_checkpoints(request).await;
-        Ok(answer
-            .map_err(ClientError::refused(format!(
-                "listing checkpoints of {model}"
-            )))?
-            .into_inner()
-            .checkpoints)
+        let (mut checkpoints, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListCheckpointsRequest {
+                model: model.to_owned(),
+                page_size: 1000,
+                page_token,
+            };
+            let answer = self.model_service().list_checkpoints(request).await;
+            let doing = format!("listing checkpoints of {model}");
+            let page = answer.map_err(ClientError::refused(doing))?.into_inner();
+            checkpoints.extend(page.checkpoints);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(checkpoints);
+            }
+        }
     }
 
     /// Name of the checkpoint of `model` at a `step`, or of the best one by held-out PSNR.

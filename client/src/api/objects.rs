@@ -18,18 +18,28 @@ impl YotoClient {
         ObjectServiceClient::new(self.channel.clone())
     }
 
-    /// The files of a finished job (`jobs/{id}`), or of a checkpoint
+    /// The files of a job (`jobs/{id}`), those of a render as soon as each is there, or of a checkpoint
     /// (`models/{id}/checkpoints/{step}`).
     ///
     /// # Errors
-    /// [`ClientError::Refused`], e.g. while the job runs.
+    /// [`ClientError::Refused`], e.g. while an evaluation runs.
     pub async fn list_objects(&self, parent: &str) -> Result<Vec<NamedObject>, ClientError> {
-        let request = ListObjectsRequest {
-            parent: parent.to_owned(),
-        };
-        let answer = self.object_service().list_objects(request).await;
-        let answer = answer.map_err(ClientError::refused(format!("listing files of {parent}")))?;
-        Ok(answer.into_inner().objects)
+        let (mut objects, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListObjectsRequest {
+                parent: parent.to_owned(),
+                page_size: 0,
+                page_token,
+            };
+            let answer = self.object_service().list_objects(request).await;
+            let doing = format!("listing files of {parent}");
+            let page = answer.map_err(ClientError::refused(doing))?.into_inner();
+            objects.extend(page.objects);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(objects);
+            }
+        }
     }
 
     /// The content of one file.

@@ -19,6 +19,8 @@ impl YotoClient {
         let request = CreateRenderRequest {
             spec: Some(spec),
             request_id: request_id(),
+            priority: self.turn.priority.into(),
+            owner: self.turn.owner.clone(),
         };
         Ok(self
             .render_service()

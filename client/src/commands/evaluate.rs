@@ -3,6 +3,7 @@
 use super::Server;
 use super::scores::{scores_json, scores_table};
 use super::table;
+use super::turn_args::TurnArgs;
 use super::waiting::wait_for_new;
 use crate::output;
 use crate::progress::ProgressDisplay;
@@ -75,6 +76,8 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     lpips: super::lpips_args::LpipsArgs,
     #[command(flatten)]
+    turn: TurnArgs,
+    #[command(flatten)]
     server: Server,
 }
 
@@ -100,7 +103,7 @@ impl Evaluate {
             return self.here(dir);
         }
         let wanted = self.model.as_deref().context("which model?")?;
-        let client = self.server.connect().await?;
+        let client = self.turn.on(self.server.connect().await?);
         let model = client.find_model(wanted).await?;
         let mut subjects = Vec::new();
         for subject in &self.subjects {

@@ -1,10 +1,11 @@
-//! `yoto job`: list, show, watch, fetch, cancel and delete jobs.
+//! `yoto job`: list, show, watch, fetch, cancel and delete jobs, pause and resume kinds of them.
 
 use super::job_list::{JobList, span};
+use super::kind_name::KindName;
 use super::out_folder::OutFolder;
 use super::titles::{Titles, kind};
 use super::waiting::wait;
-use super::{Server, evaluate, job_fetch, table, train};
+use super::{Server, evaluate, job_attempts, job_fetch, table, train};
 use crate::api::{ClientError, YotoClient};
 use crate::output;
 use crate::progress::{ProgressDisplay, describe};
@@ -15,7 +16,8 @@ use yoto_proto::pose_track;
 use yoto_proto::v1::{Job, job, job_result};
 
 const SHOW_HELP: &str = "\
-With --output json, the whole job: its order, progress, faults and result.
+Each attempt is a line: its worker, how long it ran, and how it ended. With --output json, the whole job:
+its order, progress, attempts, faults and result.
 
 Example:
   yoto job show 9f31c2aa";
@@ -37,6 +39,12 @@ A queued job ends at once, a running job after its worker's next heartbeat.
 Example:
   yoto job cancel 9f31c2aa";
 
+const PAUSE_HELP: &str = "\
+Jobs of the kind wait in the queue, and those that run go on.
+
+Example:
+  yoto job pause train --reason \"a new GPU is built in\"";
+
 const DELETE_HELP: &str = "\
 Its pictures and figures go with it. The checkpoints of a training stay with their model, and the capture
 of an ingest job with its person.
@@ -44,7 +52,7 @@ of an ingest job with its person.
 Example:
   yoto job delete 9f31c2aa";
 
-/// List, show, watch, fetch, cancel and delete jobs.
+/// List, show, watch, fetch, cancel and delete jobs; pause and resume kinds of them.
 #[derive(Debug, Args)]
 pub(super) struct JobCommand {
     #[command(subcommand)]
@@ -76,6 +84,27 @@ enum Action {
     /// Delete a job that has ended, with its pictures and figures.
     #[command(after_help = DELETE_HELP)]
     Delete(Which),
+    /// Start no more jobs of a kind.
+    #[command(after_help = PAUSE_HELP)]
+    Pause {
+        kind: KindName,
+        /// Why, for those who wonder (`yoto status` shows it).
+        #[arg(
+            long,
+            default_value = "",
+            hide_default_value = true,
+            value_name = "TEXT"
+        )]
+        reason: String,
+        #[command(flatten)]
+        server: Server,
+    },
+    /// Start jobs of a kind again.
+    Resume {
+        kind: KindName,
+        #[command(flatten)]
+        server: Server,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -125,6 +154,27 @@ impl JobCommand {
                 table::say_deleted(&job.name, &deleted);
                 Ok(())
             }
+            Action::Pause {
+                kind,
+                reason,
+                server,
+            } => {
+                server
+                    .connect()
+                    .await?
+                    .pause_jobs(kind.into(), &reason)
+                    .await?;
+                say!(
+                    "no more {} jobs are started; those that run go on",
+                    kind.word()
+                );
+                Ok(())
+            }
+            Action::Resume { kind, server } => {
+                server.connect().await?.resume_jobs(kind.into()).await?;
+                say!("{} jobs are started again", kind.word());
+                Ok(())
+            }
         }
     }
 }
@@ -140,11 +190,17 @@ async fn show(which: &Which) -> anyhow::Result<()> {
     match job.state() {
         job::State::Succeeded => say!("result   {}", outcome(&job)),
         job::State::Running => say!("now      {}", detail(&job)),
-        job::State::Queued => say!("now      {} ahead in the queue", job.queue_position),
+        job::State::Queued => say!("now      {}", detail(&job)),
         _ => {}
+    }
+    if !job.owner.is_empty() {
+        say!("owner    {}", job.owner);
     }
     if job.lost_workers > 0 {
         say!("lost     {} workers", job.lost_workers);
+    }
+    for attempt in &job.attempts {
+        say!("attempt  {}", job_attempts::line(attempt));
     }
     if let Some(error) = &job.error {
         say!("fault    {} [{}]", error.message, error.code);
@@ -204,7 +260,10 @@ fn outcome(job: &Job) -> String {
 pub(super) fn detail(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map(describe).unwrap_or_default(),
-        job::State::Queued => format!("{} ahead", job.queue_position),
+        job::State::Queued => match &job.waiting {
+            Some(cause) => format!("waits to be tried again: {}", cause.message),
+            None => format!("{} ahead in the queue", job.queue_position),
+        },
         job::State::Succeeded => outcome(job),
         job::State::Failed => {
             job.error

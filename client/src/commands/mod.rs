@@ -25,8 +25,10 @@ mod import;
 #[cfg(feature = "embedded")]
 mod ingest_args;
 mod job;
+mod job_attempts;
 mod job_fetch;
 mod job_list;
+mod kind_name;
 mod logs;
 #[cfg(feature = "embedded")]
 mod lpips_args;
@@ -63,6 +65,7 @@ mod titles;
 mod tradeoff;
 mod train;
 mod train_preview;
+mod turn_args;
 mod waiting;
 mod whole_file;
 #[cfg(feature = "embedded")]

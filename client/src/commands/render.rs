@@ -6,6 +6,7 @@ use super::render_choice::{kept, over};
 use super::render_film;
 use super::render_what::{FrameRange, read_views};
 use super::scene::{FileLight, SceneFile};
+use super::turn_args::TurnArgs;
 use super::waiting::wait_for_new;
 use super::{Server, table};
 use crate::api::YotoClient;
@@ -164,6 +165,8 @@ pub(super) struct Render {
     #[command(flatten)]
     folder: OutFolder,
     #[command(flatten)]
+    turn: TurnArgs,
+    #[command(flatten)]
     server: Server,
 }
 
@@ -178,7 +181,7 @@ impl Render {
         let transparent = self.transparent || scene.as_ref().is_some_and(|it| it.transparent);
         self.ensure_film(transparent)?;
         let (clip, fps) = self.clip()?;
-        let client = self.server.connect().await?;
+        let client = self.turn.on(self.server.connect().await?);
         let model = client.find_model(&self.model).await?;
         let subject = match &self.subject {
             // A turntable is a scene.

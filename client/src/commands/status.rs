@@ -3,7 +3,7 @@
 pub(super) mod gc;
 
 use super::job_list::span;
-use super::titles::{Titles, kind};
+use super::titles::{Titles, kind, kind_word};
 use super::{Server, table};
 use crate::api::YotoClient;
 use crate::output;
@@ -41,6 +41,13 @@ impl Status {
             status.running,
             status.queued
         );
+        for paused in &status.paused {
+            let reason = match paused.reason.as_str() {
+                "" => String::new(),
+                reason => format!(": {reason}"),
+            };
+            say!("paused   {} jobs{reason}", kind_word(paused.kind()));
+        }
         say!("objects  {}{}", status.objects, room(&status));
         if status.workers.is_empty() {
             say!("workers  none: jobs wait until one asks for them (`yoto worker`)");

@@ -2,7 +2,7 @@
 
 use crate::api::{ClientError, YotoClient};
 use std::collections::HashMap;
-use yoto_proto::v1::{Job, job_spec};
+use yoto_proto::v1::{Job, JobKind, job_spec};
 
 /// Display names of models and subjects by resource name.
 #[derive(Debug, Default)]
@@ -56,6 +56,17 @@ impl Titles {
             Some(job_spec::Kind::Evaluate(spec)) => self.name(&spec.model).to_owned(),
             None => String::new(),
         }
+    }
+}
+
+/// The word for a kind of jobs.
+pub(super) fn kind_word(kind: JobKind) -> &'static str {
+    match kind {
+        JobKind::Ingest => "ingest",
+        JobKind::Train => "train",
+        JobKind::Render => "render",
+        JobKind::Evaluate => "evaluate",
+        JobKind::Unspecified => "unknown",
     }
 }
 

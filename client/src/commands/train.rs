@@ -4,6 +4,7 @@ use super::Server;
 use super::model::{create_with, tier_help, variant_help};
 use super::refine_poses::RefinePoses;
 use super::train_preview::Previews;
+use super::turn_args::TurnArgs;
 use super::waiting::follow_new;
 use super::{model, table};
 use crate::output;
@@ -58,8 +59,9 @@ pub(super) struct Train {
         value_name = "PX"
     )]
     size: u32,
-    /// Seconds between checkpoints.
-    #[arg(long, value_parser = table::seconds, default_value = "30", value_name = "S")]
+    /// Seconds between checkpoints [default: so many that they take at most 3 % of the time, at least
+    /// 30].
+    #[arg(long, value_parser = table::seconds, default_value = "0", hide_default_value = true, value_name = "S")]
     checkpoint_seconds: f64,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
     /// wander off their masks or jump, as estimated poses do [default: as before, or by the tier: auto,
@@ -73,12 +75,14 @@ pub(super) struct Train {
     #[arg(long)]
     no_wait: bool,
     #[command(flatten)]
+    turn: TurnArgs,
+    #[command(flatten)]
     server: Server,
 }
 
 impl Train {
     pub(super) async fn run(self) -> anyhow::Result<()> {
-        let client = self.server.connect().await?;
+        let client = self.turn.on(self.server.connect().await?);
         if let Some(dir) = &self.preview {
             std::fs::create_dir_all(dir)
                 .with_context(|| format!("making the folder {}", dir.display()))?;

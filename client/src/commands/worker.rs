@@ -1,9 +1,11 @@
 //! `yoto worker`: a worker in its own process, for a separate coordinator.
 
+use super::kind_name::KindName;
 use super::serve::asked_to_stop;
 use crate::api::endpoint;
 use anyhow::Context;
 use clap::Args;
+use yoto_proto::v1::JobKind;
 use yoto_worker::{Worker, WorkerConfig};
 
 const AFTER_HELP: &str = "\
@@ -29,6 +31,15 @@ pub(super) struct WorkerCommand {
     /// Display name of this worker.
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,
+    /// Kinds of jobs that it runs, separated by commas.
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "KIND",
+        default_value = "ingest,train,render,evaluate"
+    )]
+    kinds: Vec<KindName>,
     #[command(flatten)]
     pub(super) logs: super::LogArgs,
     #[command(flatten)]
@@ -52,6 +63,7 @@ impl WorkerCommand {
         }
         let config = WorkerConfig {
             display_name: self.name,
+            kinds: self.kinds.into_iter().map(JobKind::from).collect(),
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             after_job: crate::allocator::give_back_memory,

@@ -1,8 +1,14 @@
 //! Checks of single request fields.
 
-use crate::{error::RequestError, store::RequestKey};
+use crate::{
+    error::RequestError,
+    store::{JobKind, NewJob, RequestKey},
+};
 use prost::Message;
-use yoto_proto::names::Collection;
+use yoto_proto::{
+    names::Collection,
+    v1::{JobPriority, JobSpec},
+};
 
 /// Longest display name, bytes.
 const MAX_DISPLAY_NAME: usize = 200;
@@ -10,6 +16,8 @@ const MAX_DISPLAY_NAME: usize = 200;
 pub const MAX_CONSENT_NOTE: usize = 10_000;
 /// Longest request id, bytes.
 const MAX_REQUEST_ID: usize = 128;
+/// Longest owner of a job, characters.
+const MAX_OWNER: usize = 80;
 
 /// The id in a resource name.
 pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {
@@ -32,15 +40,59 @@ pub fn display_name(name: &str) -> Result<String, RequestError> {
     Ok(name.to_owned())
 }
 
-/// The key of a repeatable request.
-pub fn request_key(
-    method: &'static str,
-    request_id: &str,
-    body: &impl Message,
-) -> Result<Option<RequestKey>, RequestError> {
+/// A line for people, which may be empty.
+pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestError> {
+    let text = text.trim();
+    if text.chars().count() > longest || text.chars().any(char::is_control) {
+        let message = format!("one line of at most {longest} characters is allowed");
+        return Err(RequestError::invalid(field, message));
+    }
+    Ok(text.to_owned())
+}
+
+/// Kinds of jobs. An unknown one would match no job.
+pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
+    let known = |number: &i32| job_kind(field, *number);
+    numbers.iter().map(known).collect()
+}
+
+/// A kind of jobs.
+pub fn job_kind(field: &str, number: i32) -> Result<JobKind, RequestError> {
+    JobKind::of_proto(number)
+        .ok_or_else(|| RequestError::invalid(field, format!("{number} is not a kind of job")))
+}
+
+/// An order as a call gives it.
+pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, RequestError> {
+    let unknown = || RequestError::invalid("priority", format!("{priority} is not a priority"));
+    let priority = match JobPriority::try_from(priority).map_err(|_| unknown())? {
+        JobPriority::Low => 0,
+        JobPriority::Unspecified | JobPriority::Normal => NewJob::NORMAL,
+        JobPriority::High => 2,
+        JobPriority::Urgent => 3,
+    };
+    Ok(NewJob {
+        spec,
+        priority,
+        owner: line("owner", owner, MAX_OWNER)?,
+    })
+}
+
+/// A request id: printable, and not too long.
+pub fn request_id(request_id: &str) -> Result<(), RequestError> {
     if request_id.len() > MAX_REQUEST_ID || request_id.chars().any(char::is_control) {
         let message = format!("a request id has at most {MAX_REQUEST_ID} printable bytes");
         return Err(RequestError::invalid("request_id", message));
     }
-    Ok(RequestKey::new(method, request_id, body))
+    Ok(())
+}
+
+/// The key of a repeatable request.
+pub fn request_key(
+    method: &'static str,
+    id: &str,
+    body: &impl Message,
+) -> Result<Option<RequestKey>, RequestError> {
+    request_id(id)?;
+    Ok(RequestKey::new(method, id, body))
 }

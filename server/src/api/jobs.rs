@@ -5,7 +5,7 @@ use crate::{
     context::Context,
     error::RequestError,
     jobs::{queue, watch},
-    store::Target,
+    store::{JobFilter, Target},
 };
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
@@ -14,11 +14,14 @@ use tonic::{Request, Response, Status};
 use yoto_proto::{
     names::Collection,
     v1::{
-        CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job,
-        ListJobsRequest, ListJobsResponse, WatchJobRequest, WatchJobResponse, job,
-        job_service_server::JobService,
+        CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
+        ListJobsRequest, ListJobsResponse, PauseJobsRequest, PauseJobsResponse, ResumeJobsRequest,
+        ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job, job_service_server::JobService,
     },
 };
+
+/// Longest reason for a pause, characters.
+const MAX_REASON: usize = 500;
 
 /// The states with these numbers. An unknown one would match no job, and so look like an empty queue.
 fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
@@ -47,14 +50,13 @@ impl JobService for JobApi {
         let request = request.into_inner();
         let key = fields::request_key("CreateJob", &request.request_id, &request)?;
         let spec = request.spec.unwrap_or_default();
-        Ok(Response::new(
-            queue::create(&self.context, spec, key).await?,
-        ))
+        let new = fields::new_job(spec, request.priority, &request.owner)?;
+        Ok(Response::new(queue::create(&self.context, new, key).await?))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let job = self.context.store.job(&id).await;
+        let job = self.context.store.job_history(&id).await;
         Ok(Response::new(job.map_err(RequestError::from)?))
     }
 
@@ -64,8 +66,21 @@ impl JobService for JobApi {
     ) -> Result<Response<ListJobsResponse>, Status> {
         let request = request.get_ref();
         let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
-        let states = states(&request.states)?;
-        let entries = self.context.store.jobs(page.page(), &states).await;
+        let model = &*request.model;
+        let owner = fields::line("owner", &request.owner, usize::MAX)?;
+        let filter = JobFilter {
+            states: states(&request.states)?,
+            kinds: fields::job_kinds("kinds", &request.kinds)?,
+            model_id: match model {
+                "" => None,
+                model => Some(fields::id(Collection::Models, "model", model)?),
+            },
+            owner: (!owner.is_empty()).then_some(owner),
+        };
+        let view = JobView::try_from(request.view);
+        let view = view.map_err(|error| RequestError::invalid("view", error.to_string()))?;
+        let full = view == JobView::Full;
+        let entries = self.context.store.jobs(page.page(), &filter, full).await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
             jobs,
@@ -77,8 +92,34 @@ impl JobService for JobApi {
         &self,
         request: Request<CancelJobRequest>,
     ) -> Result<Response<Job>, Status> {
-        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        Ok(Response::new(queue::cancel(&self.context, &id).await?))
+        let request = request.get_ref();
+        let key = fields::request_key("CancelJob", &request.request_id, request)?;
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        Ok(Response::new(queue::cancel(&self.context, &id, key).await?))
+    }
+
+    async fn pause_jobs(
+        &self,
+        request: Request<PauseJobsRequest>,
+    ) -> Result<Response<PauseJobsResponse>, Status> {
+        let request = request.get_ref();
+        let kind = fields::job_kind("kind", request.kind)?;
+        let reason = fields::line("reason", &request.reason, MAX_REASON)?;
+        let paused = self.context.store.pause_jobs(kind, &reason).await;
+        paused.map_err(RequestError::from)?;
+        tracing::info!(kind = kind.as_str(), reason, "jobs paused");
+        Ok(Response::new(PauseJobsResponse {}))
+    }
+
+    async fn resume_jobs(
+        &self,
+        request: Request<ResumeJobsRequest>,
+    ) -> Result<Response<ResumeJobsResponse>, Status> {
+        let kind = fields::job_kind("kind", request.get_ref().kind)?;
+        let resumed = self.context.store.resume_jobs(kind).await;
+        resumed.map_err(RequestError::from)?;
+        tracing::info!(kind = kind.as_str(), "jobs resumed");
+        Ok(Response::new(ResumeJobsResponse {}))
     }
 
     async fn delete_job(

@@ -15,11 +15,12 @@ use yoto_proto::{
     names::{self, Collection},
     tiers,
     v1::{
-        AddIdentityRequest, CreateModelRequest, DeleteCheckpointRequest, DeleteModelRequest,
-        Deleted, GetModelRequest, GetRefinedPosesRequest, GetRefinedPosesResponse,
-        GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListCheckpointsResponse,
-        ListModelsRequest, ListModelsResponse, Model, ObjectRef, RemoveIdentityRequest, Retention,
-        Tradeoff, UpdateModelRequest, model_service_server::ModelService,
+        AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
+        DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
+        GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
+        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
+        RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
+        model_service_server::ModelService,
     },
 };
 
@@ -40,6 +41,23 @@ fn retention(field: &str, wanted: Option<Retention>) -> Result<Retention, Reques
 pub struct ModelApi {
     /// The shared parts.
     pub context: Arc<Context>,
+}
+
+impl ModelApi {
+    /// All checkpoints of a model, newest first, with the best one marked and why each is kept.
+    async fn explained(&self, model_id: &str) -> Result<Vec<Checkpoint>, RequestError> {
+        let default = self.context.config.storage.retention();
+        let mut checkpoints = self
+            .context
+            .store
+            .kept_checkpoints(model_id, default)
+            .await?;
+        let best = best_first(checkpoints.clone()).into_iter().next();
+        for checkpoint in &mut checkpoints {
+            checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
+        }
+        Ok(checkpoints)
+    }
 }
 
 #[tonic::async_trait]
@@ -155,15 +173,28 @@ impl ModelService for ModelApi {
         &self,
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
-        let model = fields::id(Collection::Models, "model", &request.get_ref().model)?;
-        let default = self.context.config.storage.retention();
-        let checkpoints = self.context.store.kept_checkpoints(&model, default).await;
-        let mut checkpoints = checkpoints.map_err(RequestError::from)?;
-        let best = best_first(checkpoints.clone()).into_iter().next();
-        for checkpoint in &mut checkpoints {
-            checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
-        }
-        Ok(Response::new(ListCheckpointsResponse { checkpoints }))
+        let request = request.get_ref();
+        let page = paging::Request::read("checkpoints", request.page_size, &request.page_token)?;
+        let model = fields::id(Collection::Models, "model", &request.model)?;
+        let checkpoints = self.explained(&model).await?;
+        let (checkpoints, next_page_token) = page.cut(page.of_all(checkpoints));
+        Ok(Response::new(ListCheckpointsResponse {
+            checkpoints,
+            next_page_token,
+        }))
+    }
+
+    async fn get_checkpoint(
+        &self,
+        request: Request<GetCheckpointRequest>,
+    ) -> Result<Response<Checkpoint>, Status> {
+        let name = &request.get_ref().name;
+        let (model, _) = names::parse_checkpoint(name)
+            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
+        let checkpoints = self.explained(model).await?;
+        let found = checkpoints.into_iter().find(|it| it.name == *name);
+        let found = found.ok_or_else(|| RequestError::NotFound { name: name.clone() })?;
+        Ok(Response::new(found))
     }
 
     async fn get_tradeoff(

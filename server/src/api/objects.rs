@@ -1,6 +1,6 @@
 //! `yoto.v1.ObjectService`.
 
-use super::fields;
+use super::{fields, paging};
 use crate::{context::Context, error::RequestError};
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use yoto_proto::{
     manifest::{Manifest, files},
     names::{self, Collection},
     v1::{
-        DownloadObjectRequest, DownloadObjectResponse, Job, ListObjectsRequest,
+        DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
         ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
         object_service_server::ObjectService,
     },
@@ -17,6 +17,8 @@ use yoto_proto::{
 
 /// File of a measured trade-off.
 const TRADEOFF: &str = "tradeoff.json";
+/// Files of a page that asks for no other number.
+const MAX_PAGE: i32 = 1000;
 
 /// Files that jobs have written.
 pub struct ObjectApi {
@@ -30,7 +32,13 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<ListObjectsRequest>,
     ) -> Result<Response<ListObjectsResponse>, Status> {
-        let parent = &request.get_ref().parent;
+        let request = request.get_ref();
+        let parent = &request.parent;
+        let size = match request.page_size {
+            0 => MAX_PAGE,
+            size => size,
+        };
+        let page = paging::Request::read("objects", size, &request.page_token)?;
         let found = self.objects("parent", parent).await?;
         let objects = found.into_iter().map(|(file, object)| NamedObject {
             name: names::object(parent, &file),
@@ -38,8 +46,10 @@ impl ObjectService for ObjectApi {
             bytes: object.bytes,
             sha256: object.sha256,
         });
+        let (objects, next_page_token) = page.cut(page.of_all(objects.collect()));
         Ok(Response::new(ListObjectsResponse {
-            objects: objects.collect(),
+            objects,
+            next_page_token,
         }))
     }
 
@@ -102,7 +112,13 @@ impl ObjectApi {
             let message = format!("'{shown}' is neither a job nor a checkpoint");
             return Err(RequestError::invalid(field, message));
         };
-        of_job(&self.context.store.job(&id).await?)
+        let job = self.context.store.job(&id).await?;
+        if job.kind() == JobKind::Render && job.state() != job::State::Succeeded {
+            let committed = self.context.store.outputs(&id).await?.into_iter();
+            let committed = committed.filter_map(|it| Some((it.file, it.object?)));
+            return Ok(committed.collect());
+        }
+        of_job(&job)
     }
 
     async fn of_checkpoint(
@@ -135,7 +151,7 @@ impl ObjectApi {
     }
 }
 
-/// The files of a job that has SUCCEEDED.
+/// The files of a job that has ended; those of a render that goes on are committed one by one.
 fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
     if job.state() != job::State::Succeeded {
         let message = format!("{} is {}", job.name, job.state().as_str_name());

@@ -49,6 +49,17 @@ impl Request {
         }
     }
 
+    /// Entries of a list that is read as a whole, from this page on.
+    pub fn of_all<T>(&self, all: Vec<T>) -> Vec<Entry<T>> {
+        let entries = (1_i64..).zip(all);
+        let entries = entries.map(|(position, item)| Entry { position, item });
+        let after = self.after.unwrap_or(0);
+        entries
+            .skip_while(|entry| entry.position <= after)
+            .take(self.size as usize + 1)
+            .collect()
+    }
+
     /// The page's entries, and the next page's token (empty after the last).
     pub fn cut<T: Message>(&self, entries: Vec<Entry<T>>) -> (Vec<T>, String) {
         let mut items = Vec::with_capacity(entries.len());

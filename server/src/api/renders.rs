@@ -25,8 +25,7 @@ impl RenderService for RenderApi {
         let spec = JobSpec {
             kind: request.spec.map(job_spec::Kind::Render),
         };
-        Ok(Response::new(
-            queue::create(&self.context, spec, key).await?,
-        ))
+        let new = fields::new_job(spec, request.priority, &request.owner)?;
+        Ok(Response::new(queue::create(&self.context, new, key).await?))
     }
 }

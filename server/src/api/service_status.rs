@@ -1,11 +1,15 @@
 //! `yoto.v1.StatusService`.
 
+use super::paging;
 use crate::{context::Context, error::RequestError};
 use std::{collections::HashMap, sync::Arc, time::SystemTime};
 use tonic::{Request, Response, Status};
 use yoto_proto::{
     names::Collection,
-    v1::{GetStatusRequest, ServiceStatus, WorkerStatus, status_service_server::StatusService},
+    v1::{
+        GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceStatus, WorkerStatus,
+        status_service_server::StatusService,
+    },
 };
 
 /// The state of the service as a whole.
@@ -24,13 +28,14 @@ impl StatusService for StatusApi {
         let lately = context.roster.lately(SystemTime::now());
         let ids: Vec<&str> = lately.keys().map(String::as_str).collect();
         let lease_seconds = context.config.lease_seconds;
-        let workers = context.store.workers(&ids, lease_seconds).await;
+        let workers = context.store.active_workers(&ids, lease_seconds).await;
         let mut workers = workers.map_err(RequestError::from)?;
         for worker in &mut workers {
             add_request(worker, &lately);
         }
         let counts = context.store.open_jobs().await;
         let (queued, running) = counts.map_err(RequestError::from)?;
+        let paused = context.store.paused_kinds().await;
         let disk = context.objects.disk();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -41,6 +46,29 @@ impl StatusService for StatusApi {
             objects: context.objects.url().to_string(),
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
+            paused: paused.map_err(RequestError::from)?,
+        }))
+    }
+
+    async fn list_workers(
+        &self,
+        request: Request<ListWorkersRequest>,
+    ) -> Result<Response<ListWorkersResponse>, Status> {
+        let request = request.get_ref();
+        let page = paging::Request::read("workers", request.page_size, &request.page_token)?;
+        let context = &self.context;
+        let workers = context
+            .store
+            .workers(page.page(), context.config.lease_seconds);
+        let mut workers = workers.await.map_err(RequestError::from)?;
+        let lately = context.roster.lately(SystemTime::now());
+        for entry in &mut workers {
+            add_request(&mut entry.item, &lately);
+        }
+        let (workers, next_page_token) = page.cut(workers);
+        Ok(Response::new(ListWorkersResponse {
+            workers,
+            next_page_token,
         }))
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     context::Context,
     error::RequestError,
     jobs::{lease, report},
-    store::{Ending, JobKind, LeaseKey, NewWorker},
+    store::{Ending, LeaseKey, NewWorker},
 };
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
@@ -13,10 +13,10 @@ use tonic::{Request, Response, Status};
 use yoto_proto::{
     names::Collection,
     v1::{
-        CompleteJobRequest, CompleteJobResponse, FailJobRequest, FailJobResponse, HeartbeatRequest,
-        HeartbeatResponse, LeaseJobRequest, LeaseJobResponse, PublishCheckpointRequest,
-        PublishCheckpointResponse, RegisterWorkerRequest, RegisterWorkerResponse,
-        worker_service_server::WorkerService,
+        Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
+        HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
+        PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
+        RegisterWorkerResponse, end_job_request::Outcome, worker_service_server::WorkerService,
     },
 };
 
@@ -28,11 +28,31 @@ pub struct WorkerApi {
     pub drain: CancellationToken,
 }
 
-fn lease_key(job: &str, token: u64) -> Result<LeaseKey, RequestError> {
+fn lease_key(claim: Option<Claim>) -> Result<LeaseKey, RequestError> {
+    let claim = claim.ok_or_else(|| RequestError::invalid("claim", "is missing"))?;
     Ok(LeaseKey {
-        job_id: fields::id(Collection::Jobs, "job", job)?,
-        token,
+        job_id: fields::id(Collection::Jobs, "claim.job", &claim.job)?,
+        worker_id: fields::id(Collection::Workers, "claim.worker", &claim.worker)?,
+        token: claim.token,
     })
+}
+
+/// The end that a worker reports. An error has a code, by which people can look it up.
+fn ending(outcome: Option<Outcome>) -> Result<Ending, RequestError> {
+    let coded = |field: &str, error: JobError| {
+        if error.code.is_empty() {
+            return Err(RequestError::invalid(format!("{field}.code"), "is missing"));
+        }
+        Ok(error)
+    };
+    match outcome {
+        Some(Outcome::Succeeded(result)) => Ok(Ending::Succeeded(result)),
+        Some(Outcome::Failed(error)) => Ok(Ending::Failed(coded("failed", error)?)),
+        Some(Outcome::Cancelled(_)) => Ok(Ending::Cancelled),
+        Some(Outcome::Returned(_)) => Ok(Ending::Returned),
+        Some(Outcome::Postponed(error)) => Ok(Ending::Postponed(coded("postponed", error)?)),
+        None => Err(RequestError::invalid("outcome", "is missing")),
+    }
 }
 
 #[tonic::async_trait]
@@ -42,13 +62,7 @@ impl WorkerService for WorkerApi {
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
         let request = request.into_inner();
-        let mut kinds = Vec::with_capacity(request.kinds.len());
-        for kind in &request.kinds {
-            let shown: String = kind.chars().take(80).collect();
-            kinds.push(JobKind::parse(kind).ok_or_else(|| {
-                RequestError::invalid("kinds", format!("'{shown}' is not a kind of job"))
-            })?);
-        }
+        let kinds = fields::job_kinds("kinds", &request.kinds)?;
         if kinds.is_empty() {
             return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
         }
@@ -59,6 +73,7 @@ impl WorkerService for WorkerApi {
             display_name,
             device,
             kinds,
+            embedded: request.embedded,
         };
         let id = lease::register(&self.context, new).await?;
         Ok(Response::new(RegisterWorkerResponse {
@@ -71,11 +86,13 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<LeaseJobRequest>,
     ) -> Result<Response<LeaseJobResponse>, Status> {
-        let id = fields::id(Collection::Workers, "worker", &request.get_ref().worker)?;
+        let request = request.get_ref();
+        let id = fields::id(Collection::Workers, "worker", &request.worker)?;
+        fields::request_id(&request.request_id)?;
         if self.drain.is_cancelled() {
             return Err(RequestError::ShuttingDown.into());
         }
-        let lease = lease::lease(&self.context, &id).await?;
+        let lease = lease::lease(&self.context, &id, &request.request_id).await?;
         Ok(Response::new(LeaseJobResponse { lease }))
     }
 
@@ -84,7 +101,7 @@ impl WorkerService for WorkerApi {
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
         let request = request.into_inner();
-        let key = lease_key(&request.job, request.token)?;
+        let key = lease_key(request.claim)?;
         let cancel = report::heartbeat(&self.context, &key, request.progress).await?;
         let lease_seconds = self.context.config.lease_seconds;
         Ok(Response::new(HeartbeatResponse {
@@ -98,7 +115,7 @@ impl WorkerService for WorkerApi {
         request: Request<PublishCheckpointRequest>,
     ) -> Result<Response<PublishCheckpointResponse>, Status> {
         let request = request.into_inner();
-        let key = lease_key(&request.job, request.token)?;
+        let key = lease_key(request.claim)?;
         let checkpoint = request.checkpoint;
         let checkpoint =
             checkpoint.ok_or_else(|| RequestError::invalid("checkpoint", "is missing"))?;
@@ -106,37 +123,25 @@ impl WorkerService for WorkerApi {
         Ok(Response::new(PublishCheckpointResponse {}))
     }
 
-    async fn complete_job(
+    async fn commit_output(
         &self,
-        request: Request<CompleteJobRequest>,
-    ) -> Result<Response<CompleteJobResponse>, Status> {
+        request: Request<CommitOutputRequest>,
+    ) -> Result<Response<CommitOutputResponse>, Status> {
         let request = request.into_inner();
-        let key = lease_key(&request.job, request.token)?;
-        let result = request.result.unwrap_or_default();
-        report::complete(&self.context, &key, result).await?;
-        Ok(Response::new(CompleteJobResponse {}))
+        let key = lease_key(request.claim)?;
+        let file = request.file;
+        let file = file.ok_or_else(|| RequestError::invalid("file", "is missing"))?;
+        report::commit_output(&self.context, &key, &file).await?;
+        Ok(Response::new(CommitOutputResponse {}))
     }
 
-    async fn fail_job(
+    async fn end_job(
         &self,
-        request: Request<FailJobRequest>,
-    ) -> Result<Response<FailJobResponse>, Status> {
+        request: Request<EndJobRequest>,
+    ) -> Result<Response<EndJobResponse>, Status> {
         let request = request.into_inner();
-        let key = lease_key(&request.job, request.token)?;
-        let ending = match (request.cancelled, request.requeue, request.error) {
-            (true, true, _) => {
-                let message = "a job is either cancelled or requeued";
-                return Err(RequestError::invalid("requeue", message).into());
-            }
-            (true, false, _) => Ending::Cancelled,
-            (false, true, Some(error)) if !error.code.is_empty() => Ending::TryLater(error),
-            (false, true, _) => Ending::Requeued,
-            (false, false, Some(error)) if !error.code.is_empty() => Ending::Failed(error),
-            (false, false, _) => {
-                return Err(RequestError::invalid("error", "a failure needs a code").into());
-            }
-        };
-        report::end(&self.context, &key, ending).await?;
-        Ok(Response::new(FailJobResponse {}))
+        let key = lease_key(request.claim)?;
+        report::end(&self.context, &key, ending(request.outcome)?).await?;
+        Ok(Response::new(EndJobResponse {}))
     }
 }

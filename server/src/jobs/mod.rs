@@ -1,7 +1,6 @@
-//! The rules of the queue: accepted jobs, leases, outcomes and watches.
+//! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
 pub mod changes;
-mod inputs;
 pub mod lease;
 pub mod queue;
 pub mod reaper;

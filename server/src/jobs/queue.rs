@@ -9,15 +9,12 @@ use crate::{
     checkpoints::best::best_first,
     context::Context,
     error::RequestError,
-    store::{JobKind, RequestKey, StoreError},
+    store::{JobKind, NewJob, RequestKey, StoreError},
 };
 use yoto_proto::{
     names::Collection,
     render_needs::needs,
-    v1::{
-        Checkpoint, EvaluateSpec, Job, JobSpec, Model, RenderSpec, SubjectShard, TrainSpec,
-        job_spec,
-    },
+    v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
 };
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
@@ -29,11 +26,17 @@ const MIN_TRAIN_FRAMES: u32 = 2;
 /// When the spec is malformed, names a missing resource, or can't be served yet.
 pub async fn create(
     context: &Context,
-    spec: JobSpec,
+    new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    spec::check_size(&spec)?;
-    match &spec.kind {
+    // Before every check: what was accepted once is accepted again, whatever has changed since.
+    if let Some(request) = &request
+        && let Some(job) = context.store.answered_job(request).await?
+    {
+        return Ok(job);
+    }
+    spec::check_size(&new.spec)?;
+    match &new.spec.kind {
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
         Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await?,
@@ -43,9 +46,8 @@ pub async fn create(
         }
         None => return Err(RequestError::invalid("spec", "has no kind of job")),
     }
-    let kind = JobKind::of(&spec).map_or("", JobKind::as_str);
-    let job = context.store.create_job(spec, request).await?;
-    context.changes.announce();
+    let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
+    let job = context.store.create_job(new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
 }
@@ -54,9 +56,13 @@ pub async fn create(
 ///
 /// # Errors
 /// When the job does not exist.
-pub async fn cancel(context: &Context, id: &str) -> Result<Job, RequestError> {
-    let job = context.store.cancel_job(id).await?;
-    context.changes.announce();
+pub async fn cancel(
+    context: &Context,
+    id: &str,
+    request: Option<RequestKey>,
+) -> Result<Job, RequestError> {
+    let job = context.store.cancel_job(id, request).await?;
+    context.changes.announce(&job.name);
     tracing::info!(
         job = job.name,
         state = job.state().as_str_name(),

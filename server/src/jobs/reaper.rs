@@ -1,6 +1,9 @@
 //! Takes jobs back from silent workers.
 
-use crate::context::Context;
+use crate::{
+    context::Context,
+    store::{Reaped, StoreError},
+};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 
@@ -14,17 +17,45 @@ pub async fn run(context: Arc<Context>) {
             () = context.stop.cancelled() => return,
             _ = turns.tick() => {}
         }
-        match context.store.reap(context.config.max_lost_workers).await {
-            Ok(reaped) if reaped.is_empty() => {}
-            Ok(reaped) => {
-                context.changes.announce();
-                for job in reaped {
-                    let state = job.state.as_str_name();
-                    let (worker, lost_workers) = (job.worker, job.lost_workers);
-                    tracing::warn!(job = job.job, worker, lost_workers, state, "lease expired");
-                }
-            }
-            Err(error) => tracing::error!(%error, "could not take back jobs of lost workers"),
+        if let Err(error) = tick(&context).await {
+            tracing::error!(%error, "could not take back jobs of lost workers");
         }
+    }
+}
+
+/// Looks after all leases once.
+///
+/// # Errors
+/// When the store fails.
+pub async fn tick(context: &Context) -> Result<(), StoreError> {
+    let (cap, lease_seconds) = (
+        context.config.max_lost_workers,
+        context.config.lease_seconds,
+    );
+    told(context, context.store.tick(cap, lease_seconds).await?);
+    Ok(())
+}
+
+/// Takes back the jobs of workers that ran in an earlier process of this coordinator, and ended with it.
+///
+/// # Errors
+/// When the store fails.
+pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
+    let cap = context.config.max_lost_workers;
+    told(context, context.store.take_back_embedded(cap).await?);
+    Ok(())
+}
+
+fn told(context: &Context, reaped: Vec<Reaped>) {
+    for it in reaped {
+        context.changes.announce(&it.job);
+        let (job, worker, losses) = (it.job, it.worker, it.losses);
+        tracing::warn!(
+            job,
+            worker,
+            losses,
+            state = it.state.as_str_name(),
+            "worker lost"
+        );
     }
 }

@@ -7,14 +7,14 @@ use crate::{
     context::Context,
     error::RequestError,
     objects::upload::is_sha256,
-    store::{Ending, LeaseKey},
+    store::{Ending, LeaseKey, StoreError},
 };
 use yoto_proto::{
     keys,
     names::{self, Collection},
     v1::{
         Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
-        Progress, RenderResult, RenderSpec, Scores, job, job_result, job_spec,
+        Progress, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
     },
 };
 
@@ -32,7 +32,7 @@ pub async fn heartbeat(
 ) -> Result<bool, RequestError> {
     let seconds = context.config.lease_seconds;
     let cancel = context.store.heartbeat(lease, progress, seconds).await?;
-    context.changes.announce();
+    announce(context, lease);
     Ok(cancel)
 }
 
@@ -45,7 +45,7 @@ pub async fn publish(
     lease: &LeaseKey,
     checkpoint: Checkpoint,
 ) -> Result<(), RequestError> {
-    let Some(job_spec::Kind::Train(train)) = leased_spec(context, lease).await?.kind else {
+    let Some(job_spec::Kind::Train(train)) = context.store.leased_spec(lease).await?.kind else {
         return Err(RequestError::invalid(
             "job",
             "only a train job publishes checkpoints",
@@ -90,67 +90,84 @@ pub async fn publish(
     Ok(())
 }
 
-/// Ends the job with its result.
+/// Commits a file of a render.
 ///
 /// # Errors
-/// When the lease is stale, or the result is not one of this job and lease.
-pub async fn complete(
+/// When the lease is stale, or the file is not one of this job and lease.
+pub async fn commit_output(
     context: &Context,
     lease: &LeaseKey,
-    result: JobResult,
+    file: &RenderedFile,
 ) -> Result<(), RequestError> {
-    let spec = leased_spec(context, lease).await?;
-    match (&spec.kind, &result.kind) {
-        (Some(job_spec::Kind::Ingest(spec)), Some(job_result::Kind::Ingest(result))) => {
-            check_ingest(context, lease, &spec.capture, result).await?;
-        }
-        (Some(job_spec::Kind::Train(spec)), Some(job_result::Kind::Train(result))) => {
-            let field = "result.train.checkpoint";
-            check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
-        }
-        (Some(job_spec::Kind::Render(spec)), Some(job_result::Kind::Render(result))) => {
-            check_render(context, lease, spec, result).await?;
-        }
-        (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
-            check_evaluate(context, spec, result).await?;
-            check_tradeoff(context, lease, spec, result).await?;
-        }
-        _ => return Err(RequestError::invalid("result", "is not of the job's kind")),
-    }
-    context.store.complete_job(lease, result).await?;
-    context.changes.announce();
-    tracing::info!(job = lease.job_id, token = lease.token, "job succeeded");
+    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(lease).await?.kind else {
+        return Err(RequestError::invalid(
+            "claim.job",
+            "only a render commits files",
+        ));
+    };
+    let expected = keys::render(&lease.job_id, lease.token, &file.file);
+    let is_expected = |key: &str| key == expected;
+    require(context, "file.object", file.object.as_ref(), is_expected).await?;
+    context.store.commit_output(lease, file).await?;
+    announce(context, lease);
     Ok(())
 }
 
-/// Ends the job without a result, or requeues it.
+/// Ends a lease: with the job's result, without one, or for another worker.
 ///
 /// # Errors
-/// When the lease is stale, or the worker reports a cancel that was never requested.
+/// When the lease is stale, the result is not one of this job and lease, or the worker reports a cancel
+/// that was never requested. A repeated call is accepted.
 pub async fn end(context: &Context, lease: &LeaseKey, ending: Ending) -> Result<(), RequestError> {
+    if let Ending::Succeeded(result) = &ending {
+        match context.store.leased_spec(lease).await {
+            Ok(spec) => check_result(context, lease, &spec, result).await?,
+            // The store knows whether it is a repeated call.
+            Err(StoreError::StaleLease { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
     context.store.end_job(lease, ending.clone()).await?;
-    context.changes.announce();
+    announce(context, lease);
+    let outcome = ending.outcome().as_str_name();
     tracing::info!(
         job = lease.job_id,
         token = lease.token,
-        ?ending,
-        "job ended or requeued by its worker"
+        outcome,
+        "lease ended"
     );
     Ok(())
 }
 
-/// The job's spec, if the lease is valid. The write that follows checks the lease again.
-async fn leased_spec(context: &Context, lease: &LeaseKey) -> Result<JobSpec, RequestError> {
-    let job = context.store.job(&lease.job_id).await?;
-    if job.lease != lease.token || job.state() != job::State::Running {
-        let token = lease.token;
-        return Err(crate::store::StoreError::StaleLease {
-            job: job.name,
-            token,
+fn announce(context: &Context, lease: &LeaseKey) {
+    let job = Collection::Jobs.name(&lease.job_id);
+    context.changes.announce(&job);
+}
+
+/// Checks that the result is one of this job and lease.
+async fn check_result(
+    context: &Context,
+    lease: &LeaseKey,
+    spec: &JobSpec,
+    result: &JobResult,
+) -> Result<(), RequestError> {
+    match (&spec.kind, &result.kind) {
+        (Some(job_spec::Kind::Ingest(spec)), Some(job_result::Kind::Ingest(result))) => {
+            check_ingest(context, lease, &spec.capture, result).await
         }
-        .into());
+        (Some(job_spec::Kind::Train(spec)), Some(job_result::Kind::Train(result))) => {
+            let field = "result.train.checkpoint";
+            check_checkpoint(context, &spec.model, field, &result.checkpoint).await
+        }
+        (Some(job_spec::Kind::Render(spec)), Some(job_result::Kind::Render(result))) => {
+            check_render(context, lease, spec, result).await
+        }
+        (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
+            check_evaluate(context, spec, result).await?;
+            check_tradeoff(context, lease, spec, result).await
+        }
+        _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
-    Ok(job.spec.unwrap_or_default())
 }
 
 async fn check_ingest(
@@ -285,7 +302,12 @@ async fn check_render(
         let message = "is present if and only if the spec had a quality";
         return Err(RequestError::invalid("result.render.choice", message));
     }
+    let committed = context.store.outputs(&lease.job_id).await?;
     for (i, file) in result.files.iter().enumerate() {
+        // Of an earlier lease, perhaps.
+        if committed.contains(file) {
+            continue;
+        }
         let expected = keys::render(&lease.job_id, lease.token, &file.file);
         let field = format!("result.render.files[{i}].object");
         require(context, &field, file.object.as_ref(), |key| key == expected).await?;

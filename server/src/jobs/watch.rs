@@ -5,7 +5,10 @@ use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{Job, job};
+use yoto_proto::{
+    names::Collection,
+    v1::{Job, job},
+};
 
 /// Whether `state` is terminal.
 pub fn is_terminal(state: job::State) -> bool {
@@ -39,7 +42,7 @@ pub fn watch(
     after_sequence: u64,
     stop: CancellationToken,
 ) -> impl Stream<Item = Result<Job, RequestError>> + Send + 'static {
-    let changes = context.changes.subscribe();
+    let changes = context.changes.subscribe(&Collection::Jobs.name(&id));
     let watcher = Watcher {
         context,
         id,

@@ -8,7 +8,7 @@ use super::folders::Folder;
 use crate::{
     context::Context,
     error::RequestError,
-    store::{KnownGarbage, Reference},
+    store::{Horizons, KnownGarbage, Reference},
 };
 use std::{
     collections::{HashMap, HashSet},
@@ -50,6 +50,17 @@ pub async fn run(context: Arc<Context>) {
         }
         if let Err(error) = collect(&context, Options::default()).await {
             tracing::error!(%error, "could not collect garbage");
+        }
+        let limits = &context.config.storage;
+        let horizons = Horizons {
+            request_ids: limits.keep_request_ids.as_secs_f64(),
+            attempts: limits.keep_attempts.as_secs_f64(),
+            workers: limits.keep_workers.as_secs_f64(),
+        };
+        match context.store.forget(horizons).await {
+            Ok(0) => {}
+            Ok(rows) => tracing::info!(rows, "old request ids, attempts and workers forgotten"),
+            Err(error) => tracing::error!(%error, "could not forget old rows"),
         }
     }
 }

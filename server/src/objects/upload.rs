@@ -56,7 +56,6 @@ where
     let received = receive_files(&context, &id, &mut parts).await;
     match received {
         Ok(capture) => {
-            context.changes.announce();
             tracing::info!(
                 capture = capture.name,
                 job = capture.ingest_job,

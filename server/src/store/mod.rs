@@ -8,15 +8,16 @@ mod types;
 
 pub use sqlite::SqliteStore;
 pub use types::{
-    Ending, Entry, JobKind, KnownGarbage, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped,
-    Reference, RequestKey, StoreError, Target, UploadedFile, new_id,
+    Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, LeasedJob, NewJob,
+    NewModel, NewSubject, NewWorker, Page, Reaped, Reference, RequestKey, StoreError, Target, Turn,
+    UploadedFile, new_id,
 };
 
 use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobResult, JobSpec, Model, Progress,
-    Subject, SubjectShard, WorkerStatus, job,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
+    RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
 /// The catalogue and the job queue. Every method fails with [`StoreError::Database`] when
@@ -47,8 +48,6 @@ pub trait Store: Send + Sync + 'static {
     async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError>;
     /// A capture by id.
     async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
-    /// The files of a capture, by path.
-    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
 
     /// Creates a model, or repeats the earlier answer to `request`.
     async fn create_model(
@@ -95,37 +94,60 @@ pub trait Store: Send + Sync + 'static {
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError>;
 
     /// Queues a job, or repeats the earlier answer to `request`.
-    async fn create_job(
-        &self,
-        spec: JobSpec,
-        request: Option<RequestKey>,
-    ) -> Result<Job, StoreError>;
+    async fn create_job(&self, new: NewJob, request: Option<RequestKey>)
+    -> Result<Job, StoreError>;
+    /// The job that an earlier call with the same key queued.
+    async fn answered_job(&self, request: &RequestKey) -> Result<Option<Job>, StoreError>;
     /// A job by id.
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
-    /// Jobs in one of `states`, or all, newest first.
-    async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError>;
-    /// Step of the checkpoint that a render or evaluate job uses.
-    async fn pinned_step(&self, job_id: &str) -> Result<Option<u64>, StoreError>;
+    /// A job by id, with its attempts.
+    async fn job_history(&self, id: &str) -> Result<Job, StoreError>;
+    /// Jobs that pass the filter, newest first; with their orders if `full`.
+    async fn jobs(
+        &self,
+        page: Page,
+        filter: &JobFilter,
+        full: bool,
+    ) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// The files that a render has committed so far.
+    async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError>;
     /// Numbers of QUEUED and RUNNING jobs.
     async fn open_jobs(&self) -> Result<(u64, u64), StoreError>;
-    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed.
-    async fn cancel_job(&self, id: &str) -> Result<Job, StoreError>;
+    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed. A repeated call
+    /// changes nothing.
+    async fn cancel_job(&self, id: &str, request: Option<RequestKey>) -> Result<Job, StoreError>;
+    /// Leases no more jobs of a kind, for a reason.
+    async fn pause_jobs(&self, kind: JobKind, reason: &str) -> Result<(), StoreError>;
+    /// Leases jobs of a kind again.
+    async fn resume_jobs(&self, kind: JobKind) -> Result<(), StoreError>;
+    /// Kinds of jobs that are not leased.
+    async fn paused_kinds(&self) -> Result<Vec<PausedKind>, StoreError>;
 
     /// Adds a worker. Returns its id.
     async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError>;
     /// The workers with `ids`, and those with a RUNNING job, which they last reported on that long
     /// before its lease of `lease_seconds` ends.
-    async fn workers(
+    async fn active_workers(
         &self,
         ids: &[&str],
         lease_seconds: f64,
     ) -> Result<Vec<WorkerStatus>, StoreError>;
-    /// Leases the oldest QUEUED job that the worker can run, for this many seconds.
+    /// All workers, newest first.
+    async fn workers(
+        &self,
+        page: Page,
+        lease_seconds: f64,
+    ) -> Result<Vec<Entry<WorkerStatus>>, StoreError>;
+    /// Leases the job whose turn it is at the worker, with its inputs; a repeated `request_id` finds its
+    /// lease again, as long as it runs.
     async fn lease_job(
         &self,
         worker_id: &str,
+        request_id: &str,
         lease_seconds: f64,
-    ) -> Result<Option<Job>, StoreError>;
+    ) -> Result<Turn, StoreError>;
+    /// The order of a leased job.
+    async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError>;
     /// Extends a lease and records progress. Returns whether the job is to be cancelled.
     async fn heartbeat(
         &self,
@@ -141,13 +163,18 @@ pub trait Store: Send + Sync + 'static {
         checkpoint: Checkpoint,
         default: Retention,
     ) -> Result<(), StoreError>;
-    /// Ends a leased job with its result. In the same transaction, an ingest job's capture becomes
-    /// READY, and a measured trade-off is stored with its checkpoint.
-    async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError>;
-    /// Ends or requeues a leased job; the capture of an ingest job that ends becomes REJECTED.
+    /// Commits a file of the leased render, in the place of an earlier one.
+    async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError>;
+    /// Ends a lease. In the same transaction, an ingest job's capture becomes READY or REJECTED, and a
+    /// measured trade-off is stored with its checkpoint. A repeated call changes nothing.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
-    /// Takes back jobs with expired leases; a job that lost `cap` workers FAILS.
-    async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;
+    /// Forgives an outage since the last call, then takes back jobs with expired leases; a job that lost
+    /// `cap` workers without a checkpoint in between FAILS.
+    async fn tick(&self, cap: u32, lease_seconds: f64) -> Result<Vec<Reaped>, StoreError>;
+    /// Takes back the jobs of workers that ran in an earlier process of the coordinator.
+    async fn take_back_embedded(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;
+    /// Forgets what is older than its horizon; the number of rows.
+    async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError>;
 
     /// Waits for running statements and closes the database.
     async fn close(&self);

@@ -14,6 +14,7 @@ pub use expect::{assert_invalid, assert_refused, eventually};
 
 use futures::stream;
 use object_store::{ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
+use sqlx::{ConnectOptions, sqlite::SqliteConnectOptions};
 use std::{path::PathBuf, time::Duration};
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
@@ -21,13 +22,14 @@ use tonic::{Status, transport::Channel};
 use yoto_proto::{
     keys, names, sha256_hex,
     v1::{
-        AddIdentityRequest, Capture, Checkpoint, CollectGarbageRequest, CollectGarbageResponse,
-        CompleteJobRequest, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
-        GetCaptureRequest, GetJobRequest, GetSubjectRequest, IngestResult, Job, JobResult, JobSpec,
-        Lease, LeaseJobRequest, ListCheckpointsRequest, Model, ObjectRef, Orbit,
-        PublishCheckpointRequest, RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile,
-        Subject, TrainResult, TrainSpec, UploadCaptureResponse, WorkerDevice, job_result,
-        job_service_client::JobServiceClient, job_spec, model_service_client::ModelServiceClient,
+        AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest,
+        CollectGarbageResponse, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
+        EndJobRequest, GetCaptureRequest, GetJobRequest, GetSubjectRequest, IngestResult, Job,
+        JobError, JobKind, JobResult, JobSpec, Lease, LeaseJobRequest, ListCheckpointsRequest,
+        Model, ObjectRef, Orbit, PublishCheckpointRequest, RegisterWorkerRequest, RenderResult,
+        RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec, UploadCaptureResponse,
+        WorkerDevice, end_job_request::Outcome, job_result, job_service_client::JobServiceClient,
+        job_spec, model_service_client::ModelServiceClient,
         object_service_client::ObjectServiceClient, render_service_client::RenderServiceClient,
         render_spec::What, storage_service_client::StorageServiceClient,
         subject_service_client::SubjectServiceClient, worker_service_client::WorkerServiceClient,
@@ -183,7 +185,8 @@ impl Service {
                 backend: "cpu".into(),
                 ..<_>::default()
             }),
-            kinds: kinds.iter().map(|kind| (*kind).into()).collect(),
+            kinds: kinds.iter().map(|kind| job_kind(kind) as i32).collect(),
+            embedded: false,
         };
         self.workers()
             .register_worker(request)
@@ -195,8 +198,14 @@ impl Service {
 
     /// Asks for a lease once.
     pub async fn lease(&self, worker: &str) -> Option<Lease> {
+        self.lease_by(worker, "").await
+    }
+
+    /// The same in a call that may be repeated.
+    pub async fn lease_by(&self, worker: &str, request_id: &str) -> Option<Lease> {
         let request = LeaseJobRequest {
             worker: worker.into(),
+            request_id: request_id.into(),
         };
         self.workers()
             .lease_job(request)
@@ -231,12 +240,17 @@ impl Service {
     }
 
     pub async fn complete(&self, lease: &Lease, kind: job_result::Kind) -> Result<(), Status> {
-        let request = CompleteJobRequest {
-            job: job_name(lease),
-            token: lease.token,
-            result: Some(JobResult { kind: Some(kind) }),
+        let result = JobResult { kind: Some(kind) };
+        self.end(lease, Outcome::Succeeded(result)).await
+    }
+
+    /// Ends a lease.
+    pub async fn end(&self, lease: &Lease, outcome: Outcome) -> Result<(), Status> {
+        let request = EndJobRequest {
+            claim: Some(claim(lease)),
+            outcome: Some(outcome),
         };
-        self.workers().complete_job(request).await.map(drop)
+        self.workers().end_job(request).await.map(drop)
     }
 
     /// Completes a leased ingest job with a shard.
@@ -308,7 +322,7 @@ impl Service {
         let spec = Some(JobSpec { kind: Some(kind) });
         let request = CreateJobRequest {
             spec,
-            request_id: String::new(),
+            ..CreateJobRequest::default()
         };
         self.jobs()
             .create_job(request)
@@ -355,10 +369,8 @@ impl Service {
             slots: model.slots.iter().map(|slot| slot.slot).collect(),
             ..<_>::default()
         };
-        let token = lease.token;
         let request = PublishCheckpointRequest {
-            job,
-            token,
+            claim: Some(claim(lease)),
             checkpoint: Some(checkpoint.clone()),
         };
         self.workers().publish_checkpoint(request).await?;
@@ -369,6 +381,7 @@ impl Service {
     pub async fn checkpoints(&self, model: &str) -> Vec<Checkpoint> {
         let request = ListCheckpointsRequest {
             model: model.into(),
+            ..ListCheckpointsRequest::default()
         };
         self.models()
             .list_checkpoints(request)
@@ -454,6 +467,47 @@ impl Service {
             }
         }
         files
+    }
+}
+
+/// Changes the database behind the service's back.
+pub async fn sql(database: &std::path::Path, statement: &str) {
+    let options = SqliteConnectOptions::new().filename(database);
+    let mut connection = options.connect().await.expect("opens");
+    let statement = sqlx::AssertSqlSafe(statement.to_owned());
+    let done = sqlx::query(statement).execute(&mut connection).await;
+    assert!(
+        done.expect("runs").rows_affected() > 0,
+        "it changes nothing"
+    );
+}
+
+/// The claim of a lease on its job.
+pub fn claim(lease: &Lease) -> Claim {
+    let job = lease.job.clone().expect("has a job");
+    Claim {
+        job: job.name,
+        worker: job.worker,
+        token: lease.token,
+    }
+}
+
+/// An error with this code.
+pub fn job_error(code: &str, message: &str) -> JobError {
+    JobError {
+        code: code.into(),
+        message: message.into(),
+        violations: Vec::new(),
+    }
+}
+
+fn job_kind(name: &str) -> JobKind {
+    match name {
+        "ingest" => JobKind::Ingest,
+        "train" => JobKind::Train,
+        "render" => JobKind::Render,
+        "evaluate" => JobKind::Evaluate,
+        other => panic!("{other} is not a kind of job"),
     }
 }
 

@@ -1,6 +1,9 @@
 //! State shared by the lease's keeper and the job: whether the job may continue.
 
-use std::time::Instant;
+use std::{
+    sync::atomic::{AtomicU64, Ordering},
+    time::Instant,
+};
 use tokio::sync::watch;
 
 /// Reasons for a job to stop, from the mildest to the most urgent.
@@ -27,6 +30,8 @@ struct State {
 #[derive(Debug)]
 pub struct JobControl {
     state: watch::Sender<State>,
+    /// Grows with each sign of life of the job.
+    signs: AtomicU64,
 }
 
 impl JobControl {
@@ -38,7 +43,18 @@ impl JobControl {
         };
         Self {
             state: watch::Sender::new(state),
+            signs: AtomicU64::new(0),
         }
+    }
+
+    /// The job shows that it still works.
+    pub fn sign(&self) {
+        self.signs.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Number of signs of life so far.
+    pub fn signs(&self) -> u64 {
+        self.signs.load(Ordering::Relaxed)
     }
 
     /// Tells the job to stop. A more urgent reason replaces a milder one, never the reverse.

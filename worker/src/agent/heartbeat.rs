@@ -15,7 +15,8 @@ use tokio::{
 };
 use tonic::{Status, transport::Channel};
 use yoto_proto::v1::{
-    HeartbeatRequest, HeartbeatResponse, Progress, worker_service_client::WorkerServiceClient,
+    Claim, HeartbeatRequest, HeartbeatResponse, Progress,
+    worker_service_client::WorkerServiceClient,
 };
 
 /// Renewals per lease: two may fail without harm.
@@ -24,8 +25,7 @@ const RENEWALS: u32 = 3;
 /// The task that keeps one lease.
 pub(super) struct Heartbeat {
     pub(super) client: WorkerServiceClient<Channel>,
-    pub(super) job: String,
-    pub(super) token: u64,
+    pub(super) claim: Claim,
     pub(super) control: Arc<JobControl>,
     pub(super) latest: watch::Receiver<Progress>,
     /// Shortest interval between two heartbeats.
@@ -54,11 +54,11 @@ impl Heartbeat {
                     }
                     true
                 }
-                Ok(Err(status)) if is_stale_lease(status.code()) => {
+                Ok(Err(status)) if is_stale_lease(&status) => {
                     return self.lost(status.message());
                 }
                 Ok(Err(status)) => {
-                    tracing::debug!(job = self.job, %status, "a heartbeat failed, trying again");
+                    tracing::debug!(job = self.claim.job, %status, "a heartbeat failed, trying again");
                     false
                 }
                 Err(_) => false,
@@ -79,24 +79,19 @@ impl Heartbeat {
 
     async fn renew(&mut self) -> Result<HeartbeatResponse, Status> {
         let request = HeartbeatRequest {
-            job: self.job.clone(),
-            token: self.token,
+            claim: Some(self.claim.clone()),
             progress: Some(self.latest.borrow_and_update().clone()),
         };
         answer(self.client.heartbeat(request)).await
     }
 
     fn lost(&self, why: &str) {
+        let (job, token) = (&self.claim.job, self.claim.token);
         // Once the job has ended, its accepted outcome ends the lease as well.
         if self.latest.has_changed().is_err() {
-            tracing::debug!(
-                job = self.job,
-                token = self.token,
-                why,
-                "the lease has ended"
-            );
+            tracing::debug!(job, token, why, "the lease has ended");
         } else {
-            tracing::warn!(job = self.job, token = self.token, why, "the lease is lost");
+            tracing::warn!(job, token, why, "the lease is lost");
         }
         self.control.stop(StopReason::LeaseLost);
     }

@@ -1,10 +1,11 @@
 //! One leased job, from its lease to its report.
 
 use super::{
-    Worker,
+    Worker, WorkerError,
     control::{JobControl, StopReason},
     heartbeat::Heartbeat,
     report::report,
+    watchdog::silence,
 };
 use crate::jobs::{self, JobContext, JobFailure};
 use std::{
@@ -18,7 +19,7 @@ use tokio::{
     time::{sleep, timeout},
 };
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{JobResult, Lease, Progress};
+use yoto_proto::v1::{Claim, JobResult, Lease, Progress};
 
 /// Backpropagation recurses through the graph; the default stack of a thread is tight.
 const STACK_BYTES: usize = 16 << 20;
@@ -31,7 +32,7 @@ type Outcome = Result<JobResult, JobFailure>;
 pub(super) struct Leased<'a> {
     worker: &'a Worker,
     lease: Lease,
-    job: String,
+    claim: Claim,
     duration: Duration,
     control: Arc<JobControl>,
 }
@@ -39,15 +40,19 @@ pub(super) struct Leased<'a> {
 impl<'a> Leased<'a> {
     /// `asked` is when the lease was asked for: it can't have begun earlier, so a deadline
     /// counted from there is never late.
-    pub(super) fn new(worker: &'a Worker, lease: Lease, asked: Instant) -> Self {
+    pub(super) fn new(worker: &'a Worker, name: &str, lease: Lease, asked: Instant) -> Self {
         let duration = Duration::try_from_secs_f64(lease.lease_seconds).unwrap_or_default();
         Self {
             worker,
-            job: lease
-                .job
-                .as_ref()
-                .map(|job| job.name.clone())
-                .unwrap_or_default(),
+            claim: Claim {
+                job: lease
+                    .job
+                    .as_ref()
+                    .map(|job| job.name.clone())
+                    .unwrap_or_default(),
+                worker: name.to_owned(),
+                token: lease.token,
+            },
             duration,
             control: Arc::new(JobControl::new(asked + duration)),
             lease,
@@ -55,20 +60,30 @@ impl<'a> Leased<'a> {
     }
 
     /// Runs the job and reports its outcome, unless the lease is lost meanwhile.
-    pub(super) async fn run(self, stopping: &CancellationToken) {
-        let (job, token) = (self.job.clone(), self.lease.token);
+    ///
+    /// # Errors
+    /// [`WorkerError::Hung`] when the job shows no sign of life: its thread can't be ended.
+    pub(super) async fn run(self, stopping: &CancellationToken) -> Result<(), WorkerError> {
+        let (job, token) = (self.claim.job.clone(), self.claim.token);
         tracing::info!(job, token, "job leased");
         let (progress, latest) = watch::channel(Progress::default());
+        let silent = latest.clone();
         let heartbeat = Heartbeat {
             client: self.worker.client.clone(),
-            job: job.clone(),
-            token,
+            claim: self.claim.clone(),
             control: self.control.clone(),
             latest,
             every: self.worker.progress,
         };
         let keeper = tokio::spawn(heartbeat.keep(self.duration));
-        let outcome = self.outcome(progress, stopping).await;
+        let outcome = tokio::select! {
+            outcome = self.outcome(progress, stopping) => outcome,
+            silent = silence(&self.control, silent) => {
+                self.control.stop(StopReason::LeaseLost);
+                keeper.abort();
+                return Err(WorkerError::Hung { job, seconds: silent.as_secs() });
+            }
+        };
         let ended = if let Err(failure) = &outcome {
             format!("{failure:?}")
         } else {
@@ -80,7 +95,7 @@ impl<'a> Leased<'a> {
             () = self.control.lease_lost() => {
                 tracing::warn!(job, token, ended, "the lease is lost: the outcome is dropped");
             }
-            () = report(client, &job, token, outcome) => tracing::info!(job, token, ended, "job ended"),
+            () = report(client, &self.claim, outcome) => tracing::info!(job, token, ended, "job ended"),
             () = async { stopping.cancelled().await; sleep(REPORT_GRACE).await } => {
                 tracing::warn!(job, token, ended, "shutting down before the outcome could be reported");
             }
@@ -88,6 +103,7 @@ impl<'a> Leased<'a> {
         // A thread that still computes for this lease must write nothing more.
         self.control.stop(StopReason::LeaseLost);
         keeper.abort();
+        Ok(())
     }
 
     /// Waits for the job; once the worker is stopping, for the drain time at most.
@@ -104,7 +120,7 @@ impl<'a> Leased<'a> {
                 match timeout(self.worker.drain, &mut thread).await {
                     Ok(outcome) => outcome,
                     Err(_) => {
-                        tracing::warn!(job = self.job, "the job did not stop in time and is returned as it is");
+                        tracing::warn!(job = self.claim.job, "the job did not stop in time and is returned as it is");
                         return Err(JobFailure::Requeue);
                     }
                 }
@@ -121,8 +137,7 @@ impl<'a> Leased<'a> {
         progress: watch::Sender<Progress>,
     ) -> Result<oneshot::Receiver<Outcome>, JobFailure> {
         let context = JobContext {
-            job: self.job.clone(),
-            token: self.lease.token,
+            claim: self.claim.clone(),
             device: self.worker.device.clone(),
             control: self.control.clone(),
             ingest: self.worker.ingest.clone(),
@@ -136,7 +151,7 @@ impl<'a> Leased<'a> {
         let lease = self.lease.clone();
         let (answer, outcome) = oneshot::channel();
         std::thread::Builder::new()
-            .name(format!("{} #{}", self.job, self.lease.token))
+            .name(format!("{} #{}", self.claim.job, self.claim.token))
             .stack_size(STACK_BYTES)
             .spawn(move || {
                 // After the drain time, there is no receiver.

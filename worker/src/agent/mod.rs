@@ -7,9 +7,9 @@ pub mod control;
 mod heartbeat;
 mod leased;
 mod report;
+mod watchdog;
 
 use crate::{
-    jobs::KINDS,
     objects::{Objects, ObjectsError},
     retry::{Backoff, is_transient},
 };
@@ -23,13 +23,22 @@ use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::{Code, Status, transport::Channel};
+use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::{
-    Lease, LeaseJobRequest, RegisterWorkerRequest, worker_service_client::WorkerServiceClient,
+    JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest,
+    worker_service_client::WorkerServiceClient,
 };
 
+/// Kinds of jobs that this program runs.
+pub const KINDS: &[JobKind] = &[
+    JobKind::Ingest,
+    JobKind::Train,
+    JobKind::Render,
+    JobKind::Evaluate,
+];
 /// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Largest answer, bytes: a lease names every file of a capture of 100,000 frames.
@@ -40,6 +49,11 @@ const MAX_ANSWER_BYTES: usize = 128 << 20;
 pub struct WorkerConfig {
     /// Display name of this worker.
     pub display_name: String,
+    /// Kinds of jobs that it runs.
+    pub kinds: Vec<JobKind>,
+    /// Whether it runs in the coordinator's process: a coordinator that starts takes back the jobs that
+    /// such a worker had.
+    pub embedded: bool,
     /// First pause between two requests for work, seconds; it doubles while there is none.
     pub poll_seconds: f64,
     /// Longest pause between two requests for work, seconds.
@@ -60,6 +74,8 @@ impl Default for WorkerConfig {
     fn default() -> Self {
         Self {
             display_name: "worker".into(),
+            kinds: KINDS.to_vec(),
+            embedded: false,
             poll_seconds: 0.2,
             idle_poll_seconds: 2.0,
             progress_seconds: 0.5,
@@ -80,6 +96,17 @@ pub enum WorkerError {
     /// The coordinator refuses this worker.
     #[error("the coordinator refuses this worker: {0}")]
     Refused(#[source] Box<Status>),
+    /// A job hangs in a thread that nothing can end. Its lease is not renewed, so another worker gets it;
+    /// this process has to end.
+    #[error(
+        "{job} has shown no sign of life for {seconds} s: this worker ends, so that it runs elsewhere"
+    )]
+    Hung {
+        /// `jobs/{id}`.
+        job: String,
+        /// Length of the silence.
+        seconds: u64,
+    },
     /// A pause in the configuration is invalid.
     #[error("{field} is {value}: not a number of seconds")]
     Config {
@@ -96,6 +123,8 @@ pub struct Worker {
     objects: Objects,
     device: PickedDevice,
     display_name: String,
+    kinds: Vec<JobKind>,
+    embedded: bool,
     poll: Duration,
     idle_poll: Duration,
     progress: Duration,
@@ -122,6 +151,8 @@ impl Worker {
             objects: Objects::from_url(objects_url)?,
             device,
             display_name: config.display_name,
+            kinds: config.kinds,
+            embedded: config.embedded,
             poll: seconds("poll_seconds", config.poll_seconds)?,
             idle_poll: seconds("idle_poll_seconds", config.idle_poll_seconds)?,
             progress: seconds("progress_seconds", config.progress_seconds)?,
@@ -136,7 +167,7 @@ impl Worker {
     /// within the drain time and a few seconds.
     ///
     /// # Errors
-    /// When the coordinator refuses this worker. An unreachable coordinator is not an error.
+    /// When the coordinator refuses this worker, or a job hangs. An unreachable coordinator is not an error.
     pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<(), WorkerError> {
         let stopping = CancellationToken::new();
         let work = self.work(&stopping);
@@ -151,6 +182,8 @@ impl Worker {
     async fn work(&self, stopping: &CancellationToken) -> Result<(), WorkerError> {
         let mut name = String::new();
         let mut idle = Backoff::new(self.poll, self.idle_poll);
+        // The same until it is answered: a lease whose answer was lost is found again.
+        let mut call = Uuid::new_v4();
         while !stopping.is_cancelled() {
             if name.is_empty() {
                 match self.register(stopping).await? {
@@ -160,9 +193,13 @@ impl Worker {
             }
             // Not raced against shutdown: a lease with an unread answer blocks its job.
             let asked = Instant::now();
-            match self.lease(&name).await {
+            let answer = self.lease(&name, call).await;
+            if answer.is_ok() {
+                call = Uuid::new_v4();
+            }
+            match answer {
                 Ok(Some(lease)) => {
-                    Leased::new(self, lease, asked).run(stopping).await;
+                    Leased::new(self, &name, lease, asked).run(stopping).await?;
                     (self.after_job)();
                     idle.reset();
                     continue;
@@ -185,7 +222,8 @@ impl Worker {
         let request = RegisterWorkerRequest {
             display_name: self.display_name.clone(),
             device: Some(self.device.info.clone()),
-            kinds: KINDS.iter().map(|&kind| kind.into()).collect(),
+            kinds: self.kinds.iter().map(|&kind| kind.into()).collect(),
+            embedded: self.embedded,
         };
         let mut backoff = Backoff::new(self.poll, self.idle_poll);
         let mut told = false;
@@ -213,10 +251,11 @@ impl Worker {
         Ok(None)
     }
 
-    async fn lease(&self, worker: &str) -> Result<Option<Lease>, Status> {
+    async fn lease(&self, worker: &str, call: Uuid) -> Result<Option<Lease>, Status> {
         let mut client = self.client.clone();
         let request = LeaseJobRequest {
             worker: worker.into(),
+            request_id: call.to_string(),
         };
         Ok(answer(client.lease_job(request)).await?.lease)
     }

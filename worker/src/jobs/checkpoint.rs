@@ -24,9 +24,10 @@ pub(crate) struct Downloaded {
 }
 
 /// State of a training when it is saved.
-pub(crate) struct Saved<'a> {
+#[derive(Debug, Clone)]
+pub(crate) struct Saved {
     /// `models/{id}`.
-    pub(crate) model: &'a str,
+    pub(crate) model: String,
     pub(crate) step: u64,
     pub(crate) job_seconds: f64,
     pub(crate) job_steps: u64,
@@ -54,7 +55,7 @@ pub(crate) fn first_whole(
             Ok(downloaded) => return Ok(Some(downloaded)),
             Err(reason) => {
                 tracing::warn!(
-                    job = context.job,
+                    job = context.claim.job,
                     checkpoint = checkpoint.name,
                     reason,
                     "a checkpoint is torn"
@@ -148,10 +149,10 @@ fn fetch(
 pub(crate) fn publish(
     context: &JobContext,
     folder: &Path,
-    saved: &Saved<'_>,
+    saved: &Saved,
 ) -> Result<u64, JobFailure> {
-    let model_id = id(Collection::Models, saved.model)?;
-    let prefix = keys::checkpoint(model_id, context.job_id()?, context.token, saved.step);
+    let model_id = id(Collection::Models, &saved.model)?;
+    let prefix = keys::checkpoint(model_id, context.job_id()?, context.claim.token, saved.step);
     let mut objects = Vec::new();
     let always = [
         files::WEIGHTS,
@@ -172,9 +173,9 @@ pub(crate) fn publish(
     }
     let manifest = Manifest {
         version: manifest::VERSION,
-        model: saved.model.into(),
+        model: saved.model.clone(),
         step: saved.step,
-        job: context.job.clone(),
+        job: context.claim.job.clone(),
         job_seconds: saved.job_seconds,
         job_steps: saved.job_steps,
         objects,
@@ -184,7 +185,7 @@ pub(crate) fn publish(
     })?;
     let object = context.put(&format!("{prefix}/{}", files::MANIFEST), json)?;
     context.publish(Checkpoint {
-        name: names::checkpoint(saved.model, saved.step),
+        name: names::checkpoint(&saved.model, saved.step),
         step: saved.step,
         manifest: Some(object),
         bytes: manifest.bytes(),
@@ -210,8 +211,9 @@ fn extra_files(folder: &Path) -> std::io::Result<Vec<String>> {
     Ok(found)
 }
 
-fn local(error: &std::io::Error) -> JobFailure {
-    JobFailure::failed("INTERNAL", "the worker's temporary folder", error)
+/// A fault of this machine's disk, and not of the job.
+pub(crate) fn local(error: &std::io::Error) -> JobFailure {
+    JobFailure::machine("the worker's temporary folder", error)
 }
 
 #[cfg(test)]

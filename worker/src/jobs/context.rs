@@ -9,32 +9,32 @@ use crate::{
 };
 use bytes::Bytes;
 use std::{
+    convert::Infallible,
     future::Future,
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
 use tokio::{runtime::Handle, sync::watch, time::timeout};
-use tonic::transport::Channel;
+use tonic::{Status, transport::Channel};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::{
     names::{Collection, NameError},
     v1::{
-        Checkpoint, ObjectRef, Progress, PublishCheckpointRequest,
-        worker_service_client::WorkerServiceClient,
+        Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
+        RenderedFile, worker_service_client::WorkerServiceClient,
     },
 };
 
 /// Longest wait for an answer of the coordinator before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A leased job's access to coordinator, objects and device.
+/// A leased job's access to coordinator, objects and device; clones share it.
+#[derive(Clone)]
 pub struct JobContext {
-    /// `jobs/{id}`.
-    pub job: String,
-    /// The lease's fencing token.
-    pub token: u64,
+    /// The claim on the job.
+    pub claim: Claim,
     /// The device.
     pub device: PickedDevice,
     /// Whether the job may continue.
@@ -47,7 +47,7 @@ pub struct JobContext {
     pub(crate) client: WorkerServiceClient<Channel>,
     pub(crate) progress: watch::Sender<Progress>,
     pub(crate) runtime: Handle,
-    pub(crate) pace: Mutex<Pace>,
+    pub(crate) pace: Arc<Mutex<Pace>>,
 }
 
 impl JobContext {
@@ -56,7 +56,7 @@ impl JobContext {
     /// # Errors
     /// When the coordinator sent a name other than `jobs/{id}`.
     pub fn job_id(&self) -> Result<&str, JobFailure> {
-        id(Collection::Jobs, &self.job)
+        id(Collection::Jobs, &self.claim.job)
     }
 
     /// Checks whether the job may continue.
@@ -64,6 +64,7 @@ impl JobContext {
     /// # Errors
     /// The failure for the reason to stop.
     pub fn check(&self) -> Result<(), JobFailure> {
+        self.control.sign();
         self.control
             .stopped()
             .map_or(Ok(()), |reason| Err(reason.into()))
@@ -71,6 +72,7 @@ impl JobContext {
 
     /// Replaces the progress that the next heartbeat carries.
     pub fn report(&self, progress: Progress) {
+        self.control.sign();
         let device = self.device.info.adapter.clone();
         self.progress.send_replace(Progress { device, ..progress });
     }
@@ -124,31 +126,65 @@ impl JobContext {
     /// coordinator's refusal.
     pub fn publish(&self, checkpoint: Checkpoint) -> Result<(), JobFailure> {
         let request = PublishCheckpointRequest {
-            job: self.job.clone(),
-            token: self.token,
+            claim: Some(self.claim.clone()),
             checkpoint: Some(checkpoint),
         };
+        self.deliver("publishing a checkpoint", || {
+            let (mut client, request) = (self.client.clone(), request.clone());
+            async move { client.publish_checkpoint(request).await.map(drop) }
+        })
+    }
+
+    /// Commits a file of a render, with retries until the coordinator answers.
+    ///
+    /// # Errors
+    /// As [`JobContext::publish`].
+    pub fn commit(&self, file: RenderedFile) -> Result<(), JobFailure> {
+        let request = CommitOutputRequest {
+            claim: Some(self.claim.clone()),
+            file: Some(file),
+        };
+        self.deliver("committing a file", || {
+            let (mut client, request) = (self.client.clone(), request.clone());
+            async move { client.commit_output(request).await.map(drop) }
+        })
+    }
+
+    /// Repeats a call until the coordinator answers.
+    fn deliver<F>(&self, doing: &str, call: impl Fn() -> F) -> Result<(), JobFailure>
+    where
+        F: Future<Output = Result<(), Status>>,
+    {
         self.unless_lost(async {
             let mut backoff = Backoff::new(Duration::from_millis(200), Duration::from_secs(2));
             loop {
-                let mut client = self.client.clone();
-                match timeout(CALL_TIMEOUT, client.publish_checkpoint(request.clone())).await {
-                    Ok(Ok(_)) => return Ok(()),
-                    Ok(Err(status)) if is_stale_lease(status.code()) => {
+                match timeout(CALL_TIMEOUT, call()).await {
+                    Ok(Ok(())) => return Ok(()),
+                    Ok(Err(status)) if is_stale_lease(&status) => {
                         self.control.stop(StopReason::LeaseLost);
                         return Err(JobFailure::LeaseLost);
                     }
                     Ok(Err(status)) if !is_transient(status.code()) => {
-                        return Err(JobFailure::failed(
-                            "INTERNAL",
-                            "publishing a checkpoint",
-                            &status,
-                        ));
+                        return Err(JobFailure::failed("INTERNAL", doing, &status));
                     }
                     Ok(Err(_)) | Err(_) => tokio::time::sleep(backoff.pause()).await,
                 }
             }
         })?
+    }
+
+    /// Waits, unless the job must stop before `time` is over.
+    ///
+    /// # Errors
+    /// The failure for the reason to stop.
+    pub fn wait(&self, time: Duration) -> Result<(), JobFailure> {
+        let until = Instant::now() + time;
+        while Instant::now() < until {
+            self.check()?;
+            let left = until.saturating_duration_since(Instant::now());
+            std::thread::sleep(left.min(Duration::from_millis(200)));
+        }
+        self.check()
     }
 
     /// Waits for `work`, but not beyond the lease.
@@ -158,8 +194,18 @@ impl JobContext {
                 biased;
                 () = self.control.lease_lost() => Err(JobFailure::LeaseLost),
                 done = work => Ok(done),
+                // A slow store is no job that hangs.
+                never = self.signs() => match never {},
             }
         })
+    }
+
+    /// Signs of life while the job waits for somebody else.
+    async fn signs(&self) -> Infallible {
+        loop {
+            self.control.sign();
+            tokio::time::sleep(Duration::from_secs(1)).await;
+        }
     }
 }
 

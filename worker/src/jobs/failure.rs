@@ -4,7 +4,10 @@ use crate::{agent::control::StopReason, media::MediaError, objects::ObjectsError
 use std::error::Error;
 use yoto_proto::{
     pose_track::{describe, violation},
-    v1::{FailJobRequest, JobError, Violation},
+    v1::{
+        JobError, Violation,
+        end_job_request::{Cancelled, Outcome, Returned},
+    },
 };
 
 /// The reason why a job ended without a result.
@@ -49,35 +52,33 @@ impl JobFailure {
         Self::TryLater { code, message }
     }
 
+    /// This machine can't do what the job needs, as when its disk is full: the job waits, and says why.
+    pub fn machine(doing: &str, error: &dyn Error) -> Self {
+        Self::try_later("MACHINE", doing, error)
+    }
+
     /// A request whose one `field` is at fault; `spec` is the kind of job.
     pub fn invalid(spec: &str, field: &str, message: impl Into<String>) -> Self {
         Self::Invalid(vec![violation("INVALID", spec, None, field, message)])
     }
 
-    /// The report to the coordinator under fencing token `token`; none when the lease is lost.
-    pub fn into_request(self, job: &str, token: u64) -> Option<FailJobRequest> {
-        let error = |code: &str, message: String, violations| {
-            Some(JobError {
-                code: code.into(),
-                message,
-                violations,
-            })
+    /// The outcome for the coordinator; none when the lease is lost.
+    pub fn into_outcome(self) -> Option<Outcome> {
+        let error = |code: &str, message: String, violations| JobError {
+            code: code.into(),
+            message,
+            violations,
         };
-        let (error, cancelled, requeue) = match self {
+        Some(match self {
             Self::LeaseLost => return None,
-            Self::Cancelled => (None, true, false),
-            Self::Requeue => (None, false, true),
-            Self::Rejected(found) => (error("REJECTED", listed(&found), found), false, false),
-            Self::Invalid(found) => (error("INVALID_SPEC", listed(&found), found), false, false),
-            Self::TryLater { code, message } => (error(code, message, Vec::new()), false, true),
-            Self::Failed { code, message } => (error(code, message, Vec::new()), false, false),
-        };
-        Some(FailJobRequest {
-            job: job.into(),
-            token,
-            error,
-            cancelled,
-            requeue,
+            Self::Cancelled => Outcome::Cancelled(Cancelled {}),
+            Self::Requeue => Outcome::Returned(Returned {}),
+            Self::Rejected(found) => Outcome::Failed(error("REJECTED", listed(&found), found)),
+            Self::Invalid(found) => Outcome::Failed(error("INVALID_SPEC", listed(&found), found)),
+            Self::TryLater { code, message } => {
+                Outcome::Postponed(error(code, message, Vec::new()))
+            }
+            Self::Failed { code, message } => Outcome::Failed(error(code, message, Vec::new())),
         })
     }
 }
@@ -132,12 +133,12 @@ mod tests {
 
     #[test]
     fn each_end_is_told_apart() {
-        let request = |failure: JobFailure| failure.into_request("jobs/1", 7);
-        assert_eq!(request(JobFailure::LeaseLost), None);
-        let cancelled = request(JobFailure::Cancelled).expect("told");
-        assert!(cancelled.cancelled && !cancelled.requeue && cancelled.error.is_none());
-        let given_back = request(JobFailure::Requeue).expect("told");
-        assert!(given_back.requeue && !given_back.cancelled && given_back.token == 7);
+        assert_eq!(JobFailure::LeaseLost.into_outcome(), None);
+        let told = |failure: JobFailure| failure.into_outcome().expect("is told");
+        let cancelled = told(JobFailure::Cancelled);
+        assert_eq!(cancelled, Outcome::Cancelled(Cancelled {}));
+        let returned = told(JobFailure::Requeue);
+        assert_eq!(returned, Outcome::Returned(Returned {}));
         let found = vec![violation(
             "NOT_FINITE",
             "poses.json",
@@ -145,9 +146,9 @@ mod tests {
             "pose[41]",
             "NaN",
         )];
-        let error = request(JobFailure::Rejected(found))
-            .and_then(|r| r.error)
-            .expect("told");
+        let Outcome::Failed(error) = told(JobFailure::Rejected(found)) else {
+            panic!("a failure");
+        };
         assert_eq!(error.code, "REJECTED");
         assert_eq!(error.message, "poses.json frame 17: pose[41]: NaN");
         assert_eq!(error.violations[0].frame, Some(17));
@@ -155,7 +156,9 @@ mod tests {
             code: "OBJECTS",
             message: "out of reach".into(),
         };
-        let later = request(later).expect("told");
-        assert!(later.requeue && later.error.is_some_and(|it| it.code == "OBJECTS"));
+        let Outcome::Postponed(error) = told(later) else {
+            panic!("for later");
+        };
+        assert_eq!(error.code, "OBJECTS");
     }
 }

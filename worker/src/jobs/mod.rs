@@ -19,9 +19,6 @@ pub use failure::JobFailure;
 
 use yoto_proto::v1::{JobResult, Lease, job_result, job_spec};
 
-/// Job kinds that [`run`] supports, as registered by a worker.
-pub const KINDS: &[&str] = &["ingest", "train", "render", "evaluate"];
-
 /// Runs the leased job to its end on the calling thread.
 ///
 /// # Errors

@@ -3,6 +3,7 @@
 
 mod cast;
 mod clip;
+mod committed;
 mod follow;
 mod layers;
 mod level;
@@ -22,6 +23,7 @@ use crate::media::{
     picture,
 };
 use cast::{Cast, bearings};
+use committed::Committed;
 use layers::Shown;
 use quality::Promise;
 use request::Request;
@@ -33,7 +35,7 @@ use yoto_avatar::{
     tradeoff::sweep::fidelity,
 };
 use yoto_proto::{
-    keys, names,
+    names,
     v1::{Inputs, Layer, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
@@ -68,7 +70,7 @@ pub fn run(
     };
     let layer = Layer::try_from(spec.layer).unwrap_or_default();
     let shown = Shown::new(layer, &renderer, &film.views);
-    let drawn = draw(context, &request, &renderer, &film, &shown)?;
+    let drawn = draw(context, &request, &renderer, &film, &shown, inputs)?;
     let [depth_near, depth_far] = shown.range();
     Ok(RenderResult {
         depth_near,
@@ -165,23 +167,18 @@ struct Drawn {
     psnr: Vec<f64>,
 }
 
-/// Renders and stores each view, and the animation of all of them if requested.
+/// Renders and commits each view that no earlier lease has committed, and the animation of all of them if
+/// requested. Seconds and PSNR are of the views of this lease.
 fn draw(
     context: &JobContext,
     request: &Request<'_>,
     renderer: &Renderer,
     film: &Film,
     shown: &Shown,
+    inputs: &Inputs,
 ) -> Result<Drawn, JobFailure> {
     let views = &film.views;
-    let job = context.job_id()?;
-    let store = |file: String, bytes| {
-        let object = context.put(&keys::render(job, context.token, &file), bytes)?;
-        Ok::<_, JobFailure>(RenderedFile {
-            file,
-            object: Some(object),
-        })
-    };
+    let mut committed = Committed::new(context, inputs);
     let kind = match request.spec.transparent {
         true => Pixels::Rgba,
         false => Pixels::Rgb,
@@ -201,11 +198,18 @@ fn draw(
         }
         _ => None,
     };
-    let (mut rendered, mut psnr) = (Vec::new(), Vec::new());
-    let mut spent = Duration::ZERO;
+    let mut psnr = Vec::new();
+    let (mut spent, mut drawn) = (Duration::ZERO, 0);
     for (done, view) in views.iter().enumerate() {
         context.check()?;
         context.report_pieces("rendering", done, views.len());
+        let file = format!("{done:06}.png");
+        if let Some(pixels) = committed.take_over(&file, kind)? {
+            if let Some(animation) = &mut animation {
+                animation.push(&pixels)?;
+            }
+            continue;
+        }
         let filmed = film
             .truths
             .picture(done, (view.camera.width, view.camera.height));
@@ -224,6 +228,7 @@ fn draw(
             Pixels::Rgba => image.to_rgba8(),
         };
         spent += began.elapsed();
+        drawn += 1;
         if let Some(filmed) = filmed {
             psnr.push(fidelity(&filmed, &image.to_rgb8()));
             if compare {
@@ -234,18 +239,15 @@ fn draw(
             animation.push(&pixels)?;
         }
         let (width, height) = size(view);
-        rendered.push(store(
-            format!("{done:06}.png"),
-            picture::png(kind, width, height, &pixels)?,
-        )?);
+        committed.add(file, picture::png(kind, width, height, &pixels)?)?;
     }
     if animation.map(Animation::finish).transpose()?.is_some() {
-        rendered.push(store(ANIMATION.into(), animated)?);
+        committed.add(ANIMATION.into(), animated)?;
     }
     context.report_pieces("rendering", views.len(), views.len());
     Ok(Drawn {
-        files: rendered,
-        seconds_per_frame: spent.as_secs_f64() / views.len().max(1) as f64,
+        files: committed.into_files(),
+        seconds_per_frame: spent.as_secs_f64() / f64::from(drawn.max(1)),
         psnr,
     })
 }

@@ -9,15 +9,18 @@ use std::{
 };
 use tokio::{runtime::Handle, sync::watch};
 use tonic::transport::Endpoint;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{Claim, worker_service_client::WorkerServiceClient};
 
 /// The context of `jobs/test` under token 3. Call it inside a runtime.
 pub(crate) fn context() -> JobContext {
     // There is no server, so a test that calls the coordinator fails.
     let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
     JobContext {
-        job: "jobs/test".into(),
-        token: 3,
+        claim: Claim {
+            job: "jobs/test".into(),
+            worker: "workers/test".into(),
+            token: 3,
+        },
         device: yoto_device::pick(),
         control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
         ingest: Arc::default(),

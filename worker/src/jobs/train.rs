@@ -6,6 +6,7 @@
 mod outlook;
 mod plan;
 mod preview;
+mod saving;
 mod session;
 
 use super::{JobContext, JobFailure, checkpoint};
@@ -36,11 +37,11 @@ pub fn run(
     match session.train() {
         Ok(()) => session.finish(),
         Err(stopped @ (JobFailure::Cancelled | JobFailure::Requeue)) => {
-            match session.checkpoint() {
+            match session.last_checkpoint() {
                 Err(JobFailure::LeaseLost) => Err(JobFailure::LeaseLost),
                 Err(failure) => {
                     tracing::warn!(
-                        job = context.job,
+                        job = context.claim.job,
                         ?failure,
                         "the last checkpoint could not be written"
                     );
@@ -70,7 +71,7 @@ fn start<'a>(
         .map_err(|error| JobFailure::invalid("train", "model", error.to_string()))?;
     let manifest = before.as_ref().map(|found| &found.manifest);
     let options = plan.options(
-        &context.job,
+        &context.claim.job,
         manifest,
         config.schedule.steps,
         context.lpips.clone(),
@@ -83,7 +84,7 @@ fn start<'a>(
     let trainer = match before {
         Some(found) => {
             tracing::info!(
-                job = context.job,
+                job = context.claim.job,
                 step = found.manifest.step,
                 "training resumes"
             );

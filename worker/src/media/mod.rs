@@ -26,6 +26,9 @@ pub enum MediaError {
     /// The encoder refused.
     #[error("a PNG could not be written")]
     Encode(#[from] png::EncodingError),
+    /// A picture of an earlier lease is no picture.
+    #[error("a committed picture can't be read")]
+    Decode(#[from] image::ImageError),
 }
 
 /// Kinds of pixels, 8 bits per channel.

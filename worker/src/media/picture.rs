@@ -18,6 +18,20 @@ pub fn png(kind: Pixels, width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u
     Ok(bytes)
 }
 
+/// The pixels of a PNG that [`png`] wrote, with its size.
+///
+/// # Errors
+/// When the bytes are no picture.
+pub fn pixels(kind: Pixels, bytes: &[u8]) -> Result<(u32, u32, Vec<u8>), MediaError> {
+    let picture = image::load_from_memory(bytes)?;
+    let (width, height) = (picture.width(), picture.height());
+    let pixels = match kind {
+        Pixels::Rgb => picture.into_rgb8().into_raw(),
+        Pixels::Rgba => picture.into_rgba8().into_raw(),
+    };
+    Ok((width, height, pixels))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -27,9 +41,8 @@ mod tests {
         for (kind, channels) in [(Pixels::Rgb, 3), (Pixels::Rgba, 4)] {
             let pixels: Vec<u8> = (0..5 * 3 * channels).collect();
             let bytes = png(kind, 5, 3, &pixels).expect("encodes");
-            let decoded = image::load_from_memory(&bytes).expect("decodes");
-            assert_eq!((decoded.width(), decoded.height()), (5, 3));
-            assert_eq!(decoded.into_bytes(), pixels);
+            let decoded = super::pixels(kind, &bytes).expect("decodes");
+            assert_eq!(decoded, (5, 3, pixels));
         }
     }
 

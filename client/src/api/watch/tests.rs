@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Mutex;
 use tokio_stream::wrappers::TcpListenerStream;
 use tonic::{Code, Request, Response, Status};
+use yoto_proto::v1;
 use yoto_proto::v1::job_service_server::{JobService, JobServiceServer};
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job,
@@ -54,6 +55,20 @@ impl JobService for Scripted {
     async fn cancel_job(&self, _: Request<CancelJobRequest>) -> Answer<Job> {
         Err(Status::unimplemented("only watching is scripted"))
     }
+    async fn pause_jobs(
+        &self,
+        _: Request<v1::PauseJobsRequest>,
+    ) -> Result<Response<v1::PauseJobsResponse>, Status> {
+        Err(Status::unimplemented("not watched"))
+    }
+
+    async fn resume_jobs(
+        &self,
+        _: Request<v1::ResumeJobsRequest>,
+    ) -> Result<Response<v1::ResumeJobsResponse>, Status> {
+        Err(Status::unimplemented("not watched"))
+    }
+
     async fn delete_job(&self, _: Request<DeleteJobRequest>) -> Answer<Deleted> {
         Err(Status::unimplemented("only watching is scripted"))
     }

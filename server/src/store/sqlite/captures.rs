@@ -4,7 +4,7 @@ use super::{
     jobs,
     rows::{Columns, During, integer, state},
 };
-use crate::store::{StoreError, UploadedFile, new_id};
+use crate::store::{NewJob, StoreError, UploadedFile, new_id};
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::{
     names::Collection,
@@ -43,6 +43,7 @@ pub async fn finish(
     conn: &mut SqliteConnection,
     id: &str,
     files: &[UploadedFile],
+    now: f64,
 ) -> Result<Capture, StoreError> {
     let done = sqlx::query(
         "UPDATE captures SET state = 'INGESTING' WHERE id = ?1 AND state = 'UPLOADING'",
@@ -74,13 +75,10 @@ pub async fn finish(
     let ingest = IngestSpec {
         capture: Collection::Captures.name(id),
     };
-    jobs::insert(
-        conn,
-        JobSpec {
-            kind: Some(job_spec::Kind::Ingest(ingest)),
-        },
-    )
-    .await?;
+    let spec = JobSpec {
+        kind: Some(job_spec::Kind::Ingest(ingest)),
+    };
+    jobs::insert(conn, NewJob::normal(spec), now).await?;
     get(conn, id).await
 }
 

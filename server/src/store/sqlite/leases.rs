@@ -1,99 +1,208 @@
 //! Leases: the right to write to a job, with a deadline.
 //!
-//! The fencing token is the job's `lease` column. A write is guarded by the job's id, the
-//! token and the state RUNNING; a worker that lost its lease matches no row.
+//! The fencing token is the job's `lease` column. A write is guarded by the job's id, the token, the
+//! worker and the state RUNNING; a worker that lost its lease matches no row.
 
 use super::{
-    checkpoints, jobs, pins,
+    attempts, checkpoints, inputs, jobs, outcome, outputs, pins,
     rows::{Columns, During, integer},
+    turn,
 };
 use crate::{
     checkpoints::retention::Retention,
-    store::{LeaseKey, StoreError},
+    store::{LeaseKey, LeasedJob, StoreError, Turn},
 };
 use prost::Message;
 use sqlx::SqliteConnection;
 use yoto_proto::{
     names::Collection,
-    v1::{Checkpoint, Job, Progress},
+    v1::{Checkpoint, JobError, JobSpec, Progress},
 };
 
-/// Whether a job for the worker is queued. Workers ask often and mostly without success; this
-/// read saves a transaction on the writer's connection, and a disk access, each time.
-pub async fn any_queued(conn: &mut SqliteConnection, worker_id: &str) -> Result<bool, StoreError> {
-    let row = sqlx::query(
-        "SELECT EXISTS (
-             SELECT 1 FROM jobs j JOIN worker_kinds k ON k.kind = j.kind
-             WHERE j.state = 'QUEUED' AND k.worker = w.id
-               AND (j.not_before IS NULL OR j.not_before <= unixepoch('subsec'))) AS waiting
-         FROM workers w WHERE w.id = ?1",
-    )
-    .bind(worker_id)
-    .fetch_optional(conn)
-    .await
-    .during("looking for a queued job")?;
-    match row {
-        Some(row) => row.flag("waiting"),
-        None => Err(StoreError::NotFound {
-            name: Collection::Workers.name(worker_id),
-        }),
-    }
+/// A worker's request for a job.
+pub struct Ask<'a> {
+    pub worker_id: &'a str,
+    /// A repeated id finds its lease again; empty: none.
+    pub request_id: &'a str,
+    pub lease_seconds: f64,
+    pub now: f64,
 }
 
-/// Leases the oldest QUEUED job that the worker can run. A model has one trainer at a time.
-pub async fn lease(
+/// The lease that an earlier call with the same id got, as long as it runs; else a lease on the job
+/// whose turn it is. A job whose inputs can't be found FAILS, so that it never stands before the others.
+pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, StoreError> {
+    let mut failed = Vec::new();
+    if let Some(leased) = again(conn, ask).await? {
+        return Ok(Turn {
+            leased: Some(leased),
+            failed,
+        });
+    }
+    while let Some(id) = turn::next(conn, ask.worker_id, ask.now).await? {
+        let key = begin(conn, ask, &id).await?;
+        match inputs_of(conn, &key).await {
+            Ok(leased) => {
+                return Ok(Turn {
+                    leased: Some(leased),
+                    failed,
+                });
+            }
+            Err(error @ StoreError::Database { .. }) => return Err(error),
+            Err(error) => {
+                let message = format!("its inputs can't be found: {error}");
+                let missing = JobError {
+                    code: "INPUTS".to_owned(),
+                    message: message.clone(),
+                    violations: Vec::new(),
+                };
+                outcome::fail(conn, &key, missing, ask.now).await?;
+                failed.push((Collection::Jobs.name(&id), message));
+            }
+        }
+    }
+    Ok(Turn {
+        leased: None,
+        failed,
+    })
+}
+
+/// Gives a queued job to the worker.
+async fn begin(
     conn: &mut SqliteConnection,
-    worker_id: &str,
-    lease_seconds: f64,
-) -> Result<Option<Job>, StoreError> {
-    let leased = sqlx::query(
-        "UPDATE jobs SET state = 'RUNNING', lease = lease + 1, worker = ?1,
-             lease_deadline = unixepoch('subsec') + ?2, sequence = sequence + 1,
-             start_time = coalesce(start_time, unixepoch('subsec'))
-         WHERE ord = (
-             SELECT q.ord FROM jobs q
-             WHERE q.state = 'QUEUED'
-               AND (q.not_before IS NULL OR q.not_before <= unixepoch('subsec'))
-               AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1)
-               AND NOT (q.kind = 'train' AND EXISTS (
-                   SELECT 1 FROM jobs r
-                   WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))
-             ORDER BY q.ord LIMIT 1)
-         RETURNING id",
+    ask: &Ask<'_>,
+    job_id: &str,
+) -> Result<LeaseKey, StoreError> {
+    look_after(conn, ask.now).await?;
+    let row = sqlx::query(
+        "UPDATE jobs SET state = 'RUNNING', lease = lease + 1, worker = ?2, lease_request = ?3,
+             lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
+             not_before = NULL, start_time = coalesce(start_time, ?4)
+         WHERE id = ?1 RETURNING lease",
     )
-    .bind(worker_id)
-    .bind(lease_seconds)
-    .fetch_optional(&mut *conn)
+    .bind(job_id)
+    .bind(ask.worker_id)
+    .bind((!ask.request_id.is_empty()).then_some(ask.request_id))
+    .bind(ask.now)
+    .bind(ask.lease_seconds)
+    .fetch_one(&mut *conn)
     .await
     .during("leasing a job")?;
-    let Some(row) = leased else {
+    let key = LeaseKey {
+        job_id: job_id.to_owned(),
+        worker_id: ask.worker_id.to_owned(),
+        token: row.number("lease")?,
+    };
+    attempts::begin(conn, &key, ask.now).await?;
+    Ok(key)
+}
+
+/// Chooses the checkpoint of a job that was just leased, and finds its inputs.
+async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
+    // A film that has begun goes on with the checkpoint that it began with.
+    if outputs::list(conn, &key.job_id).await?.is_empty() {
+        let spec = jobs::spec(conn, &key.job_id).await?;
+        pins::renew(conn, &key.job_id, &spec).await?;
+    }
+    leased(conn, key).await
+}
+
+/// The first lease after a time without any is no end of an outage.
+async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO lease_clock (id, last_tick)
+         SELECT 1, ?1 WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE state = 'RUNNING')
+         ON CONFLICT (id) DO UPDATE SET last_tick = excluded.last_tick",
+    )
+    .bind(now)
+    .execute(conn)
+    .await
+    .during("starting to look after leases")?;
+    Ok(())
+}
+
+/// Whether the worker has a lease from an earlier call with the same id.
+pub async fn is_repeat(
+    conn: &mut SqliteConnection,
+    worker_id: &str,
+    request_id: &str,
+) -> Result<bool, StoreError> {
+    sqlx::query(
+        "SELECT EXISTS (SELECT 1 FROM jobs
+             WHERE worker = ?1 AND state = 'RUNNING' AND lease_request = ?2) AS found",
+    )
+    .bind(worker_id)
+    .bind(request_id)
+    .fetch_one(conn)
+    .await
+    .during("looking for the lease of an earlier call")?
+    .flag("found")
+}
+
+/// The lease of an earlier call with the same id, whose answer was lost. It begins anew, since the
+/// worker counts it from this call.
+async fn again(
+    conn: &mut SqliteConnection,
+    ask: &Ask<'_>,
+) -> Result<Option<LeasedJob>, StoreError> {
+    if ask.request_id.is_empty() {
+        return Ok(None);
+    }
+    let row = sqlx::query(
+        "UPDATE jobs SET lease_deadline = ?3
+         WHERE worker = ?1 AND state = 'RUNNING' AND lease_request = ?2 RETURNING id, lease",
+    )
+    .bind(ask.worker_id)
+    .bind(ask.request_id)
+    .bind(ask.now + ask.lease_seconds)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("looking for the lease of an earlier call")?;
+    let Some(row) = row else {
         return Ok(None);
     };
-    let id = row.text("id")?;
-    let job = jobs::get(conn, &id).await?;
-    if let Some(spec) = &job.spec {
-        pins::renew(conn, &id, spec).await?;
-    }
-    Ok(Some(job))
+    let key = LeaseKey {
+        job_id: row.text("id")?,
+        worker_id: ask.worker_id.to_owned(),
+        token: row.number("lease")?,
+    };
+    leased(conn, &key).await.map(Some)
+}
+
+async fn leased(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
+    let job = jobs::get(conn, &key.job_id).await?;
+    let spec = jobs::spec(conn, &key.job_id).await?;
+    let inputs = inputs::resolve(conn, &key.job_id, &spec).await?;
+    Ok(LeasedJob {
+        job,
+        token: key.token,
+        inputs,
+    })
 }
 
 /// The reason why a guarded write matched no row: the job does not exist, or the lease is stale.
 pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreError {
     match jobs::get(conn, &lease.job_id).await {
-        Ok(job) => StoreError::StaleLease {
-            job: job.name,
-            token: lease.token,
-        },
+        Ok(_) => lease.stale(),
         Err(error) => error,
     }
 }
 
-/// The token in the column's type. A token beyond the column's range was never issued.
-pub fn token(lease: &LeaseKey) -> Result<i64, StoreError> {
-    i64::try_from(lease.token).map_err(|_| StoreError::StaleLease {
-        job: Collection::Jobs.name(&lease.job_id),
-        token: lease.token,
-    })
+/// The order of a leased job.
+pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
+    let row = sqlx::query(
+        "SELECT spec FROM jobs
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("reading a leased job")?;
+    match row {
+        Some(row) => Ok(row.message("spec")?.unwrap_or_default()),
+        None => Err(refusal(conn, lease).await),
+    }
 }
 
 /// Extends the lease and records progress.
@@ -101,18 +210,19 @@ pub async fn heartbeat(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     progress: Option<Progress>,
-    lease_seconds: f64,
+    deadline: f64,
 ) -> Result<bool, StoreError> {
     let row = sqlx::query(
-        "UPDATE jobs SET lease_deadline = unixepoch('subsec') + ?3,
-             sequence = sequence + (?4 IS NOT NULL AND progress IS NOT ?4),
-             progress = coalesce(?4, progress)
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'
+        "UPDATE jobs SET lease_deadline = ?4,
+             sequence = sequence + (?5 IS NOT NULL AND progress IS NOT ?5),
+             progress = coalesce(?5, progress)
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'
          RETURNING cancel_requested",
     )
     .bind(&lease.job_id)
-    .bind(token(lease)?)
-    .bind(lease_seconds)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .bind(deadline)
     .bind(progress.map(|progress| progress.encode_to_vec()))
     .fetch_optional(&mut *conn)
     .await
@@ -123,7 +233,8 @@ pub async fn heartbeat(
     }
 }
 
-/// Records a checkpoint of the leased train job's model, and removes those that it no longer keeps.
+/// Records a checkpoint of the leased train job's model, and removes those that it no longer keeps. The
+/// workers that were lost before it no longer count.
 pub async fn publish(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -131,13 +242,14 @@ pub async fn publish(
     default: Retention,
 ) -> Result<(), StoreError> {
     integer("checkpoint.step", checkpoint.step)?;
-    // The transaction holds the write lock, so the lease can't change before the commit.
     let row = sqlx::query(
-        "SELECT model FROM jobs
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING' AND kind = 'train'",
+        "UPDATE jobs SET losses = 0
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' AND kind = 'train'
+         RETURNING model",
     )
     .bind(&lease.job_id)
-    .bind(token(lease)?)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
     .fetch_optional(&mut *conn)
     .await
     .during("checking a lease")?;

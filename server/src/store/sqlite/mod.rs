@@ -3,29 +3,35 @@
 //! All writes go through one connection and start with `BEGIN IMMEDIATE`, so a write never
 //! fails because of an earlier read; readers have their own connections and never wait.
 
+mod attempts;
 mod captures;
 mod checkpoints;
 mod deletion;
 mod garbage;
+mod inputs;
 mod jobs;
 mod leases;
 mod migrations;
 mod models;
 mod outcome;
+mod outputs;
+mod pauses;
 mod pins;
 mod reaping;
 mod requests;
 mod rows;
 mod subjects;
+mod turn;
 #[cfg(test)]
 mod upgrade_tests;
 mod workers;
 
 use super::{
-    Ending, Entry, KnownGarbage, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped,
-    Reference, RequestKey, Store, StoreError, Target, UploadedFile,
+    Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob, NewModel,
+    NewSubject, NewWorker, Page, Reaped, Reference, RequestKey, Store, StoreError, Target, Turn,
+    UploadedFile,
 };
-use crate::checkpoints::retention::Retention;
+use crate::{checkpoints::retention::Retention, clock::Clock};
 use async_trait::async_trait;
 use rows::During;
 use sqlx::{
@@ -33,10 +39,10 @@ use sqlx::{
     pool::PoolConnection,
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
 };
-use std::{path::Path, time::Duration};
+use std::{path::Path, sync::Arc, time::Duration};
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobResult, JobSpec, Model, Progress,
-    Subject, SubjectShard, WorkerStatus, job,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
+    RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
 /// Longest wait of a statement for a lock.
@@ -49,14 +55,16 @@ const READERS: u32 = 4;
 pub struct SqliteStore {
     writer: SqlitePool,
     readers: SqlitePool,
+    clock: Arc<dyn Clock>,
 }
 
 impl SqliteStore {
-    /// Opens the database file, creating it and bringing its schema up to date.
+    /// Opens the database file, creating it and bringing its schema up to date. Jobs and leases run by
+    /// `clock`.
     ///
     /// # Errors
     /// When the file can't be opened, or holds a schema that is newer or altered.
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    pub async fn open(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
         let options = SqliteConnectOptions::new()
             .filename(path)
             .foreign_keys(true)
@@ -81,7 +89,11 @@ impl SqliteStore {
             .connect_with(options.read_only(true))
             .await
             .during("opening the database for reading")?;
-        Ok(Self { writer, readers })
+        Ok(Self {
+            writer,
+            readers,
+            clock,
+        })
     }
 
     async fn read(&self) -> Result<PoolConnection<Sqlite>, StoreError> {
@@ -141,7 +153,7 @@ impl Store for SqliteStore {
         files: &[UploadedFile],
     ) -> Result<Capture, StoreError> {
         let mut tx = self.write().await?;
-        let capture = captures::finish(&mut tx, id, files).await?;
+        let capture = captures::finish(&mut tx, id, files, self.clock.now()).await?;
         commit(tx).await?;
         Ok(capture)
     }
@@ -158,10 +170,6 @@ impl Store for SqliteStore {
 
     async fn capture(&self, id: &str) -> Result<Capture, StoreError> {
         captures::get(&mut *self.read().await?, id).await
-    }
-
-    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
-        captures::files(&mut *self.read().await?, id).await
     }
 
     async fn create_model(
@@ -248,65 +256,117 @@ impl Store for SqliteStore {
 
     async fn create_job(
         &self,
-        spec: JobSpec,
+        new: NewJob,
         request: Option<RequestKey>,
     ) -> Result<Job, StoreError> {
         let mut tx = self.write().await?;
-        let job = jobs::create(&mut tx, spec, request).await?;
+        let job = jobs::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(job)
+    }
+
+    async fn answered_job(&self, request: &RequestKey) -> Result<Option<Job>, StoreError> {
+        jobs::answered(&mut *self.read().await?, Some(request)).await
     }
 
     async fn job(&self, id: &str) -> Result<Job, StoreError> {
         jobs::get(&mut *self.read().await?, id).await
     }
 
-    async fn jobs(&self, page: Page, states: &[job::State]) -> Result<Vec<Entry<Job>>, StoreError> {
-        jobs::list(&mut *self.read().await?, page, states).await
+    async fn job_history(&self, id: &str) -> Result<Job, StoreError> {
+        jobs::with_attempts(&mut *self.read().await?, id).await
     }
 
-    async fn pinned_step(&self, job_id: &str) -> Result<Option<u64>, StoreError> {
-        pins::of_job(&mut *self.read().await?, job_id).await
+    async fn jobs(
+        &self,
+        page: Page,
+        filter: &JobFilter,
+        full: bool,
+    ) -> Result<Vec<Entry<Job>>, StoreError> {
+        jobs::list(&mut *self.read().await?, page, filter, full).await
+    }
+
+    async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
+        outputs::list(&mut *self.read().await?, job_id).await
     }
 
     async fn open_jobs(&self) -> Result<(u64, u64), StoreError> {
         jobs::open(&mut *self.read().await?).await
     }
 
-    async fn cancel_job(&self, id: &str) -> Result<Job, StoreError> {
+    async fn cancel_job(&self, id: &str, request: Option<RequestKey>) -> Result<Job, StoreError> {
         let mut tx = self.write().await?;
-        let job = jobs::cancel(&mut tx, id).await?;
+        let job = jobs::cancel(&mut tx, id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(job)
     }
 
+    async fn pause_jobs(&self, kind: JobKind, reason: &str) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        pauses::pause(&mut tx, kind, reason, self.clock.now()).await?;
+        commit(tx).await
+    }
+
+    async fn resume_jobs(&self, kind: JobKind) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        pauses::resume(&mut tx, kind).await?;
+        commit(tx).await
+    }
+
+    async fn paused_kinds(&self) -> Result<Vec<PausedKind>, StoreError> {
+        pauses::list(&mut *self.read().await?).await
+    }
+
     async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = workers::register(&mut tx, new).await?;
+        let id = workers::register(&mut tx, new, self.clock.now()).await?;
         commit(tx).await?;
         Ok(id)
     }
 
-    async fn workers(
+    async fn active_workers(
         &self,
         ids: &[&str],
         lease_seconds: f64,
     ) -> Result<Vec<WorkerStatus>, StoreError> {
-        workers::list(&mut *self.read().await?, ids, lease_seconds).await
+        workers::active(&mut *self.read().await?, ids, lease_seconds).await
+    }
+
+    async fn workers(
+        &self,
+        page: Page,
+        lease_seconds: f64,
+    ) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
+        workers::list(&mut *self.read().await?, page, lease_seconds).await
     }
 
     async fn lease_job(
         &self,
         worker_id: &str,
+        request_id: &str,
         lease_seconds: f64,
-    ) -> Result<Option<Job>, StoreError> {
-        if !leases::any_queued(&mut *self.read().await?, worker_id).await? {
-            return Ok(None);
+    ) -> Result<Turn, StoreError> {
+        let now = self.clock.now();
+        let mut reader = self.read().await?;
+        let again = leases::is_repeat(&mut reader, worker_id, request_id).await?;
+        if !again && !turn::any(&mut reader, worker_id, now).await? {
+            return Ok(Turn::default());
         }
+        drop(reader);
         let mut tx = self.write().await?;
-        let job = leases::lease(&mut tx, worker_id, lease_seconds).await?;
+        let ask = leases::Ask {
+            worker_id,
+            request_id,
+            lease_seconds,
+            now: self.clock.now(),
+        };
+        let turn = leases::lease(&mut tx, &ask).await?;
         commit(tx).await?;
-        Ok(job)
+        Ok(turn)
+    }
+
+    async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
+        leases::spec(&mut *self.read().await?, lease).await
     }
 
     async fn heartbeat(
@@ -316,7 +376,8 @@ impl Store for SqliteStore {
         lease_seconds: f64,
     ) -> Result<bool, StoreError> {
         let mut tx = self.write().await?;
-        let cancel = leases::heartbeat(&mut tx, lease, progress, lease_seconds).await?;
+        let deadline = self.clock.now() + lease_seconds;
+        let cancel = leases::heartbeat(&mut tx, lease, progress, deadline).await?;
         commit(tx).await?;
         Ok(cancel)
     }
@@ -332,26 +393,44 @@ impl Store for SqliteStore {
         commit(tx).await
     }
 
-    async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError> {
+    async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        outcome::complete(&mut tx, lease, result).await?;
+        outputs::commit(&mut tx, lease, file).await?;
         commit(tx).await
     }
 
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        outcome::end(&mut tx, lease, ending).await?;
+        outcome::end(&mut tx, lease, ending, self.clock.now()).await?;
         commit(tx).await
     }
 
-    async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError> {
-        if !reaping::any_expired(&mut *self.read().await?).await? {
+    async fn tick(&self, cap: u32, lease_seconds: f64) -> Result<Vec<Reaped>, StoreError> {
+        let now = self.clock.now();
+        if !reaping::is_due(&mut *self.read().await?, lease_seconds, now).await? {
             return Ok(Vec::new());
         }
         let mut tx = self.write().await?;
-        let reaped = reaping::reap(&mut tx, cap).await?;
+        let reaped = reaping::tick(&mut tx, cap, lease_seconds, self.clock.now()).await?;
         commit(tx).await?;
         Ok(reaped)
+    }
+
+    async fn take_back_embedded(&self, cap: u32) -> Result<Vec<Reaped>, StoreError> {
+        let mut tx = self.write().await?;
+        let reaped = reaping::take_back_embedded(&mut tx, cap, self.clock.now()).await?;
+        commit(tx).await?;
+        Ok(reaped)
+    }
+
+    async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError> {
+        let now = self.clock.now();
+        let mut tx = self.write().await?;
+        let requests = requests::forget(&mut tx, now - horizons.request_ids).await?;
+        let attempts = attempts::forget(&mut tx, now - horizons.attempts).await?;
+        let workers = workers::forget(&mut tx, now - horizons.workers).await?;
+        commit(tx).await?;
+        Ok(requests + attempts + workers)
     }
 
     async fn close(&self) {

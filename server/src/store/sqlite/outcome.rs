@@ -1,32 +1,90 @@
-//! Outcomes of jobs, and their effect on the catalogue.
+//! Ends of leases, and their effect on the catalogue.
 //!
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{captures, checkpoints, jobs, leases, rows::Columns, rows::During};
-use crate::store::{Ending, LeaseKey, StoreError};
+use super::{attempts, captures, checkpoints, jobs, leases, rows::Columns, rows::During};
+use crate::{
+    rules::retries,
+    store::{Ending, LeaseKey, StoreError},
+};
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     pose_track::violation,
-    v1::{JobError, JobResult, Progress, Violation, job, job_result},
+    v1::{JobError, JobResult, Progress, Violation, job, job_attempt::Outcome, job_result},
 };
 
-/// Number of retries after faults outside the job: over about a day, so that a store or a
-/// machine can be repaired meanwhile.
-const MAX_RETRIES: i64 = 100;
-/// Longest wait before a retry; the first wait is a second, and each later one doubles.
-const LONGEST_WAIT_SECONDS: i64 = 900;
-/// Doublings of the wait; more would overflow before the longest wait is taken.
-const MAX_DOUBLINGS: i64 = 20;
+/// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
+pub async fn end(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    ending: Ending,
+    now: f64,
+) -> Result<(), StoreError> {
+    let Some(cancel_requested) = cancel_requested(conn, lease).await? else {
+        return match attempts::outcome(conn, lease).await? {
+            Some(ended) if is_repeat(ended, &ending) => Ok(()),
+            _ => Err(leases::refusal(conn, lease).await),
+        };
+    };
+    match ending {
+        Ending::Succeeded(result) => complete(conn, lease, result, now).await,
+        Ending::Failed(error) => fail(conn, lease, error, now).await,
+        Ending::Cancelled if !cancel_requested => Err(StoreError::Rule {
+            reason: "CANCEL_NOT_REQUESTED",
+            message: "no cancel of this job was requested".into(),
+        }),
+        Ending::Cancelled => cancel(conn, lease, now).await,
+        Ending::Returned | Ending::Postponed(_) if cancel_requested => {
+            cancel(conn, lease, now).await
+        }
+        Ending::Returned => requeue(conn, lease, Outcome::Returned, now).await,
+        Ending::Postponed(error) => postpone(conn, lease, error, now).await,
+    }
+}
+
+/// Whether an attempt that `ended` so did so by this `ending`: a cancel, or too many retries, may have
+/// turned the one into the other.
+fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
+    let asked = ending.outcome();
+    ended == asked
+        || (ended == Outcome::Cancelled && matches!(asked, Outcome::Returned | Outcome::Postponed))
+        || (ended == Outcome::Failed && asked == Outcome::Postponed)
+}
+
+/// Whether a cancel of the leased job was requested; none if the lease is stale.
+async fn cancel_requested(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+) -> Result<Option<bool>, StoreError> {
+    let row = sqlx::query(
+        "SELECT cancel_requested FROM jobs
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .fetch_optional(&mut *conn)
+    .await
+    .during("checking a lease")?;
+    row.map(|row| row.flag("cancel_requested")).transpose()
+}
 
 /// Ends the job with its result.
-pub async fn complete(
+async fn complete(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     result: JobResult,
+    now: f64,
 ) -> Result<(), StoreError> {
-    let row = finish(conn, lease, job::State::Succeeded, Some(&result), None).await?;
+    let end = End {
+        state: job::State::Succeeded,
+        outcome: Outcome::Succeeded,
+        result: Some(&result),
+        error: None,
+    };
+    let row = finish(conn, lease, end, now).await?;
     end_progress(conn, &lease.job_id).await?;
     if let (Some(capture), Some(job_result::Kind::Ingest(ingest))) =
         (row.maybe_text("capture")?, &result.kind)
@@ -58,126 +116,148 @@ async fn end_progress(conn: &mut SqliteConnection, job_id: &str) -> Result<(), S
     Ok(())
 }
 
-/// Ends the job without a result, or puts it back into the queue.
-pub async fn end(
-    conn: &mut SqliteConnection,
-    lease: &LeaseKey,
-    ending: Ending,
-) -> Result<(), StoreError> {
-    let cancel_requested = cancel_requested(conn, lease).await?;
-    match ending {
-        Ending::Failed(error) => fail(conn, lease, error).await,
-        Ending::Cancelled if cancel_requested => cancel(conn, lease).await,
-        Ending::Cancelled => Err(StoreError::Rule {
-            reason: "CANCEL_NOT_REQUESTED",
-            message: "no cancel of this job was requested".into(),
-        }),
-        Ending::Requeued if cancel_requested => cancel(conn, lease).await,
-        Ending::Requeued => requeue(conn, lease).await,
-        Ending::TryLater(_) if cancel_requested => cancel(conn, lease).await,
-        Ending::TryLater(error) => try_later(conn, lease, error).await,
-    }
-}
-
-async fn cancel_requested(
-    conn: &mut SqliteConnection,
-    lease: &LeaseKey,
-) -> Result<bool, StoreError> {
-    let row = sqlx::query(
-        "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
-    )
-    .bind(&lease.job_id)
-    .bind(leases::token(lease)?)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("checking a lease")?;
-    match row {
-        Some(row) => row.flag("cancel_requested"),
-        None => Err(leases::refusal(conn, lease).await),
-    }
-}
-
 /// Ends the leased job as FAILED.
 pub async fn fail(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     error: JobError,
+    now: f64,
 ) -> Result<(), StoreError> {
-    let row = finish(conn, lease, job::State::Failed, None, Some(&error)).await?;
+    fail_after(conn, lease, error, Outcome::Failed, now).await
+}
+
+/// Ends the leased job as FAILED; `outcome` is that of its last attempt.
+pub async fn fail_after(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    error: JobError,
+    outcome: Outcome,
+    now: f64,
+) -> Result<(), StoreError> {
+    let end = End {
+        state: job::State::Failed,
+        outcome,
+        result: None,
+        error: Some(&error),
+    };
+    let row = finish(conn, lease, end, now).await?;
     if error.violations.is_empty() {
-        reject(
-            conn,
-            &row,
-            &[violation(&error.code, "", None, "", &error.message)],
-        )
-        .await
+        let found = violation(&error.code, "", None, "", &error.message);
+        reject(conn, &row, &[found]).await
     } else {
         reject(conn, &row, &error.violations).await
     }
 }
 
 /// Ends the leased job as CANCELLED.
-pub async fn cancel(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
-    let row = finish(conn, lease, job::State::Cancelled, None, None).await?;
+pub async fn cancel(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    now: f64,
+) -> Result<(), StoreError> {
+    let end = End {
+        state: job::State::Cancelled,
+        outcome: Outcome::Cancelled,
+        result: None,
+        error: None,
+    };
+    let row = finish(conn, lease, end, now).await?;
     reject(conn, &row, &[cancelled()]).await
 }
 
-/// Returns the leased job to its old place in the queue.
-pub async fn requeue(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
+/// Returns the leased job to its old place in the queue; `outcome` is that of the attempt.
+pub async fn requeue(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    outcome: Outcome,
+    now: f64,
+) -> Result<(), StoreError> {
     let done = sqlx::query(
         "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
     )
     .bind(&lease.job_id)
-    .bind(leases::token(lease)?)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
     .execute(&mut *conn)
     .await
     .during("putting a job back into the queue")?;
     if done.rows_affected() == 0 {
         return Err(leases::refusal(conn, lease).await);
     }
-    Ok(())
+    stand_still(conn, &lease.job_id).await?;
+    attempts::end(conn, lease, outcome, None, now).await
 }
 
-/// Returns the leased job to the queue for later, or ends it as FAILED after
-/// [`MAX_RETRIES`] retries.
-async fn try_later(
+/// Returns the leased job to the queue for later, with the reason for which it waits, or ends it as FAILED
+/// after too many retries.
+async fn postpone(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     mut error: JobError,
+    now: f64,
 ) -> Result<(), StoreError> {
-    let done = sqlx::query(
+    let row = sqlx::query("SELECT retries FROM jobs WHERE id = ?1")
+        .bind(&lease.job_id)
+        .fetch_one(&mut *conn)
+        .await
+        .during("counting the retries of a job")?;
+    let Some(wait) = retries::wait(row.number("retries")?) else {
+        error.message = format!(
+            "{} (after {} retries; the upload is not at fault)",
+            error.message,
+            retries::MAX_RETRIES
+        );
+        return fail(conn, lease, error, now).await;
+    };
+    sqlx::query(
         "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1,
-             retries = retries + 1,
-             not_before = unixepoch('subsec') + min(1 << min(retries, ?5), ?3)
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING' AND retries < ?4",
+             retries = retries + 1, not_before = ?3, waiting_error = ?4
+         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
     )
     .bind(&lease.job_id)
-    .bind(leases::token(lease)?)
-    .bind(LONGEST_WAIT_SECONDS)
-    .bind(MAX_RETRIES)
-    .bind(MAX_DOUBLINGS)
+    .bind(lease.column()?)
+    .bind(now + wait)
+    .bind(error.encode_to_vec())
     .execute(&mut *conn)
     .await
     .during("putting a job back for later")?;
-    if done.rows_affected() > 0 {
+    stand_still(conn, &lease.job_id).await?;
+    attempts::end(conn, lease, Outcome::Postponed, Some(&error), now).await
+}
+
+/// A job that nobody runs makes no steps: its last speed and time left are those of a worker that is gone.
+async fn stand_still(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
+    let Some(progress) = jobs::get(conn, job_id).await?.progress else {
         return Ok(());
-    }
-    error.message = format!(
-        "{} (after {MAX_RETRIES} retries; the upload is not at fault)",
-        error.message
-    );
-    fail(conn, lease, error).await
+    };
+    let progress = Progress {
+        steps_per_second: 0.0,
+        seconds_left: 0.0,
+        ..progress
+    };
+    sqlx::query("UPDATE jobs SET progress = ?2 WHERE id = ?1")
+        .bind(job_id)
+        .bind(progress.encode_to_vec())
+        .execute(conn)
+        .await
+        .during("stopping a job's progress")?;
+    Ok(())
 }
 
 /// Ends a job without a worker.
-pub async fn cancel_queued(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
+pub async fn cancel_queued(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    now: f64,
+) -> Result<(), StoreError> {
     let row = sqlx::query(
         "UPDATE jobs SET state = 'CANCELLED', cancel_requested = 1, sequence = sequence + 1,
-             end_time = unixepoch('subsec')
+             end_time = ?2, waiting_error = NULL, not_before = NULL
          WHERE id = ?1 AND state = 'QUEUED' RETURNING capture",
     )
     .bind(job_id)
+    .bind(now)
     .fetch_optional(&mut *conn)
     .await
     .during("cancelling a queued job")?;
@@ -203,29 +283,39 @@ async fn reject(
     }
 }
 
+/// A terminal state, and how the last attempt ended.
+struct End<'a> {
+    state: job::State,
+    outcome: Outcome,
+    result: Option<&'a JobResult>,
+    error: Option<&'a JobError>,
+}
+
 /// The guarded write of a terminal state. Returns the job's `capture` column.
 async fn finish(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
-    state: job::State,
-    result: Option<&JobResult>,
-    error: Option<&JobError>,
+    end: End<'_>,
+    now: f64,
 ) -> Result<SqliteRow, StoreError> {
     let row = sqlx::query(
-        "UPDATE jobs SET state = ?3, result = ?4, error = ?5, lease_deadline = NULL,
-             sequence = sequence + 1, end_time = unixepoch('subsec')
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING' RETURNING capture",
+        "UPDATE jobs SET state = ?4, result = ?5, error = ?6, lease_deadline = NULL,
+             sequence = sequence + 1, end_time = ?7
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' RETURNING capture",
     )
     .bind(&lease.job_id)
-    .bind(leases::token(lease)?)
-    .bind(state.as_str_name())
-    .bind(result.map(Message::encode_to_vec))
-    .bind(error.map(Message::encode_to_vec))
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .bind(end.state.as_str_name())
+    .bind(end.result.map(Message::encode_to_vec))
+    .bind(end.error.map(Message::encode_to_vec))
+    .bind(now)
     .fetch_optional(&mut *conn)
     .await
     .during("ending a job")?;
-    match row {
-        Some(row) => Ok(row),
-        None => Err(leases::refusal(conn, lease).await),
-    }
+    let Some(row) = row else {
+        return Err(leases::refusal(conn, lease).await);
+    };
+    attempts::end(conn, lease, end.outcome, end.error, now).await?;
+    Ok(row)
 }

@@ -1,5 +1,8 @@
 //! What open jobs use, and so must stay.
 //!
+//! Each person whom a job needs is pinned to their newest capture when the job is queued, so that its
+//! result does not depend on when a worker comes.
+//!
 //! A render or an evaluation uses one checkpoint: the one that its order names, or the best one. It is
 //! chosen when the job is queued, and again when it is leased, since a better one may have come; in
 //! between, the one that the order was checked with stays.
@@ -15,6 +18,7 @@ use crate::{
 use sqlx::SqliteConnection;
 use yoto_proto::{
     names::Collection,
+    render_needs::needs,
     v1::{JobSpec, Model, job_spec},
 };
 
@@ -95,6 +99,71 @@ pub async fn renew(
         .await
         .during("recording which checkpoint a job uses")?;
     Ok(())
+}
+
+/// The people whom a job on `model` needs, `subjects/{id}`, each once.
+pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
+    let everybody = model.slots.iter().map(|it| it.subject.clone());
+    match &spec.kind {
+        Some(job_spec::Kind::Train(_)) => everybody.collect(),
+        Some(job_spec::Kind::Evaluate(it)) => everybody
+            .filter(|subject| it.subjects.is_empty() || it.subjects.contains(subject))
+            .collect(),
+        Some(job_spec::Kind::Render(render)) => {
+            let mut people: Vec<String> = Vec::new();
+            for need in needs(render) {
+                if !people.iter().any(|it| it == need.subject) {
+                    people.push(need.subject.to_owned());
+                }
+            }
+            people
+        }
+        Some(job_spec::Kind::Ingest(_)) | None => Vec::new(),
+    }
+}
+
+/// Pins the newest capture of a person to a job; the capture's id.
+pub async fn pin_capture(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    subject_id: &str,
+) -> Result<String, StoreError> {
+    let row = sqlx::query(
+        "INSERT INTO job_captures (job, subject, capture)
+         SELECT ?1, ?2, id FROM captures WHERE subject = ?2 AND state = 'READY'
+         ORDER BY ord DESC LIMIT 1
+         RETURNING capture",
+    )
+    .bind(job_id)
+    .bind(subject_id)
+    .fetch_optional(conn)
+    .await
+    .during("choosing a capture for a job")?;
+    match row {
+        Some(row) => row.text("capture"),
+        None => Err(StoreError::Rule {
+            reason: "NO_CAPTURE",
+            message: format!(
+                "{} has no READY capture",
+                Collection::Subjects.name(subject_id)
+            ),
+        }),
+    }
+}
+
+/// The capture of a person that was chosen for a job.
+pub async fn capture(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    subject_id: &str,
+) -> Result<Option<String>, StoreError> {
+    let row = sqlx::query("SELECT capture FROM job_captures WHERE job = ?1 AND subject = ?2")
+        .bind(job_id)
+        .bind(subject_id)
+        .fetch_optional(conn)
+        .await
+        .during("reading which capture a job uses")?;
+    row.map(|row| row.text("capture")).transpose()
 }
 
 /// An open job of the model, of `kind` if it is not empty.

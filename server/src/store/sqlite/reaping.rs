@@ -1,72 +1,158 @@
 //! Jobs of silent workers.
-//!
-//! A lost worker is not the job's fault, so the job goes back to the queue; but a job that
-//! crashes one worker after another must end.
 
 use super::{
     outcome,
     rows::{Columns, During},
 };
-use crate::store::{LeaseKey, Reaped, StoreError};
-use sqlx::{Row, SqliteConnection};
+use crate::{
+    rules::{
+        losses::{Verdict, verdict},
+        outage,
+    },
+    store::{LeaseKey, Reaped, StoreError},
+};
+use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     names::Collection,
-    v1::{JobError, job},
+    v1::{job, job_attempt::Outcome},
 };
 
-/// Whether any lease has expired.
-pub async fn any_expired(conn: &mut SqliteConnection) -> Result<bool, StoreError> {
+/// Shares of a lease between two ticks that are recorded: an outage is known to within this.
+const TICKS_PER_LEASE: f64 = 8.0;
+
+/// Whether a tick has anything to do at `now`: a lease expired, or the clock is to be recorded.
+pub async fn is_due(
+    conn: &mut SqliteConnection,
+    lease_seconds: f64,
+    now: f64,
+) -> Result<bool, StoreError> {
     sqlx::query(
-        "SELECT EXISTS (SELECT 1 FROM jobs
-             WHERE state = 'RUNNING' AND lease_deadline < unixepoch('subsec'))",
+        "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'RUNNING' AND (
+             lease_deadline < ?1
+             OR NOT EXISTS (
+                 SELECT 1 FROM lease_clock WHERE last_tick BETWEEN ?1 - ?2 AND ?1)))",
     )
+    .bind(now)
+    .bind(lease_seconds / TICKS_PER_LEASE)
     .fetch_one(conn)
     .await
     .and_then(|row| row.try_get(0))
     .during("looking for expired leases")
 }
 
-/// Takes back every job with an expired lease.
-pub async fn reap(conn: &mut SqliteConnection, cap: u32) -> Result<Vec<Reaped>, StoreError> {
+/// Forgives an outage since the last tick, takes back every job whose lease has expired all the same, and
+/// records the tick.
+pub async fn tick(
+    conn: &mut SqliteConnection,
+    cap: u32,
+    lease_seconds: f64,
+    now: f64,
+) -> Result<Vec<Reaped>, StoreError> {
+    forgive(conn, lease_seconds, now).await?;
     let rows = sqlx::query(
-        "SELECT id, lease, worker, lost_workers, cancel_requested FROM jobs
-         WHERE state = 'RUNNING' AND lease_deadline < unixepoch('subsec') ORDER BY ord",
+        "SELECT * FROM jobs WHERE state = 'RUNNING' AND lease_deadline < ?1 ORDER BY ord",
     )
+    .bind(now)
     .fetch_all(&mut *conn)
     .await
     .during("reading jobs with expired leases")?;
-    let mut reaped = Vec::with_capacity(rows.len());
+    let reaped = take_back(conn, &rows, cap, now).await?;
+    sqlx::query(
+        "INSERT INTO lease_clock (id, last_tick) VALUES (1, ?1)
+         ON CONFLICT (id) DO UPDATE SET last_tick = ?1",
+    )
+    .bind(now)
+    .execute(conn)
+    .await
+    .during("recording when leases were looked after")?;
+    Ok(reaped)
+}
+
+/// Moves deadlines by the time in which the service looked after no lease.
+async fn forgive(
+    conn: &mut SqliteConnection,
+    lease_seconds: f64,
+    now: f64,
+) -> Result<(), StoreError> {
+    let row = sqlx::query("SELECT last_tick FROM lease_clock WHERE id = 1")
+        .fetch_optional(&mut *conn)
+        .await
+        .during("reading when leases were looked after")?;
+    let last_tick = row.map_or(Ok(None), |row| row.real("last_tick"))?;
+    let Some(shift) = last_tick.and_then(|last| outage::shift(last, now, lease_seconds)) else {
+        return Ok(());
+    };
+    let rows = sqlx::query("SELECT ord, lease_deadline FROM jobs WHERE state = 'RUNNING'")
+        .fetch_all(&mut *conn)
+        .await
+        .during("reading the deadlines of leases")?;
+    tracing::warn!(
+        seconds = shift.gap,
+        leases = rows.len(),
+        "an outage of the service, or a step of its clock: leases are extended by it"
+    );
     for row in &rows {
+        let deadline = row.real("lease_deadline")?.unwrap_or(now);
+        sqlx::query("UPDATE jobs SET lease_deadline = ?2 WHERE ord = ?1")
+            .bind(row.number::<i64>("ord")?)
+            .bind(shift.apply(deadline, now))
+            .execute(&mut *conn)
+            .await
+            .during("extending a lease by an outage")?;
+    }
+    Ok(())
+}
+
+/// Takes back the jobs of workers that ran in an earlier process of the coordinator.
+pub async fn take_back_embedded(
+    conn: &mut SqliteConnection,
+    cap: u32,
+    now: f64,
+) -> Result<Vec<Reaped>, StoreError> {
+    let rows = sqlx::query(
+        "SELECT j.* FROM jobs j JOIN workers w ON w.id = j.worker
+         WHERE j.state = 'RUNNING' AND w.embedded = 1 ORDER BY j.ord",
+    )
+    .fetch_all(&mut *conn)
+    .await
+    .during("reading jobs of an earlier process")?;
+    take_back(conn, &rows, cap, now).await
+}
+
+async fn take_back(
+    conn: &mut SqliteConnection,
+    rows: &[SqliteRow],
+    cap: u32,
+    now: f64,
+) -> Result<Vec<Reaped>, StoreError> {
+    let mut reaped = Vec::with_capacity(rows.len());
+    for row in rows {
         let lease = LeaseKey {
             job_id: row.text("id")?,
+            worker_id: row.maybe_text("worker")?.unwrap_or_default(),
             token: row.number("lease")?,
         };
-        let worker = Collection::Workers.name(&row.maybe_text("worker")?.unwrap_or_default());
-        let lost_workers: u32 = row.number::<u32>("lost_workers")?.saturating_add(1);
+        let worker = Collection::Workers.name(&lease.worker_id);
+        let losses = row.number::<u32>("losses")?.saturating_add(1);
         count_lost_worker(conn, &lease.job_id).await?;
-        let state = if row.flag("cancel_requested")? {
-            outcome::cancel(conn, &lease).await?;
-            job::State::Cancelled
-        } else if lost_workers >= cap {
-            let message = format!(
-                "{lost_workers} workers went silent while they ran this job, the last {worker}"
-            );
-            let error = JobError {
-                code: "WORKERS_LOST".into(),
-                message,
-                violations: Vec::new(),
-            };
-            outcome::fail(conn, &lease, error).await?;
-            job::State::Failed
-        } else {
-            outcome::requeue(conn, &lease).await?;
-            job::State::Queued
+        let state = match verdict(losses, cap, row.flag("cancel_requested")?, &worker) {
+            Verdict::Cancel => {
+                outcome::cancel(conn, &lease, now).await?;
+                job::State::Cancelled
+            }
+            Verdict::Fail(error) => {
+                outcome::fail_after(conn, &lease, error, Outcome::Lost, now).await?;
+                job::State::Failed
+            }
+            Verdict::Requeue => {
+                outcome::requeue(conn, &lease, Outcome::Lost, now).await?;
+                job::State::Queued
+            }
         };
-        let job = Collection::Jobs.name(&lease.job_id);
         reaped.push(Reaped {
-            job,
+            job: Collection::Jobs.name(&lease.job_id),
             worker,
-            lost_workers,
+            losses,
             state,
         });
     }
@@ -75,10 +161,12 @@ pub async fn reap(conn: &mut SqliteConnection, cap: u32) -> Result<Vec<Reaped>, 
 
 /// The change of state that follows in the same transaction increases the sequence number.
 async fn count_lost_worker(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
-    sqlx::query("UPDATE jobs SET lost_workers = lost_workers + 1 WHERE id = ?1")
-        .bind(job_id)
-        .execute(conn)
-        .await
-        .during("counting a lost worker")?;
+    sqlx::query(
+        "UPDATE jobs SET lost_workers = lost_workers + 1, losses = losses + 1 WHERE id = ?1",
+    )
+    .bind(job_id)
+    .execute(conn)
+    .await
+    .during("counting a lost worker")?;
     Ok(())
 }

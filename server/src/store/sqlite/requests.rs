@@ -52,3 +52,13 @@ pub async fn remember(
     .during("storing a request id")?;
     Ok(())
 }
+
+/// Forgets answers that were given before `before`.
+pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query("DELETE FROM request_ids WHERE create_time < ?1")
+        .bind(before)
+        .execute(conn)
+        .await
+        .during("forgetting old request ids")?;
+    Ok(done.rows_affected())
+}

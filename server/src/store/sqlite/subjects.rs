@@ -94,20 +94,38 @@ pub async fn shard(
     id: &str,
 ) -> Result<Option<SubjectShard>, StoreError> {
     let row = sqlx::query(
-        "SELECT s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256, c.frames,
-             c.first_frame, c.last_frame
-         FROM captures c JOIN subjects s ON s.id = c.subject
-         WHERE c.subject = ?1 AND c.state = 'READY' ORDER BY c.ord DESC LIMIT 1",
+        "SELECT id FROM captures WHERE subject = ?1 AND state = 'READY' ORDER BY ord DESC LIMIT 1",
     )
     .bind(id)
-    .fetch_optional(conn)
+    .fetch_optional(&mut *conn)
     .await
     .during("looking up a subject's shard")?;
+    match row {
+        Some(row) => shard_of(conn, &row.text("id")?).await,
+        None => Ok(None),
+    }
+}
+
+/// The shard of a capture, if it is READY.
+pub async fn shard_of(
+    conn: &mut SqliteConnection,
+    capture_id: &str,
+) -> Result<Option<SubjectShard>, StoreError> {
+    let row = sqlx::query(
+        "SELECT s.id, s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256, c.frames,
+             c.first_frame, c.last_frame
+         FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.id = ?1 AND c.state = 'READY'",
+    )
+    .bind(capture_id)
+    .fetch_optional(conn)
+    .await
+    .during("looking up a capture's shard")?;
     let Some(row) = row else {
         return Ok(None);
     };
     Ok(Some(SubjectShard {
-        subject: Collection::Subjects.name(id),
+        subject: Collection::Subjects.name(&row.text("id")?),
         display_name: row.text("display_name")?,
         shard: row.object("shard_key", "shard_bytes", "shard_sha256")?,
         frames: row.number("frames")?,

@@ -3,12 +3,14 @@
 use super::{SqliteStore, migrations::migrations};
 use crate::{
     checkpoints::retention::Retention,
-    store::{JobKind, NewWorker, Store},
+    clock::SystemClock,
+    store::{JobKind, NewJob, NewWorker, Store},
 };
 use sqlx::{
     Executor, Row,
     sqlite::{SqliteConnectOptions, SqlitePoolOptions},
 };
+use std::sync::Arc;
 use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
 
 /// A model with a checkpoint, trained by a job that ended, and a job that waits.
@@ -43,9 +45,11 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     pool.execute(CONTENT).await.expect("writes");
     pool.close().await;
 
-    let store = SqliteStore::open(&path).await.expect("upgrades");
+    let store = SqliteStore::open(&path, Arc::new(SystemClock))
+        .await
+        .expect("upgrades");
     let trained = store.job("trained").await.expect("is kept");
-    assert_eq!((trained.state(), trained.lease), (job::State::Succeeded, 3));
+    assert_eq!(trained.state(), job::State::Succeeded);
     assert_eq!(trained.worker, "workers/w");
     let checkpoints = store.checkpoints("m", 9).await.expect("are kept");
     assert_eq!(checkpoints.len(), 1);
@@ -69,16 +73,21 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
             ..EvaluateSpec::default()
         })),
     };
-    let evaluation = store.create_job(spec, None).await.expect("is queued");
+    let evaluation = store
+        .create_job(NewJob::normal(spec), None)
+        .await
+        .expect("is queued");
     assert_eq!(evaluation.queue_position, 2, "behind the jobs that wait");
     let new = NewWorker {
+        embedded: false,
         display_name: "new".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Evaluate],
     };
     let worker = store.register_worker(new).await.expect("registers");
-    let leased = store.lease_job(&worker, 60.0).await.expect("answers");
-    assert_eq!(leased.map(|job| job.name), Some(evaluation.name));
+    let turn = store.lease_job(&worker, "", 60.0).await.expect("answers");
+    let leased = turn.leased;
+    assert_eq!(leased.map(|it| it.job.name), Some(evaluation.name));
     // References to the recreated tables are still enforced.
     let error = store
         .writer
@@ -94,5 +103,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     assert_eq!(store.checkpoints("m", 9).await.expect("is kept").len(), 1);
     store.close().await;
 
-    SqliteStore::open(&path).await.expect("opens again");
+    SqliteStore::open(&path, Arc::new(SystemClock))
+        .await
+        .expect("opens again");
 }

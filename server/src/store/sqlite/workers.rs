@@ -1,7 +1,7 @@
 //! Workers and what they can run.
 
 use super::rows::{Columns, During};
-use crate::store::{NewWorker, StoreError, new_id};
+use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     names::Collection,
@@ -9,13 +9,18 @@ use yoto_proto::{
 };
 
 /// Adds a worker.
-pub async fn register(conn: &mut SqliteConnection, new: NewWorker) -> Result<String, StoreError> {
+pub async fn register(
+    conn: &mut SqliteConnection,
+    new: NewWorker,
+    now: f64,
+) -> Result<String, StoreError> {
     let id = new_id();
     // A device with more memory than fits into the column does not exist.
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sqlx::query(
-        "INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+        "INSERT INTO workers
+             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
     )
     .bind(&id)
     .bind(&new.display_name)
@@ -23,6 +28,8 @@ pub async fn register(conn: &mut SqliteConnection, new: NewWorker) -> Result<Str
     .bind(&new.device.adapter)
     .bind(new.device.gpu)
     .bind(memory)
+    .bind(new.embedded)
+    .bind(now)
     .execute(&mut *conn)
     .await
     .during("registering a worker")?;
@@ -37,32 +44,82 @@ pub async fn register(conn: &mut SqliteConnection, new: NewWorker) -> Result<Str
     Ok(id)
 }
 
+/// Selects workers with the job that each runs, and when it last reported on it: `?1` seconds before its
+/// lease ends.
+macro_rules! select_workers {
+    ($rest:literal) => {
+        concat!(
+            "SELECT w.*, j.id AS job, j.lease_deadline - ?1 AS reported,
+                 (SELECT group_concat(kind, ' ' ORDER BY kind) FROM worker_kinds
+                  WHERE worker = w.id) AS kinds
+             FROM workers w LEFT JOIN jobs j ON j.worker = w.id AND j.state = 'RUNNING' ",
+            $rest
+        )
+    };
+}
+
 /// The workers with `ids`, and those with a RUNNING job, oldest first.
-pub async fn list(
+pub async fn active(
     conn: &mut SqliteConnection,
     ids: &[&str],
     lease_seconds: f64,
 ) -> Result<Vec<WorkerStatus>, StoreError> {
     // Ids are hex digits and dashes: a space separates them.
     let ids = format!(" {} ", ids.join(" "));
-    let rows = sqlx::query(
-        "SELECT w.*, j.id AS job, j.lease_deadline - ?2 AS reported,
-             (SELECT group_concat(kind, ' ' ORDER BY kind) FROM worker_kinds
-              WHERE worker = w.id) AS kinds
-         FROM workers w LEFT JOIN jobs j ON j.worker = w.id AND j.state = 'RUNNING'
-         WHERE j.id IS NOT NULL OR instr(?1, ' ' || w.id || ' ') > 0
-         ORDER BY w.ord",
-    )
-    .bind(ids)
+    let rows = sqlx::query(select_workers!(
+        "WHERE j.id IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 ORDER BY w.ord"
+    ))
     .bind(lease_seconds)
+    .bind(ids)
+    .fetch_all(conn)
+    .await
+    .during("listing active workers")?;
+    rows.iter().map(read).collect()
+}
+
+/// All registered workers, newest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    page: Page,
+    lease_seconds: f64,
+) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
+    let rows = sqlx::query(select_workers!(
+        "WHERE w.ord < ?2 ORDER BY w.ord DESC LIMIT ?3"
+    ))
+    .bind(lease_seconds)
+    .bind(page.after.unwrap_or(i64::MAX))
+    .bind(page.limit)
     .fetch_all(conn)
     .await
     .during("listing workers")?;
-    rows.iter().map(read).collect()
+    rows.iter()
+        .map(|row| {
+            Ok(Entry {
+                position: row.number("ord")?,
+                item: read(row)?,
+            })
+        })
+        .collect()
+}
+
+/// Forgets workers that registered before `before` and that neither a job nor its history names.
+pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query(
+        "DELETE FROM workers WHERE create_time < ?1
+             AND NOT EXISTS (SELECT 1 FROM jobs j WHERE j.worker = workers.id)
+             AND NOT EXISTS (SELECT 1 FROM job_attempts a WHERE a.worker = workers.id)",
+    )
+    .bind(before)
+    .execute(conn)
+    .await
+    .during("forgetting old workers")?;
+    Ok(done.rows_affected())
 }
 
 fn read(row: &SqliteRow) -> Result<WorkerStatus, StoreError> {
     let kinds = row.maybe_text("kinds")?.unwrap_or_default();
+    let kinds = kinds.split(' ').filter(|kind| !kind.is_empty());
+    let kinds = kinds.map(|kind| Ok(JobKind::of_column(kind)?.to_proto() as i32));
     let job = row.maybe_text("job")?;
     Ok(WorkerStatus {
         name: Collection::Workers.name(&row.text("id")?),
@@ -73,7 +130,7 @@ fn read(row: &SqliteRow) -> Result<WorkerStatus, StoreError> {
             gpu: row.flag("gpu")?,
             memory_bytes: row.number("memory_bytes")?,
         }),
-        kinds: kinds.split(' ').map(str::to_owned).collect(),
+        kinds: kinds.collect::<Result<_, StoreError>>()?,
         last_seen: row.time("reported")?,
         job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
     })

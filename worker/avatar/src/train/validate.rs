@@ -40,6 +40,15 @@ impl Trainer {
     /// # Errors
     /// If the device fails.
     pub fn validate(&mut self) -> Result<(), TrainError> {
+        self.validate_with(&mut || {})
+    }
+
+    /// The same; `goes_on` is called before each batch of rays, since a frame of the paper's tiers takes
+    /// most of a minute.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn validate_with(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
         let renderer = self.renderer();
         let refined = self.config.refinement.takes_part(self.opened());
         let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
@@ -57,7 +66,10 @@ impl Trainer {
                     camera: frame.camera.clone(),
                     background: [0.0; 3],
                 };
-                let rendered = renderer.render(&view)?;
+                let rendered = renderer.render_scene(&view.into(), &mut |_| {
+                    goes_on();
+                    true
+                })?;
                 let truth = unit(&frame.image.rgb);
                 psnr_sum += psnr(&rendered.rgb, &truth).min(EQUAL);
                 let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);

@@ -100,7 +100,7 @@ pub(super) fn keep(
     curve: &Curve,
 ) -> Result<ObjectRef, JobFailure> {
     let model_id = id(Collection::Models, model)?;
-    let key = keys::tradeoff(model_id, context.job_id()?, context.token, step);
+    let key = keys::tradeoff(model_id, context.job_id()?, context.claim.token, step);
     let json = curve
         .to_json()
         .map_err(|error| JobFailure::failed("INTERNAL", "storing the trade-off", &error))?;

@@ -50,8 +50,8 @@ pub fn run(
         warnings,
     } = ingest(folder.path(), files, &context.ingest, watch)?;
     let capture = id(Collection::Captures, &spec.capture)?;
-    let key = keys::shard(capture, context.job_id()?, context.token);
-    let check = keys::check(capture, context.job_id()?, context.token);
+    let key = keys::shard(capture, context.job_id()?, context.claim.token);
+    let check = keys::check(capture, context.job_id()?, context.claim.token);
     let [width, height] = shard.track.image_size;
     let numbers = || shard.track.frames.iter().map(|frame| frame.index);
     Ok(IngestResult {

@@ -18,13 +18,12 @@ pub(in crate::jobs) const HOLDOUT_EVERY: usize = 20;
 const MIN_SIDE: u32 = 8;
 /// Longest budget, seconds: a year. Anything longer is a unit error.
 const MAX_SECONDS: f64 = 366.0 * 86_400.0;
-/// Default seconds between checkpoints.
-const CHECKPOINT_SECONDS: f64 = 30.0;
 
 /// A checked train job.
 pub(super) struct Plan {
     pub(super) model: Model,
-    pub(super) checkpoint_every: Duration,
+    /// Time between checkpoints, if the request chooses it.
+    pub(super) checkpoint_every: Option<Duration>,
     /// Longest side of the training images, pixels; 0: the captures' own.
     image_size: u32,
     /// SHA-256 of the shards, in the order of the slots.
@@ -57,11 +56,7 @@ impl Plan {
                 format!("there are no people in {}", model.name),
             ));
         }
-        let seconds = if spec.checkpoint_seconds == 0.0 {
-            CHECKPOINT_SECONDS
-        } else {
-            spec.checkpoint_seconds
-        };
+        let chosen = spec.checkpoint_seconds;
         // A training that goes on keeps its size, unless the request has another.
         let before = inputs.checkpoints.first().map_or(0, |it| it.image_size);
         let shard = |subject: &str| {
@@ -76,7 +71,7 @@ impl Plan {
                 0 => before,
                 asked => asked,
             },
-            checkpoint_every: Duration::from_secs_f64(seconds),
+            checkpoint_every: (chosen > 0.0).then(|| Duration::from_secs_f64(chosen)),
             spec: spec.clone(),
         })
     }

@@ -5,12 +5,17 @@ use super::{
     outlook::{Outlook, VALIDATIONS},
     plan::Plan,
     preview,
+    saving::{Rhythm, Upload},
 };
-use crate::jobs::{
-    JobContext, JobFailure,
-    checkpoint::{Saved, publish},
+use crate::{
+    jobs::{
+        JobContext, JobFailure,
+        checkpoint::{Saved, local, publish},
+    },
+    retry::Backoff,
 };
 use std::time::{Duration, Instant};
+use tempfile::TempDir;
 use yoto_avatar::train::Trainer;
 use yoto_proto::{
     manifest::files,
@@ -20,6 +25,10 @@ use yoto_proto::{
 
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);
+/// Longest wait of a trained model for a disk or a store that can take it; after it the job waits in the
+/// queue, and goes on from its last checkpoint.
+const PATIENCE: Duration = Duration::from_secs(900);
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 
 /// The part of a training within one lease.
 pub(super) struct Session<'a> {
@@ -38,6 +47,9 @@ pub(super) struct Session<'a> {
     validated: Option<u64>,
     /// Step and bytes of the model's newest checkpoint.
     published: Option<(u64, u64)>,
+    /// A checkpoint on its way to the store.
+    upload: Option<Upload>,
+    rhythm: Rhythm,
 }
 
 impl<'a> Session<'a> {
@@ -60,13 +72,14 @@ impl<'a> Session<'a> {
             validated: None,
             trainer,
             published,
+            upload: None,
+            rhythm: Rhythm::new(plan.checkpoint_every, Instant::now()),
         }
     }
 
     /// Trains until the budget is used up or the job must stop.
     pub(super) fn train(&mut self) -> Result<(), JobFailure> {
         let mut reported = Instant::now();
-        let mut saved = Instant::now();
         self.report("training");
         while !self.trainer.finished() {
             self.context.check()?;
@@ -80,33 +93,64 @@ impl<'a> Session<'a> {
             if self.trainer.progress().fraction >= self.next_validation {
                 self.validate()?;
             }
-            if saved.elapsed() >= self.plan.checkpoint_every {
-                // The best checkpoint is chosen by its own PSNR.
-                if self.validated != Some(self.trainer.progress().step) {
-                    self.validate()?;
-                }
-                match self.checkpoint() {
-                    Err(JobFailure::LeaseLost) => return Err(JobFailure::LeaseLost),
-                    // Training continues: the next checkpoint may reach the store.
-                    Err(failure) => {
-                        tracing::warn!(
-                            job = self.context.job,
-                            ?failure,
-                            "a checkpoint could not be written"
-                        );
-                    }
-                    Ok(()) => {}
-                }
-                saved = Instant::now();
+            self.land(Upload::has_ended)?;
+            if self.upload.is_none() && self.rhythm.is_due(Instant::now()) {
+                self.save_beside()?;
             }
         }
         Ok(())
     }
 
+    /// Saves, and goes on while the files are on their way. A fault is logged: the next checkpoint may
+    /// reach the store.
+    fn save_beside(&mut self) -> Result<(), JobFailure> {
+        let began = Instant::now();
+        // The best checkpoint is chosen by its own PSNR.
+        if !self.rhythm.is_first() && self.validated != Some(self.trainer.progress().step) {
+            self.validate()?;
+        }
+        self.report("saving");
+        let upload = self
+            .save()
+            .and_then(|(folder, saved)| Upload::start(self.context, folder, saved));
+        match upload {
+            Ok(upload) => self.upload = Some(upload),
+            Err(failure) => self.not_written(&failure),
+        }
+        self.outlook.saved(began.elapsed());
+        self.rhythm.saved(Instant::now(), began.elapsed());
+        self.report("training");
+        Ok(())
+    }
+
+    /// Takes note of an upload that has `ended`. A fault is logged, but for a lost lease.
+    fn land(&mut self, ended: impl Fn(&Upload) -> bool) -> Result<(), JobFailure> {
+        let Some(upload) = self.upload.take_if(|upload| ended(upload)) else {
+            return Ok(());
+        };
+        match upload.wait() {
+            Ok(published) => self.note(published),
+            Err(JobFailure::LeaseLost) => return Err(JobFailure::LeaseLost),
+            Err(failure) => self.not_written(&failure),
+        }
+        Ok(())
+    }
+
+    fn not_written(&self, failure: &JobFailure) {
+        let job = &self.context.claim.job;
+        tracing::warn!(job, ?failure, "a checkpoint could not be written");
+    }
+
+    fn note(&mut self, (step, bytes): (u64, u64)) {
+        self.published = Some((step, bytes));
+        let job = &self.context.claim.job;
+        tracing::info!(job, step, bytes, "checkpoint published");
+    }
+
     /// Measures once more, publishes the last checkpoint, and returns the result.
     pub(super) fn finish(mut self) -> Result<TrainResult, JobFailure> {
         self.validate()?;
-        self.checkpoint()?;
+        self.save_in_the_end()?;
         let progress = self.trainer.progress();
         let (seconds, steps) = self.spent();
         let (step, bytes) = self.published.unwrap_or((progress.step, 0));
@@ -127,33 +171,54 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Publishes a checkpoint, unless the newest one is of this very step.
-    pub(super) fn checkpoint(&mut self) -> Result<(), JobFailure> {
-        let progress = self.trainer.progress();
-        if self
-            .published
-            .is_some_and(|(step, _)| step == progress.step)
-        {
+    /// Publishes the end of the training. A full disk or an unreachable store costs no step: the trained
+    /// model waits for them, here, for a while.
+    fn save_in_the_end(&mut self) -> Result<(), JobFailure> {
+        let mut backoff = Backoff::new(Duration::from_secs(1), LONGEST_PAUSE);
+        let began = Instant::now();
+        loop {
+            let failure = match self.last_checkpoint() {
+                Err(failure @ JobFailure::TryLater { .. }) if began.elapsed() < PATIENCE => failure,
+                ended => return ended,
+            };
+            self.not_written(&failure);
+            if let JobFailure::TryLater { message, .. } = &failure {
+                self.report(&format!("waiting to save: {message}"));
+            }
+            self.context.wait(backoff.pause())?;
+        }
+    }
+
+    /// Publishes a checkpoint of this step, unless there is one.
+    pub(super) fn last_checkpoint(&mut self) -> Result<(), JobFailure> {
+        self.land(|_| true)?;
+        let step = self.trainer.progress().step;
+        if self.published.is_some_and(|(newest, _)| newest == step) {
             return Ok(());
         }
         self.report("saving");
-        let began = Instant::now();
-        let folder = tempfile::tempdir().map_err(|error| {
-            JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
-        })?;
+        let (folder, saved) = self.save()?;
+        let bytes = publish(self.context, folder.path(), &saved)?;
+        self.note((step, bytes));
+        Ok(())
+    }
+
+    /// Writes the checkpoint of this step to this machine's disk.
+    fn save(&mut self) -> Result<(TempDir, Saved), JobFailure> {
+        let progress = self.trainer.progress();
+        let folder = tempfile::tempdir().map_err(|error| local(&error))?;
         self.trainer
             .save(folder.path())
-            .map_err(|error| failure("saving a checkpoint", &error))?;
+            .map_err(|error| JobFailure::machine("saving a checkpoint", &error))?;
         let is_measured = self.validated == Some(progress.step);
         if is_measured && !self.trainer.previews().is_empty() {
             let sheet = preview::sheet(self.trainer.previews())?;
-            std::fs::write(folder.path().join(files::PREVIEW), sheet).map_err(|error| {
-                JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
-            })?;
+            let written = std::fs::write(folder.path().join(files::PREVIEW), sheet);
+            written.map_err(|error| local(&error))?;
         }
         let (job_seconds, job_steps) = self.spent();
         let saved = Saved {
-            model: &self.plan.model.name,
+            model: self.plan.model.name.clone(),
             step: progress.step,
             job_seconds,
             job_steps,
@@ -163,24 +228,15 @@ impl<'a> Session<'a> {
             image_size: self.plan.image_size(),
             shards: self.plan.shards.clone(),
         };
-        let bytes = publish(self.context, folder.path(), &saved)?;
-        self.published = Some((progress.step, bytes));
-        self.outlook.saved(began.elapsed());
-        tracing::info!(
-            job = self.context.job,
-            step = progress.step,
-            bytes,
-            "checkpoint published"
-        );
-        self.report("training");
-        Ok(())
+        Ok((folder, saved))
     }
 
     fn validate(&mut self) -> Result<(), JobFailure> {
         self.report("evaluating");
         let began = Instant::now();
+        let control = &self.context.control;
         self.trainer
-            .validate()
+            .validate_with(&mut || control.sign())
             .map_err(|error| failure("evaluating held-out frames", &error))?;
         self.outlook.validated(began.elapsed());
         self.validated = Some(self.trainer.progress().step);
@@ -199,7 +255,7 @@ impl<'a> Session<'a> {
 
     fn report(&mut self, phase: &str) {
         let now = self.trainer.progress();
-        let left = (self.outlook).seconds_left(&now, self.plan.checkpoint_every);
+        let left = (self.outlook).seconds_left(&now, self.rhythm.every());
         let (began, before) = self.since;
         let fraction = self.outlook.share(before, began, left);
         self.context.report(Progress {

@@ -1,0 +1,13 @@
+//! The rules of the queue, as functions of figures alone: the store applies them in its
+//! transactions, and they hold for every database alike.
+//!
+//! | rule | where |
+//! |---|---|
+//! | whose turn it is: priority, then the owner with the fewest running jobs, then age | `store/sqlite/turn.rs`, since only the database can search |
+//! | a job that keeps losing workers ends | [`losses`] |
+//! | a job whose resources fail waits longer each time | [`retries`] |
+//! | an outage of the coordinator charges nobody | [`outage`] |
+
+pub mod losses;
+pub mod outage;
+pub mod retries;

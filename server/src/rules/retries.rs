@@ -1,0 +1,51 @@
+//! Waits of jobs that failed through no fault of their own.
+
+/// Number of retries after faults outside the job: over about a day, so that a store or a
+/// machine can be repaired meanwhile.
+pub const MAX_RETRIES: u32 = 100;
+/// Longest wait before a retry, seconds; the first wait is a second, and each later one doubles.
+const LONGEST_WAIT: f64 = 900.0;
+/// Share by which a wait is longer or shorter by chance: jobs that one fault put back together come
+/// back one after another.
+const JITTER: f64 = 0.2;
+
+/// Seconds until the next attempt of a job that was retried `retries` times before; none if that was
+/// often enough.
+pub fn wait(retries: u32) -> Option<f64> {
+    Some(steady_wait(retries)? * (1.0 + JITTER * (2.0 * chance() - 1.0)))
+}
+
+/// A random number from 0 to 1, of the random bits of a UUID.
+fn chance() -> f64 {
+    let bits = uuid::Uuid::new_v4().as_u128() as u32;
+    f64::from(bits) / f64::from(u32::MAX)
+}
+
+/// The wait without its jitter.
+fn steady_wait(retries: u32) -> Option<f64> {
+    (retries < MAX_RETRIES).then(|| f64::from(retries).exp2().min(LONGEST_WAIT))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waits_double_up_to_the_longest_for_about_a_day() {
+        let waits: Vec<f64> = (0..MAX_RETRIES).filter_map(steady_wait).collect();
+        assert_eq!(waits[..4], [1.0, 2.0, 4.0, 8.0]);
+        assert_eq!(waits[10..].iter().copied().fold(0.0, f64::max), 900.0);
+        let hours = waits.iter().sum::<f64>() / 3600.0;
+        assert!((20.0..28.0).contains(&hours), "{hours} hours");
+        assert_eq!(steady_wait(MAX_RETRIES), None);
+    }
+
+    #[test]
+    fn jobs_that_wait_for_the_same_fault_do_not_return_together() {
+        let waits: Vec<f64> = (0..64).filter_map(|_| wait(5)).collect();
+        assert!(waits.iter().all(|wait| (25.6..=38.4).contains(wait)));
+        let apart = waits.iter().copied().fold(0.0, f64::max)
+            - waits.iter().copied().fold(f64::MAX, f64::min);
+        assert!(apart > 1.0, "{apart} s apart");
+    }
+}

@@ -1,0 +1,118 @@
+//! The history of a job: each of its leases, and its end.
+
+use super::rows::{Columns, During, state};
+use crate::store::{LeaseKey, StoreError};
+use prost::Message;
+use sqlx::SqliteConnection;
+use yoto_proto::{
+    names::Collection,
+    v1::{JobAttempt, JobError, job_attempt::Outcome},
+};
+
+/// Most attempts of one job that are shown, the newest ones.
+const SHOWN: u32 = 100;
+
+/// Begins the attempt of a new lease.
+pub async fn begin(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    now: f64,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO job_attempts (job, lease, worker, begin_time) VALUES (?1, ?2, ?3, ?4)",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .bind(now)
+    .execute(conn)
+    .await
+    .during("recording the begin of an attempt")?;
+    Ok(())
+}
+
+/// Ends the attempt of a lease. Leases of earlier versions have none.
+pub async fn end(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    outcome: Outcome,
+    error: Option<&JobError>,
+    now: f64,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "UPDATE job_attempts SET end_time = ?3, outcome = ?4, error = ?5
+         WHERE job = ?1 AND lease = ?2 AND end_time IS NULL",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(now)
+    .bind(outcome.as_str_name())
+    .bind(error.map(Message::encode_to_vec))
+    .execute(conn)
+    .await
+    .during("recording the end of an attempt")?;
+    Ok(())
+}
+
+/// How the attempt of this very lease ended, if it did.
+pub async fn outcome(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+) -> Result<Option<Outcome>, StoreError> {
+    let row = sqlx::query(
+        "SELECT outcome FROM job_attempts
+         WHERE job = ?1 AND lease = ?2 AND worker = ?3 AND end_time IS NOT NULL",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .fetch_optional(conn)
+    .await
+    .during("reading the end of an attempt")?;
+    row.map(|row| parse(&row.text("outcome")?)).transpose()
+}
+
+/// The newest attempts of a job, oldest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+) -> Result<Vec<JobAttempt>, StoreError> {
+    let rows = sqlx::query(
+        "SELECT * FROM (
+             SELECT a.*, w.display_name FROM job_attempts a JOIN workers w ON w.id = a.worker
+             WHERE a.job = ?1 ORDER BY a.lease DESC LIMIT ?2)
+         ORDER BY lease",
+    )
+    .bind(job_id)
+    .bind(SHOWN)
+    .fetch_all(conn)
+    .await
+    .during("listing the attempts of a job")?;
+    rows.iter()
+        .map(|row| {
+            Ok(JobAttempt {
+                number: row.number("lease")?,
+                worker: Collection::Workers.name(&row.text("worker")?),
+                worker_display_name: row.text("display_name")?,
+                begin_time: row.time("begin_time")?,
+                end_time: row.time("end_time")?,
+                outcome: parse(&row.text("outcome")?)? as i32,
+                error: row.message("error")?,
+            })
+        })
+        .collect()
+}
+
+/// Forgets attempts that ended before `before`.
+pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query("DELETE FROM job_attempts WHERE end_time < ?1")
+        .bind(before)
+        .execute(conn)
+        .await
+        .during("forgetting old attempts")?;
+    Ok(done.rows_affected())
+}
+
+fn parse(name: &str) -> Result<Outcome, StoreError> {
+    state("job_attempts.outcome", name, Outcome::from_str_name)
+}

@@ -1,0 +1,134 @@
+//! Inputs of a job, resolved from the catalogue in the transaction of its lease: a worker needs no other
+//! calls, and nothing can change between its lease and its inputs.
+
+use super::{captures, checkpoints, models, outputs, pins, subjects};
+use crate::{
+    checkpoints::best::to_use,
+    store::{StoreError, UploadedFile},
+};
+use sqlx::SqliteConnection;
+use yoto_proto::{
+    keys,
+    names::{Collection, NameError},
+    v1::{
+        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, RenderedFile, SubjectShard,
+        job_spec,
+    },
+};
+
+/// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
+const CHECKPOINTS: usize = 8;
+
+/// The inputs of a leased job.
+pub async fn resolve(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<Inputs, StoreError> {
+    let (model, wanted, tradeoff) = match &spec.kind {
+        Some(job_spec::Kind::Ingest(ingest)) => return ingest_inputs(conn, ingest).await,
+        Some(job_spec::Kind::Train(train)) => (&train.model, None, false),
+        Some(job_spec::Kind::Render(it)) => {
+            (&it.model, Some(&*it.checkpoint), it.quality.is_some())
+        }
+        Some(job_spec::Kind::Evaluate(it)) => (&it.model, Some(&*it.checkpoint), false),
+        None => return Err(unreadable("the job has no kind")),
+    };
+    let id = parse(Collection::Models, model)?.to_owned();
+    let model = models::get(conn, &id).await?;
+    let mut shards = Vec::new();
+    for subject in pins::people(spec, &model) {
+        shards.push(shard(conn, job_id, &subject).await?);
+    }
+    let all = checkpoints::list(conn, &id, u32::MAX).await?;
+    let mut checkpoints = match wanted {
+        Some(wanted) => {
+            let pinned = pins::of_job(conn, job_id).await?;
+            pinned_first(to_use(all, wanted, tradeoff), pinned)
+        }
+        None => all,
+    };
+    checkpoints.truncate(CHECKPOINTS);
+    Ok(Inputs {
+        files: Vec::new(),
+        model: Some(model),
+        shards,
+        checkpoints,
+        outputs: committed(conn, job_id, spec).await?,
+    })
+}
+
+async fn committed(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<Vec<RenderedFile>, StoreError> {
+    match spec.kind {
+        Some(job_spec::Kind::Render(_)) => outputs::list(conn, job_id).await,
+        _ => Ok(Vec::new()),
+    }
+}
+
+async fn ingest_inputs(
+    conn: &mut SqliteConnection,
+    ingest: &IngestSpec,
+) -> Result<Inputs, StoreError> {
+    let id = parse(Collection::Captures, &ingest.capture)?;
+    let files = captures::files(conn, id).await?;
+    Ok(Inputs {
+        files: files.iter().map(|file| input_file(id, file)).collect(),
+        ..Inputs::default()
+    })
+}
+
+/// An uploaded file as the input of its ingest job.
+fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
+    InputFile {
+        path: file.path.clone(),
+        object: Some(ObjectRef {
+            key: keys::upload(capture_id, &file.path),
+            bytes: file.bytes,
+            sha256: file.sha256.clone(),
+        }),
+    }
+}
+
+/// The shard of the capture that was chosen for the job. Somebody who joined the model after the job was
+/// queued has none yet, and gets their newest.
+async fn shard(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    subject: &str,
+) -> Result<SubjectShard, StoreError> {
+    let id = parse(Collection::Subjects, subject)?;
+    let capture = match pins::capture(conn, job_id, id).await? {
+        Some(capture) => capture,
+        None => pins::pin_capture(conn, job_id, id).await?,
+    };
+    let shard = subjects::shard_of(conn, &capture).await?;
+    shard.ok_or_else(|| unreadable(&format!("{subject} no longer has a shard")))
+}
+
+/// With the checkpoint of the `pinned` step, which stays while the job runs, first.
+fn pinned_first(mut all: Vec<Checkpoint>, pinned: Option<u64>) -> Vec<Checkpoint> {
+    let place = all.iter().position(|it| Some(it.step) == pinned);
+    if let Some(place) = place {
+        let used = all.remove(place);
+        all.insert(0, used);
+    }
+    all
+}
+
+fn parse(collection: Collection, name: &str) -> Result<&str, StoreError> {
+    collection
+        .parse(name)
+        .map_err(|error: NameError| unreadable(&error.to_string()))
+}
+
+/// These names and shards were checked when the job was queued.
+fn unreadable(detail: &str) -> StoreError {
+    StoreError::Corrupt {
+        what: "spec",
+        detail: detail.to_owned(),
+    }
+}

@@ -1,0 +1,65 @@
+//! Files of renders, committed one by one.
+
+use super::{
+    leases,
+    rows::{Columns, During, integer},
+};
+use crate::store::{LeaseKey, StoreError};
+use sqlx::SqliteConnection;
+use yoto_proto::v1::RenderedFile;
+
+/// Commits a file of the leased render, in the place of an earlier one, which its worker has found
+/// damaged.
+pub async fn commit(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    file: &RenderedFile,
+) -> Result<(), StoreError> {
+    let object = file.object.clone().unwrap_or_default();
+    let running = sqlx::query(
+        "UPDATE jobs SET sequence = sequence + 1
+         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' AND kind = 'render'",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(&lease.worker_id)
+    .execute(&mut *conn)
+    .await
+    .during("checking a lease")?;
+    if running.rows_affected() == 0 {
+        return Err(leases::refusal(conn, lease).await);
+    }
+    sqlx::query(
+        "INSERT INTO job_outputs (job, file, key, bytes, sha256) VALUES (?1, ?2, ?3, ?4, ?5)
+         ON CONFLICT (job, file) DO UPDATE SET key = ?3, bytes = ?4, sha256 = ?5",
+    )
+    .bind(&lease.job_id)
+    .bind(&file.file)
+    .bind(&object.key)
+    .bind(integer("file.object.bytes", object.bytes)?)
+    .bind(&object.sha256)
+    .execute(conn)
+    .await
+    .during("committing a file of a render")?;
+    Ok(())
+}
+
+/// The committed files of a job, in the order of their commits.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+) -> Result<Vec<RenderedFile>, StoreError> {
+    let rows = sqlx::query("SELECT * FROM job_outputs WHERE job = ?1 ORDER BY ord")
+        .bind(job_id)
+        .fetch_all(conn)
+        .await
+        .during("listing the files of a render")?;
+    rows.iter()
+        .map(|row| {
+            Ok(RenderedFile {
+                file: row.text("file")?,
+                object: row.object("key", "bytes", "sha256")?,
+            })
+        })
+        .collect()
+}
