@@ -9,8 +9,10 @@ ALTER TABLE jobs ADD COLUMN lease_request TEXT;
 ALTER TABLE jobs ADD COLUMN losses INTEGER NOT NULL DEFAULT 0;
 UPDATE jobs SET losses = lost_workers;
 DROP INDEX jobs_by_state;
--- Covers the search for the next job, so that it never reads the rows of those that wait.
-CREATE INDEX jobs_by_state ON jobs (state, priority DESC, ord, kind, owner, model, not_before);
+-- Covers the search for the next job, so that it reads no rows of those that wait.
+CREATE INDEX jobs_in_turn ON jobs (state, kind, priority DESC, ord, owner, model, not_before);
+-- Counts the jobs ahead of another.
+CREATE INDEX jobs_by_state ON jobs (state, priority DESC, ord);
 CREATE INDEX jobs_of_model ON jobs (model, ord);
 CREATE INDEX jobs_of_worker ON jobs (worker);
 

@@ -3,6 +3,7 @@
 
 pub mod browser;
 pub mod film;
+pub mod load;
 pub mod people;
 pub mod process;
 pub mod upload;

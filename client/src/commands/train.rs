@@ -61,8 +61,8 @@ pub(super) struct Train {
     size: u32,
     /// Seconds between checkpoints [default: so many that they take at most 3 % of the time, at least
     /// 30].
-    #[arg(long, value_parser = table::seconds, default_value = "0", hide_default_value = true, value_name = "S")]
-    checkpoint_seconds: f64,
+    #[arg(long, value_parser = table::seconds, value_name = "S")]
+    checkpoint_seconds: Option<f64>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
     /// wander off their masks or jump, as estimated poses do [default: as before, or by the tier: auto,
     /// or never for the tiers of the paper].
@@ -102,7 +102,7 @@ impl Train {
             steps: self.steps.unwrap_or(0),
             seed: self.seed,
             image_size: self.size,
-            checkpoint_seconds: self.checkpoint_seconds,
+            checkpoint_seconds: self.checkpoint_seconds.unwrap_or(0.0),
             refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
         };
         let job = client.train(spec).await?;

@@ -1,59 +1,106 @@
-//! A hint that a job changed, so that its watchers need not wait for their next poll.
+//! The watched jobs: each is read once for all of its watchers, at each announced change and at each poll.
 //!
-//! It is only a hint: watchers read the store, and poll it as well, so a lost hint (or a
-//! change by another process) only delays them.
+//! An announcement is only a hint: a job is polled as well, so a lost hint (or a change by another
+//! process) only delays its watchers.
 
+use crate::context::Context;
 use std::{
-    collections::HashMap,
-    sync::{Mutex, PoisonError},
+    collections::{HashMap, hash_map::Entry},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
+use yoto_proto::{names::Collection, v1::Job};
 
-/// Wakes the watchers of a job.
+/// What is known of a watched job.
+#[derive(Debug, Clone)]
+pub enum Seen {
+    /// It was not read yet.
+    Nothing,
+    /// Its newest state.
+    Job(Arc<Job>),
+    /// It can't be read: each watcher asks for the reason by itself.
+    Unreadable,
+}
+
+/// A job that somebody watches.
+#[derive(Debug)]
+struct Watched {
+    changed: Arc<Notify>,
+    seen: watch::Sender<Seen>,
+}
+
+/// The watched jobs, by `jobs/{id}`.
 #[derive(Debug, Default)]
 pub struct JobChanges {
-    /// Of the jobs that somebody watches, by `jobs/{id}`.
-    watched: Mutex<HashMap<String, watch::Sender<()>>>,
+    watched: Mutex<HashMap<String, Watched>>,
 }
 
 impl JobChanges {
     /// The job called `jobs/{id}` changed. Costs nothing while nobody watches it.
     pub fn announce(&self, job: &str) {
-        let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(changes) = watched.get(job)
-            && changes.send(()).is_err()
-        {
-            watched.remove(job);
+        if let Some(watched) = self.lock().get(job) {
+            watched.changed.notify_one();
         }
     }
 
-    /// Wakes at each later change of the job called `jobs/{id}`.
-    pub fn subscribe(&self, job: &str) -> watch::Receiver<()> {
-        let mut watched = self.watched.lock().unwrap_or_else(PoisonError::into_inner);
-        // Those whose watchers are gone, and whose jobs never change again.
-        watched.retain(|_, changes| changes.receiver_count() > 0);
-        let changes = watched.entry(job.to_owned());
-        changes
-            .or_insert_with(|| watch::Sender::new(()))
-            .subscribe()
+    fn lock(&self) -> MutexGuard<'_, HashMap<String, Watched>> {
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_the_watchers_of_the_changed_job_wake() {
-        let changes = JobChanges::default();
-        let (a, b) = (changes.subscribe("jobs/a"), changes.subscribe("jobs/b"));
-        changes.announce("jobs/a");
-        assert!(a.has_changed().expect("is open"));
-        assert!(!b.has_changed().expect("is open"));
-        drop((a, b));
-        changes.announce("jobs/a");
-        assert!(!changes.subscribe("jobs/c").has_changed().expect("is open"));
-        let watched = changes.watched.lock().expect("no panic");
-        assert_eq!(watched.keys().collect::<Vec<_>>(), ["jobs/c"]);
+/// The states of the job with this id, from now on.
+pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<Seen> {
+    let mut watched = context.changes.lock();
+    match watched.entry(Collection::Jobs.name(id)) {
+        Entry::Occupied(entry) => entry.get().seen.subscribe(),
+        Entry::Vacant(entry) => {
+            let (seen, changed) = (watch::Sender::new(Seen::Nothing), Arc::<Notify>::default());
+            let receiver = seen.subscribe();
+            tokio::spawn(follow(context.clone(), id.to_owned(), changed.clone()));
+            entry.insert(Watched { changed, seen });
+            receiver
+        }
     }
+}
+
+/// Reads a job at each change and at each poll, until nobody watches it.
+async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
+    let name = Collection::Jobs.name(&id);
+    loop {
+        let seen = match context.store.job(&id).await {
+            Ok(job) => Seen::Job(Arc::new(job)),
+            Err(_) => Seen::Unreadable,
+        };
+        if !told(&context.changes, &name, seen) {
+            return;
+        }
+        tokio::select! {
+            () = changed.notified() => {}
+            () = tokio::time::sleep(context.config.watch_poll) => {}
+            () = context.stop.cancelled() => return,
+        }
+    }
+}
+
+/// Tells the watchers of a job, unless they know it; false once there are none, and the job is forgotten.
+fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
+    let mut all = changes.lock();
+    let Some(watched) = all.get(name) else {
+        return false;
+    };
+    if watched.seen.receiver_count() == 0 {
+        all.remove(name);
+        return false;
+    }
+    watched.seen.send_if_modified(|last| {
+        let news = match (&*last, &seen) {
+            (Seen::Job(last), Seen::Job(job)) => last.sequence != job.sequence,
+            _ => true,
+        };
+        if news {
+            *last = seen;
+        }
+        news
+    });
+    true
 }

@@ -1,14 +1,12 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
+use super::changes::{Seen, subscribe};
 use crate::{context::Context, error::RequestError};
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
-use yoto_proto::{
-    names::Collection,
-    v1::{Job, job},
-};
+use yoto_proto::v1::{Job, job};
 
 /// Whether `state` is terminal.
 pub fn is_terminal(state: job::State) -> bool {
@@ -23,7 +21,9 @@ struct Watcher {
     id: String,
     /// Last sequence number known to the caller.
     known: u64,
-    changes: watch::Receiver<()>,
+    /// Whether the current state was read.
+    began: bool,
+    states: watch::Receiver<Seen>,
     stop: CancellationToken,
     ended: bool,
 }
@@ -42,12 +42,12 @@ pub fn watch(
     after_sequence: u64,
     stop: CancellationToken,
 ) -> impl Stream<Item = Result<Job, RequestError>> + Send + 'static {
-    let changes = context.changes.subscribe(&Collection::Jobs.name(&id));
     let watcher = Watcher {
+        states: subscribe(&context, &id),
         context,
         id,
         known: after_sequence,
-        changes,
+        began: false,
         stop,
         ended: false,
     };
@@ -63,20 +63,34 @@ pub fn watch(
 
 impl Watcher {
     async fn next(&mut self) -> Result<Option<Job>, RequestError> {
-        loop {
-            // Before the read, so that a change during it wakes the wait after it.
-            self.changes.mark_unchanged();
+        if !self.began {
+            // Not what other watchers have seen last: the caller may know more.
+            self.began = true;
             let job = self.context.store.job(&self.id).await?;
-            if job.sequence != self.known {
-                self.known = job.sequence;
+            let known = self.known == job.sequence;
+            self.known = job.sequence;
+            if !known {
                 return Ok(Some(job));
             }
             if is_terminal(job.state()) {
                 return Ok(None);
             }
+        }
+        loop {
+            let seen = self.states.borrow_and_update().clone();
+            match seen {
+                Seen::Job(job) if job.sequence > self.known => {
+                    self.known = job.sequence;
+                    return Ok(Some(Job::clone(&job)));
+                }
+                // The reason, unless it can be read again by now.
+                Seen::Unreadable => drop(self.context.store.job(&self.id).await?),
+                Seen::Job(_) | Seen::Nothing => {}
+            }
             tokio::select! {
-                _ = self.changes.changed() => {}
-                () = tokio::time::sleep(self.context.config.watch_poll) => {}
+                changed = self.states.changed() => if changed.is_err() {
+                    return Err(RequestError::ShuttingDown);
+                },
                 () = self.stop.cancelled() => return Err(RequestError::ShuttingDown),
             }
         }

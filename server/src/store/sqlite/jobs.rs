@@ -28,9 +28,10 @@ macro_rules! select_jobs {
                  j.lost_workers, j.cancel_requested, j.worker, j.sequence, j.create_time,
                  j.start_time, j.end_time, j.priority, j.owner, j.waiting_error, j.not_before,
                  CASE WHEN j.state = 'QUEUED' THEN
-                     (SELECT count(*) FROM jobs q WHERE q.state = 'QUEUED'
-                         AND (q.priority > j.priority
-                              OR (q.priority = j.priority AND q.ord < j.ord)))
+                     (SELECT count(*) FROM jobs q
+                      WHERE q.state = 'QUEUED' AND q.priority > j.priority)
+                     + (SELECT count(*) FROM jobs q
+                        WHERE q.state = 'QUEUED' AND q.priority = j.priority AND q.ord < j.ord)
                  ELSE 0 END AS queue_position,
                  CASE WHEN j.kind = 'render' THEN
                      (SELECT count(*) FROM job_outputs o WHERE o.job = j.id)

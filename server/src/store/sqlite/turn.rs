@@ -10,8 +10,8 @@ use yoto_proto::names::Collection;
 macro_rules! waiting {
     () => {
         "q.state = 'QUEUED' AND (q.not_before IS NULL OR q.not_before <= ?2)
-           AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1)
-           AND q.kind NOT IN (SELECT kind FROM paused_kinds)
+           AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
+                          EXCEPT SELECT kind FROM paused_kinds)
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
                WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))"
