@@ -20,6 +20,9 @@ pub mod files {
     /// Refined poses of the training frames; needed only to resume a training that refines them.
     /// Other checkpoints lack it.
     pub const REFINEMENT: &str = "refinement.json";
+    /// Exposures of the training frames, where they are learned; needed to resume such a training, and to measure
+    /// on frames of the same film.
+    pub const EXPOSURES: &str = "exposures.json";
     /// Pose track of the person in `slot` with the poses that training has refined, in protocol
     /// buffers; absent where their poses stay as given.
     pub fn refined_poses(slot: usize) -> String {

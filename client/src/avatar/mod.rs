@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_ingest::IngestSettings;
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{Orbit, PoseRefinement, TrainSpec, render_spec};
+use yoto_proto::v1::{ExposureLearning, Orbit, PoseRefinement, TrainSpec, render_spec};
 
 /// Name of this command, on the folders that it may replace.
 const MAKER: &str = "avatar";
@@ -61,6 +61,10 @@ pub struct AvatarOptions {
     pub seed: u64,
     /// Whose poses to refine.
     pub refine_poses: PoseRefinement,
+    /// Whether the exposure of each frame is learned.
+    pub exposure: ExposureLearning,
+    /// Whether what no frame shows keeps the colours that training left there.
+    pub leave_unseen: bool,
     /// Motion to render, in place of one of this program's own.
     pub motion: Option<Motion>,
     /// Train even when the check fails.
@@ -136,6 +140,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 image_size: options.size,
                 checkpoint_seconds: 0.0,
                 refine_poses: options.refine_poses.into(),
+                exposure: options.exposure.into(),
+                leave_unseen: options.leave_unseen,
             },
         )
         .await?;

@@ -1,5 +1,6 @@
 //! `yoto avatar`: from a clip to a page, in one command.
 
+use super::exposure::Exposure;
 use super::import::{ClipMasks, ImportOptions};
 use super::motion::MotionArgs;
 use super::refine_poses::RefinePoses;
@@ -12,7 +13,7 @@ use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::FILES;
-use yoto_proto::v1::PoseRefinement;
+use yoto_proto::v1::{ExposureLearning, PoseRefinement};
 
 const AFTER_HELP: &str = "\
 Steps, with a service of its own:
@@ -66,6 +67,13 @@ pub(super) struct Avatar {
     /// Refine the poses of the clip: always, never, or auto, where they are imprecise [default: auto].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
+    /// Learn a gain and an offset of each frame and colour channel: always, never, or auto, where frames are exposed
+    /// differently [default: auto].
+    #[arg(long, value_enum, value_name = "WHEN")]
+    exposure: Option<Exposure>,
+    /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
+    #[arg(long)]
+    leave_unseen: bool,
     /// Motion to render: BVH, AMASS-style .npz, or a pose track [default: one of yoto's own].
     #[arg(long, value_name = "FILE")]
     motion_file: Option<PathBuf>,
@@ -109,6 +117,10 @@ impl Avatar {
             refine_poses: self
                 .refine_poses
                 .map_or(PoseRefinement::Unspecified, RefinePoses::message),
+            exposure: self
+                .exposure
+                .map_or(ExposureLearning::Unspecified, Exposure::message),
+            leave_unseen: self.leave_unseen,
             motion,
             despite_check: self.despite_check,
         };

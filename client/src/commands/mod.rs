@@ -20,6 +20,7 @@ mod distill;
 mod evaluate;
 #[cfg(feature = "embedded")]
 mod export;
+mod exposure;
 mod ffmpeg_arg;
 mod import;
 #[cfg(feature = "embedded")]

@@ -1,5 +1,6 @@
 //! `yoto quality`: quality of a model on given captures, without a service.
 
+use super::exposure::Exposure;
 use super::ffmpeg_arg::FfmpegArg;
 use super::model::{tier_help, variant_help};
 use super::refine_poses::RefinePoses;
@@ -11,7 +12,7 @@ use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::config::{Refine, Setting, Sharing};
+use yoto_avatar::config::{LearnExposure, Refine, Setting, Sharing};
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_lab::captures::Film;
@@ -86,6 +87,10 @@ pub(super) struct Quality {
     /// wander off their masks or jump [default: by the tier: auto, or never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
+    /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
+    /// frames are exposed differently [default: by the tier: auto for splat, else never].
+    #[arg(long, value_enum, value_name = "WHEN")]
+    exposure: Option<Exposure>,
     /// Also measure after a fit of the held-out pictures' poses, with the model as it is.
     #[arg(long)]
     fit_poses: bool,
@@ -127,6 +132,11 @@ impl Quality {
                 RefinePoses::Always => Refine::Always,
                 RefinePoses::Never => Refine::Never,
                 RefinePoses::Auto => Refine::Auto,
+            }),
+            exposure: self.exposure.map(|when| match when {
+                Exposure::Always => LearnExposure::Always,
+                Exposure::Never => LearnExposure::Never,
+                Exposure::Auto => LearnExposure::Auto,
             }),
             fit_poses: self.fit_poses,
             seed: self.seed,

@@ -1,6 +1,7 @@
 //! `yoto train`: train a model.
 
 use super::Server;
+use super::exposure::Exposure;
 use super::model::{create_with, tier_help, variant_help};
 use super::refine_poses::RefinePoses;
 use super::train_preview::Previews;
@@ -68,6 +69,13 @@ pub(super) struct Train {
     /// or never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<RefinePoses>,
+    /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
+    /// frames are exposed differently [default: as before, or by the tier: auto for splat, else never].
+    #[arg(long, value_enum, value_name = "WHEN")]
+    exposure: Option<Exposure>,
+    /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
+    #[arg(long)]
+    leave_unseen: bool,
     /// Write a picture for each checkpoint: a held-out frame of each person beside its render.
     #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
     preview: Option<PathBuf>,
@@ -104,6 +112,8 @@ impl Train {
             image_size: self.size,
             checkpoint_seconds: self.checkpoint_seconds.unwrap_or(0.0),
             refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
+            exposure: self.exposure.map_or(0, |when| when.message().into()),
+            leave_unseen: self.leave_unseen,
         };
         let job = client.train(spec).await?;
         say!("{}", job.name);

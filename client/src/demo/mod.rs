@@ -22,7 +22,7 @@ use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{PoseRefinement, Subject, TrainSpec};
+use yoto_proto::v1::{ExposureLearning, PoseRefinement, Subject, TrainSpec};
 
 /// Quality tier and variant of the demo's model.
 const TIER: &str = DEFAULT_TIER;
@@ -134,6 +134,8 @@ async fn drive(
             image_size: options.size,
             checkpoint_seconds: 0.0,
             refine_poses: PoseRefinement::Unspecified.into(),
+            exposure: ExposureLearning::Unspecified.into(),
+            leave_unseen: false,
         },
     )
     .await?;

@@ -329,6 +329,16 @@ impl Avatar {
         }
     }
 
+    /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`.
+    pub(crate) fn paint_splats(&mut self, slot: usize, colours: &[f32]) {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        if let Some(splats) = self.splats.get_mut(slot) {
+            splats.paint(&init, slot, colours);
+        }
+    }
+
     /// Appends an identity that is the mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.codes);

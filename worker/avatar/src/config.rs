@@ -3,6 +3,7 @@
 //! settings of the same code.
 
 mod check;
+mod exposure;
 mod named_tiers;
 mod refinement;
 mod resolution;
@@ -11,6 +12,7 @@ mod setting;
 mod sharing;
 mod splats;
 
+pub use exposure::{ExposureConfig, LearnExposure};
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};
 pub use resolution::Resolution;
@@ -80,6 +82,9 @@ pub struct ModelConfig {
     /// Refinement of the poses of training frames.
     #[serde(default)]
     pub refinement: RefinementConfig,
+    /// Exposure of training frames.
+    #[serde(default)]
+    pub exposure: ExposureConfig,
 }
 
 /// The rows of the paper's ablation (docs/paper.md).

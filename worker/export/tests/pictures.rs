@@ -36,6 +36,8 @@ fn trainer() -> (Trainer, Person) {
     config.refinement.who = Refine::Never;
     let options = TrainOptions {
         refine_poses: None,
+        exposure: None,
+        leave_unseen: false,
         budget: Budget::Steps(STEPS),
         used_seconds: 0.0,
         used_steps: 0,

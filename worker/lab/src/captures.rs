@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
+use yoto_avatar::render::FrameExposure;
 use yoto_avatar::train::Person;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
@@ -72,6 +73,10 @@ pub(super) struct View {
     pub pose: Pose,
     pub camera: Camera,
     pub truth: FrameImage,
+    /// Index of the frame of the training film that this is; `None` for pictures of other cameras and films.
+    pub frame: Option<u32>,
+    /// How it is exposed beside the frames that are trained on.
+    pub exposure: FrameExposure,
 }
 
 /// A capture to measure on.
@@ -175,6 +180,8 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
             pose: held_out.pose.clone(),
             camera: held_out.camera.scaled_to(size),
             truth: held_out.read()?.resized(size),
+            frame: None,
+            exposure: FrameExposure::NEUTRAL,
         })
     };
     let views = |held_out: &[HeldOutView]| {
@@ -219,6 +226,13 @@ impl Recording {
         match split {
             Split::NovelView => &self.novel_view,
             Split::NovelPose => &self.novel_pose,
+        }
+    }
+
+    /// Sets the exposures of pictures of the training film to those `near` their frames.
+    pub(super) fn expose(&mut self, near: impl Fn(u32) -> FrameExposure) {
+        for view in self.novel_view.iter_mut().chain(&mut self.novel_pose) {
+            view.exposure = view.frame.map_or(FrameExposure::NEUTRAL, &near);
         }
     }
 

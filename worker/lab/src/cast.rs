@@ -4,6 +4,7 @@
 use crate::captures::{Recording, View};
 use anyhow::Context;
 use std::sync::Arc;
+use yoto_avatar::render::FrameExposure;
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
@@ -39,6 +40,8 @@ fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
         pose: pose.clone(),
         camera: camera.clone(),
         truth: person.render(pose, camera),
+        frame: None,
+        exposure: FrameExposure::NEUTRAL,
     };
     let cameras = SyntheticPerson::held_out_cameras(size);
     let seen_by = |poses: &[Pose], every: usize| -> Vec<View> {

@@ -88,6 +88,7 @@ fn examine(examiner: &Examiner, slot: usize, view: &View) -> anyhow::Result<Exam
         pose: &view.pose,
         camera: &view.camera,
         image: &view.truth,
+        exposure: view.exposure,
     };
     examiner
         .examine(slot, &truth)

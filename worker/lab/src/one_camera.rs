@@ -3,6 +3,7 @@
 use crate::captures::{Recording, View};
 use anyhow::{Context, ensure};
 use std::sync::Arc;
+use yoto_avatar::render::FrameExposure;
 use yoto_avatar::train::Validation;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::{Shard, ShardBuilder};
@@ -35,6 +36,8 @@ pub(super) fn recording(film: &OneCamera, every: usize, size: u32) -> anyhow::Re
             pose: Pose::from_frame(frame)?,
             camera: Camera::from_frame(frame, track.image_size)?.scaled_to(size),
             truth: shard.image(place).resized(size),
+            frame: Some(frame.index),
+            exposure: FrameExposure::NEUTRAL,
         });
     }
     ensure!(

@@ -67,6 +67,7 @@ fn scores(
                     pose: &pose,
                     camera: &view.camera,
                     image: &view.truth,
+                    exposure: view.exposure,
                 };
                 let examined = examiner
                     .examine(slot, &truth)

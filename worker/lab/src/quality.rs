@@ -16,7 +16,7 @@ use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use anyhow::Context;
 use std::path::PathBuf;
-use yoto_avatar::config::{ModelConfig, Refine, Setting, Sharing};
+use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting, Sharing};
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
@@ -54,6 +54,8 @@ pub struct QualityOptions {
     pub train_poses: Option<String>,
     /// Whose poses of training frames are refined, in place of the tier's choice.
     pub refine_poses: Option<Refine>,
+    /// For whose films exposures are learned, in place of the tier's choice.
+    pub exposure: Option<LearnExposure>,
     /// Whether held-out pictures are also measured after a fit of their poses alone.
     pub fit_poses: bool,
     /// Random seed.
@@ -91,6 +93,7 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let people = people.map(|(slot, recording)| recording.person(slot));
     let train_options = TrainOptions {
         refine_poses: options.refine_poses,
+        exposure: options.exposure,
         ..training::options(
             options.budget,
             options.size,
@@ -101,11 +104,12 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
     let curve = train(
         &mut trainer,
-        &recordings,
+        &mut recordings,
         protocol,
         options.curve_pictures,
         screen,
     )?;
+    expose(&mut recordings, &trainer);
     finish(
         options,
         &trainer,
@@ -117,10 +121,17 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     )
 }
 
+/// Sets the exposures of held-out frames of training films to those between their neighbours.
+fn expose(recordings: &mut [Recording], trainer: &Trainer) {
+    for (slot, recording) in recordings.iter_mut().enumerate() {
+        recording.expose(|index| trainer.exposure_near(slot, index));
+    }
+}
+
 /// Trains until the budget is used up, measuring in between.
 fn train(
     trainer: &mut Trainer,
-    recordings: &[Recording],
+    recordings: &mut [Recording],
     protocol: &'static Protocol,
     pictures: usize,
     screen: &dyn Screen,
@@ -139,6 +150,7 @@ fn train(
         display.progress(&shown(&progress, "training", psnr));
         if pictures > 0 && (progress.fraction >= next_point || trainer.finished()) {
             display.progress(&shown(&progress, "evaluating", psnr));
+            expose(recordings, trainer);
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<Option<CurvePoint>> {
                 let score = measure::subset(&examiner, recordings, split, pictures)?;

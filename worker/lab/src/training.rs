@@ -38,6 +38,8 @@ pub(crate) fn options(
 ) -> TrainOptions {
     TrainOptions {
         refine_poses: None,
+        exposure: None,
+        leave_unseen: false,
         budget,
         used_seconds: 0.0,
         used_steps: 0,

@@ -106,10 +106,11 @@ fn download(
     };
     let folder = TempDir::new().map_err(|error| local(&error))?;
     // A checkpoint is complete without occupancy grids, for early ones have none, and without
-    // refined poses.
+    // refined poses and exposures.
     let optional = manifest.objects.iter().map(|it| &*it.file);
     let optional = optional.filter(|file| {
-        [files::OCCUPANCY, files::REFINEMENT].contains(file) || files::is_refined_poses(file)
+        [files::OCCUPANCY, files::REFINEMENT, files::EXPOSURES].contains(file)
+            || files::is_refined_poses(file)
     });
     for file in wanted.iter().copied().chain(optional) {
         let Some(entry) = manifest.object(file) else {
@@ -203,7 +204,8 @@ fn extra_files(folder: &Path) -> std::io::Result<Vec<String>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let name = entry?.file_name().to_string_lossy().into_owned();
-        if [files::REFINEMENT, files::PREVIEW].contains(&&*name) || files::is_refined_poses(&name) {
+        let extra = [files::REFINEMENT, files::EXPOSURES, files::PREVIEW].contains(&&*name);
+        if extra || files::is_refined_poses(&name) {
             found.push(name);
         }
     }

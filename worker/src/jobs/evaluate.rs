@@ -11,7 +11,8 @@ use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
 use tradeoff::Sweep;
 use yoto_avatar::{
     evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
-    train::Validation,
+    render::FrameExposure,
+    train::{FilmExposures, Validation, film_exposures},
 };
 use yoto_capture::{
     FrameImage, Shard,
@@ -185,6 +186,7 @@ struct Picture {
     pose: Pose,
     camera: Camera,
     image: FrameImage,
+    exposure: FrameExposure,
 }
 
 impl Pictures {
@@ -198,7 +200,9 @@ impl Pictures {
     ) -> Result<Self, JobFailure> {
         let subject = &slot.subject;
         let (display_name, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
-        let frames = held_out(&shard, size)?;
+        let film = film_exposures(found.folder.path(), slot.slot as usize, &shard.track)
+            .map_err(|error| JobFailure::failed("INTERNAL", "the exposures", &error))?;
+        let frames = held_out(&shard, size, film.as_ref())?;
         Ok(Self {
             slot: slot.slot as usize,
             subject: slot.subject.clone(),
@@ -208,7 +212,11 @@ impl Pictures {
     }
 }
 
-fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
+fn held_out(
+    shard: &Shard,
+    size: u32,
+    film: Option<&FilmExposures>,
+) -> Result<Vec<Picture>, JobFailure> {
     let track = &shard.track;
     let validation = Validation::Every(HOLDOUT_EVERY);
     let frames = track.frames.iter().enumerate();
@@ -227,6 +235,7 @@ fn held_out(shard: &Shard, size: u32) -> Result<Vec<Picture>, JobFailure> {
                     .map_err(fault)?
                     .scaled_to(size),
                 image: shard.image(position).resized(size),
+                exposure: film.map_or(FrameExposure::NEUTRAL, |film| film.near(frame.index)),
             })
         })
         .collect()
@@ -255,6 +264,7 @@ fn measure(
                 pose: &picture.pose,
                 camera: &picture.camera,
                 image: &picture.image,
+                exposure: picture.exposure,
             };
             let examined = examiner.examine(person.slot, &truth).map_err(|error| {
                 let place = format!("{}, frame {}", person.display_name, picture.index);

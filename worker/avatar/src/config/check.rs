@@ -1,6 +1,8 @@
 //! Validation of configurations.
 
-use super::{ConfigError, Encoding, ModelConfig, MotionForm, Numerics, Sharing, Variant};
+use super::{
+    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Sharing, Variant,
+};
 use crate::ops::mlp::check_device;
 use crate::ops::on_cpu;
 use burn::tensor::Device;
@@ -155,7 +157,14 @@ impl ModelConfig {
                 return fail("numerics", "must be sound for splats");
             }
         }
+        if self.exposure.who != LearnExposure::Never && self.splats.is_none() {
+            return fail(
+                "exposure.who",
+                "must be never without splats: only their tier learns exposures",
+            );
+        }
         self.refinement.check()?;
+        self.exposure.check()?;
         self.schedule.check()
     }
 }

@@ -2,9 +2,9 @@
 
 use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
-    DensityActivation, Encoding, LayersConfig, MarchConfig, ModelConfig, MotionConfig, MotionForm,
-    NonRigidConfig, Numerics, OptimiseConfig, Precision, Refine, RefinementConfig, Resolution,
-    Schedule, Sharing, SplatConfig, Unposing, Variant,
+    DensityActivation, Encoding, ExposureConfig, LayersConfig, LearnExposure, MarchConfig,
+    ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig, Precision,
+    Refine, RefinementConfig, Resolution, Schedule, Sharing, SplatConfig, Unposing, Variant,
 };
 
 impl ModelConfig {
@@ -129,6 +129,7 @@ fn grid_tier(
             who: Refine::Auto,
             ..RefinementConfig::default()
         },
+        exposure: ExposureConfig::default(),
     }
 }
 
@@ -143,6 +144,7 @@ fn splats(variant: Variant) -> ModelConfig {
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
     config.march.occupancy_cells = 0;
+    config.exposure.who = LearnExposure::Auto;
     config
 }
 
@@ -211,6 +213,7 @@ fn paper(variant: Variant) -> ModelConfig {
         },
         schedule: Schedule::paper(),
         refinement: RefinementConfig::default(),
+        exposure: ExposureConfig::default(),
     }
 }
 

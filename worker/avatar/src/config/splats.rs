@@ -28,6 +28,8 @@ pub struct SplatConfig {
     pub opacity_rate: f64,
     /// Learning rate of the colours.
     pub colour_rate: f64,
+    /// Whether the colours of splats that no training frame shows are guessed at the end of a run.
+    pub guess_unseen: bool,
     /// Learning rate of the light; 0: none, so that colours have the light in them.
     pub light_rate: f64,
 }
@@ -46,6 +48,7 @@ impl Default for SplatConfig {
             opacity_rate: 5e-2,
             colour_rate: 8e-3,
             light_rate: 5e-3,
+            guess_unseen: true,
         }
     }
 }

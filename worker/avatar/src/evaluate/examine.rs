@@ -2,7 +2,7 @@
 
 use super::score::unit;
 use super::{EvaluateError, LpipsMetric, PictureScore, Protocol, RegionSums, compare};
-use crate::render::{RenderError, RenderView, Renderer};
+use crate::render::{FrameExposure, RenderError, RenderView, Renderer};
 use std::time::Instant;
 use yoto_capture::FrameImage;
 use yoto_capture::body_box::outside;
@@ -17,6 +17,8 @@ pub struct Truth<'a> {
     pub camera: &'a Camera,
     /// The picture, over black.
     pub image: &'a FrameImage,
+    /// How the picture is exposed beside others of the person's film.
+    pub exposure: FrameExposure,
 }
 
 /// Result of one picture.
@@ -73,12 +75,13 @@ impl Examiner {
     /// small to compare.
     pub fn examine(&self, slot: usize, truth: &Truth<'_>) -> Result<Examined, EvaluateError> {
         let started = Instant::now();
-        let rendered = self.renderer.render(&RenderView {
+        let mut rendered = self.renderer.render(&RenderView {
             slot,
             pose: truth.pose.clone(),
             camera: truth.camera.clone(),
             background: [0.0; 3],
         })?;
+        truth.exposure.expose(&mut rendered);
         let mut render = rendered.to_rgb8();
         let seconds = started.elapsed().as_secs_f64();
         let mut real = truth.image.clone();

@@ -75,6 +75,12 @@ impl Splats {
         Ok(opacities.iter().all(|logit| *logit != HIDDEN))
     }
 
+    /// Replaces the colours `[N, 3]`.
+    pub(crate) fn paint(&mut self, init: &Initial, slot: usize, colours: &[f32]) {
+        let path = format!("splats.{slot}.colours");
+        self.colours = init.given(&path, [colours.len() / 3, 3], colours);
+    }
+
     /// The splats of the person in `slot`, without light.
     pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats) -> Self {
         let count = first.means.len() / 3;

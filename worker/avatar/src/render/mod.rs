@@ -4,6 +4,7 @@
 mod blend;
 pub mod composite;
 mod enlarge;
+mod exposure;
 mod fields;
 pub(crate) mod frame;
 pub mod march;
@@ -17,6 +18,7 @@ pub(crate) mod splats;
 mod view;
 pub mod walk;
 
+pub use exposure::FrameExposure;
 pub use frame::{RenderError, Rendered, Renderer};
 pub use rest_points::RestPoints;
 pub use samples::SampleCounts;

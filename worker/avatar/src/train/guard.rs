@@ -1,6 +1,7 @@
 //! Supervision of loss and gradients: steps that are not finite are skipped, and after several in
 //! a row the model returns to its last snapshot with a lower rate.
 
+use super::exposure::FilmExposures;
 use super::refinement::PoseRefinement;
 use crate::avatar::Avatar;
 use crate::render::occupancy::Occupancy;
@@ -28,6 +29,8 @@ pub(super) struct TrainState {
     pub occupancy: Vec<Option<Occupancy>>,
     /// Refined poses by slot; none where poses stay as they are given.
     pub poses: Vec<Option<PoseRefinement>>,
+    /// Exposures of each slot's film; none where they are not learned.
+    pub exposures: Vec<Option<FilmExposures>>,
     pub rate_scale: f64,
 }
 
@@ -38,6 +41,7 @@ impl TrainState {
             optimiser,
             occupancy: Vec::new(),
             poses: Vec::new(),
+            exposures: Vec::new(),
             rate_scale: 1.0,
         }
     }
@@ -69,6 +73,7 @@ struct Snapshot {
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
     poses: Vec<Option<PoseRefinement>>,
+    exposures: Vec<Option<FilmExposures>>,
 }
 
 /// Supervisor of training steps.
@@ -118,6 +123,7 @@ impl Guard {
                     optimiser: state.optimiser.clone(),
                     occupancy: state.occupancy.clone(),
                     poses: state.poses.clone(),
+                    exposures: state.exposures.clone(),
                 });
             }
             let avatar = state
@@ -144,6 +150,7 @@ impl Guard {
             state.optimiser = snapshot.optimiser.clone();
             state.occupancy = snapshot.occupancy.clone();
             state.poses = snapshot.poses.clone();
+            state.exposures = snapshot.exposures.clone();
         }
         state.rate_scale *= RATE_FACTOR;
         Verdict::RolledBack

@@ -3,6 +3,7 @@
 pub mod batch;
 mod checkpoint;
 mod expected_errors;
+mod exposure;
 mod first_splats;
 mod fit_poses;
 mod frame_order;
@@ -22,6 +23,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod trainer;
+mod unseen;
 mod validate;
 mod whole_picture;
 mod whose_poses;
@@ -29,6 +31,7 @@ mod wrong_frames;
 
 pub use checkpoint::ModelState;
 pub(crate) use checkpoint::save_model;
+pub use exposure::{FilmExposures, film_exposures};
 pub use optimiser::optimiser;
 pub use options::{Budget, TrainOptions, Validation};
 pub use parts::read_parts;

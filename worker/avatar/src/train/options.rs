@@ -1,6 +1,6 @@
 //! Budget and data of a training.
 
-use crate::config::Refine;
+use crate::config::{LearnExposure, Refine};
 use crate::loss::lpips::LpipsWeights;
 use std::collections::BTreeSet;
 
@@ -53,6 +53,10 @@ pub struct TrainOptions {
     pub validation: Validation,
     /// Whose poses are refined, in place of what the configuration says.
     pub refine_poses: Option<Refine>,
+    /// For whose films exposures are learned, in place of what the configuration says.
+    pub exposure: Option<LearnExposure>,
+    /// Whether what no frame shows keeps the colours that training left there, whatever the configuration says.
+    pub leave_unseen: bool,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
@@ -68,6 +72,8 @@ impl Default for TrainOptions {
             image_size: 0,
             validation: Validation::NONE,
             refine_poses: None,
+            exposure: None,
+            leave_unseen: false,
             lpips: None,
         }
     }

@@ -1,6 +1,7 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use super::checkpoint::{self, ModelState};
+use super::exposure;
 use super::options::{Budget, Validation};
 use super::refinement_file;
 use super::trainer::Trainer;
@@ -100,6 +101,7 @@ impl Trainer {
         };
         checkpoint::save_occupancy(dir, &self.state.occupancy)?;
         refinement_file::save(dir, &self.state.poses)?;
+        exposure::file::save(dir, &self.state.exposures)?;
         for subject in &self.subjects {
             if let Some(track) = self.refined_track(subject)? {
                 refinement_file::save_track(dir, subject.slot, &track)?;

@@ -1,6 +1,7 @@
 //! Start of a training, with a new model or a checkpoint.
 
 use super::checkpoint::{self, ModelState};
+use super::exposure;
 use super::frame_order::FrameOrder;
 use super::guard::{Guard, TrainState};
 use super::optimiser::optimiser;
@@ -13,7 +14,7 @@ use super::trainer::Trainer;
 use super::whole_picture::OBJECTIVE;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, ModelConfig, Numerics, Refine, Variant};
+use crate::config::{ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant};
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
 use burn::tensor::Device;
@@ -67,6 +68,9 @@ impl Trainer {
         if saved.config.refinement.who != Refine::Never {
             state.poses = refinement_file::load(dir, saved.joints)?;
         }
+        if saved.config.exposure.who != LearnExposure::Never {
+            state.exposures = exposure::file::load(dir)?;
+        }
         state.rate_scale = saved.rate_scale;
         saved.slots.resize(saved.slots.len().max(slots), None);
         Self::assemble(saved, options, &people, state, device)
@@ -91,6 +95,10 @@ impl Trainer {
             saved.config.refinement.who = who;
             saved.config.check()?;
         }
+        if let Some(who) = options.exposure {
+            saved.config.exposure.who = who;
+            saved.config.check()?;
+        }
         if saved.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
                 field: "numerics",
@@ -101,6 +109,7 @@ impl Trainer {
         let mut slots = saved.slots;
         state.occupancy.resize(slots.len(), None);
         state.poses.resize(slots.len(), None);
+        state.exposures.resize(slots.len(), None);
         let mut subjects = Vec::with_capacity(people.len());
         let mut notes = Vec::new();
         for person in people {
@@ -125,6 +134,9 @@ impl Trainer {
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
+            let known = state.exposures[person.slot].take();
+            let track = &person.shard.track;
+            state.exposures[person.slot] = exposure::begin(&saved.config.exposure, track, known);
             let known = match saved.config.variant {
                 Variant::NoIdentity => slots.iter().any(Option::is_some),
                 _ => slots[person.slot].is_some(),

@@ -1,12 +1,13 @@
 //! The state of a training, and its steps.
 
 use super::batch::{Scene, outcome};
+use super::exposure::exposed;
 use super::frame_order::{FrameOrder, FramePlace};
 use super::guard::{Guard, TrainState, Verdict};
 use super::options::{Budget, TrainOptions};
 use super::patches;
 use super::people::TrainSubject;
-use super::whole_picture::loss_of_picture;
+use super::whole_picture::{compared, pictured};
 use super::{Preview, TrainError, TrainProgress};
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective};
@@ -115,6 +116,9 @@ impl Trainer {
         self.progress.steps_per_second =
             smoothed(self.progress.steps_per_second, rate, self.progress.step);
         self.progress.step = self.step;
+        if self.finished() {
+            self.guess_unseen()?;
+        }
         Ok(())
     }
 
@@ -136,8 +140,11 @@ impl Trainer {
     fn learn_from_picture(&mut self, place: FramePlace, pose: &Pose) -> Result<(), TrainError> {
         let frame = &self.subjects[place.subject].frames[place.frame];
         let scene = self.scene(place, pose);
-        let loss = loss_of_picture(self.state.avatar(), &scene, &frame.image, &frame.camera);
-        let (loss, terms) = loss.ok_or(TrainError::NoLoss)?;
+        let picture = pictured(self.state.avatar(), &scene, &frame.camera);
+        let picture = picture.ok_or(TrainError::NoLoss)?;
+        let exposure = self.fit_exposure(place, &picture)?;
+        let frame = &self.subjects[place.subject].frames[place.frame];
+        let (loss, terms) = compared(exposed(picture, &exposure), &frame.image, &self.config);
         self.descend(scaled(loss, self.weight(place)), &terms)?;
         Ok(())
     }

@@ -35,7 +35,7 @@ impl Trainer {
 
     /// Renders held-out frames and sets PSNR and SSIM of the progress to their means. Where poses
     /// are refined, those of held-out frames change as their neighbours' do, without a look at their
-    /// pictures. Training time does not include this.
+    /// pictures; their exposures lie between those of their neighbours. Training time does not include this.
     ///
     /// # Errors
     /// If the device fails.
@@ -66,10 +66,12 @@ impl Trainer {
                     camera: frame.camera.clone(),
                     background: [0.0; 3],
                 };
-                let rendered = renderer.render_scene(&view.into(), &mut |_| {
+                let mut rendered = renderer.render_scene(&view.into(), &mut |_| {
                     goes_on();
                     true
                 })?;
+                let index = subject.track.frames[frame.place].index;
+                (self.exposure_near(subject.slot, index)).expose(&mut rendered);
                 let truth = unit(&frame.image.rgb);
                 psnr_sum += psnr(&rendered.rgb, &truth).min(EQUAL);
                 let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);

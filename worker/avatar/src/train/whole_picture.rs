@@ -2,6 +2,7 @@
 
 use super::batch::Scene;
 use crate::avatar::Avatar;
+use crate::config::ModelConfig;
 use crate::loss::LossTerm;
 use crate::ops::picture_loss::{Target, Weights, picture_loss};
 use crate::ops::splat::splat;
@@ -16,13 +17,9 @@ pub(super) const OBJECTIVE: &str = "l1+ssim";
 /// Colours are compared in the person's box and this part of the picture's width around it.
 const MARGIN: usize = 32;
 
-/// The loss of a frame, `[1]`, and its terms; `None` if the model has a field.
-pub(super) fn loss_of_picture(
-    avatar: &Avatar,
-    scene: &Scene,
-    image: &FrameImage,
-    camera: &Camera,
-) -> Option<(Tensor<1>, Vec<LossTerm>)> {
+/// The model's picture `[H W, 4]` of a frame: colours over black, and opacity; `None` if the model has a
+/// field.
+pub(super) fn pictured(avatar: &Avatar, scene: &Scene, camera: &Camera) -> Option<Tensor<2>> {
     let Scene { config, body, .. } = *scene;
     config.splats.as_ref()?;
     let splats = trace_span!("pose").in_scope(|| {
@@ -30,7 +27,15 @@ pub(super) fn loss_of_picture(
         avatar.posed_splats(config, body, &posed)
     })?;
     let sight = sight(&body.skeleton, scene.pose, camera);
-    let picture = trace_span!("splat").in_scope(|| splat(splats, &sight));
+    Some(trace_span!("splat").in_scope(|| splat(splats, &sight)))
+}
+
+/// The loss of a frame, `[1]`, and its terms, from the model's `picture` `[H W, 4]` of it.
+pub(super) fn compared(
+    picture: Tensor<2>,
+    image: &FrameImage,
+    config: &ModelConfig,
+) -> (Tensor<1>, Vec<LossTerm>) {
     let unlike = config.optimise.ssim_weight as f32;
     let weights = Weights {
         absolute: 1.0 - unlike,
@@ -56,7 +61,7 @@ pub(super) fn loss_of_picture(
         term("1-ssim", weights.ssim, 2),
         term("mask", weights.mask, 3),
     ];
-    Some((terms.narrow(0, 0, 1), named))
+    (terms.narrow(0, 0, 1), named)
 }
 
 /// The person's box with a margin, or all of a picture without a person.

@@ -186,6 +186,8 @@ fn masks_and_rates() {
         }
         let options = TrainOptions {
             refine_poses: None,
+            exposure: None,
+            leave_unseen: false,
             budget: Budget::Steps(60),
             used_seconds: 0.0,
             used_steps: 0,

@@ -182,6 +182,8 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
                 image_size: 0,
                 validation: Validation::Every(3),
                 refine_poses: None,
+                exposure: None,
+                leave_unseen: false,
                 lpips: None,
             };
             let mut trainer =

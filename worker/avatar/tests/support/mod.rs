@@ -44,6 +44,8 @@ pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<Person> {
 pub fn options(steps: u64) -> TrainOptions {
     TrainOptions {
         refine_poses: None,
+        exposure: None,
+        leave_unseen: false,
         budget: Budget::Steps(steps),
         used_seconds: 0.0,
         used_steps: 0,

@@ -220,6 +220,8 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
 fn training(options: &BenchOptions) -> TrainOptions {
     TrainOptions {
         refine_poses: None,
+        exposure: None,
+        leave_unseen: false,
         budget: Budget::Steps(options.settle + options.steps),
         used_seconds: 0.0,
         used_steps: 0,

@@ -2,13 +2,13 @@
 
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
-use yoto_avatar::config::Refine;
+use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Validation};
 use yoto_proto::{
     manifest::Manifest,
     pose_track::{MAX_SIDE, violation},
-    v1::{Inputs, Model, PoseRefinement, TrainSpec, Violation},
+    v1::{ExposureLearning, Inputs, Model, PoseRefinement, TrainSpec, Violation},
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
@@ -101,6 +101,13 @@ impl Plan {
                 PoseRefinement::Never => Some(Refine::Never),
                 PoseRefinement::Auto => Some(Refine::Auto),
             },
+            exposure: match self.spec.exposure() {
+                ExposureLearning::Unspecified => None,
+                ExposureLearning::Always => Some(LearnExposure::Always),
+                ExposureLearning::Never => Some(LearnExposure::Never),
+                ExposureLearning::Auto => Some(LearnExposure::Auto),
+            },
+            leave_unseen: self.spec.leave_unseen,
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),
@@ -138,6 +145,7 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
         image_size,
         checkpoint_seconds,
         refine_poses,
+        exposure,
         ..
     } = *spec;
     if !(0.0..=MAX_SECONDS).contains(&seconds) {
@@ -162,6 +170,12 @@ fn check(spec: &TrainSpec) -> Vec<Violation> {
         add(
             "refine_poses",
             format!("{refine_poses} is not a value of PoseRefinement"),
+        );
+    }
+    if ExposureLearning::try_from(exposure).is_err() {
+        add(
+            "exposure",
+            format!("{exposure} is not a value of ExposureLearning"),
         );
     }
     found
@@ -220,6 +234,13 @@ mod tests {
                     ..good.clone()
                 },
                 "refine_poses",
+            ),
+            (
+                TrainSpec {
+                    exposure: 9,
+                    ..good.clone()
+                },
+                "exposure",
             ),
         ] {
             let fields: Vec<String> = check(&spec).into_iter().map(|v| v.field).collect();

@@ -70,6 +70,14 @@ impl<'a> Probe<'a> {
         sum
     }
 
+    /// The splats at a pixel, and the part of it that each has.
+    pub fn parts(&self, pixel: usize) -> Vec<(usize, f32)> {
+        let layers = self.layers(pixel).into_iter();
+        layers
+            .map(|layer| (layer.splat, layer.through * layer.alpha))
+            .collect()
+    }
+
     /// The sum of a pixel's red, green, blue and opacity times `weights`, and its gradients.
     pub fn pulls(&self, pixel: usize, weights: [f32; 4]) -> (f32, Vec<SplatPull>) {
         let layers = self.layers(pixel);

@@ -1,0 +1,87 @@
+//! The part of a step that learns the exposure of its frame.
+
+use super::super::frame_order::FramePlace;
+use super::super::people::TrainSubject;
+use super::super::{TrainError, Trainer};
+use super::{FilmExposures, fit};
+use crate::config::{ExposureConfig, LearnExposure};
+use crate::render::FrameExposure;
+use crate::render::frame::read;
+use burn::tensor::Tensor;
+use tracing::trace_span;
+use yoto_proto::pose_track::PoseTrack;
+
+/// Exposures of the film with `track`, which go on from those `known`; none where they are not learned.
+pub(in crate::train) fn begin(
+    config: &ExposureConfig,
+    track: &PoseTrack,
+    known: Option<FilmExposures>,
+) -> Option<FilmExposures> {
+    if config.who == LearnExposure::Never {
+        return None;
+    }
+    let mut film = known
+        .filter(|known| known.is_of(track))
+        .unwrap_or_else(|| FilmExposures::new(track, config.who));
+    if config.who == LearnExposure::Always {
+        film.heeded = Some(true);
+    }
+    Some(film)
+}
+
+/// `picture` `[H W, 4]` of colours over black and opacity in an exposure.
+pub(in crate::train) fn exposed(picture: Tensor<2>, exposure: &FrameExposure) -> Tensor<2> {
+    if *exposure == FrameExposure::NEUTRAL {
+        return picture;
+    }
+    let row = |[r, g, b]: [f32; 3], alpha: f32| {
+        Tensor::<1>::from_floats([r, g, b, alpha], &picture.device()).unsqueeze::<2>()
+    };
+    let (gain, offset) = (row(exposure.gain, 1.0), row(exposure.offset, 0.0));
+    let alpha = picture.clone().narrow(1, 3, 1);
+    picture * gain + alpha * offset
+}
+
+impl Trainer {
+    /// Fits the exposure of the frame at `place` to the model's `picture` of it, `[H W, 4]`, and returns the one
+    /// to compare them in.
+    pub(in crate::train) fn fit_exposure(
+        &mut self,
+        place: FramePlace,
+        picture: &Tensor<2>,
+    ) -> Result<FrameExposure, TrainError> {
+        let opened = self.opened();
+        let config = &self.config.exposure;
+        let subject: &TrainSubject = &self.subjects[place.subject];
+        let Some(film) = &mut self.state.exposures[subject.slot] else {
+            return Ok(FrameExposure::NEUTRAL);
+        };
+        let frame = &subject.frames[place.frame];
+        // What was not heeded stays unheard.
+        if opened >= config.start && film.heeded != Some(false) {
+            let _span = trace_span!("exposure").entered();
+            let picture = read(picture.clone().detach())?;
+            if let Some(found) = fit::exposure(&picture, &frame.image, config) {
+                film.take(frame.place, &found, config.share);
+            }
+            if let Some(spread) = film.decide(config, opened, subject.frames.len()) {
+                let then = match film.heeded {
+                    Some(true) => "exposures are learned",
+                    _ => "all are taken to be exposed alike",
+                };
+                let (name, percent) = (&subject.name, 100.0 * spread);
+                let note =
+                    format!("{name}: the exposure of frames differs by {percent:.1} %: {then}");
+                self.progress.notes.push(note);
+            }
+        }
+        Ok(film.of(frame.place))
+    }
+
+    /// The exposure of the frame with this `index` of the film of the person in `slot`, as
+    /// [`FilmExposures::near`] tells it; neutral where exposures are not learned.
+    pub fn exposure_near(&self, slot: usize, index: u32) -> FrameExposure {
+        let film = self.state.exposures.get(slot).and_then(Option::as_ref);
+        film.map_or(FrameExposure::NEUTRAL, |film| film.near(index))
+    }
+}
