@@ -1,8 +1,14 @@
 //! Names of quality tiers and model variants. The model crate defines their layers and samples;
 //! the contract has their names.
 
+use crate::v1::RenderQuality;
+use crate::v1::render_quality::Want;
+
+/// The tier whose people consist of splats; those of all others have fields.
+pub const SPLATS: &str = "splat";
+
 /// The tier of those who name none.
-pub const DEFAULT_TIER: &str = "splat";
+pub const DEFAULT_TIER: &str = SPLATS;
 
 /// Quality tiers, cheapest first, each with its trade-off.
 pub const TIERS: &[(&str, &str)] = &[
@@ -56,38 +62,82 @@ pub struct RenderTier {
     pub name: &'static str,
     /// Description.
     pub about: &'static str,
-    /// Largest loss of PSNR against ground truth, dB; none: the model's own settings.
-    pub loss_db: Option<f64>,
+    /// What it asks for.
+    pub goal: RenderGoal,
 }
 
-/// Render qualities by name, best first. Unlike [`TIERS`] they need no training: one model
+/// What a render tier asks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RenderGoal {
+    /// The model's own settings.
+    Full,
+    /// The fastest settings with at most this loss of PSNR against ground truth, dB.
+    WithinDb(f64),
+    /// The model's own settings, if it consists of splats; fields are refused.
+    Splats,
+}
+
+/// Render qualities by name, best first, but for the one that only splats have. Unlike [`TIERS`] they need no training: one model
 /// renders all of them.
 pub const RENDER_TIERS: &[RenderTier] = &[
     RenderTier {
         name: "full",
         about: "the model's own settings, for the best quality",
-        loss_db: None,
+        goal: RenderGoal::Full,
     },
     RenderTier {
         name: "balanced",
         about: "the fastest within 0.1 dB of full",
-        loss_db: Some(0.1),
+        goal: RenderGoal::WithinDb(0.1),
     },
     RenderTier {
         name: "fast",
         about: "the fastest within 0.5 dB of full",
-        loss_db: Some(0.5),
+        goal: RenderGoal::WithinDb(0.5),
     },
     RenderTier {
         name: "draft",
         about: "the fastest within 2 dB of full",
-        loss_db: Some(2.0),
+        goal: RenderGoal::WithinDb(2.0),
+    },
+    RenderTier {
+        name: "realtime",
+        about: "of splats, the model's own settings; of fields none: `yoto distill` makes splats of them",
+        goal: RenderGoal::Splats,
     },
 ];
 
+/// The render tier called `name`.
+pub fn render_tier(name: &str) -> Option<&'static RenderTier> {
+    RENDER_TIERS.iter().find(|tier| tier.name == name)
+}
+
 /// Whether `name` is a render tier.
 pub fn is_render_tier(name: &str) -> bool {
-    RENDER_TIERS.iter().any(|tier| tier.name == name)
+    render_tier(name).is_some()
+}
+
+/// Whether `quality` is chosen from what was measured with a checkpoint.
+pub fn needs_tradeoff(quality: &RenderQuality) -> bool {
+    goal(quality) != Some(RenderGoal::Splats)
+}
+
+/// Why a model of the tier `model` can't be rendered in `quality`, if it can't.
+pub fn refusal(quality: &RenderQuality, model: &str) -> Option<String> {
+    let real_time = goal(quality) == Some(RenderGoal::Splats);
+    (real_time && model != SPLATS).then(|| {
+        format!(
+            "the model's tier, {model}, has fields, which are not drawn in real time: make splats of a person \
+             with `yoto distill`, or train a model with the tier {SPLATS}"
+        )
+    })
+}
+
+fn goal(quality: &RenderQuality) -> Option<RenderGoal> {
+    match &quality.want {
+        Some(Want::Tier(name)) => render_tier(name).map(|tier| tier.goal),
+        _ => None,
+    }
 }
 
 /// `full, balanced, …` for error messages and help.
@@ -113,4 +163,28 @@ pub fn listed(table: &[(&str, &str)]) -> String {
         .map(|(name, _)| *name)
         .collect::<Vec<_>>()
         .join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn real_time_is_for_splats_alone_and_measured_with_nobody() {
+        let tier = |name: &str| RenderQuality {
+            want: Some(Want::Tier(name.into())),
+        };
+        let real_time = tier("realtime");
+        assert!(!needs_tradeoff(&real_time));
+        assert_eq!(refusal(&real_time, SPLATS), None);
+        let said = refusal(&real_time, "fast").expect("has fields");
+        assert!(said.contains("yoto distill"), "{said}");
+        let seconds = RenderQuality {
+            want: Some(Want::MaxSecondsPerFrame(0.1)),
+        };
+        for measured in [tier("full"), tier("draft"), seconds] {
+            assert!(needs_tradeoff(&measured), "{measured:?}");
+            assert_eq!(refusal(&measured, "fast"), None);
+        }
+    }
 }

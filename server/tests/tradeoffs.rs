@@ -6,7 +6,7 @@ mod support;
 use support::{Service, assert_invalid, assert_refused, id};
 use tonic::Code;
 use yoto_proto::{
-    keys,
+    keys, tiers,
     v1::{
         EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model,
         Orbit, RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject,
@@ -197,4 +197,32 @@ async fn wishes_and_trade_offs_that_can_not_be_are_refused() {
     let unasked = measured(&service, &lease, &model, 40, &ada, b"{}").await;
     let answer = service.complete(&lease, job_result::Kind::Evaluate(unasked));
     assert_invalid(answer.await, "result.evaluate.tradeoff");
+}
+
+#[tokio::test]
+async fn real_time_needs_splats_and_no_trade_off() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let worker = service.worker(&["train", "render"]).await;
+    let wish = |model: &Model| render(model, &ada, Want::Tier("realtime".into()));
+    for tier in ["fast", tiers::SPLATS] {
+        let model = service.model_of_tier(tier, tier).await;
+        let model = service.joined(model, &ada).await;
+        service.train(&model).await;
+        let training = service.lease(&worker).await.expect("the training waits");
+        service.publish(&training, 40).await.expect("publishes");
+        let answer = service.create_job(wish(&model)).await;
+        if tier != tiers::SPLATS {
+            let message = answer.as_ref().expect_err("fields").message().to_owned();
+            assert!(message.contains("yoto distill"), "{message}");
+            assert_invalid(answer, "spec.render.quality");
+            continue;
+        }
+        answer.expect("needs nothing");
+        let lease = service.lease(&worker).await.expect("the render waits");
+        let inputs = lease.inputs.as_ref().expect("inputs");
+        assert_eq!(inputs.checkpoints[0].step, 40);
+        let without = job_result::Kind::Render(RenderResult::default());
+        service.complete(&lease, without).await.expect("completes");
+    }
 }

@@ -44,6 +44,28 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     )?;
     let ply = std::fs::read(dir.path().join("ada.ply"))?;
     ensure!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
+    // A motion file is a clip like a capture's motion, of every second frame here.
+    std::fs::copy(
+        dir.path().join("ada").join("poses.json"),
+        dir.path().join("dance.json"),
+    )?;
+    let moves = format!("{export} --motion-file {} --range ..:2", at("dance.json"));
+    yoto(&format!("{moves} --out {}", at("moves.html")), succeed)?;
+    let page = std::fs::read_to_string(dir.path().join("moves.html"))?;
+    ensure!(
+        clips(&page)? == [("ada".into(), FRAMES), ("dance".into(), FRAMES / 2)],
+        "{:?}",
+        clips(&page)?
+    );
+    let options = "--triangles 500 --texture 64";
+    yoto(
+        &format!("{moves} {options} --out {}", at("moves.glb")),
+        succeed,
+    )?;
+    let glb = std::fs::read(dir.path().join("moves.glb"))?;
+    let length = u32::from_le_bytes(glb[12..16].try_into()?) as usize;
+    let gltf: serde_json::Value = serde_json::from_slice(&glb[20..20 + length])?;
+    ensure!(gltf["animations"][0]["name"] == "ada" && gltf["animations"][1]["name"] == "dance");
     // Other forms: their own tests look inside.
     for (name, options, start) in [
         ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
@@ -101,6 +123,13 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         &format!("{export} --force --out {}", at("ada.html")),
         succeed,
     )?;
+    // Splats are drawn in real time without a measurement.
+    let line = format!(
+        "render solo --subject ada --orbit 0 --views 2 --size 64 --quality realtime --out {}",
+        at("quick")
+    );
+    yoto(&line, succeed)?;
+    ensure!(dir.path().join("quick").join("000001.png").exists());
     for (line, cause) in [
         (
             "export field --subject ada --out x.ply",
@@ -121,6 +150,18 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         (
             "render solo --subject ada --orbit 0 --fps 20 --out x",
             "--fps belongs to --animate or to a film",
+        ),
+        (
+            "export solo --subject ada --out x.html --range 0..9",
+            "--motion-file",
+        ),
+        (
+            "export solo --subject ada --out x.html --up z",
+            "--joint-map and --up belong to --motion-file",
+        ),
+        (
+            "render field --subject ada --orbit 0 --views 1 --quality realtime --out x",
+            "yoto distill",
         ),
         ("export solo --subject bob --out x.ply", "bob"),
         ("export solo --out x.ply", "--subject is needed"),
@@ -149,13 +190,14 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         succeed,
     )?;
     let distill = |model: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let (model, capture, out) = (at(model), at("ada"), at("distilled"));
-        let line = format!(
-            "distill --model-dir {model} --capture {capture} --size 64 --seconds 4 --out {out}"
-        );
-        run(YOTO, &line.split(' ').collect::<Vec<_>>())
+        let (capture, out) = (at("ada"), at("distilled"));
+        let line = format!("distill {model} --capture {capture} --size 64 --seconds 4 --out {out}");
+        yoto(&line, run)
     };
-    let said = distill("field", succeed)?;
+    let said = distill("field --subject ada", succeed)?;
+    ensure!(said.contains("dB to the field"), "{said}");
+    std::fs::remove_dir_all(at("distilled"))?;
+    let said = distill(&at("field"), succeed)?;
     ensure!(said.contains("dB to the field"), "{said}");
     let line = format!(
         "export {} --slot 0 --out {}",
@@ -163,12 +205,16 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         at("distilled.ply")
     );
     succeed(YOTO, &line.split(' ').collect::<Vec<_>>())?;
-    for (model, cause) in [("model", "is there already"), ("other", "other")] {
-        let said = distill(model, fail)?;
+    for (model, cause) in [
+        (at("model"), "is there already"),
+        ("other".into(), "--subject is needed"),
+        ("other --subject ada".into(), "other"),
+    ] {
+        let said = distill(&model, fail)?;
         ensure!(said.contains(cause), "{said}");
         std::fs::remove_dir_all(at("distilled")).ok();
     }
-    let said = distill("model", fail)?;
+    let said = distill(&at("model"), fail)?;
     ensure!(said.contains("has splats already"), "{said}");
     let Some(browser) = Browser::find()? else {
         eprintln!("no browser here: the page is not drawn");
@@ -204,4 +250,20 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     eprintln!("browser and renderer: {alike:.1} dB");
     ensure!(alike > 50.0, "browser and renderer differ: {alike:.1} dB");
     Ok(())
+}
+
+/// Names and frames of the clips in a page.
+fn clips(page: &str) -> anyhow::Result<Vec<(String, usize)>> {
+    let data = page.split(r#"id="person">"#).nth(1).context("no person")?;
+    let data = data.split("</script>").next().context("no end")?;
+    let data: serde_json::Value = serde_json::from_str(data)?;
+    let joints = data["joints"].as_array().context("joints")?.len();
+    let clips = data["clips"].as_array().context("clips")?.iter();
+    let clips = clips.map(|clip| {
+        let poses = STANDARD.decode(clip["poses"].as_str().context("poses")?)?;
+        // A shift of 12 bytes, and 8 of each joint.
+        let frames = poses.len() / (12 + 8 * joints);
+        Ok((clip["name"].as_str().context("name")?.to_owned(), frames))
+    });
+    clips.collect()
 }

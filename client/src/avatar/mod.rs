@@ -17,8 +17,9 @@ use crate::import::{Format, Options, motion::Motion};
 use crate::progress::duration;
 use crate::studio::service::with_service;
 use crate::studio::shots::{Shot, Shots};
+use crate::studio::trained::{Page, write_pages};
 use crate::studio::training::train;
-use crate::studio::{folder, person, trained};
+use crate::studio::{folder, person};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -175,8 +176,12 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 animation: Some((out.join("motion.png"), fps)),
             })
             .await?;
-        let player = [(&subject, out.join(PLAYER))];
-        trained::pages(client, &model, &player, std::slice::from_ref(&folder)).await?;
+        let player = [Page {
+            subject: &subject,
+            own: &folder,
+            path: out.join(PLAYER),
+        }];
+        write_pages(client, &model, &player).await?;
         Ok((trained, orbit, moved))
     })
     .await?;

@@ -1,8 +1,9 @@
 //! `yoto distill`: splats that show what a field has learned about one person.
 
+use super::person_args::{ChosenPerson, PersonArgs};
 use crate::output;
 use crate::progress::{ProgressDisplay, count};
-use crate::studio::clips::{clip, read_track};
+use crate::studio::clips::{Source, read_track};
 use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use yoto_avatar::distill::Lessons;
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Camera;
+use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::Progress;
 
 const AFTER_HELP: &str = "\
@@ -22,9 +24,9 @@ of splats; `yoto evaluate --model-dir DIR` compares it with what was filmed. Tra
 itself (--tier splat) shows more.
 
 Examples:
-  yoto model export fog --out models/fog
-  yoto distill --model-dir models/fog --capture captures/ada --out models/ada
-  yoto export models/ada --capture captures/ada --out ada.html";
+  yoto distill fog --subject ada --capture captures/ada --out models/ada
+  yoto export models/ada --capture captures/ada --out ada.html
+  yoto distill checkpoints/000000002000 --slot 1 --capture captures/bob --out models/bob";
 
 /// The share of the time in which the field is rendered.
 const RENDERING: f64 = 1.0 / 3.0;
@@ -44,12 +46,8 @@ fn seconds(text: &str) -> Result<f64, String> {
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Distill {
-    /// Folder of the model.
-    #[arg(long = "model-dir", value_name = "DIR")]
-    model: PathBuf,
-    /// Identity slot in the model.
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    slot: usize,
+    #[command(flatten)]
+    person: PersonArgs,
     /// Folder of a capture in whose poses the person is rendered.
     #[arg(long, value_name = "DIR")]
     capture: PathBuf,
@@ -68,37 +66,41 @@ pub(super) struct Distill {
 }
 
 impl Distill {
-    pub(super) fn run(self) -> anyhow::Result<()> {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
         ensure!(
             !self.out.exists(),
             "{} is there already: choose another folder (--out)",
             self.out.display()
         );
         let track = read_track(&self.capture)?;
-        let model = || format!("the model {}", self.model.display());
+        let chosen = self.person.fetch().await?;
+        tokio::task::block_in_place(|| self.distill(&chosen, &track))
+    }
+
+    /// Films the person and trains splats on the film.
+    fn distill(&self, chosen: &ChosenPerson, track: &PoseTrack) -> anyhow::Result<()> {
+        let slot = chosen.slot;
+        let model = || format!("the model {}", chosen.model);
         let device = yoto_device::pick().device;
-        let renderer = Renderer::load(&self.model, &device).with_context(model)?;
+        let renderer = Renderer::load(chosen.folder(), &device).with_context(model)?;
         let tier = &renderer.config().tier;
         ensure!(
-            renderer
-                .skinned_splats(self.slot)
-                .with_context(model)?
-                .is_none(),
+            renderer.skinned_splats(slot).with_context(model)?.is_none(),
             "{}: its tier, {tier}, has splats already: `yoto export` takes it",
             model()
         );
-        let body = renderer.skeleton(self.slot);
-        let body = body.with_context(|| format!("{} has no slot {}", model(), self.slot))?;
-        let motion = clip(&self.capture, &track, body)?;
+        let body = renderer.skeleton(slot);
+        let body = body.with_context(|| format!("{} has no slot {slot}", model()))?;
+        let motion = Source::track(&self.capture, track)?.on(body)?;
         let first = track.frames.first().context("the capture has no frames")?;
         let camera = Camera::from_frame(first, track.image_size)
             .with_context(|| self.capture.display().to_string())?;
 
         let began = Instant::now();
-        let mut display = ProgressDisplay::new(format!("slot {} of {}", self.slot, model()));
+        let mut display = ProgressDisplay::new(format!("{} of {}", chosen.name, model()));
         let lessons = Lessons {
             renderer: &renderer,
-            slot: self.slot,
+            slot,
             poses: &motion.poses,
             up: camera.world_up(),
             size: self.size,

@@ -45,6 +45,8 @@ mod out_folder;
 #[cfg(feature = "embedded")]
 mod paper_table;
 #[cfg(feature = "embedded")]
+mod person_args;
+#[cfg(feature = "embedded")]
 mod quality;
 mod refine_poses;
 mod render;
@@ -232,7 +234,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         #[cfg(feature = "embedded")]
         Command::RenderFrame(command) => command.run(),
         #[cfg(feature = "embedded")]
-        Command::Distill(command) => command.run(),
+        Command::Distill(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),

@@ -2,7 +2,7 @@
 
 use super::motion::MotionArgs;
 use super::out_folder::{OutFolder, is_rendered};
-use super::render_choice::{kept, over};
+use super::render_choice::{as_they_are, kept, over};
 use super::render_film;
 use super::render_what::{FrameRange, read_views};
 use super::scene::{FileLight, SceneFile};
@@ -31,7 +31,7 @@ Examples:
   yoto render duo --subject ada --orbit 0 --views 36 --animate --out out/ada
   yoto render duo --subject bob --motion ada --range 0..60:2 --animate --out out/dance
   yoto render duo --subject bob --motion-file walk.bvh --range 0..240:4 --animate --out out/walk
-  yoto render duo --subject bob --motion ada --out dance.mp4    # or dance.gif
+  yoto render duo --subject bob --motion ada --out dance.mp4    # or dance.webp, dance.gif
   yoto render duo --subject ada --turntable --out ada.mp4
   yoto render duo --subject ada --motion ada --compare truth --out ada.mp4
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
@@ -257,6 +257,8 @@ impl Render {
             {
                 tell!("{over}");
             }
+        } else if self.quality.is_some() {
+            tell!("{}", as_they_are(result.seconds_per_frame));
         }
         self.folder.show(&paths);
         Ok(())
@@ -267,7 +269,7 @@ impl Render {
         let film = render_film::is_film(&self.folder.out);
         anyhow::ensure!(
             film || self.animate || self.fps.is_none(),
-            "--fps belongs to --animate or to a film (--out FILE.mp4 or FILE.gif)"
+            "--fps belongs to --animate or to a film (--out FILE.mp4, FILE.webp or FILE.gif)"
         );
         if film {
             return render_film::ensure_free(&self.folder.out, self.folder.force);
@@ -277,9 +279,15 @@ impl Render {
 
     /// Checks that a film is not requested with what films lack.
     fn ensure_film(&self, transparent: bool) -> anyhow::Result<()> {
+        let out = &self.folder.out;
         anyhow::ensure!(
-            !render_film::is_film(&self.folder.out) || (!transparent && !self.animate),
-            "transparency and --animate belong to a folder of pictures: an .mp4 or .gif is one film without transparency"
+            !render_film::is_film(out) || !self.animate,
+            "--animate belongs to a folder of pictures: an .mp4, .webp or .gif is one film"
+        );
+        anyhow::ensure!(
+            !transparent || render_film::may_be_transparent(out),
+            "{}: an .mp4 or .gif has no transparency; an .webp or a folder of pictures has",
+            out.display()
         );
         Ok(())
     }

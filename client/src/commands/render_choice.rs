@@ -28,6 +28,14 @@ pub(super) fn kept(choice: &RenderChoice) -> String {
     )
 }
 
+/// That splats were drawn with the model's own settings, without a measured curve, in this many seconds each.
+pub(super) fn as_they_are(seconds: f64) -> String {
+    format!(
+        "splats with the model's own settings: {seconds:.4} s a frame, {:.0} per second, without encoding",
+        1.0 / seconds.max(f64::MIN_POSITIVE)
+    )
+}
+
 /// A note that a frame took longer than the `limit` in seconds, and a likely reason; `device` has
 /// rendered it.
 pub(super) fn over(limit: f64, choice: &RenderChoice, device: &str) -> Option<String> {
@@ -54,6 +62,12 @@ pub(super) fn over(limit: f64, choice: &RenderChoice, device: &str) -> Option<St
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn splats_without_a_curve_have_their_speed_told() {
+        let said = as_they_are(0.02);
+        assert!(said.contains("0.0200 s a frame, 50 per second"), "{said}");
+    }
 
     #[test]
     fn a_limit_that_was_not_kept_is_admitted() {

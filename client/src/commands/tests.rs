@@ -103,6 +103,7 @@ fn what_a_newcomer_types_parses() {
         "yoto render duo --subject ada --orbit 3 --max-seconds-per-frame 0.2 --out o",
         "yoto render duo --subject ada --orbit 3 --min-psnr 30 --out o",
         "yoto render duo --subject ada --orbit 3 --quality fast --out o",
+        "yoto render duo --subject ada --orbit 3 --quality realtime --out o",
         "yoto render duo --subject ada --motion bob --frames 0..60:2 --out o",
         "yoto render duo --subject ada --motion bob --animate --fps 29.97 --out o --force",
         "yoto render duo --subject ada --view-list v.json --size 256 --out o",

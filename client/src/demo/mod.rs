@@ -12,8 +12,9 @@ use crate::api::YotoClient;
 use crate::progress::duration;
 use crate::studio::service::with_service;
 use crate::studio::shots::Shots;
+use crate::studio::trained::{Page, write_pages};
 use crate::studio::training::train;
-use crate::studio::{folder, person, trained};
+use crate::studio::{folder, person};
 use anyhow::Context;
 use people::Actor;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{ExposureLearning, PoseRefinement, Subject, TrainSpec};
+use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
 
 /// Quality tier and variant of the demo's model.
 const TIER: &str = DEFAULT_TIER;
@@ -166,12 +167,12 @@ async fn drive(
         .iter()
         .map(|actor| capture_folder(&options.out, &actor.name))
         .collect();
-    let pages: Vec<(&Subject, PathBuf)> = subjects
-        .iter()
-        .zip(actors)
-        .map(|(subject, actor)| (subject, options.out.join(format!("{}.html", actor.name))))
-        .collect();
-    trained::pages(client, &model, &pages, &captures).await?;
+    let mut pages = Vec::new();
+    for ((subject, actor), own) in subjects.iter().zip(actors).zip(&captures) {
+        let path = options.out.join(format!("{}.html", actor.name));
+        pages.push(Page { subject, own, path });
+    }
+    write_pages(client, &model, &pages).await?;
 
     let scores = score::subjects(actors, &renders)?;
     let settings = Settings {

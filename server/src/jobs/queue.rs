@@ -14,6 +14,7 @@ use crate::{
 use yoto_proto::{
     names::Collection,
     render_needs::needs,
+    tiers,
     v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
 };
 
@@ -122,7 +123,11 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
         );
         return Err(RequestError::precondition("NOT_TRAINED", message));
     }
-    if render.quality.is_some() && used.tradeoff.is_none() {
+    let quality = render.quality.as_ref();
+    if let Some(message) = quality.and_then(|it| tiers::refusal(it, &model.tier)) {
+        return Err(RequestError::invalid("spec.render.quality", message));
+    }
+    if quality.is_some_and(tiers::needs_tradeoff) && used.tradeoff.is_none() {
         let message = format!(
             "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
              tradeoff {} --checkpoint {} --out DIR",

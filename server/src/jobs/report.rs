@@ -12,6 +12,7 @@ use crate::{
 use yoto_proto::{
     keys,
     names::{self, Collection},
+    tiers,
     v1::{
         Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
         Progress, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
@@ -298,8 +299,11 @@ async fn check_render(
     spec: &RenderSpec,
     result: &RenderResult,
 ) -> Result<(), RequestError> {
-    if spec.quality.is_some() != result.choice.is_some() {
-        let message = "is present if and only if the spec had a quality";
+    // Splats in real time need no choice, but there may be one.
+    let may = spec.quality.is_some();
+    let must = spec.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+    if (result.choice.is_some() && !may) || (result.choice.is_none() && must) {
+        let message = "is present if and only if the spec had a quality that is measured";
         return Err(RequestError::invalid("result.render.choice", message));
     }
     let committed = context.store.outputs(&lease.job_id).await?;

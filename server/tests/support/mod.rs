@@ -285,9 +285,13 @@ impl Service {
     }
 
     pub async fn model(&self, display_name: &str) -> Model {
+        self.model_of_tier(display_name, "draft").await
+    }
+
+    pub async fn model_of_tier(&self, display_name: &str, tier: &str) -> Model {
         let request = CreateModelRequest {
             display_name: display_name.into(),
-            tier: "draft".into(),
+            tier: tier.into(),
             variant: "yoto".into(),
             ..<_>::default()
         };
@@ -301,6 +305,11 @@ impl Service {
     /// A model with one ingested subject.
     pub async fn model_of(&self, subject: &Subject) -> Model {
         let model = self.model("shared").await;
+        self.joined(model, subject).await
+    }
+
+    /// `model` with `subject` in it.
+    pub async fn joined(&self, model: Model, subject: &Subject) -> Model {
         let (model, subject) = (model.name.clone(), subject.name.clone());
         let request = AddIdentityRequest {
             model: model.clone(),

@@ -59,15 +59,15 @@ pub fn run(
     let film = expand(&cast)?;
     let promise = match &spec.quality {
         Some(quality) => {
-            let promise =
-                Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?;
-            renderer
-                .set(promise.settings())
-                .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
-            Some(promise)
+            Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?
         }
         None => None,
     };
+    if let Some(promise) = &promise {
+        renderer
+            .set(promise.settings())
+            .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
+    }
     let layer = Layer::try_from(spec.layer).unwrap_or_default();
     let shown = Shown::new(layer, &renderer, &film.views);
     let drawn = draw(context, &request, &renderer, &film, &shown, inputs)?;

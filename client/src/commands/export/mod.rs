@@ -2,45 +2,46 @@
 
 mod form;
 
-use super::Server;
+use super::motion::MotionArgs;
+use super::person_args::PersonArgs;
+use super::render_what::FrameRange;
 use super::whole_file::{folder_of, keep};
-use crate::api::YotoClient;
 use crate::output;
 use crate::progress::count;
-use crate::studio::clips::{ChosenFrame, clip, read_track, tell_apart};
+use crate::studio::clips::{Source, clips};
 use crate::studio::trained;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use form::{Form, Format, MeshFile, SplatFile};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use tempfile::{NamedTempFile, TempDir};
+use tempfile::NamedTempFile;
 use yoto_avatar::render::SkinnedSplats;
 use yoto_capture::skeleton::Pose;
 use yoto_capture::skeleton::transform::inverse;
-use yoto_export::clip::Clip;
 use yoto_export::mesh::{self, MeshOptions};
 use yoto_export::{gaussians, page};
 use yoto_formats::splats;
-use yoto_proto::pose_track::PoseTrack;
 
 const AFTER_HELP: &str = "\
 The name of the file says its form:
   .html  a page that plays the person in any browser with WebGL2, in one file: drag to
-         turn, play the captures' motions, bend joints
-  .ply   Gaussian splats of one pose (the rest pose, or --frame of a capture), for
+         turn, play motions, bend joints
+  .ply   Gaussian splats of one pose (the rest pose, or --frame of a motion), for
          viewers of 3D Gaussian splatting; no motion
   .spz   the same in a twelfth of the bytes
-  .glb   a mesh with a texture and bones, which plays the captures' motions in programs
-         that read glTF; with --format splats, the splats of one pose
+  .glb   a mesh with a texture and bones, which plays motions in programs that read
+         glTF; with --format splats, the splats of one pose
   .obj   the mesh in one pose, with a material (.mtl) and a texture (.png) beside it;
          with --format mesh, a .ply is the mesh with a colour per vertex
-The model has the tier splat; other tiers have no splats to export. Of a capture only
+Motions are those of captures and of files, each a clip by the name of its folder or file.
+The model has the tier splat; of other tiers, `yoto distill` makes splats. Of a capture only
 poses.json is read; `yoto subject poses --refined` writes one with refined poses.
 
 Examples:
   yoto export duo --subject ada --capture captures/ada --out ada.html
   yoto export duo --subject ada --capture captures/ada --capture captures/bob --out ada.html
+  yoto export duo --subject ada --motion-file walk.bvh --motion-file jump.npz --out ada.glb
   yoto export duo --subject ada --out ada.ply
   yoto export duo --subject ada --capture captures/ada --out ada.glb
   yoto export duo --subject ada --capture captures/ada --frame 30 --out ada.obj
@@ -53,23 +54,22 @@ const LIGHT_POSES: usize = 50;
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Export {
-    /// A model of the service, by name, or the folder of a checkpoint.
-    #[arg(value_name = "MODEL|DIR")]
-    model: String,
-    /// The person, by name, in a model of the service.
-    #[arg(long, value_name = "NAME", conflicts_with = "slot")]
-    subject: Option<String>,
-    /// Identity slot in the folder of a checkpoint [default: 0].
-    #[arg(long, value_name = "N")]
-    slot: Option<usize>,
-    /// Step of the checkpoint, in a model of the service [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    #[command(flatten)]
+    person: PersonArgs,
     /// Folder of a capture whose motion the person takes; may be given several times.
     #[arg(long = "capture", value_name = "DIR")]
     captures: Vec<PathBuf>,
-    /// Number of the frame of the capture whose pose a file without motion has.
-    #[arg(long, value_name = "N", requires = "captures")]
+    /// Motion file that the person takes, after those of captures: BVH, AMASS-style .npz, or a pose track
+    /// (.json, .pb); may be given several times. `yoto motion` shows what is in it.
+    #[arg(long = "motion-file", value_name = "FILE")]
+    motion_files: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: MotionArgs,
+    /// Frames of motion files, e.g. 0..240:4 for every fourth [default: all].
+    #[arg(long, value_name = "A..B:STEP", requires = "motion_files")]
+    range: Option<FrameRange>,
+    /// Number of the frame of the capture or motion file whose pose a file without motion has.
+    #[arg(long, value_name = "N")]
     frame: Option<u32>,
     /// File to write: .html, .ply, .spz, .glb or .obj.
     #[arg(long, value_name = "FILE")]
@@ -86,8 +86,6 @@ pub(super) struct Export {
     /// Write over a file that is there already.
     #[arg(long)]
     force: bool,
-    #[command(flatten)]
-    server: Server,
 }
 
 impl Export {
@@ -100,43 +98,16 @@ impl Export {
                 file.display()
             );
         }
-        let tracks: Vec<PoseTrack> = self
-            .captures
-            .iter()
-            .map(|dir| read_track(dir))
-            .collect::<anyhow::Result<_>>()?;
-        let frame = self.chosen_frame(&tracks)?;
-        let folder = PathBuf::from(&self.model);
-        let (person, title) = if folder.is_dir() {
-            ensure!(
-                self.subject.is_none() && self.checkpoint.is_none(),
-                "{} is a folder: --subject and --checkpoint belong to a model of the service; --slot \
-                 chooses the person",
-                self.model
-            );
-            let slot = self.slot.unwrap_or(0);
-            (
-                trained::person(&folder, slot, &self.model)?,
-                format!("slot {slot}"),
-            )
-        } else {
-            ensure!(
-                self.slot.is_none(),
-                "--slot belongs to the folder of a checkpoint: --subject chooses the person of a model of \
-                 the service"
-            );
-            let subject = self
-                .subject
-                .as_deref()
-                .context("--subject is needed: the person, by name")?;
-            let client = self.server.connect().await?;
-            let (files, slot, title) = self.fetch(&client, subject).await?;
-            (trained::person(files.path(), slot, &self.model)?, title)
-        };
+        let motions = self.motions()?;
+        let frame = self.chosen_frame(&motions)?;
+        let chosen = self.person.fetch().await?;
+        let person = trained::person(chosen.folder(), chosen.slot, &chosen.model)?;
+        let still = frame.map(|(motion, at)| motion.pose(at, &person.skeleton));
+        let still = still.transpose()?;
         let said = match form {
-            Form::Page => self.page(&person, &title, &tracks)?,
-            Form::Splats(file) => self.splats(&person, file, frame.as_ref())?,
-            Form::Mesh(file) => self.mesh(&person, &title, file, &tracks, frame.as_ref())?,
+            Form::Page => self.page(&person, &chosen.name, &motions)?,
+            Form::Splats(file) => self.splats(&person, file, still)?,
+            Form::Mesh(file) => self.mesh(&person, &chosen.name, file, &motions, still)?,
         };
         let bytes = std::fs::metadata(&self.out)
             .with_context(|| format!("reading {}", self.out.display()))?
@@ -161,8 +132,8 @@ impl Export {
         let form = Form::of(&self.out, self.format)?;
         if form.is_still() {
             ensure!(
-                self.captures.is_empty() || self.frame.is_some(),
-                "{} has one pose: choose one of the capture's with --frame",
+                (self.captures.is_empty() && self.motion_files.is_empty()) || self.frame.is_some(),
+                "{} has one pose: choose one of the motion's with --frame",
                 self.out.display()
             );
         } else {
@@ -175,43 +146,35 @@ impl Export {
             matches!(form, Form::Mesh(_)) || (self.triangles.is_none() && self.texture.is_none()),
             "--triangles and --texture belong to a mesh"
         );
+        ensure!(
+            !self.motion_files.is_empty() || !self.reading.any(),
+            "--joint-map and --up belong to --motion-file"
+        );
         Ok(form)
     }
 
-    /// The frame of `--frame`, found before anything is fetched.
+    /// The motions of captures and files, before anything is fetched.
+    fn motions(&self) -> anyhow::Result<Vec<Source>> {
+        let range = self.range.unwrap_or(FrameRange::ALL);
+        let range = [range.first, range.end, range.step].map(|it| it as usize);
+        let captures = self.captures.iter().map(|dir| Source::capture(dir));
+        let files = self.motion_files.iter();
+        let files = files.map(|file| Source::file(file, &self.reading.read(file)?, range));
+        captures.chain(files).collect()
+    }
+
+    /// The motion and the place in it of `--frame`, found before anything is fetched.
     fn chosen_frame<'a>(
-        &'a self,
-        tracks: &'a [PoseTrack],
-    ) -> anyhow::Result<Option<ChosenFrame<'a>>> {
+        &self,
+        motions: &'a [Source],
+    ) -> anyhow::Result<Option<(&'a Source, usize)>> {
         let Some(number) = self.frame else {
             return Ok(None);
         };
-        let ([dir], [track]) = (self.captures.as_slice(), tracks) else {
-            bail!("--frame needs one --capture");
+        let [motion] = motions else {
+            bail!("--frame needs one --capture or one --motion-file");
         };
-        let frame = track.frames.iter().find(|frame| frame.index == number);
-        let frame = frame.with_context(|| {
-            format!(
-                "{}: no frame {number} among its {}",
-                dir.display(),
-                track.frames.len()
-            )
-        })?;
-        Ok(Some(ChosenFrame { dir, track, frame }))
-    }
-
-    /// The checkpoint's files, and the slot and the name of `subject`.
-    async fn fetch(
-        &self,
-        client: &YotoClient,
-        subject: &str,
-    ) -> anyhow::Result<(TempDir, usize, String)> {
-        let model = client.find_model(&self.model).await?;
-        let found = client.find_subject(subject).await?;
-        let slot = model.slots.iter().find(|slot| slot.subject == found.name);
-        let slot = slot.with_context(|| format!("{} has no slot for {subject}", self.model))?;
-        let files = trained::fetch(client, &model, self.checkpoint).await?;
-        Ok((files, slot.slot as usize, found.display_name))
+        Ok(Some((motion, motion.find(number)?)))
     }
 
     /// Writes a page, and says what is in it.
@@ -219,10 +182,10 @@ impl Export {
         &self,
         person: &SkinnedSplats,
         title: &str,
-        tracks: &[PoseTrack],
+        motions: &[Source],
     ) -> anyhow::Result<String> {
-        let clips = self.clips(person, tracks)?;
-        let page = page::page(title, person, &clips).context("the motion of a capture")?;
+        let clips = clips(motions, &person.skeleton)?;
+        let page = page::page(title, person, &clips).context("the motions")?;
         self.write(page.as_bytes())?;
         Ok(splats(person.splats.len()))
     }
@@ -232,13 +195,10 @@ impl Export {
         &self,
         person: &SkinnedSplats,
         file: SplatFile,
-        frame: Option<&ChosenFrame<'_>>,
+        still: Option<Pose>,
     ) -> anyhow::Result<String> {
         let skeleton = &person.skeleton;
-        let pose = match frame {
-            Some(chosen) => chosen.pose(skeleton)?,
-            None => Pose::rest(skeleton.joints()),
-        };
+        let pose = still.unwrap_or_else(|| Pose::rest(skeleton.joints()));
         let to_rest = inverse(&skeleton.body_to_world(&pose));
         let gaussians = gaussians::posed(person, &pose, &to_rest)?;
         let mut bytes = Vec::new();
@@ -258,14 +218,13 @@ impl Export {
         person: &SkinnedSplats,
         title: &str,
         file: MeshFile,
-        tracks: &[PoseTrack],
-        frame: Option<&ChosenFrame<'_>>,
+        motions: &[Source],
+        still: Option<Pose>,
     ) -> anyhow::Result<String> {
         let skeleton = &person.skeleton;
-        let still = frame.map(|chosen| chosen.pose(skeleton)).transpose()?;
         let clips = match still {
             Some(_) => Vec::new(),
-            None => self.clips(person, tracks)?,
+            None => clips(motions, skeleton)?,
         };
         let standard = MeshOptions::default();
         let options = MeshOptions {
@@ -303,16 +262,6 @@ impl Export {
             mesh.side,
             mesh.side
         ))
-    }
-
-    /// The motions of the captures on the person's body.
-    fn clips(&self, person: &SkinnedSplats, tracks: &[PoseTrack]) -> anyhow::Result<Vec<Clip>> {
-        let captures = self.captures.iter().zip(tracks);
-        let mut clips = captures
-            .map(|(dir, track)| clip(dir, track, &person.skeleton))
-            .collect::<anyhow::Result<Vec<Clip>>>()?;
-        tell_apart(&mut clips);
-        Ok(clips)
     }
 
     fn write(&self, bytes: &[u8]) -> anyhow::Result<()> {

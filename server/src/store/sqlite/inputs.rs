@@ -29,7 +29,8 @@ pub async fn resolve(
         Some(job_spec::Kind::Ingest(ingest)) => return ingest_inputs(conn, ingest).await,
         Some(job_spec::Kind::Train(train)) => (&train.model, None, false),
         Some(job_spec::Kind::Render(it)) => {
-            (&it.model, Some(&*it.checkpoint), it.quality.is_some())
+            let tradeoff = it.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+            (&it.model, Some(&*it.checkpoint), tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, Some(&*it.checkpoint), false),
         None => return Err(unreadable("the job has no kind")),

@@ -3,7 +3,7 @@
 use super::curve::{Curve, Point};
 use crate::render::RenderSettings;
 use thiserror::Error;
-use yoto_proto::tiers::{self, RENDER_TIERS};
+use yoto_proto::tiers::{self, RenderGoal};
 
 /// A request for time or fidelity.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,7 +12,8 @@ pub enum Want {
     MaxSeconds(f64),
     /// The fastest settings with at least this PSNR against the truth, dB.
     MinPsnr(f64),
-    /// A named point of the curve: one of [`RENDER_TIERS`].
+    /// A named point of the curve: one of [`tiers::RENDER_TIERS`]. Whether the model is one of splats is not
+    /// asked here.
     Tier(String),
 }
 
@@ -122,12 +123,12 @@ pub fn choose(curve: &Curve, want: &Want, rays: f64) -> Result<Choice, ChooseErr
             })?
         }
         Want::Tier(name) => {
-            let tier = RENDER_TIERS.iter().find(|tier| tier.name == name);
+            let tier = tiers::render_tier(name);
             let tier = tier.ok_or_else(|| ChooseError::UnknownTier(name.clone()))?;
-            match tier.loss_db {
-                None => full,
-                Some(_) if full.psnr.is_none() => return Err(ChooseError::NoTruth),
-                Some(loss) => fastest(full.fidelity() - loss).unwrap_or(full),
+            match tier.goal {
+                RenderGoal::Full | RenderGoal::Splats => full,
+                RenderGoal::WithinDb(_) if full.psnr.is_none() => return Err(ChooseError::NoTruth),
+                RenderGoal::WithinDb(loss) => fastest(full.fidelity() - loss).unwrap_or(full),
             }
         }
     };
@@ -201,6 +202,7 @@ mod tests {
         assert_eq!(tier("balanced"), Ok(64));
         assert_eq!(tier("fast"), Ok(32));
         assert_eq!(tier("draft"), Ok(32));
+        assert_eq!(tier("realtime"), Ok(64));
         let error = tier("ultra").expect_err("unknown");
         assert!(error.to_string().contains("draft"), "{error}");
     }

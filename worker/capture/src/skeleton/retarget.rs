@@ -2,6 +2,7 @@
 
 use super::feet::Footing;
 use super::{Pose, Skeleton, SkeletonError, Vec3};
+use yoto_proto::pose_track;
 
 /// The motion `poses` of `driver`, at `seconds` each and in a world with the unit vector `up`, as `target`
 /// would make it: each pose as [`retarget`] has it, and on another body than the driver's with feet that
@@ -55,6 +56,26 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
 }
 
 impl Skeleton {
+    /// The checked skeleton of a motion. Without rest joints it has those of `body` by name, so that the motion
+    /// has the size of whoever takes it.
+    ///
+    /// # Errors
+    /// Those of [`Self::from_track`].
+    pub fn of_motion(motion: &pose_track::Skeleton, body: &Self) -> Result<Self, SkeletonError> {
+        if !motion.rest_joints.is_empty() {
+            return Self::from_track(motion);
+        }
+        let root = body.rest.first().copied().unwrap_or_default();
+        let place = |name: &String| {
+            let at = body.names.iter().position(|other| other == name);
+            at.and_then(|at| body.rest.get(at)).copied().unwrap_or(root)
+        };
+        Self::from_track(&pose_track::Skeleton {
+            rest_joints: motion.names.iter().map(place).collect(),
+            ..motion.clone()
+        })
+    }
+
     /// The root's rest height above the lowest rest joint, metres.
     pub(super) fn hip_height(&self) -> Result<f64, SkeletonError> {
         let root = self.root()[1];

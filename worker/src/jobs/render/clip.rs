@@ -94,17 +94,9 @@ fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, J
         .skeleton
         .clone()
         .ok_or_else(|| invalid("there is none".into()))?;
-    let mut skeleton = pose_track::Skeleton::from_proto(message)
+    let skeleton = pose_track::Skeleton::from_proto(message)
         .map_err(|violation| invalid(pose_track::describe(&violation)))?;
-    if skeleton.rest_joints.is_empty() {
-        let root = body.rest.first().copied().unwrap_or_default();
-        let place = |name: &String| {
-            let at = body.names.iter().position(|other| other == name);
-            at.and_then(|at| body.rest.get(at)).copied().unwrap_or(root)
-        };
-        skeleton.rest_joints = skeleton.names.iter().map(place).collect();
-    }
-    Skeleton::from_track(&skeleton).map_err(|error| invalid(error.to_string()))
+    Skeleton::of_motion(&skeleton, body).map_err(|error| invalid(error.to_string()))
 }
 
 /// Transformation from a clip's world to a capture's.

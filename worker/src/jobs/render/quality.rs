@@ -6,6 +6,7 @@ use yoto_avatar::{
     render::{RenderSettings, Renderer, SceneView},
     tradeoff::{Choice, Curve, Want, choose},
 };
+use yoto_proto::tiers;
 use yoto_proto::v1::{Checkpoint, RenderChoice, RenderQuality, render_quality};
 
 /// Number of views whose rays are counted to predict the total time.
@@ -19,15 +20,22 @@ pub(super) struct Promise {
 }
 
 impl Promise {
-    /// Chooses for `views` from the curve of `checkpoint`.
+    /// Chooses for `views` from the curve of `checkpoint`. Splats are drawn in real time as they are: to that
+    /// goal, they need no curve, and there is no promise without one.
     pub(super) fn make(
         context: &JobContext,
         quality: &RenderQuality,
         checkpoint: &Checkpoint,
         renderer: &Renderer,
         views: &[SceneView],
-    ) -> Result<Self, JobFailure> {
+    ) -> Result<Option<Self>, JobFailure> {
         let (field, want) = want(quality)?;
+        if let Some(message) = tiers::refusal(quality, &renderer.config().tier) {
+            return Err(JobFailure::invalid("render", field, message));
+        }
+        if checkpoint.tradeoff.is_none() && !tiers::needs_tradeoff(quality) {
+            return Ok(None);
+        }
         let object = checkpoint
             .tradeoff
             .as_ref()
@@ -40,10 +48,10 @@ impl Promise {
             .map_err(|error| JobFailure::failed("TRADEOFF", &object.key, &error))?;
         let choice = choose(&curve, &want, mean_rays(renderer, views)?)
             .map_err(|error| JobFailure::invalid("render", field, error.to_string()))?;
-        Ok(Self {
+        Ok(Some(Self {
             choice,
             measured_on: curve.machine.device,
-        })
+        }))
     }
 
     /// Settings of the renderer.

@@ -1,86 +1,21 @@
-//! Renders as films.
+//! Films as GIF, for where others do not play: 256 colours.
 
-use super::whole_file::{folder_of, keep};
-use anyhow::{Context, ensure};
+use anyhow::Context;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame};
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
-use yoto_media::film::Film;
+use std::path::PathBuf;
 
 /// Effort for the colours of a GIF, from 1, the best, to 30. At 10, the encoder looks at every tenth pixel.
 const GIF_SPEED: i32 = 10;
-
-/// Whether `out` is the name of a film, and not that of a folder.
-pub(super) fn is_film(out: &Path) -> bool {
-    has_extension(out, "mp4") || is_gif(out)
-}
-
-fn is_gif(out: &Path) -> bool {
-    has_extension(out, "gif")
-}
-
-fn has_extension(out: &Path, wanted: &str) -> bool {
-    out.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
-}
-
-/// Checks that a film may be written to `out`.
-///
-/// # Errors
-/// If something is there already and may not be replaced.
-pub(super) fn ensure_free(out: &Path, force: bool) -> anyhow::Result<()> {
-    ensure!(
-        force || !out.exists(),
-        "{} is there already: choose another file (--out), or write over it (--force)",
-        out.display()
-    );
-    Ok(())
-}
-
-/// Writes the `pictures` as a film of `fps` frames per second to `out`, whole or not at all.
-///
-/// # Errors
-/// If a picture can't be read or has another size than the first, or writing fails.
-pub(super) fn write(pictures: &[PathBuf], fps: f64, out: &Path) -> anyhow::Result<()> {
-    let writing = || format!("writing {}", out.display());
-    let folder = folder_of(out);
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-    let part = NamedTempFile::new_in(folder).with_context(writing)?;
-    match is_gif(out) {
-        true => write_gif(pictures, fps, part.as_file()),
-        false => write_mp4(pictures, fps, part.as_file()),
-    }
-    .with_context(writing)?;
-    keep(part, out).with_context(writing)
-}
-
-fn write_mp4(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> {
-    let mut film: Option<Film<BufWriter<&File>>> = None;
-    let mut file = Some(BufWriter::new(file));
-    for path in pictures {
-        let reading = || format!("reading {}", path.display());
-        let picture = image::open(path).with_context(reading)?.to_rgb8();
-        if let Some(file) = file.take() {
-            let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
-            film = Some(Film::new(file, width, height, fps)?);
-        }
-        if let Some(film) = &mut film {
-            film.push(&picture).with_context(reading)?;
-        }
-    }
-    let film = film.context("no pictures for a film")?;
-    Ok(film.finish()?)
-}
 
 /// Least time of a picture of a GIF, hundredths of a second: browsers show shorter ones for ten.
 const GIF_LEAST: u32 = 2;
 
 /// GIF counts hundredths of a second. Pictures that have less than [`GIF_LEAST`] are left out, so that the film
 /// keeps its speed.
-fn write_gif(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> {
+pub(super) fn write(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> {
     let mut encoder = GifEncoder::new_with_speed(BufWriter::new(file), GIF_SPEED);
     encoder.set_repeat(Repeat::Infinite)?;
     for (place, hundredths) in gif_times(pictures.len(), fps) {
@@ -112,6 +47,7 @@ fn gif_times(pictures: usize, fps: f64) -> Vec<(usize, u32)> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{is_film, write};
     use super::*;
 
     #[test]
