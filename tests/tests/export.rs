@@ -107,10 +107,23 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         (seconds - expected).abs() < 0.01,
         "{seconds} s, not {expected}"
     );
-    for options in [" --transparent", " --animate"] {
+    for (options, cause) in [
+        (" --transparent", "an .mp4 or .gif has no transparency"),
+        (" --animate", "an .mp4, .webp or .gif is one film"),
+    ] {
         let said = yoto(&format!("{film} --force{options}"), fail)?;
-        ensure!(said.contains("an .mp4 or .gif is one film"), "{said}");
+        ensure!(said.contains(cause), "{said}");
     }
+    let film_of = format!(
+        "render solo --subject ada --motion ada --size 64 --transparent --out {}",
+        at("walk.webp")
+    );
+    yoto(&film_of, succeed)?;
+    let webp = std::fs::read(dir.path().join("walk.webp"))?;
+    ensure!(
+        &webp[8..16] == b"WEBPVP8X" && webp[20] & 0x12 == 0x12,
+        "animated, with opacity"
+    );
     // Over an existing file only if asked.
     let said = yoto(&film, fail)?;
     ensure!(said.contains("walk.mp4 is there already"), "{said}");

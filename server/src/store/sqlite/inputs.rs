@@ -10,6 +10,7 @@ use sqlx::SqliteConnection;
 use yoto_proto::{
     keys,
     names::{Collection, NameError},
+    tiers,
     v1::{
         Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, RenderedFile, SubjectShard,
         job_spec,

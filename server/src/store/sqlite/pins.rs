@@ -19,6 +19,7 @@ use sqlx::SqliteConnection;
 use yoto_proto::{
     names::Collection,
     render_needs::needs,
+    tiers,
     v1::{JobSpec, Model, job_spec},
 };
 
@@ -61,7 +62,10 @@ pub async fn chosen(
     spec: &JobSpec,
 ) -> Result<Option<i64>, StoreError> {
     let (model, wanted, tradeoff) = match &spec.kind {
-        Some(job_spec::Kind::Render(it)) => (&it.model, &it.checkpoint, it.quality.is_some()),
+        Some(job_spec::Kind::Render(it)) => {
+            let tradeoff = it.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+            (&it.model, &it.checkpoint, tradeoff)
+        }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, &it.checkpoint, false),
         Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
     };
