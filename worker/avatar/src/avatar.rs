@@ -159,10 +159,7 @@ impl Avatar {
         let mut vector = posed::pose_vector(body, pose);
         let corrected = config.schedule.corrects(progress);
         let transforms = match config.numerics {
-            Numerics::Sound if corrected => {
-                posed::corrected_transforms(body, pose, self.correction.forward(vector.clone()))
-            }
-            Numerics::Sound => posed::transforms(body, pose),
+            Numerics::Sound => self.bones(config, body, pose, vector.clone(), progress),
             Numerics::Reference => {
                 vector = vector + released::POSE_SHIFT;
                 let correction =
@@ -189,6 +186,23 @@ impl Avatar {
             pose: vector,
             code,
             conditioned,
+        }
+    }
+
+    /// `[K, 12]` posed to canonical of each bone, with sound numerics, from the pose and its `vector`
+    /// ([`posed::pose_vector`]).
+    pub(crate) fn bones(
+        &self,
+        config: &ModelConfig,
+        body: &Body,
+        pose: &Pose,
+        vector: Tensor<1>,
+        progress: f64,
+    ) -> Tensor<2> {
+        if config.schedule.corrects(progress) {
+            posed::corrected_transforms(body, pose, self.correction.forward(vector))
+        } else {
+            posed::transforms(body, pose)
         }
     }
 

@@ -88,7 +88,7 @@ impl PoseFitter<'_> {
         pose: &Pose,
         picture: &Picture,
         posed: &Posed,
-    ) -> Result<Option<(HostSplats, Sight)>, RenderError> {
+    ) -> Result<Option<(HostSplats<'static>, Sight)>, RenderError> {
         let splats = self.avatar.posed_splats(self.config, self.body, posed);
         let splats = splats.map(HostSplats::read).transpose()?;
         let sight = sight(&self.body.skeleton, pose, picture.camera);

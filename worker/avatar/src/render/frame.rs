@@ -1,5 +1,6 @@
 //! Rendering of whole frames: people in poses, from a camera.
 
+use super::carried::Carried;
 use super::enlarge::enlarge;
 use super::occupancy::Occupancy;
 use super::samples::SampleCounts;
@@ -10,6 +11,7 @@ use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
 use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor};
+use std::sync::OnceLock;
 use thiserror::Error;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
@@ -84,16 +86,12 @@ impl Rendered {
 
     /// `[H, W, 3]`, rounded to 8 bits.
     pub fn to_rgb8(&self) -> Vec<u8> {
-        self.rgb
-            .iter()
-            .map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
-            .collect()
+        self.rgb.iter().copied().map(byte).collect()
     }
 
     /// `[H, W, 4]`, rounded to 8 bits: the colour of the person, and opacity, for a frame over a
     /// black background.
     pub fn to_rgba8(&self) -> Vec<u8> {
-        let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
         let pixels = self.rgb.as_chunks::<3>().0.iter().zip(&self.alpha);
         pixels
             .flat_map(|(rgb, &alpha)| {
@@ -103,6 +101,12 @@ impl Rendered {
             })
             .collect()
     }
+}
+
+/// A number in [0, 1] in 8 bits. The nearest by cutting off after a half is added, which takes wide instructions;
+/// rounding is a call on most machines.
+fn byte(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
 /// A trained model, ready to render.
@@ -115,6 +119,8 @@ pub struct Renderer {
     pub(super) occupancy: Vec<Option<Occupancy>>,
     /// Completed fraction of the run, which determines the active parts of the model.
     pub(super) progress: f64,
+    /// What people of splats keep from pose to pose, by slot; as many as bodies.
+    pub(super) kept: Vec<OnceLock<Carried>>,
     settings: RenderSettings,
 }
 
@@ -130,6 +136,7 @@ impl Renderer {
     ) -> Self {
         Self {
             settings: RenderSettings::of(&config),
+            kept: bodies.iter().map(|_| OnceLock::new()).collect(),
             config,
             avatar,
             bodies,
@@ -172,6 +179,7 @@ impl Renderer {
         let slot = self.bodies.len();
         self.bodies.push(Some(body));
         self.occupancy.push(None);
+        self.kept.push(OnceLock::new());
         (self, slot)
     }
 

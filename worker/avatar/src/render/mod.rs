@@ -2,6 +2,7 @@
 //! samples that can contribute, and compositing (paper eq. 9).
 
 mod blend;
+mod carried;
 pub mod composite;
 mod enlarge;
 mod exposure;

@@ -2,10 +2,17 @@
 
 use super::frame::{RenderError, Rendered, Renderer, read};
 use super::view::{Light, SceneView, Shown};
+use crate::motion::body::Body;
+use crate::motion::posed::pose_vector;
 use crate::ops::splat::light::LIGHTS;
 use crate::ops::splat::{Sight, Splats, cpu::Numbers, draw};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+
+/// Pixels per task.
+const ROW: usize = 8192;
 
 /// `camera` in the frame of a body in `pose`.
 pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Sight {
@@ -22,19 +29,19 @@ pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Sight 
 }
 
 /// [`Splats`] in host memory.
-pub(crate) struct HostSplats {
+pub(crate) struct HostSplats<'a> {
     transforms: Vec<f32>,
-    rows: Vec<f32>,
-    light: Vec<f32>,
+    rows: Cow<'a, [f32]>,
+    light: Cow<'a, [f32]>,
 }
 
-impl HostSplats {
+impl HostSplats<'_> {
     /// Reads `splats` from their device.
     pub fn read(splats: Splats) -> Result<Self, RenderError> {
         Ok(Self {
-            rows: read(splats.rows().detach())?,
+            rows: read(splats.rows().detach())?.into(),
             transforms: read(splats.transforms.detach())?,
-            light: read(splats.light.detach())?,
+            light: read(splats.light.detach())?.into(),
         })
     }
 
@@ -65,33 +72,54 @@ impl Renderer {
         let Some(mut drawn) = draw(&parts) else {
             return Ok(frame);
         };
-        let pixels = drawn.rgb.as_chunks_mut::<3>().0.iter_mut();
-        for (rgb, alpha) in pixels.zip(&drawn.alpha) {
-            for (value, background) in rgb.iter_mut().zip(view.background) {
-                *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
+        let pixels = drawn.rgb.as_chunks_mut::<3>().0;
+        let rows = pixels.par_chunks_mut(ROW).zip(drawn.alpha.par_chunks(ROW));
+        rows.for_each(|(pixels, alphas)| {
+            for (rgb, alpha) in pixels.iter_mut().zip(alphas) {
+                for (value, background) in rgb.iter_mut().zip(view.background) {
+                    *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
+                }
             }
-        }
+        });
         frame.rgb = drawn.rgb;
         frame.alpha = drawn.alpha;
         frame.depth = drawn.depth;
         Ok(frame)
     }
 
-    /// The splats of an actor in the light of the scene, and the camera in their body's frame.
-    fn lit(&self, shown: &Shown<'_>, view: &SceneView) -> Result<(HostSplats, Sight), RenderError> {
-        let Shown { actor, body } = *shown;
-        let (slot, pose) = (actor.slot, &actor.pose);
+    /// The splats of the identity in `slot` in a pose.
+    fn posed(&self, slot: usize, body: &Body, pose: &Pose) -> Result<HostSplats<'_>, RenderError> {
+        if let Some(carried) = self.carried(slot, body)? {
+            let vector = pose_vector(body, pose);
+            let bones = (self.avatar).bones(&self.config, body, pose, vector, self.progress);
+            return Ok(HostSplats {
+                transforms: carried.posed(&read(bones)?),
+                rows: Cow::Borrowed(&carried.rows),
+                light: Cow::Borrowed(&carried.light),
+            });
+        }
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
         let splats = self.avatar.posed_splats(&self.config, body, &posed);
-        let mut splats = HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?)?;
+        HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?)
+    }
+
+    /// The splats of an actor in the light of the scene, and the camera in their body's frame.
+    fn lit(
+        &self,
+        shown: &Shown<'_>,
+        view: &SceneView,
+    ) -> Result<(HostSplats<'_>, Sight), RenderError> {
+        let Shown { actor, body } = *shown;
+        let (slot, pose) = (actor.slot, &actor.pose);
+        let mut splats = self.posed(slot, body, pose)?;
         let mut sight = sight(&body.skeleton, pose, &view.camera);
         match actor.light {
             Light::Own => (),
-            Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS],
+            Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS].into(),
             Light::Of { slot, turn } => {
                 let other = self.avatar.splats.get(slot);
                 let light = other.ok_or(RenderError::NoSuchSlot(slot))?.light.val();
-                splats.light = read(light.detach())?;
+                splats.light = read(light.detach())?.into();
                 sight.world = product(&turn, &sight.world);
             }
         }

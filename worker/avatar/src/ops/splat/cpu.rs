@@ -119,13 +119,7 @@ pub fn draw(people: &[(Numbers<'_>, &Sight)]) -> Option<Drawn> {
         all.extend(more);
         all
     })?;
-    let drawn = blend(&flats, sight);
-    let one = |channel: usize| drawn.pixels(sight, |tile, i| [tile[channel][i]]);
-    Some(Drawn {
-        rgb: drawn.pixels(sight, |tile, i| [tile[0][i], tile[1][i], tile[2][i]]),
-        alpha: one(3),
-        depth: one(4),
-    })
+    Some(blend(&flats, sight).drawn(sight))
 }
 
 /// The tiles of a picture.
@@ -135,6 +129,31 @@ struct Blended {
 }
 
 impl Blended {
+    /// The whole picture, over black.
+    fn drawn(&self, sight: &Sight) -> Drawn {
+        let area = sight.width * sight.height;
+        let mut drawn = Drawn {
+            rgb: vec![0.0; 3 * area],
+            alpha: vec![0.0; area],
+            depth: vec![0.0; area],
+        };
+        let width = sight.width.max(1);
+        let rgb = drawn.rgb.par_chunks_mut(3 * width);
+        let others = drawn.alpha.par_chunks_mut(width);
+        let rows = rgb.zip(others.zip(drawn.depth.par_chunks_mut(width)));
+        rows.enumerate().for_each(|(y, (rgb, (alpha, depth)))| {
+            let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
+            let pixels = pixels.zip(alpha.iter_mut().zip(depth));
+            for (x, (rgb, (alpha, depth))) in pixels.enumerate() {
+                let tile = &self.tiles[y / SIDE * self.across + x / SIDE];
+                let i = y % SIDE * SIDE + x % SIDE;
+                *rgb = [tile[0][i], tile[1][i], tile[2][i]];
+                (*alpha, *depth) = (tile[3][i], tile[4][i]);
+            }
+        });
+        drawn
+    }
+
     /// `[H, W, C]`: C numbers of each pixel.
     fn pixels<const C: usize>(
         &self,

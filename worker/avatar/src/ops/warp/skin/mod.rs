@@ -5,6 +5,7 @@
 mod autodiff;
 pub mod cpu;
 pub mod reference;
+pub(crate) mod shares;
 
 use super::WarpGrid;
 use crate::ops::on_cpu;

@@ -1,0 +1,108 @@
+//! What a person of splats keeps from pose to pose: the splats in the rest pose, and the bones that carry each.
+//! A frame then only moves bones.
+
+use super::frame::{RenderError, Renderer, read};
+use crate::motion::body::Body;
+use crate::ops::warp::skin::shares::Shares;
+use yoto_capture::camera::Pose;
+
+/// A person's splats in host memory, in no pose.
+pub(super) struct Carried {
+    /// `[N, 14]`: place, turn, scales, opacity and colour.
+    pub rows: Vec<f32>,
+    /// `[3, 8]`.
+    pub light: Vec<f32>,
+    shares: Shares,
+}
+
+impl Carried {
+    /// Canonical to posed `[N, 12]` of each splat, from the bones' `transforms` `[K, 12]`.
+    pub fn posed(&self, transforms: &[f32]) -> Vec<f32> {
+        self.shares.skin(transforms)
+    }
+}
+
+impl Renderer {
+    /// What the identity in `slot` keeps; looked up at the first frame. `None` where splats move with the pose
+    /// on top of their bones, or there are none.
+    ///
+    /// # Errors
+    /// If the model can't be read from its device.
+    pub(super) fn carried(
+        &self,
+        slot: usize,
+        body: &Body,
+    ) -> Result<Option<&Carried>, RenderError> {
+        let moves = self.config.schedule.moves_points(self.progress);
+        let (false, Some(kept)) = (moves, self.kept.get(slot)) else {
+            return Ok(None);
+        };
+        if let Some(carried) = kept.get() {
+            return Ok(Some(carried));
+        }
+        let rest = Pose::rest(body.skeleton.joints());
+        let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
+        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
+            return Ok(None);
+        };
+        let (rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
+        let means = read(splats.means.detach())?;
+        let bones = body.skeleton.joints();
+        let carried = Carried {
+            shares: Shares::new(&weights, bones, &means, &body.grid),
+            light: read(splats.light.detach())?,
+            rows,
+        };
+        // Another thread may have been faster, with the same.
+        Ok(Some(kept.get_or_init(|| carried)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::avatar::Avatar;
+    use crate::config::ModelConfig;
+    use crate::field::splats::FirstSplats;
+    use burn::tensor::Device;
+    use yoto_capture::skeleton::Skeleton;
+    use yoto_capture::synthetic::SyntheticPerson;
+
+    #[test]
+    fn splats_go_with_the_bones_of_every_pose() {
+        let device = Device::flex();
+        let config = ModelConfig::named("splat", "yoto").expect("a tier");
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
+        let near = |[x, y, z]: &[f64; 3]| [*x as f32 + 0.02, *y as f32 - 0.03, *z as f32];
+        let means: Vec<f32> = skeleton.rest.iter().flat_map(near).collect();
+        let joints = skeleton.joints();
+        let mut avatar = Avatar::new(&config, 1, joints, 5, &device);
+        let placed = FirstSplats {
+            means,
+            ..FirstSplats::of_nobody(joints)
+        };
+        avatar.place_splats(0, &placed);
+        let body = Body::new(skeleton, &config, &device);
+        let renderer = Renderer::new(config, avatar, vec![Some(body)], vec![None], 1.0);
+        let mut seen: Vec<Vec<f32>> = Vec::new();
+        for pose in person.unseen_motion(3) {
+            let body = renderer.body_in(0, &pose).expect("a body");
+            let carried = renderer.carried(0, body).expect("read");
+            let carried = carried.expect("nothing but bones moves splats of this tier");
+            let posed = (renderer.avatar).pose(&renderer.config, body, 0, &pose, 1.0);
+            let bones = read(posed.transforms.clone()).expect("read");
+            let splats = renderer.avatar.posed_splats(&renderer.config, body, &posed);
+            let splats = splats.expect("splats");
+            assert_eq!(carried.rows, read(splats.rows()).expect("read"));
+            let wanted = read(splats.transforms).expect("read");
+            let found = carried.posed(&bones);
+            assert_eq!(found.len(), wanted.len());
+            for (found, wanted) in found.iter().zip(&wanted) {
+                assert!((found - wanted).abs() < 1e-5, "{found}, not {wanted}");
+            }
+            seen.push(found);
+        }
+        assert_ne!(seen[0], seen[2], "the person moves");
+    }
+}
