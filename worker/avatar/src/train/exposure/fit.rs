@@ -60,14 +60,18 @@ fn blocks(picture: &[[f32; 4]], image: &FrameImage) -> Vec<Block> {
     let block = |(x, y): (usize, usize)| {
         let (mut seen, mut truth) = ([0f32; 3], [0f32; 3]);
         for row in y * side..(y + 1) * side {
-            for pixel in row * width + x * side..row * width + (x + 1) * side {
-                let [.., alpha] = picture[pixel];
-                if image.mask[pixel] < WHOLE || alpha < OPAQUE {
+            let first = row * width + x * side;
+            let pixels = picture[first..first + side].iter();
+            let masks = &image.mask[first..first + side];
+            let filmed = image.rgb[3 * first..3 * (first + side)].chunks_exact(3);
+            for ((drawn, mask), filmed) in pixels.zip(masks).zip(filmed) {
+                let [.., alpha] = drawn;
+                if *mask < WHOLE || *alpha < OPAQUE {
                     return None;
                 }
                 for c in 0..3 {
-                    seen[c] += picture[pixel][c];
-                    truth[c] += f32::from(image.rgb[3 * pixel + c]) / 255.0;
+                    seen[c] += drawn[c];
+                    truth[c] += f32::from(filmed[c]) / 255.0;
                 }
             }
         }
