@@ -4,6 +4,7 @@ use super::serve::asked_to_stop;
 use crate::api::endpoint;
 use anyhow::Context;
 use clap::Args;
+use std::path::PathBuf;
 use yoto_worker::{Worker, WorkerConfig};
 
 const AFTER_HELP: &str = "\
@@ -29,6 +30,10 @@ pub(super) struct WorkerCommand {
     /// Display name of this worker.
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,
+    /// Folder for the files of running jobs: uploads to read, checkpoints to load and save; created if
+    /// missing.
+    #[arg(long, value_name = "DIR", default_value = "./yoto-scratch")]
+    scratch: PathBuf,
     #[command(flatten)]
     pub(super) logs: super::LogArgs,
     #[command(flatten)]
@@ -54,6 +59,7 @@ impl WorkerCommand {
             display_name: self.name,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
+            scratch: self.scratch,
             after_job: crate::allocator::give_back_memory,
             ..WorkerConfig::default()
         };

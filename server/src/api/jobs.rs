@@ -85,8 +85,10 @@ impl JobService for JobApi {
         &self,
         request: Request<DeleteJobRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let deleted = self.context.store.delete(Target::Job(&id)).await;
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteJob", &request.request_id, request)?;
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        let deleted = self.context.store.delete(Target::Job(&id), key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 

@@ -1,6 +1,6 @@
 //! `yoto.v1.WorkerService`.
 
-use super::fields;
+use super::{fields, worker_text};
 use crate::{
     context::Context,
     error::RequestError,
@@ -52,7 +52,7 @@ impl WorkerService for WorkerApi {
         if kinds.is_empty() {
             return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
         }
-        let device = request.device;
+        let device = request.device.map(worker_text::device);
         let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"))?;
         let display_name = fields::display_name(&request.display_name)?;
         let new = NewWorker {
@@ -123,7 +123,8 @@ impl WorkerService for WorkerApi {
     ) -> Result<Response<FailJobResponse>, Status> {
         let request = request.into_inner();
         let key = lease_key(&request.job, request.token)?;
-        let ending = match (request.cancelled, request.requeue, request.error) {
+        let error = request.error.map(worker_text::error);
+        let ending = match (request.cancelled, request.requeue, error) {
             (true, true, _) => {
                 let message = "a job is either cancelled or requeued";
                 return Err(RequestError::invalid("requeue", message).into());

@@ -8,8 +8,9 @@ mod types;
 
 pub use sqlite::SqliteStore;
 pub use types::{
-    Ending, Entry, JobKind, KnownGarbage, LeaseKey, NewModel, NewSubject, NewWorker, Page, Reaped,
-    Reference, RequestKey, StoreError, Target, UploadedFile, new_id,
+    CommittedPart, Ending, Entry, JobKind, KnownGarbage, LeaseKey, NewModel, NewSubject, NewUpload,
+    NewWorker, Page, Reaped, Reference, RequestKey, StoreError, Target, Upload, UploadFile,
+    UploadedFile, new_id,
 };
 
 use crate::checkpoints::retention::Retention;
@@ -36,15 +37,37 @@ pub trait Store: Send + Sync + 'static {
     /// The shard of the subject's newest READY capture.
     async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError>;
 
-    /// Opens an upload: a capture in state UPLOADING. Returns its id.
-    async fn begin_capture(&self, subject_id: &str) -> Result<String, StoreError>;
-    /// Ends an upload: the capture is INGESTING and its ingest job QUEUED, or neither.
-    async fn finish_capture(&self, id: &str, files: &[UploadedFile])
-    -> Result<Capture, StoreError>;
-    /// Forgets a capture that is still UPLOADING; any other is not changed.
-    async fn discard_capture(&self, id: &str) -> Result<(), StoreError>;
-    /// Ids of the captures that are UPLOADING.
-    async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError>;
+    /// Opens an upload: a capture in state UPLOADING, with its files. Returns its id, or that of the
+    /// upload that `request` opened before.
+    async fn create_upload(
+        &self,
+        new: NewUpload,
+        request: Option<RequestKey>,
+    ) -> Result<String, StoreError>;
+    /// An upload by id, finished or not.
+    async fn upload(&self, id: &str) -> Result<Upload, StoreError>;
+    /// Records parts of an open upload that are on disk: all of them, or none.
+    async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError>;
+    /// Forgets the bytes of a file of an open upload.
+    async fn restart_file(&self, id: &str, path: &str) -> Result<(), StoreError>;
+    /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that
+    /// has ended is not changed.
+    async fn finish_upload(
+        &self,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError>;
+    /// Ends the open uploads without a write for so long, and notes their objects as garbage. Returns
+    /// their ids.
+    async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError>;
+    /// Queues another ingest job of a capture that is UPLOADED or REJECTED.
+    async fn ingest_capture(
+        &self,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError>;
+    /// What was answered to `request` before: an id, in most cases.
+    async fn answered(&self, request: Option<&RequestKey>) -> Result<Option<String>, StoreError>;
     /// A capture by id.
     async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
     /// The files of a capture, by path.
@@ -65,9 +88,15 @@ pub trait Store: Send + Sync + 'static {
         &self,
         model_id: &str,
         subject_id: &str,
+        request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError>;
     /// Takes a subject's slot away, which no checkpoint knows yet.
-    async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError>;
+    async fn remove_identity(
+        &self,
+        model_id: &str,
+        subject_id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Model, StoreError>;
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
     /// All checkpoints of a model, newest first, with the reasons for which they are kept.
@@ -85,8 +114,12 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<Model, StoreError>;
 
     /// Deletes the rows of something that no open job uses, and notes its objects as garbage, in one
-    /// transaction.
-    async fn delete(&self, target: Target<'_>) -> Result<Deleted, StoreError>;
+    /// transaction; or repeats the earlier answer to `request`.
+    async fn delete(
+        &self,
+        target: Target<'_>,
+        request: Option<RequestKey>,
+    ) -> Result<Deleted, StoreError>;
     /// The folders that are known as garbage.
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError>;
     /// What refers to each of these folders of the object store.
@@ -144,7 +177,8 @@ pub trait Store: Send + Sync + 'static {
     /// Ends a leased job with its result. In the same transaction, an ingest job's capture becomes
     /// READY, and a measured trade-off is stored with its checkpoint.
     async fn complete_job(&self, lease: &LeaseKey, result: JobResult) -> Result<(), StoreError>;
-    /// Ends or requeues a leased job; the capture of an ingest job that ends becomes REJECTED.
+    /// Ends or requeues a leased job. The capture of an ingest job that ends becomes REJECTED if its files
+    /// are at fault, and UPLOADED otherwise.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
     /// Takes back jobs with expired leases; a job that lost `cap` workers FAILS.
     async fn reap(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;

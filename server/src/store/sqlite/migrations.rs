@@ -18,6 +18,7 @@ pub fn migrations() -> Migrator {
     let shards =
         include_str!("../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
     let storage = include_str!("../../../../migrations/sqlite/0008_storage.sql").into_sql_str();
+    let uploads = include_str!("../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -31,5 +32,6 @@ pub fn migrations() -> Migrator {
         step(6, "frame numbers", frames, false),
         step(7, "checkpoint shards", shards, false),
         step(8, "storage", storage, false),
+        step(10, "uploads", uploads, true),
     ])
 }

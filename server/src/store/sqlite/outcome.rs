@@ -7,10 +7,7 @@ use super::{captures, checkpoints, jobs, leases, rows::Columns, rows::During};
 use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    pose_track::violation,
-    v1::{JobError, JobResult, Progress, Violation, job, job_result},
-};
+use yoto_proto::v1::{JobError, JobResult, Progress, Violation, job, job_result};
 
 /// Number of retries after faults outside the job: over about a day, so that a store or a
 /// machine can be repaired meanwhile.
@@ -104,22 +101,13 @@ pub async fn fail(
     error: JobError,
 ) -> Result<(), StoreError> {
     let row = finish(conn, lease, job::State::Failed, None, Some(&error)).await?;
-    if error.violations.is_empty() {
-        reject(
-            conn,
-            &row,
-            &[violation(&error.code, "", None, "", &error.message)],
-        )
-        .await
-    } else {
-        reject(conn, &row, &error.violations).await
-    }
+    end_ingest(conn, &row, &error.violations).await
 }
 
 /// Ends the leased job as CANCELLED.
 pub async fn cancel(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
     let row = finish(conn, lease, job::State::Cancelled, None, None).await?;
-    reject(conn, &row, &[cancelled()]).await
+    end_ingest(conn, &row, &[]).await
 }
 
 /// Returns the leased job to its old place in the queue.
@@ -182,22 +170,20 @@ pub async fn cancel_queued(conn: &mut SqliteConnection, job_id: &str) -> Result<
     .await
     .during("cancelling a queued job")?;
     match row {
-        Some(row) => reject(conn, &row, &[cancelled()]).await,
+        Some(row) => end_ingest(conn, &row, &[]).await,
         None => Ok(()),
     }
 }
 
-fn cancelled() -> Violation {
-    violation("CANCELLED", "", None, "", "the ingest job was cancelled")
-}
-
-/// Rejects the capture of an ended ingest job; other jobs have no capture.
-async fn reject(
+/// What becomes of the capture of an ingest job without a result; other jobs have no capture. Only a
+/// fault of its files rejects it.
+async fn end_ingest(
     conn: &mut SqliteConnection,
     job: &SqliteRow,
     violations: &[Violation],
 ) -> Result<(), StoreError> {
     match job.maybe_text("capture")? {
+        Some(capture) if violations.is_empty() => captures::put_back(conn, &capture).await,
         Some(capture) => captures::reject(conn, &capture, violations).await,
         None => Ok(()),
     }

@@ -138,7 +138,7 @@ impl<'a> Session<'a> {
         }
         self.report("saving");
         let began = Instant::now();
-        let folder = tempfile::tempdir().map_err(|error| {
+        let folder = self.context.folder().map_err(|error| {
             JobFailure::failed("INTERNAL", "the worker's temporary folder", &error)
         })?;
         self.trainer
