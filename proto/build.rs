@@ -20,6 +20,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A message's full name finds its descriptor, e.g. to write it as JSON.
     let mut config = tonic_prost_build::Config::new();
     config.enable_type_names();
+    // Chunks of an upload are not copied out of the messages that brought them.
+    config.bytes([".yoto.v1.WriteUploadRequest.chunk"]);
     tonic_prost_build::configure().compile_fds_with_config(set, config)?;
     Ok(())
 }

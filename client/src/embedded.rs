@@ -31,6 +31,8 @@ use yoto_worker::{Worker, WorkerConfig, WorkerError};
 const WORKER_DRAIN: Duration = Duration::from_secs(10);
 /// Time limit of open calls.
 const SERVER_GRACE: Duration = Duration::from_secs(3);
+/// The worker's folder for files of running jobs, in the data folder.
+const SCRATCH_FOLDER: &str = "scratch";
 /// Time after each limit until the part is stopped by force.
 const SLACK: Duration = Duration::from_secs(5);
 
@@ -50,6 +52,8 @@ pub struct EmbeddedOptions {
     pub lpips: Option<LpipsWeights>,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
+    pub scratch: Option<PathBuf>,
 }
 
 /// The reason why the embedded service can't start or continue.
@@ -125,7 +129,7 @@ impl Embedded {
         let config = ServerConfig {
             shutdown_grace: SERVER_GRACE,
             storage: options.storage,
-            ..ServerConfig::new(options.data)
+            ..ServerConfig::new(&options.data)
         };
         let coordinator = Coordinator::open(config).await?;
         let objects = coordinator.objects_url().to_string();
@@ -151,10 +155,15 @@ impl Embedded {
         if options.worker {
             let picked = pick_device().await?;
             embedded.device.clone_from(&picked.info.adapter);
+            let scratch = match options.scratch {
+                Some(folder) => folder,
+                None => emptied(options.data.join(SCRATCH_FOLDER))?,
+            };
             let config = |name: &str, kinds: &[JobKind]| WorkerConfig {
                 display_name: name.into(),
                 kinds: kinds.to_vec(),
                 embedded: true,
+                scratch: scratch.clone(),
                 // Polling is cheap within one process.
                 idle_poll_seconds: 0.25,
                 drain_seconds: WORKER_DRAIN.as_secs_f64(),
@@ -240,6 +249,17 @@ impl Drop for Embedded {
     fn drop(&mut self) {
         self.drain.cancel();
         self.stop.cancel();
+    }
+}
+
+/// The folder without what a process that was killed has left in it. Nobody else uses it: the data folder
+/// is locked.
+fn emptied(folder: PathBuf) -> Result<PathBuf, WorkerError> {
+    match std::fs::remove_dir_all(&folder) {
+        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+            Err(WorkerError::Scratch { folder, source })
+        }
+        _ => Ok(folder),
     }
 }
 
@@ -337,6 +357,7 @@ mod tests {
             ingest: IngestSettings::default(),
             lpips: None,
             storage: StorageLimits::default(),
+            scratch: None,
         }
     }
 
@@ -361,9 +382,12 @@ mod tests {
         );
         service.shutdown().await.expect("stops");
 
+        let left = dir.path().join(SCRATCH_FOLDER).join("left by a kill");
+        std::fs::create_dir_all(&left).expect("writes");
         let again = Embedded::start(options(dir.path().to_owned()))
             .await
             .expect("the folder is free again");
+        assert!(!left.exists(), "nobody needs it any more");
         assert_eq!(
             again.client().list_subjects().await.expect("lists").len(),
             1

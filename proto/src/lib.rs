@@ -1,12 +1,13 @@
 //! The contract between client, coordinator and workers.
 //!
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
-//! agree on and messages can't express: resource names, object keys, the pose track with its
+//! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people and the
 //! checks of a render, and the names of tiers, variants and evaluation protocols.
 
 pub mod correction;
 pub mod keys;
+pub mod limits;
 pub mod manifest;
 pub mod media_plan;
 pub mod names;
@@ -32,6 +33,11 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
     hex(&sha2::Sha256::digest(bytes))
 }
 
+/// CRC-32C of `bytes`, as every chunk of an upload carries it.
+pub fn crc32c(bytes: &[u8]) -> u32 {
+    crc32c::crc32c(bytes)
+}
+
 /// Lower-case hex of `bytes`.
 pub fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write;
@@ -40,4 +46,14 @@ pub fn hex(bytes: &[u8]) -> String {
         let _ = write!(text, "{byte:02x}");
         text
     })
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_crc_is_the_one_of_castagnoli() {
+        // The check value of RFC 3720, B.4, and of every catalogue of CRCs.
+        assert_eq!(super::crc32c(b"123456789"), 0xe306_9283);
+        assert_eq!(super::crc32c(&[0; 32]), 0x8a91_36aa);
+    }
 }

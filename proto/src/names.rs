@@ -12,6 +12,8 @@ pub enum Collection {
     Subjects,
     /// Recordings of people.
     Captures,
+    /// Uploads of recordings.
+    Uploads,
     /// Shared networks.
     Models,
     /// Jobs.
@@ -26,6 +28,7 @@ impl Collection {
         match self {
             Self::Subjects => "subjects",
             Self::Captures => "captures",
+            Self::Uploads => "uploads",
             Self::Models => "models",
             Self::Jobs => "jobs",
             Self::Workers => "workers",

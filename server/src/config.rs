@@ -7,10 +7,7 @@ use crate::{
 };
 use std::{path::PathBuf, sync::Arc, time::Duration};
 use url::Url;
-
-/// Longest gRPC message that either side takes, bytes. A list of views or of a capture's
-/// files is longer than tonic's default of 4 MiB.
-pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
+use yoto_proto::limits;
 
 /// Settings of a [`crate::Coordinator`].
 #[derive(Debug, Clone)]
@@ -94,8 +91,12 @@ pub struct UploadLimits {
     pub capture_bytes: u64,
     /// Number of files.
     pub files: usize,
-    /// Longest silence of the client.
+    /// Bytes that are committed at once.
+    pub part_bytes: u64,
+    /// Longest silence of the client within a call.
     pub idle: Duration,
+    /// Longest time without a write, after which an upload ends by itself.
+    pub expiry: Duration,
 }
 
 impl ServerConfig {
@@ -111,10 +112,12 @@ impl ServerConfig {
             watch_poll: Duration::from_millis(250),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {
-                file_bytes: 8 << 30,
-                capture_bytes: 8 << 30,
-                files: 200_000,
+                file_bytes: limits::FILE_BYTES,
+                capture_bytes: limits::CAPTURE_BYTES,
+                files: limits::CAPTURE_FILES,
+                part_bytes: limits::PART_BYTES,
                 idle: Duration::from_secs(60),
+                expiry: Duration::from_secs(24 * 3600),
             },
             storage: StorageLimits::default(),
         }
@@ -136,6 +139,10 @@ impl ServerConfig {
         if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {
             let message = "storage.collect_interval and storage.keep_newest must be above 0";
             return Err(ServerError::Config(message.to_owned()));
+        }
+        if self.upload.part_bytes == 0 || self.upload.part_bytes > limits::FILE_BYTES {
+            let message = "upload.part_bytes must be above 0, and no more than a file".to_owned();
+            return Err(ServerError::Config(message));
         }
         if self.max_lost_workers == 0 {
             return Err(ServerError::Config(

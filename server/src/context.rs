@@ -7,6 +7,7 @@ use crate::{
     lock::DataDirLock,
     objects::{Objects, room},
     store::Store,
+    uploads::Turns,
 };
 use std::{sync::Arc, time::SystemTime};
 use tokio_util::sync::CancellationToken;
@@ -32,6 +33,8 @@ pub struct Context {
     pub lock: DataDirLock,
     /// Held during a collection of garbage: one at a time.
     pub collecting: tokio::sync::Mutex<()>,
+    /// Who writes to which upload.
+    pub turns: Turns,
 }
 
 impl Context {

@@ -66,6 +66,20 @@ pub enum RequestError {
         /// Human-readable.
         message: String,
     },
+    /// A chunk of an upload was altered on its way.
+    #[error(
+        "{path}: the chunk at {offset} has the CRC-32C {found:08x}, not {told:08x} as was sent"
+    )]
+    CorruptChunk {
+        /// The file.
+        path: String,
+        /// Place of the chunk.
+        offset: u64,
+        /// As sent.
+        told: u32,
+        /// As received.
+        found: u32,
+    },
     /// The disk is nearly full.
     #[error(
         "the disk of the service has {free} bytes free, and {needed} are needed: `yoto gc` removes what \

@@ -1,7 +1,6 @@
 //! gRPC without a socket: the embedded worker and client use pipes in memory to the coordinator,
 //! with the same protocol and code as over a network.
 
-use crate::config::MAX_MESSAGE_BYTES;
 use futures::Stream;
 use hyper_util::rt::TokioIo;
 use std::{
@@ -11,6 +10,7 @@ use std::{
 };
 use tokio::{io::DuplexStream, sync::mpsc};
 use tonic::transport::{Channel, Endpoint};
+use yoto_proto::limits::WINDOW_BYTES;
 
 /// Bytes that a pipe holds in each direction before its writer waits.
 const PIPE_BYTES: usize = 1 << 20;
@@ -44,8 +44,8 @@ impl InMemoryConnector {
         });
         // The address only fills the protocol's authority header.
         Endpoint::from_static("http://in-memory")
-            .initial_stream_window_size(MAX_MESSAGE_BYTES as u32)
-            .initial_connection_window_size(MAX_MESSAGE_BYTES as u32)
+            .initial_stream_window_size(WINDOW_BYTES)
+            .initial_connection_window_size(WINDOW_BYTES)
             .connect_with_connector_lazy(connect)
     }
 }

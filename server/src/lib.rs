@@ -1,7 +1,7 @@
 //! The coordinator: API, jobs, catalogue, objects. It has no tensors and decodes no media.
 //!
-//! A request passes through the layers: `api` (gRPC) → `jobs` and `objects` → `store` (database, by
-//! the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
+//! A request passes through the layers: `api` (gRPC) → `jobs`, `uploads` and `objects` → `store`
+//! (database, by the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod api;
@@ -17,8 +17,9 @@ mod objects;
 mod rules;
 mod serve;
 mod store;
+mod uploads;
 
-pub use config::{MAX_MESSAGE_BYTES, ServerConfig, StorageLimits, UploadLimits};
+pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use objects::ObjectsError;
@@ -28,7 +29,7 @@ use context::Context;
 use futures::Stream;
 use jobs::{changes::JobChanges, reaper, roster::Roster};
 use lock::DataDirLock;
-use objects::{Objects, collect, upload};
+use objects::{Objects, collect};
 use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
 use store::SqliteStore;
 use tokio::{
@@ -37,6 +38,7 @@ use tokio::{
 };
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::Connected;
+use uploads::Turns;
 use url::Url;
 
 /// The database's file in the data folder.
@@ -52,8 +54,8 @@ pub struct Coordinator {
 }
 
 impl Coordinator {
-    /// Opens the data folder, creates missing parts, and removes the remains of uploads that the
-    /// end of an earlier process interrupted.
+    /// Opens the data folder and creates missing parts. Uploads that the end of an earlier process
+    /// interrupted go on where they were.
     ///
     /// # Errors
     /// [`ServerError::DataDirInUse`] when another coordinator has the folder; others when
@@ -78,8 +80,8 @@ impl Coordinator {
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),
+            turns: Turns::default(),
         });
-        remove_cut_uploads(&context).await?;
         reaper::take_back_embedded(&context).await?;
         let tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
@@ -161,16 +163,4 @@ fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {
 fn folder_url(path: &Path) -> Result<Url, ServerError> {
     Url::from_directory_path(path)
         .map_err(|()| ServerError::Config(format!("{} is not absolute", path.display())))
-}
-
-async fn remove_cut_uploads(context: &Context) -> Result<(), ServerError> {
-    for id in context.store.unfinished_captures().await? {
-        tracing::info!(capture = id, "removing an interrupted upload");
-        // An object that can't be removed now must not prevent the start: the row stays, so
-        // the next start tries again.
-        if let Err(error) = upload::discard(context, &id).await {
-            tracing::error!(capture = id, %error, "could not remove an interrupted upload");
-        }
-    }
-    Ok(())
 }

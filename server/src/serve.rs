@@ -1,8 +1,10 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
 use crate::{
-    api::{JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, WorkerApi},
-    config::MAX_MESSAGE_BYTES,
+    api::{
+        JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi,
+        WorkerApi,
+    },
     context::Context,
     error::ServerError,
 };
@@ -15,11 +17,13 @@ use tonic::{
     transport::{Server, server::Connected},
 };
 use tonic_health::{ServingStatus, server::HealthReporter};
+use yoto_proto::limits::{MESSAGE_BYTES, STREAMS, WINDOW_BYTES};
 use yoto_proto::v1::{
     job_service_server::JobServiceServer, model_service_server::ModelServiceServer,
     object_service_server::ObjectServiceServer, render_service_server::RenderServiceServer,
     status_service_server::StatusServiceServer, storage_service_server::StorageServiceServer,
-    subject_service_server::SubjectServiceServer, worker_service_server::WorkerServiceServer,
+    subject_service_server::SubjectServiceServer, upload_service_server::UploadServiceServer,
+    worker_service_server::WorkerServiceServer,
 };
 
 /// Interval of keep-alive pings on idle connections.
@@ -32,13 +36,16 @@ async fn routes(
 ) -> Result<(Routes, HealthReporter), ServerError> {
     let context = || Arc::clone(context);
     let drain = || drain.clone();
-    let limit = MAX_MESSAGE_BYTES;
+    let limit = MESSAGE_BYTES;
     let (reporter, health) = tonic_health::server::health_reporter();
     reporter
         .set_service_status("", ServingStatus::Serving)
         .await;
     reporter
         .set_serving::<SubjectServiceServer<SubjectApi>>()
+        .await;
+    reporter
+        .set_serving::<UploadServiceServer<UploadApi>>()
         .await;
     reporter.set_serving::<ModelServiceServer<ModelApi>>().await;
     reporter.set_serving::<JobServiceServer<JobApi>>().await;
@@ -60,6 +67,7 @@ async fn routes(
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
     let subjects = SubjectServiceServer::new(SubjectApi { context: context() });
+    let uploads = UploadServiceServer::new(UploadApi { context: context() });
     let models = ModelServiceServer::new(ModelApi { context: context() });
     let jobs = JobServiceServer::new(JobApi {
         context: context(),
@@ -78,6 +86,7 @@ async fn routes(
         // Clients in Python know only this version.
         .add_service(reflection().build_v1alpha()?)
         .add_service(subjects.max_decoding_message_size(limit))
+        .add_service(uploads.max_decoding_message_size(limit))
         .add_service(models.max_decoding_message_size(limit))
         .add_service(jobs.max_decoding_message_size(limit))
         .add_service(objects.max_decoding_message_size(limit))
@@ -113,8 +122,9 @@ where
         drain.cancel();
     };
     let serving = Server::builder()
-        .initial_stream_window_size(MAX_MESSAGE_BYTES as u32)
-        .initial_connection_window_size(MAX_MESSAGE_BYTES as u32)
+        .initial_stream_window_size(WINDOW_BYTES)
+        .initial_connection_window_size(WINDOW_BYTES)
+        .max_concurrent_streams(STREAMS)
         .http2_keepalive_interval(Some(KEEPALIVE))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);

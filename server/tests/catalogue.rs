@@ -167,6 +167,7 @@ async fn a_subject_gets_one_slot_a_model_and_slots_count_up() {
         let request = AddIdentityRequest {
             model: model.into(),
             subject: subject.into(),
+            ..<_>::default()
         };
         let mut client = service.models();
         async move {
@@ -346,6 +347,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
     let join = AddIdentityRequest {
         model: model.name.clone(),
         subject: bob.name.clone(),
+        ..<_>::default()
     };
     let slot = service.models().add_identity(join.clone()).await;
     assert_eq!(slot.expect("joins").into_inner().slot, 1);
@@ -353,6 +355,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
         let request = RemoveIdentityRequest {
             model: model.name.clone(),
             subject: subject.name.clone(),
+            ..<_>::default()
         };
         let mut client = service.models();
         async move { client.remove_identity(request).await }

@@ -8,33 +8,49 @@ use tonic::{Code, Response, Status};
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
     DeleteJobRequest, DeleteModelRequest, DeleteSubjectRequest, Deleted, GetCaptureRequest,
-    ListJobsRequest, MotionTransfer, RenderSpec, job_spec, render_spec::What,
+    ListJobsRequest, MotionTransfer, RemoveIdentityRequest, RenderSpec, job_spec,
+    render_spec::What,
 };
 
 type Answer = Result<Response<Deleted>, Status>;
 
 async fn delete_model(service: &Service, name: &str) -> Answer {
-    let request = DeleteModelRequest { name: name.into() };
+    let request = DeleteModelRequest {
+        name: name.into(),
+        ..<_>::default()
+    };
     service.models().delete_model(request).await
 }
 
 async fn delete_checkpoint(service: &Service, name: &str) -> Answer {
-    let request = DeleteCheckpointRequest { name: name.into() };
+    let request = DeleteCheckpointRequest {
+        name: name.into(),
+        ..<_>::default()
+    };
     service.models().delete_checkpoint(request).await
 }
 
 async fn delete_job(service: &Service, name: &str) -> Answer {
-    let request = DeleteJobRequest { name: name.into() };
+    let request = DeleteJobRequest {
+        name: name.into(),
+        ..<_>::default()
+    };
     service.jobs().delete_job(request).await
 }
 
 async fn delete_subject(service: &Service, name: &str) -> Answer {
-    let request = DeleteSubjectRequest { name: name.into() };
+    let request = DeleteSubjectRequest {
+        name: name.into(),
+        ..<_>::default()
+    };
     service.subjects().delete_subject(request).await
 }
 
 async fn delete_capture(service: &Service, name: &str) -> Answer {
-    let request = DeleteCaptureRequest { name: name.into() };
+    let request = DeleteCaptureRequest {
+        name: name.into(),
+        ..<_>::default()
+    };
     service.subjects().delete_capture(request).await
 }
 
@@ -233,6 +249,7 @@ async fn a_person_whom_a_model_or_a_job_has_is_not_deleted() {
     let request = AddIdentityRequest {
         model: model.name.clone(),
         subject: bob.name.clone(),
+        ..<_>::default()
     };
     let added = service.models().add_identity(request).await;
     assert_refused(added, Code::NotFound, "NOT_FOUND");
@@ -250,7 +267,7 @@ async fn a_capture_is_deleted_when_another_has_taken_its_place() {
         "shared",
     );
     let uploaded = service.upload_good(&ada.name).await;
-    let second = uploaded.capture.expect("has one").name;
+    let second = uploaded.name.clone();
     let busy = delete_capture(&service, &second).await;
     assert_names(busy, "CAPTURE_BUSY", &uploaded.ingest_job);
     assert_names(
@@ -274,4 +291,76 @@ async fn a_capture_is_deleted_when_another_has_taken_its_place() {
     assert!(!service.has(&format!("captures/{}", id(&first))));
     assert!(service.has(&format!("captures/{}", id(&second))));
     assert_eq!(service.get_subject(&ada.name).await.captures, [second]);
+}
+
+#[tokio::test]
+async fn a_repeated_deletion_has_the_answer_of_the_first() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let request = |id: &str| DeleteSubjectRequest {
+        name: ada.name.clone(),
+        request_id: id.into(),
+    };
+    let delete = async |id: &str| service.subjects().delete_subject(request(id)).await;
+    let first = delete("once").await.expect("deletes").into_inner();
+    assert_eq!((first.captures, first.jobs), (1, 1));
+    let again = delete("once").await.expect("is repeated").into_inner();
+    assert_eq!(again, first);
+    gone(delete("twice").await);
+    let other = DeleteSubjectRequest {
+        name: "subjects/other".into(),
+        request_id: "once".into(),
+    };
+    let reused = service.subjects().delete_subject(other).await;
+    assert_refused(reused, Code::AlreadyExists, "REQUEST_ID_REUSED");
+}
+
+#[tokio::test]
+async fn a_repeated_change_of_identities_has_the_answer_of_the_first() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model("shared").await;
+    let add = async |id: &str| {
+        let request = AddIdentityRequest {
+            model: model.name.clone(),
+            subject: ada.name.clone(),
+            request_id: id.into(),
+        };
+        let added = service.models().add_identity(request).await;
+        added.expect("has a slot").into_inner().slot
+    };
+    let remove = async |id: &str| {
+        let request = RemoveIdentityRequest {
+            model: model.name.clone(),
+            subject: ada.name.clone(),
+            request_id: id.into(),
+        };
+        service.models().remove_identity(request).await
+    };
+    assert_eq!(add("a").await, 0);
+    let first = remove("b").await.expect("removes").into_inner();
+    assert_eq!(first.slots, []);
+    // Delivered late, the first call does not undo the second.
+    assert_eq!(add("a").await, 0);
+    let again = remove("b").await.expect("is repeated").into_inner();
+    assert_eq!(again.slots, []);
+    let other = remove("c").await;
+    assert_refused(other, Code::NotFound, "NOT_FOUND");
+    assert_eq!(add("d").await, 1);
+}
+
+#[tokio::test]
+async fn an_open_upload_is_deleted_with_its_bytes() {
+    let service = Service::start_with(|config| config.storage.grace = Duration::ZERO).await;
+    let ada = service.subject("Ada").await;
+    let files = [support::file("poses.json", b"{}")];
+    let upload = service.open_upload(&ada.name, &files).await;
+    let upload = upload.expect("is opened");
+    let written = support::chunks(&upload.name, &files);
+    service.write(written.clone()).await.expect("writes");
+    delete_subject(&service, &ada.name).await.expect("deletes");
+    let late = service.write(written).await;
+    assert_refused(late, Code::NotFound, "NOT_FOUND");
+    service.collect(false, false).await;
+    assert!(!service.has("uploads"));
 }

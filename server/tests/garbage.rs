@@ -3,13 +3,13 @@
 mod support;
 
 use std::{fs, time::Duration};
-use support::{File, Service, assert_refused, file, id, job_name, parts};
+use support::{Service, assert_refused, chunks, file, headers, id, job_name};
 use tonic::Code;
 use yoto_proto::{
     keys,
     v1::{
-        CreateJobRequest, DeleteJobRequest, JobSpec, TrainSpec, end_job_request::Outcome, job_spec,
-        upload_capture_request::Part,
+        CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec,
+        end_job_request::Outcome, job_spec,
     },
 };
 use yoto_server::ServerConfig;
@@ -144,7 +144,7 @@ async fn an_upload_is_kept_until_it_was_read() {
     let service = Service::start_with(at_once).await;
     let ada = service.subject("Ada").await;
     let uploaded = service.upload_good(&ada.name).await;
-    let capture = uploaded.capture.expect("has one").name;
+    let capture = uploaded.name;
     let upload = keys::upload(id(&capture), "poses.json");
     service.collect(false, false).await;
     assert!(service.has(&upload));
@@ -194,7 +194,10 @@ async fn a_deleted_render_is_gone_with_its_pictures() {
     service.collect(false, false).await;
     assert!(service.has(&key));
     let name = job.name;
-    let request = DeleteJobRequest { name };
+    let request = DeleteJobRequest {
+        name,
+        ..<_>::default()
+    };
     service.jobs().delete_job(request).await.expect("deletes");
     service.collect(false, false).await;
     assert!(!service.has(&key));
@@ -236,23 +239,71 @@ async fn a_disk_that_is_nearly_full_takes_no_uploads_and_trainings() {
 }
 
 #[tokio::test]
-async fn a_file_that_would_fill_the_disk_is_refused_at_its_header() {
+async fn an_upload_that_would_fill_the_disk_is_refused_before_its_first_byte() {
     let dir = tempfile::TempDir::new().expect("a folder");
     let free = fs4::available_space(dir.path()).expect("has a disk");
-    let large = 8 << 30;
+    let large = 4 << 30;
     // Other programs use the same disk meanwhile.
     let min_free = free.saturating_sub(large / 2);
     let service = Service::start_in(dir, |config| config.storage.min_free_bytes = min_free).await;
     let ada = service.subject("Ada").await;
-    let files: Vec<File> = vec![file("video.mp4", b"")];
-    let mut parts = parts(&ada.name, files);
-    for part in &mut parts {
-        if let Some(Part::File(header)) = &mut part.part {
-            header.bytes = large;
-        }
-    }
-    let mut subjects = service.subjects();
-    let answer = subjects.upload_capture(futures::stream::iter(parts)).await;
+    let mut files = headers(&[file("poses.json", b"{}"), file("video.mp4", b"")]);
+    files[1].bytes = large;
+    let request = CreateUploadRequest {
+        subject: ada.name.clone(),
+        files,
+        request_id: String::new(),
+    };
+    let answer = service.uploads().create_upload(request).await;
     assert_refused(answer, Code::ResourceExhausted, "DISK_FULL");
     assert!(service.get_subject(&ada.name).await.captures.is_empty());
+}
+
+#[tokio::test]
+async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
+    let service = Service::start_with(|config| {
+        at_once(config);
+        config.upload.expiry = Duration::ZERO;
+    })
+    .await;
+    let ada = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}")];
+    let open = async || {
+        let request = CreateUploadRequest {
+            subject: ada.name.clone(),
+            files: headers(&files),
+            request_id: "the files".into(),
+        };
+        let opened = service.uploads().create_upload(request).await;
+        opened.expect("is opened").into_inner()
+    };
+    let upload = open().await;
+    let half = chunks(&upload.name, &[file("poses.json", b"{")]);
+    service.write(half).await.expect("writes");
+    let key = keys::upload(id(&upload.name), "poses.json");
+    service.collect(true, false).await;
+    assert!(service.has(&key), "nothing was to change");
+    service.collect(false, false).await;
+    assert!(!service.has(&key) && !service.has("uploads"));
+    assert!(service.get_subject(&ada.name).await.captures.is_empty());
+    let late = chunks(&upload.name, &files);
+    assert_refused(service.write(late).await, Code::NotFound, "NOT_FOUND");
+    let finished = service.finish(&upload.name).await;
+    assert_refused(finished, Code::NotFound, "NOT_FOUND");
+    assert_ne!(open().await.name, upload.name, "the same files once more");
+}
+
+#[tokio::test]
+async fn an_upload_that_is_written_does_not_end() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}")];
+    let upload = service.open_upload(&ada.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let half = chunks(&upload, &[file("poses.json", b"{")]);
+    service.write(half).await.expect("writes");
+    service.collect(false, true).await;
+    let rest = vec![support::chunk(&upload, "poses.json", 1, b"}")];
+    service.write(rest).await.expect("writes");
+    service.finish(&upload).await.expect("is complete");
 }

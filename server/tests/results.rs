@@ -6,10 +6,13 @@ use futures::TryStreamExt;
 use support::{Service, assert_invalid, assert_refused, id, job_name};
 use tonic::{Code, Status};
 use yoto_proto::{
-    keys, names,
+    keys,
+    manifest::{self, files},
+    names,
     v1::{
-        DownloadObjectRequest, IngestResult, ListObjectsRequest, ObjectRef, Orbit, RenderResult,
-        RenderSpec, RenderedFile, capture, job_result, job_spec, render_spec::What,
+        Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, Lease,
+        ListObjectsRequest, ObjectRef, Orbit, PublishCheckpointRequest, RenderResult, RenderSpec,
+        RenderedFile, capture, job_result, job_spec, render_spec::What,
     },
 };
 
@@ -17,12 +20,7 @@ use yoto_proto::{
 async fn a_worker_may_only_name_objects_of_its_own_lease() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
-    let capture = service
-        .upload_good(&subject.name)
-        .await
-        .capture
-        .expect("has one")
-        .name;
+    let capture = service.upload_good(&subject.name).await.name;
     let worker = service.worker(&["ingest"]).await;
     let lease = service.lease(&worker).await.expect("the ingest job waits");
     let result = |shard| {
@@ -147,4 +145,80 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
     );
     assert_invalid(range(png, 100_001, 0).await, "offset");
     assert_refused(download("../yoto.db").await, Code::NotFound, "NOT_FOUND");
+
+    let mut altered = picture.clone();
+    altered[70_000] ^= 1;
+    std::fs::write(service.path(&key), &altered).expect("flips a bit");
+    assert_refused(download(png).await, Code::DataLoss, "OBJECT_ALTERED");
+    std::fs::write(service.path(&key), &picture[..70_000]).expect("tears");
+    let torn = download(png).await;
+    let message = torn.as_ref().expect_err("is torn").message().to_owned();
+    assert!(!message.contains(&key), "{message}");
+    assert_refused(torn, Code::DataLoss, "OBJECT_ALTERED");
+}
+
+/// Publishes a checkpoint of `step` with refined poses; the key of the poses.
+async fn publish_poses(service: &Service, lease: &Lease, step: u64, poses: &[u8]) -> String {
+    let model = lease.inputs.clone().and_then(|it| it.model);
+    let model = model.expect("has a model").name;
+    let job = support::job_name(lease);
+    let folder = keys::checkpoint(id(&model), id(&job), lease.token, step);
+    let file = files::refined_poses(0);
+    let object = service.put(&format!("{folder}/{file}"), poses).await;
+    let ObjectRef { key, bytes, sha256 } = object;
+    let version = manifest::VERSION;
+    let json = format!(
+        r#"{{"version": {version}, "model": "{model}", "step": {step}, "job": "{job}",
+             "job_seconds": 1.0, "job_steps": {step}, "objects": [
+                 {{"file": "{file}", "key": "{key}", "bytes": {bytes}, "sha256": "{sha256}"}}]}}"#
+    );
+    let key_of_manifest = format!("{folder}/manifest.json");
+    let manifest = service.put(&key_of_manifest, json.as_bytes()).await;
+    let checkpoint = Checkpoint {
+        name: names::checkpoint(&model, step),
+        step,
+        manifest: Some(manifest),
+        bytes,
+        ..<_>::default()
+    };
+    let request = PublishCheckpointRequest {
+        job,
+        token: lease.token,
+        checkpoint: Some(checkpoint),
+    };
+    let published = service.workers().publish_checkpoint(request).await;
+    published.expect("publishes");
+    key
+}
+
+#[tokio::test]
+async fn the_checkpoint_before_serves_refined_poses_when_a_bit_is_flipped() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let first = publish_poses(&service, &lease, 1, b"first").await;
+    let second = publish_poses(&service, &lease, 2, b"second").await;
+    let poses = async || {
+        let request = GetRefinedPosesRequest {
+            model: model.name.clone(),
+            subject: ada.name.clone(),
+        };
+        let stream = service.models().get_refined_poses(request).await?;
+        let chunks: Vec<_> = stream.into_inner().try_collect().await?;
+        Ok::<_, Status>(
+            chunks
+                .into_iter()
+                .flat_map(|it| it.chunk)
+                .collect::<Vec<u8>>(),
+        )
+    };
+    assert_eq!(poses().await.expect("are there"), b"second");
+    std::fs::write(service.path(&second), b"tecond").expect("flips bits");
+    assert_eq!(poses().await.expect("are there"), b"first");
+    let folder = keys::folder(&first);
+    std::fs::write(service.path(&format!("{folder}/manifest.json")), b"{").expect("tears");
+    assert_refused(poses().await, Code::DataLoss, "OBJECT_ALTERED");
 }

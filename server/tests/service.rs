@@ -15,8 +15,7 @@ use tonic_reflection::pb::v1::{
     server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
 };
 use yoto_proto::v1::{
-    FileHeader, GetSubjectRequest, ListJobsRequest, UploadCaptureRequest, job,
-    subject_service_client::SubjectServiceClient, upload_capture_request::Part,
+    GetSubjectRequest, ListJobsRequest, job, subject_service_client::SubjectServiceClient,
 };
 use yoto_server::{Coordinator, ServerConfig, ServerError};
 
@@ -134,25 +133,20 @@ async fn one_coordinator_serves_tcp_beside_memory_and_drains_alone() {
 async fn large_messages_pass_and_inner_errors_stay_inside() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
-    // More than tonic's default limit of 4 MiB in one chunk.
     let large = file("frames/0.png", &vec![7; 6 << 20]);
-    let header = FileHeader {
-        path: large.path,
-        bytes: large.bytes.len() as u64,
-        sha256: large.sha256,
-    };
-    let mut messages = support::parts(
-        &subject.name,
-        vec![file("poses.json", b"{}"), file("empty", b"")],
-    );
-    for part in [Part::File(header), Part::Chunk(large.bytes)] {
-        messages.push(UploadCaptureRequest { part: Some(part) });
-    }
-    let answer = service
-        .subjects()
-        .upload_capture(stream::iter(messages))
-        .await;
-    answer.expect("a large chunk and an empty file are fine");
+    let small = [file("poses.json", b"{}"), file("empty", b"")];
+    let files: Vec<_> = small.iter().cloned().chain([large.clone()]).collect();
+    let upload = service.open_upload(&subject.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let mut messages = support::chunks(&upload, &small);
+    // More than tonic's default limit of 4 MiB in one chunk.
+    messages.push(support::chunk(&upload, &large.path, 0, &large.bytes));
+    service
+        .write(messages)
+        .await
+        .expect("a large chunk is fine");
+    let finished = service.finish(&upload).await;
+    finished.expect("an empty file is fine");
 
     let worker = service.worker(&["ingest"]).await;
     let objects = service.dir.path().join("objects");

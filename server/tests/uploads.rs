@@ -1,16 +1,19 @@
-//! Uploads: a good one starts an ingest job, a bad or cut one leaves nothing.
+//! Uploads: a good one starts an ingest job, a bad one is refused, a cut one goes on.
 
 mod support;
 
 use futures::stream::{self, StreamExt};
 use std::time::Duration;
-use support::{Service, assert_invalid, assert_refused, eventually, file, id, parts};
-use tonic::Code;
+use support::{
+    File, Service, assert_invalid, assert_refused, chunk, chunks, eventually, file, headers, id,
+};
+use tonic::{Code, Status};
 use yoto_proto::{
     keys,
     v1::{
-        GetCaptureRequest, JobError, Violation, capture, end_job_request::Outcome, job, subject,
-        subject_service_client::SubjectServiceClient,
+        CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
+        JobError, Lease, Violation, capture, end_job_request::Outcome, job, subject, upload,
+        upload_service_client::UploadServiceClient,
     },
 };
 
@@ -19,10 +22,9 @@ async fn an_upload_becomes_an_ingest_job_with_all_its_files() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
     assert_eq!(subject.state(), subject::State::Uploading);
-    let uploaded = service.upload_good(&subject.name).await;
-    let capture = uploaded.capture.expect("has a capture");
+    let capture = service.upload_good(&subject.name).await;
     assert_eq!(capture.state(), capture::State::Ingesting);
-    assert_eq!(capture.ingest_job, uploaded.ingest_job);
+    assert!(capture.ingest_job.starts_with("jobs/"));
     let subject = service.get_subject(&subject.name).await;
     assert_eq!(subject.state(), subject::State::Ingesting);
     assert_eq!(subject.captures, std::slice::from_ref(&capture.name));
@@ -60,7 +62,7 @@ async fn an_upload_becomes_an_ingest_job_with_all_its_files() {
 }
 
 #[tokio::test]
-async fn bad_uploads_are_refused_and_leave_nothing_behind() {
+async fn bad_announcements_are_refused_before_anything_is_written() {
     let service = Service::start_with(|config| {
         config.upload.file_bytes = 100;
         config.upload.capture_bytes = 150;
@@ -69,6 +71,7 @@ async fn bad_uploads_are_refused_and_leave_nothing_behind() {
     .await;
     let subject = service.subject("Ada").await;
     let poses = || file("poses.json", b"{}");
+    let open = async |files: Vec<File>| service.open_upload(&subject.name, &files).await;
     for path in [
         "../poses.json",
         "/etc/passwd",
@@ -78,68 +81,156 @@ async fn bad_uploads_are_refused_and_leave_nothing_behind() {
         "a b",
         "",
         "poses.json/x",
+        "poses.json",
     ] {
-        let answer = service
-            .upload(&subject.name, vec![poses(), file(path, b"x")])
-            .await;
-        assert_invalid(answer, "file.path");
+        let answer = open(vec![poses(), file(path, b"x")]).await;
+        assert_invalid(answer, "files[1].path");
     }
-    assert_invalid(
-        service.upload(&subject.name, vec![poses(), poses()]).await,
-        "file.path",
-    );
-    let mut wrong = file("frames/0.png", b"the bytes");
-    wrong.sha256 = yoto_proto::sha256_hex(b"other bytes");
-    assert_invalid(
-        service.upload(&subject.name, vec![poses(), wrong]).await,
-        "file.sha256",
-    );
+    let mut wrong = file("a", b"");
+    wrong.sha256.pop();
+    assert_invalid(open(vec![poses(), wrong]).await, "files[1].sha256");
     let large = file("large", &[0; 101]);
-    assert_invalid(
-        service.upload(&subject.name, vec![poses(), large]).await,
-        "file.bytes",
-    );
+    assert_invalid(open(vec![poses(), large]).await, "files[1].bytes");
     let many = vec![poses(), file("a", &[0; 100]), file("b", &[0; 100])];
-    assert_invalid(service.upload(&subject.name, many).await, "file.bytes");
+    assert_invalid(open(many).await, "files[2].bytes");
     let many = ["a", "b", "c", "d", "poses.json"].map(|path| file(path, b"x"));
-    assert_invalid(service.upload(&subject.name, many.into()).await, "file");
-    assert_invalid(
-        service.upload(&subject.name, vec![file("a", b"x")]).await,
-        "file",
-    );
-    let mut short = parts(&subject.name, vec![poses(), file("a", b"0123456789")]);
-    short.pop();
-    let answer = service.subjects().upload_capture(stream::iter(short)).await;
-    assert_invalid(answer, "chunk");
-    let headless = parts(&subject.name, vec![poses()]).split_off(1);
-    assert_invalid(
-        service
-            .subjects()
-            .upload_capture(stream::iter(headless))
-            .await,
-        "header",
-    );
-    let nobody = service.upload("subjects/nobody", vec![poses()]).await;
+    assert_invalid(open(many.into()).await, "files");
+    assert_invalid(open(vec![file("a", b"x")]).await, "files");
+    let nobody = service.open_upload("subjects/nobody", &[poses()]).await;
     assert_refused(nobody, Code::NotFound, "NOT_FOUND");
 
     assert_eq!(service.stored_files(), [] as [std::path::PathBuf; 0]);
     let subject = service.get_subject(&subject.name).await;
     assert_eq!(subject.captures, [] as [String; 0]);
     assert_eq!(subject.state(), subject::State::Uploading);
-    let worker = service.worker(&["ingest"]).await;
-    assert_eq!(service.lease(&worker).await, None);
-}
-
-/// The first capture of the subject, as long as it has one.
-async fn only_capture(service: &Service, subject: &str) -> Option<String> {
-    service.get_subject(subject).await.captures.first().cloned()
 }
 
 #[tokio::test]
-async fn an_upload_whose_client_goes_away_leaves_nothing_behind() {
+async fn what_is_good_in_a_stream_is_committed_and_the_rest_refused() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
-    let begun = parts(&subject.name, vec![file("poses.json", b"{}")]);
+    let files = [file("a", b"0123456789"), file("poses.json", b"{}")];
+    let opened = service.open_upload(&subject.name, &files).await;
+    let name = opened.expect("is opened").name;
+    let committed = async || {
+        let upload = service.get_upload(&name).await.expect("is there");
+        (upload.committed_bytes, upload.committed.len())
+    };
+    let chunk = |path, offset, bytes| chunk(&name, path, offset, bytes);
+
+    let mut corrupt = chunk("a", 4, b"4567");
+    corrupt.crc32c ^= 1;
+    let answer = service.write(vec![chunk("a", 0, b"0123"), corrupt]).await;
+    let message = answer
+        .as_ref()
+        .expect_err("is refused")
+        .message()
+        .to_owned();
+    assert!(message.contains("a: the chunk at 4"), "{message}");
+    assert_refused(answer, Code::DataLoss, "CORRUPT_CHUNK");
+    assert_eq!(committed().await, (4, 1));
+
+    for offset in [0, 3, 5] {
+        let answer = service.write(vec![chunk("a", offset, b"4567")]).await;
+        assert_refused(answer, Code::FailedPrecondition, "UPLOAD_OFFSET");
+    }
+    let twice = vec![chunk("a", 4, b"45"), chunk("a", 4, b"45")];
+    let answer = service.write(twice).await;
+    assert_refused(answer, Code::FailedPrecondition, "UPLOAD_OFFSET");
+    assert_eq!(committed().await, (6, 1));
+
+    let answer = service.write(vec![chunk("a", 6, b"67890")]).await;
+    assert_invalid(answer, "chunk");
+    let answer = service.write(vec![chunk("b", 0, b"x")]).await;
+    assert_invalid(answer, "path");
+    assert_invalid(service.write(Vec::new()).await, "upload");
+    let mut headless = chunk("a", 6, b"6");
+    headless.upload = String::new();
+    assert_invalid(service.write(vec![headless]).await, "upload");
+    let mut other = chunk("a", 7, b"7");
+    other.upload = "uploads/other".into();
+    let answer = service.write(vec![chunk("a", 6, b"6"), other]).await;
+    assert_invalid(answer, "upload");
+    let other = support::chunk("uploads/other", "a", 0, b"0");
+    assert_refused(
+        service.write(vec![other]).await,
+        Code::NotFound,
+        "NOT_FOUND",
+    );
+
+    let answer = service.finish(&name).await;
+    let message = answer
+        .as_ref()
+        .expect_err("is refused")
+        .message()
+        .to_owned();
+    assert!(message.contains("a: 7 of 10 bytes"), "{message}");
+    assert_refused(answer, Code::FailedPrecondition, "UPLOAD_INCOMPLETE");
+    let rest = vec![chunk("a", 7, b"789"), chunk("poses.json", 0, b"{}")];
+    assert_eq!(service.write(rest).await.expect("writes"), 12);
+    let capture = service.finish(&name).await.expect("is complete");
+    let again = service.finish(&name).await.expect("is repeated");
+    assert_eq!(capture, again, "one capture, one job");
+    let late = service.write(vec![chunk("a", 10, b"x")]).await;
+    assert_refused(late, Code::FailedPrecondition, "UPLOAD_FINISHED");
+    assert_eq!(stored(&service, &capture, "a"), b"0123456789");
+}
+
+/// The content of an uploaded file.
+fn stored(service: &Service, capture: &Capture, path: &str) -> Vec<u8> {
+    let root = service.coordinator.objects_url().to_file_path();
+    let key = keys::upload(id(&capture.name), path);
+    std::fs::read(root.expect("a local store").join(key)).expect("is stored")
+}
+
+#[tokio::test]
+async fn a_file_that_is_not_the_announced_one_is_sent_again() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let good = [file("poses.json", b"{}"), file("a", b"good")];
+    let name = service.open_upload(&subject.name, &good).await;
+    let name = name.expect("is opened").name;
+    let bad = [file("poses.json", b"{}"), file("a", b"evil")];
+    service.write(chunks(&name, &bad)).await.expect("writes");
+    assert_invalid(service.finish(&name).await, "files[0].sha256");
+    let upload = service.get_upload(&name).await.expect("is there");
+    assert_eq!(
+        (upload.committed_bytes, upload.state()),
+        (2, upload::State::Open)
+    );
+    service
+        .write(chunks(&name, &good[1..]))
+        .await
+        .expect("writes");
+    let capture = service.finish(&name).await.expect("is the announced one");
+    assert_eq!(stored(&service, &capture, "a"), b"good");
+}
+
+#[tokio::test]
+async fn acknowledged_bytes_that_are_lost_on_disk_are_found_before_the_ingest() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}"), file("a", b"0123456789")];
+    let name = service.open_upload(&subject.name, &files).await;
+    let name = name.expect("is opened").name;
+    service.write(chunks(&name, &files)).await.expect("writes");
+    let path = service.path(&keys::upload(id(&name), "a"));
+    std::fs::write(&path, b"0123").expect("is torn");
+    let answer = service.finish(&name).await;
+    assert_refused(answer, Code::DataLoss, "OBJECT_ALTERED");
+    std::fs::write(&path, b"01234x6789").expect("is altered");
+    assert_invalid(service.finish(&name).await, "files[0].sha256");
+}
+
+#[tokio::test]
+async fn an_upload_goes_on_after_its_client_or_the_service_has_gone_away() {
+    let part: Vec<u8> = (0..100_u8).collect();
+    let service = Service::start_with(|config| config.upload.part_bytes = 100).await;
+    let subject = service.subject("Ada").await;
+    let whole = part.repeat(3);
+    let files = [file("poses.json", b"{}"), file("video.mp4", &whole)];
+    let name = service.open_upload(&subject.name, &files).await;
+    let name = name.expect("is opened").name;
     let connector = service.connector.clone();
     // A runtime of its own ends with everything in it, as a process would.
     let client = tokio::runtime::Builder::new_multi_thread()
@@ -147,81 +238,140 @@ async fn an_upload_whose_client_goes_away_leaves_nothing_behind() {
         .enable_all()
         .build()
         .expect("starts");
+    let begun = vec![
+        chunk(&name, "video.mp4", 0, &part),
+        chunk(&name, "video.mp4", 100, &part[..50]),
+    ];
     client.spawn(async move {
         let messages = stream::iter(begun).chain(stream::pending());
-        SubjectServiceClient::new(connector.channel())
-            .upload_capture(messages)
+        UploadServiceClient::new(connector.channel())
+            .write_upload(messages)
             .await
             .map(drop)
     });
-    let name = eventually("the capture", || only_capture(&service, &subject.name)).await;
-    let stored = || async { (service.stored_files().len() == 1).then_some(()) };
-    eventually("the stored file", stored).await;
-    assert_eq!(
-        service.get_capture(&name).await.state(),
-        capture::State::Uploading
-    );
-    client.shutdown_background();
-    let gone = || async {
-        only_capture(&service, &subject.name)
-            .await
-            .is_none()
-            .then_some(())
+    // A part is committed while the stream goes on; the rest of it, once it has ended.
+    let committed = async || {
+        let request = GetUploadRequest {
+            name: name.clone(),
+            stop_writer: false,
+        };
+        let upload = service.uploads().get_upload(request).await;
+        upload.expect("is there").into_inner().committed_bytes
     };
-    eventually("the removal", gone).await;
-    assert_eq!(service.stored_files(), [] as [std::path::PathBuf; 0]);
-    let answer = service
-        .subjects()
-        .get_capture(GetCaptureRequest { name })
-        .await;
-    assert_refused(answer, Code::NotFound, "NOT_FOUND");
-}
+    let full = async || (committed().await == 100).then_some(());
+    eventually("the first part", full).await;
+    client.shutdown_background();
+    let all = async || (committed().await == 150).then_some(());
+    eventually("the beginning of the second part", all).await;
+    assert_eq!(
+        service
+            .get_upload(&name)
+            .await
+            .expect("is there")
+            .committed_bytes,
+        150
+    );
 
-#[tokio::test]
-async fn an_upload_that_falls_silent_is_ended() {
-    let service =
-        Service::start_with(|config| config.upload.idle = Duration::from_millis(100)).await;
-    let subject = service.subject("Ada").await;
-    let begun = parts(&subject.name, vec![file("poses.json", b"{}")]);
-    let messages = stream::iter(begun).chain(stream::pending());
-    let answer = service.subjects().upload_capture(messages).await;
-    assert_eq!(answer.expect_err("is ended").code(), Code::DeadlineExceeded);
-    assert_eq!(service.stored_files(), [] as [std::path::PathBuf; 0]);
-}
-
-#[tokio::test]
-async fn an_upload_cut_by_the_end_of_the_coordinator_is_removed_at_the_next_start() {
-    let service = Service::start_with(|config| {
-        config.shutdown_grace = Duration::from_millis(50);
-    })
-    .await;
-    let subject = service.subject("Ada").await;
-    let begun = parts(&subject.name, vec![file("poses.json", b"{}")]);
-    let mut client = service.subjects();
-    let messages = stream::iter(begun).chain(stream::pending());
-    let call = tokio::spawn(async move { client.upload_capture(messages).await.map(drop) });
-    let stored = || async { (service.stored_files().len() == 1).then_some(()) };
-    eventually("the stored file", stored).await;
     let dir = service.stop().await;
     let service = Service::start_in(dir, |_| {}).await;
-    assert_eq!(service.stored_files(), [] as [std::path::PathBuf; 0]);
+    let upload = service.get_upload(&name).await.expect("is there");
+    assert_eq!((upload.committed_bytes, upload.bytes), (150, 302));
     assert_eq!(
-        service.get_subject(&subject.name).await.captures,
-        [] as [String; 0]
+        service.get_capture(&upload.capture).await.state(),
+        capture::State::Uploading
     );
-    call.abort();
+    let rest = vec![
+        chunk(&name, "video.mp4", 150, &whole[150..]),
+        chunk(&name, "poses.json", 0, b"{}"),
+    ];
+    service.write(rest).await.expect("writes");
+    let capture = service.finish(&name).await.expect("is complete");
+    assert_eq!(stored(&service, &capture, "video.mp4"), whole);
+}
+
+#[tokio::test]
+async fn a_writer_that_falls_silent_is_ended_and_one_that_is_lost_does_not_block() {
+    let service =
+        Service::start_with(|config| config.upload.idle = Duration::from_millis(200)).await;
+    let subject = service.subject("Ada").await;
+    let files = [file("poses.json", b"{ }")];
+    let name = service.open_upload(&subject.name, &files).await;
+    let name = name.expect("is opened").name;
+    let silent = |offset, bytes| {
+        let begun = vec![chunk(&name, "poses.json", offset, bytes)];
+        let messages = stream::iter(begun).chain(stream::pending());
+        let mut uploads = service.uploads();
+        async move { uploads.write_upload(messages).await }
+    };
+    let answer = silent(0, b"{").await;
+    assert_eq!(answer.expect_err("is ended").code(), Code::DeadlineExceeded);
+    assert_eq!(
+        service
+            .get_upload(&name)
+            .await
+            .expect("is there")
+            .committed_bytes,
+        1
+    );
+    drop(service);
+
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let name = service.open_upload(&subject.name, &files).await;
+    let name = name.expect("is opened").name;
+    let begun = vec![chunk(&name, "poses.json", 0, b"{")];
+    let messages = stream::iter(begun).chain(stream::pending());
+    let mut uploads = service.uploads();
+    let lost = tokio::spawn(async move { uploads.write_upload(messages).await });
+    // An hour of silence would not be noticed: the newer call ends the older one.
+    let taken = async || {
+        let upload = service.get_upload(&name).await.expect("is there");
+        (upload.committed_bytes == 1).then_some(())
+    };
+    eventually("the first byte", taken).await;
+    let ended = lost.await.expect("no panic");
+    assert_refused(ended, Code::FailedPrecondition, "UPLOAD_TAKEN_OVER");
+}
+
+#[tokio::test]
+async fn the_same_request_opens_one_upload_even_on_a_full_disk() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}")];
+    let request = |files: &[File]| CreateUploadRequest {
+        subject: subject.name.clone(),
+        files: headers(files),
+        request_id: "once".into(),
+    };
+    let open = async |service: &Service, files: &[File]| {
+        let opened = service.uploads().create_upload(request(files)).await;
+        opened.map(|answer| answer.into_inner())
+    };
+    let first = open(&service, &files).await.expect("is opened");
+    service
+        .write(chunks(&first.name, &files))
+        .await
+        .expect("writes");
+    let dir = service.stop().await;
+    let full = |config: &mut yoto_server::ServerConfig| config.storage.min_free_bytes = u64::MAX;
+    let service = Service::start_in(dir, full).await;
+    let again = open(&service, &files).await.expect("is found");
+    assert_eq!((again.name, again.committed_bytes), (first.name.clone(), 2));
+    let other = open(&service, &[file("poses.json", b"[]")]).await;
+    assert_refused(other, Code::AlreadyExists, "REQUEST_ID_REUSED");
+    let new = service.open_upload(&subject.name, &files).await;
+    assert_refused(new, Code::ResourceExhausted, "DISK_FULL");
+    // What was begun may end.
+    service.finish(&first.name).await.expect("is complete");
+    let finished = open(&service, &files).await.expect("is found");
+    assert_eq!(finished.state(), upload::State::Finished);
 }
 
 #[tokio::test]
 async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
-    let first = service
-        .upload_good(&subject.name)
-        .await
-        .capture
-        .expect("has one")
-        .name;
+    let first = service.upload_good(&subject.name).await.name;
     let worker = service.worker(&["ingest"]).await;
     let lease = service.lease(&worker).await.expect("the ingest job waits");
     let violation = Violation {
@@ -248,12 +398,7 @@ async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
         subject::State::Rejected
     );
 
-    let second = service
-        .upload_good(&subject.name)
-        .await
-        .capture
-        .expect("has one")
-        .name;
+    let second = service.upload_good(&subject.name).await.name;
     assert_eq!(
         service.get_subject(&subject.name).await.state(),
         subject::State::Ingesting
@@ -266,46 +411,10 @@ async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
 }
 
 #[tokio::test]
-async fn a_file_larger_than_memory_holds_is_stored_whole_or_not_at_all() {
-    let service = Service::start().await;
-    let subject = service.subject("Ada").await;
-    let large: Vec<u8> = (0..(9usize << 20)).map(|i| (i / 7 % 251) as u8).collect();
-    let poses = || file("poses.json", b"{}");
-    let good = service
-        .upload(&subject.name, vec![file("video.mp4", &large), poses()])
-        .await
-        .expect("is taken");
-    let capture = good.capture.expect("has one").name;
-    let root = service
-        .coordinator
-        .objects_url()
-        .to_file_path()
-        .expect("a local store");
-    let key = keys::upload(id(&capture), "video.mp4");
-    assert_eq!(std::fs::read(root.join(key)).expect("is stored"), large);
-    let before = service.stored_files();
-
-    let mut wrong = file("video.mp4", &large);
-    wrong.sha256 = yoto_proto::sha256_hex(b"other bytes");
-    let answer = service.upload(&subject.name, vec![wrong, poses()]).await;
-    assert_invalid(answer, "file.sha256");
-    let mut cut = parts(&subject.name, vec![file("video.mp4", &large)]);
-    cut.pop();
-    let answer = service.subjects().upload_capture(stream::iter(cut)).await;
-    assert_invalid(answer, "chunk");
-    assert_eq!(service.stored_files(), before);
-}
-
-#[tokio::test]
 async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_nothing() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
-    let capture = service
-        .upload_good(&subject.name)
-        .await
-        .capture
-        .expect("has one")
-        .name;
+    let capture = service.upload_good(&subject.name).await.name;
     let worker = service.worker(&["ingest"]).await;
     let lease = service.lease(&worker).await.expect("the ingest job waits");
     let error = support::job_error("OBJECTS", "the store is out of reach");
@@ -321,4 +430,112 @@ async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_
     service.complete_ingest(&again).await;
     let done = service.get_capture(&capture).await;
     assert_eq!(done.state(), capture::State::Ready);
+}
+
+/// Asks for another ingest of the capture `name`.
+async fn ingest_again(service: &Service, name: &str) -> Result<Capture, Status> {
+    let request = IngestCaptureRequest {
+        name: name.into(),
+        request_id: String::new(),
+    };
+    let again = service.subjects().ingest_capture(request).await;
+    again.map(|answer| answer.into_inner())
+}
+
+/// Ends a leased ingest job with `violations`, or for want of something else.
+async fn fail(service: &Service, lease: &Lease, violations: Vec<Violation>) {
+    let request = FailJobRequest {
+        job: support::job_name(lease),
+        token: lease.token,
+        error: Some(JobError {
+            code: "INTERNAL".into(),
+            message: "it broke".into(),
+            violations,
+        }),
+        ..<_>::default()
+    };
+    let failed = service.workers().fail_job(request).await;
+    failed.expect("is recorded");
+}
+
+#[tokio::test]
+async fn an_ingest_that_brought_nothing_is_repeated_with_the_same_files() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let first = service.upload_good(&subject.name).await;
+    let worker = service.worker(&["ingest"]).await;
+    let state = async || service.get_capture(&first.name).await.state();
+
+    // A fault of the machine rejects nothing.
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    let early = ingest_again(&service, &first.name).await;
+    assert_refused(early, Code::FailedPrecondition, "NOT_REPEATABLE");
+    fail(&service, &lease, Vec::new()).await;
+    assert_eq!(state().await, capture::State::Uploaded);
+    let ada = service.get_subject(&subject.name).await;
+    assert_eq!(ada.state(), subject::State::Uploaded);
+    service.collect(false, true).await;
+    let second = ingest_again(&service, &first.name)
+        .await
+        .expect("is queued");
+    assert_ne!(second.ingest_job, first.ingest_job);
+
+    // Nor does a cancel, before a worker has it or after.
+    let cancel = async |name: &str| {
+        let request = CancelJobRequest {
+            name: name.into(),
+            ..<_>::default()
+        };
+        service.jobs().cancel_job(request).await.expect("cancels");
+    };
+    cancel(&second.ingest_job).await;
+    assert_eq!(state().await, capture::State::Uploaded);
+    let third = ingest_again(&service, &first.name)
+        .await
+        .expect("is queued");
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    cancel(&third.ingest_job).await;
+    let request = FailJobRequest {
+        job: support::job_name(&lease),
+        token: lease.token,
+        cancelled: true,
+        ..<_>::default()
+    };
+    service.workers().fail_job(request).await.expect("ends");
+    assert_eq!(state().await, capture::State::Uploaded);
+
+    // A fault of the files does, and is forgotten when they are read again.
+    ingest_again(&service, &first.name)
+        .await
+        .expect("is queued");
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    fail(&service, &lease, vec![Violation::default()]).await;
+    assert_eq!(state().await, capture::State::Rejected);
+    let again = ingest_again(&service, &first.name)
+        .await
+        .expect("is queued");
+    assert_eq!(again.violations, []);
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    let files = lease.inputs.clone().expect("has inputs").files;
+    assert_eq!(files.len(), 2);
+    service.complete_ingest(&lease).await;
+    assert_eq!(state().await, capture::State::Ready);
+    let ready = ingest_again(&service, &first.name).await;
+    assert_refused(ready, Code::FailedPrecondition, "NOT_REPEATABLE");
+}
+
+#[tokio::test]
+async fn an_ingest_without_its_files_is_not_repeated() {
+    let service = Service::start_with(|config| config.storage.grace = Duration::ZERO).await;
+    let subject = service.subject("Ada").await;
+    let capture = service.upload_good(&subject.name).await;
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    fail(&service, &lease, vec![Violation::default()]).await;
+    // Its owner was told what is wrong with them.
+    service.collect(false, false).await;
+    let again = ingest_again(&service, &capture.name).await;
+    assert_refused(again, Code::FailedPrecondition, "UPLOAD_GONE");
+    let state = service.get_capture(&capture.name).await.state();
+    assert_eq!(state, capture::State::Rejected);
 }

@@ -66,14 +66,13 @@ pub async fn ingest(
     files: Vec<UploadFile>,
 ) -> anyhow::Result<Ingested> {
     let subject = client.create_subject(name, "made up").await?.name;
-    let uploaded = client.upload_capture(&subject, files, |_| {}).await?;
-    let mut watch = client.watch_job(&uploaded.ingest_job);
+    let capture = client.upload_capture(&subject, files, |_| {}).await?;
+    let mut watch = client.watch_job(&capture.ingest_job);
     let mut last = None;
     while let Some(job) = watch.next().await? {
         last = Some(job);
     }
-    let capture = uploaded.capture.context("a capture")?.name;
-    let capture = client.get_capture(&capture).await?;
+    let capture = client.get_capture(&capture.name).await?;
     let job = last.context("the ingest was watched to its end")?;
     anyhow::ensure!(
         (capture.state() == capture::State::Rejected) == (job.state() == State::Failed),

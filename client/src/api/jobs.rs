@@ -1,6 +1,7 @@
 //! Jobs: creation, progress and results.
 
-use super::{ClientError, JobWatch, MAX_MESSAGE, YotoClient, request_id};
+use super::{ClientError, JobWatch, YotoClient, request_id, retry::repeat};
+use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, GetJobRequest,
@@ -10,7 +11,7 @@ use yoto_proto::v1::{
 
 impl YotoClient {
     pub(super) fn job_service(&self) -> JobServiceClient<tonic::transport::Channel> {
-        JobServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE)
+        JobServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 
     /// Queues a job.
@@ -25,12 +26,11 @@ impl YotoClient {
             priority: self.turn.priority.into(),
             owner: self.turn.owner.clone(),
         };
-        Ok(self
-            .job_service()
-            .create_job(request)
-            .await
-            .map_err(ClientError::refused(doing))?
-            .into_inner())
+        let create = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.create_job(request).await }
+        };
+        repeat(create).await.map_err(ClientError::refused(doing))
     }
 
     /// Queues training.
@@ -155,10 +155,14 @@ impl YotoClient {
     pub async fn delete_job(&self, name: &str) -> Result<Deleted, ClientError> {
         let request = DeleteJobRequest {
             name: name.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.job_service().delete_job(request).await;
+        let delete = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.delete_job(request).await }
+        };
         let doing = format!("deleting {name}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
     /// Follows a job from its current state to its end.

@@ -1,9 +1,9 @@
 //! A thin asynchronous client of the `yoto.v1` API.
 //!
 //! One type, [`YotoClient`], over one shared channel, with one file per
-//! resource. It adds only what every caller needs: request ids, paging,
-//! chunked uploads, watch streams that survive a lost connection, and errors that say
-//! the file, frame and field at fault.
+//! resource. It adds only what every caller needs: request ids, calls that are repeated by them, paging,
+//! uploads and watch streams that survive a lost connection, and errors that say the file, frame and
+//! field at fault.
 
 mod error;
 mod jobs;
@@ -11,6 +11,7 @@ mod models;
 mod objects;
 mod renders;
 mod resolve;
+mod retry;
 mod status;
 mod storage;
 mod subjects;
@@ -28,9 +29,6 @@ use yoto_proto::v1::JobPriority;
 
 /// Default address of `yoto serve`.
 pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
-
-/// Largest answer, bytes: a job with thousands of views.
-const MAX_MESSAGE: usize = 32 << 20;
 
 /// A connection to a yoto service. Cheap to clone; clones share the connection.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! Models: shared networks, and the identity slots of the people in them.
 
-use super::{ClientError, YotoClient, request_id};
+use super::{ClientError, YotoClient, request_id, retry::repeat};
 use prost_types::FieldMask;
 use yoto_proto::names;
 use yoto_proto::pose_track::{PoseTrack, describe};
@@ -35,12 +35,12 @@ impl YotoClient {
             request_id: request_id(),
             retention: None,
         };
-        let answer = self.model_service().create_model(request).await;
-        Ok(answer
-            .map_err(ClientError::refused(format!(
-                "creating the model '{display_name}'"
-            )))?
-            .into_inner())
+        let create = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.create_model(request).await }
+        };
+        let doing = format!("creating the model '{display_name}'");
+        repeat(create).await.map_err(ClientError::refused(doing))
     }
 
     /// The model `name` with its slots.
@@ -96,13 +96,14 @@ impl YotoClient {
         let request = AddIdentityRequest {
             model: model.to_owned(),
             subject: subject.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.model_service().add_identity(request).await;
-        Ok(answer
-            .map_err(ClientError::refused(format!(
-                "giving {subject} a slot in {model}"
-            )))?
-            .into_inner())
+        let add = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.add_identity(request).await }
+        };
+        let doing = format!("giving {subject} a slot in {model}");
+        repeat(add).await.map_err(ClientError::refused(doing))
     }
 
     /// Takes the slot of a subject away that no checkpoint knows yet.
@@ -113,10 +114,14 @@ impl YotoClient {
         let request = RemoveIdentityRequest {
             model: model.to_owned(),
             subject: subject.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.model_service().remove_identity(request).await;
+        let remove = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.remove_identity(request).await }
+        };
         let doing = format!("removing {subject} from {model}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(remove).await.map_err(ClientError::refused(doing))
     }
 
     /// The model's checkpoints, newest first.
@@ -237,10 +242,14 @@ impl YotoClient {
     pub async fn delete_model(&self, name: &str) -> Result<Deleted, ClientError> {
         let request = DeleteModelRequest {
             name: name.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.model_service().delete_model(request).await;
+        let delete = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.delete_model(request).await }
+        };
         let doing = format!("deleting {name}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
     /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`).
@@ -250,9 +259,13 @@ impl YotoClient {
     pub async fn delete_checkpoint(&self, name: &str) -> Result<Deleted, ClientError> {
         let request = DeleteCheckpointRequest {
             name: name.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.model_service().delete_checkpoint(request).await;
+        let delete = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.delete_checkpoint(request).await }
+        };
         let doing = format!("deleting {name}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(delete).await.map_err(ClientError::refused(doing))
     }
 }

@@ -1,12 +1,11 @@
 //! Files that jobs have written, each checked against its SHA-256. A transfer that breaks off goes
 //! on where it ended.
 
+use super::retry::Patience;
 use super::upload::measure;
-use super::watch::{FIRST_PAUSE, GIVE_UP_AFTER, LONGEST_PAUSE, is_transport};
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tonic::Status;
 use yoto_proto::hex;
@@ -136,7 +135,7 @@ impl YotoClient {
     ) -> Result<(), ClientError> {
         let doing = format!("fetching {}", object.name);
         let (mut hash, mut offset) = (Sha256::new(), 0);
-        let mut trouble = (Instant::now(), FIRST_PAUSE);
+        let mut patience = Patience::new();
         while offset < object.bytes {
             let before = offset;
             let outcome = async {
@@ -164,14 +163,10 @@ impl YotoClient {
                 Ok(Err(error)) => return Err(ClientError::file("writing", path)(error)),
                 Err(status) => {
                     if offset > before {
-                        trouble = (Instant::now(), FIRST_PAUSE);
+                        patience.renew();
                     }
-                    let (since, pause) = trouble;
-                    if !is_transport(&status) || since.elapsed() > GIVE_UP_AFTER {
-                        return Err(ClientError::refused(doing)(status));
-                    }
-                    tokio::time::sleep(pause).await;
-                    trouble.1 = (pause * 2).min(LONGEST_PAUSE);
+                    let waited = patience.wait(status).await;
+                    waited.map_err(ClientError::refused(doing.clone()))?;
                 }
             }
         }

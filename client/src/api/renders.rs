@@ -1,14 +1,15 @@
 //! Renders: requests for pictures.
 
-use super::{ClientError, MAX_MESSAGE, YotoClient, request_id};
+use super::{ClientError, YotoClient, request_id, retry::repeat};
+use yoto_proto::limits::{ANSWER_BYTES, MESSAGE_BYTES};
 use yoto_proto::v1::render_service_client::RenderServiceClient;
 use yoto_proto::v1::{CreateRenderRequest, Job, RenderSpec};
 
 impl YotoClient {
     fn render_service(&self) -> RenderServiceClient<tonic::transport::Channel> {
         RenderServiceClient::new(self.channel.clone())
-            .max_decoding_message_size(MAX_MESSAGE)
-            .max_encoding_message_size(MAX_MESSAGE)
+            .max_decoding_message_size(ANSWER_BYTES)
+            .max_encoding_message_size(MESSAGE_BYTES)
     }
 
     /// Queues a render.
@@ -22,11 +23,11 @@ impl YotoClient {
             priority: self.turn.priority.into(),
             owner: self.turn.owner.clone(),
         };
-        Ok(self
-            .render_service()
-            .create_render(request)
-            .await
-            .map_err(ClientError::refused("creating a render"))?
-            .into_inner())
+        let create = || {
+            let (mut service, request) = (self.render_service(), request.clone());
+            async move { service.create_render(request).await }
+        };
+        let created = repeat(create).await;
+        created.map_err(ClientError::refused("creating a render"))
     }
 }

@@ -1,10 +1,10 @@
 //! Subjects: the people of a service.
 
-use super::{ClientError, YotoClient, request_id};
+use super::{ClientError, YotoClient, request_id, retry::repeat};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
 use yoto_proto::v1::{
     Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, Subject,
+    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest, Subject,
 };
 
 impl YotoClient {
@@ -26,12 +26,12 @@ impl YotoClient {
             consent_note: consent_note.to_owned(),
             request_id: request_id(),
         };
-        let answer = self.subject_service().create_subject(request).await;
-        Ok(answer
-            .map_err(ClientError::refused(format!(
-                "creating the subject '{display_name}'"
-            )))?
-            .into_inner())
+        let create = || {
+            let (mut service, request) = (self.subject_service(), request.clone());
+            async move { service.create_subject(request).await }
+        };
+        let doing = format!("creating the subject '{display_name}'");
+        repeat(create).await.map_err(ClientError::refused(doing))
     }
 
     /// The subject `name`.
@@ -91,6 +91,23 @@ impl YotoClient {
             .into_inner())
     }
 
+    /// Reads the uploaded files of a capture again, after an ingest job that failed or was cancelled.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for a capture that is READY.
+    pub async fn ingest_capture(&self, name: &str) -> Result<Capture, ClientError> {
+        let request = IngestCaptureRequest {
+            name: name.to_owned(),
+            request_id: request_id(),
+        };
+        let ingest = || {
+            let (mut service, request) = (self.subject_service(), request.clone());
+            async move { service.ingest_capture(request).await }
+        };
+        let doing = format!("reading {name} again");
+        repeat(ingest).await.map_err(ClientError::refused(doing))
+    }
+
     /// Deletes a person and their captures.
     ///
     /// # Errors
@@ -98,10 +115,14 @@ impl YotoClient {
     pub async fn delete_subject(&self, name: &str) -> Result<Deleted, ClientError> {
         let request = DeleteSubjectRequest {
             name: name.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.subject_service().delete_subject(request).await;
+        let delete = || {
+            let (mut service, request) = (self.subject_service(), request.clone());
+            async move { service.delete_subject(request).await }
+        };
         let doing = format!("deleting {name}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
     /// Deletes a capture.
@@ -111,9 +132,13 @@ impl YotoClient {
     pub async fn delete_capture(&self, name: &str) -> Result<Deleted, ClientError> {
         let request = DeleteCaptureRequest {
             name: name.to_owned(),
+            request_id: request_id(),
         };
-        let answer = self.subject_service().delete_capture(request).await;
+        let delete = || {
+            let (mut service, request) = (self.subject_service(), request.clone());
+            async move { service.delete_capture(request).await }
+        };
         let doing = format!("deleting {name}");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(delete).await.map_err(ClientError::refused(doing))
     }
 }

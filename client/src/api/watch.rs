@@ -2,15 +2,11 @@
 //!
 //! A restarted coordinator, or a lost connection, must not look like a failed job: the watch opens the stream again after the last sequence number it saw.
 
+use super::retry::{FIRST_PAUSE, GIVE_UP_AFTER, LONGEST_PAUSE, is_transport};
 use super::{ClientError, YotoClient};
 use std::time::{Duration, Instant};
-use tonic::{Code, Status, Streaming};
+use tonic::{Status, Streaming};
 use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
-
-/// Time limit of reconnection attempts.
-pub(super) const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
-pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(100);
-pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
 /// What a watch has to tell.
 #[derive(Debug)]
@@ -125,15 +121,6 @@ fn is_terminal(state: job::State) -> bool {
     matches!(
         state,
         job::State::Succeeded | job::State::Failed | job::State::Cancelled
-    )
-}
-
-/// Whether the connection is at fault rather than the request.
-pub(super) fn is_transport(status: &Status) -> bool {
-    // A broken connection arrives as any of these, depending on how far the answer came.
-    matches!(
-        status.code(),
-        Code::Unavailable | Code::Cancelled | Code::Unknown | Code::Internal | Code::Aborted
     )
 }
 

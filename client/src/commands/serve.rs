@@ -33,6 +33,10 @@ pub(super) struct Serve {
     /// Run no worker: jobs wait for a worker in another process.
     #[arg(long)]
     no_worker: bool,
+    /// Folder for the files of running jobs: uploads to read, checkpoints to load and save. By default
+    /// scratch/ in the data folder.
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
     /// Listen beyond this machine without encryption or keys: anyone who can reach the
     /// address can read and change everything.
     #[arg(long)]
@@ -90,6 +94,7 @@ impl Serve {
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
+            scratch: self.scratch,
         };
         let mut service = Embedded::start(options)
             .await

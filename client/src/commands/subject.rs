@@ -1,6 +1,7 @@
 //! `yoto subject`: people and the captures of them.
 
 mod delete;
+mod ingest;
 
 use super::import::ImportOptions;
 use super::subject_poses::SubjectPoses;
@@ -16,7 +17,7 @@ use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use yoto_proto::pose_track::describe;
-use yoto_proto::v1::{Subject, job_result, subject};
+use yoto_proto::v1::{Job, Subject, job_result, subject};
 
 const ADD_HELP: &str = "\
 A capture is a folder, or a zip, tar or tar.gz of one; the media may be in train/:
@@ -36,7 +37,9 @@ Examples:
   (what --from takes is told by `yoto import --help`)
   yoto subject add eve captures/eve --extrinsics c2w --units camera=mm
 
-`yoto capture check captures/eve` says which of the options below are needed, if any.";
+`yoto capture check captures/eve` says which of the options below are needed, if any.
+
+An upload goes on by itself after a lost connection, and when the same command is run again within a day.";
 
 const SHOW_HELP: &str = "\
 Example:
@@ -78,6 +81,9 @@ enum Action {
     /// Delete a capture.
     #[command(name = "delete-capture", after_help = delete::CAPTURE_HELP)]
     DeleteCapture(delete::DeleteCapture),
+    /// Read an uploaded capture again, after its ingest failed or was cancelled.
+    #[command(after_help = ingest::HELP)]
+    Ingest(ingest::Ingest),
     /// Write the poses of a person as a training has refined them.
     Poses(Box<SubjectPoses>),
 }
@@ -128,6 +134,7 @@ impl SubjectCommand {
             Action::Show { name, server } => show(&server, &name).await,
             Action::Delete(subject) => subject.run().await,
             Action::DeleteCapture(capture) => capture.run().await,
+            Action::Ingest(capture) => capture.run().await,
             Action::Poses(poses) => poses.run().await,
         }
     }
@@ -152,6 +159,13 @@ impl Add {
             Some(subject) => {
                 let state = subject.state();
                 let empty = matches!(state, subject::State::Uploading | subject::State::Rejected);
+                anyhow::ensure!(
+                    state != subject::State::Uploaded,
+                    "the files of '{}' are uploaded, and their ingest failed or was cancelled: `yoto subject \
+                     show` names the capture, `yoto subject ingest` tries again, `yoto subject \
+                     delete-capture` removes it",
+                    self.name
+                );
                 anyhow::ensure!(
                     empty || (self.again && state == subject::State::Ready),
                     "there is a person called '{}' already, who is {}: choose another name, or --again \
@@ -223,26 +237,29 @@ impl Add {
         let job = wait_for_new(&client, &uploaded.ingest_job, &mut display).await;
         let job =
             job.with_context(|| format!("the capture {} was not accepted", place.display()))?;
-        match job.result.and_then(|result| result.kind) {
-            Some(job_result::Kind::Ingest(ingest)) => {
-                let told = &capture.notes;
-                for note in ingest.notes.iter().filter(|note| !told.contains(note)) {
-                    tell!("{}: {note}", self.name);
-                }
-                display.finish(&format!(
-                    "ready, {} frames of {}x{}",
-                    ingest.frames, ingest.width, ingest.height
-                ));
-                for warning in &ingest.warnings {
-                    tell!("warning: {warning}");
-                }
-            }
-            _ => display.finish("ready"),
-        }
+        say_ingested(&job, &self.name, &capture.notes, display);
         say!("{}", subject.name);
         let subject = client.get_subject(&subject.name).await?;
         output::put("subject", output::message(&subject));
         Ok(())
+    }
+}
+
+/// Tells what an ingest job has made of a capture of `name`, and its notes but those `told` already.
+fn say_ingested(job: &Job, name: &str, told: &[String], display: ProgressDisplay) {
+    let kind = job.result.as_ref().and_then(|result| result.kind.as_ref());
+    let Some(job_result::Kind::Ingest(ingest)) = kind else {
+        return display.finish("ready");
+    };
+    for note in ingest.notes.iter().filter(|note| !told.contains(note)) {
+        tell!("{name}: {note}");
+    }
+    display.finish(&format!(
+        "ready, {} frames of {}x{}",
+        ingest.frames, ingest.width, ingest.height
+    ));
+    for warning in &ingest.warnings {
+        tell!("warning: {warning}");
     }
 }
 

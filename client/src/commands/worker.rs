@@ -5,6 +5,7 @@ use super::serve::asked_to_stop;
 use crate::api::endpoint;
 use anyhow::Context;
 use clap::Args;
+use std::path::PathBuf;
 use yoto_proto::v1::JobKind;
 use yoto_worker::{Worker, WorkerConfig};
 
@@ -40,6 +41,10 @@ pub(super) struct WorkerCommand {
         default_value = "ingest,train,render,evaluate"
     )]
     kinds: Vec<KindName>,
+    /// Folder for the files of running jobs: uploads to read, checkpoints to load and save; created if
+    /// missing.
+    #[arg(long, value_name = "DIR", default_value = "./yoto-scratch")]
+    scratch: PathBuf,
     #[command(flatten)]
     pub(super) logs: super::LogArgs,
     #[command(flatten)]
@@ -66,6 +71,7 @@ impl WorkerCommand {
             kinds: self.kinds.into_iter().map(JobKind::from).collect(),
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
+            scratch: self.scratch,
             after_job: crate::allocator::give_back_memory,
             ..WorkerConfig::default()
         };

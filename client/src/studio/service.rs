@@ -25,6 +25,7 @@ pub async fn with_service<T>(
         ingest,
         lpips,
         storage: yoto_server::StorageLimits::default(),
+        scratch: None,
     })
     .await
     .context("starting the embedded service")?;

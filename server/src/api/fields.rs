@@ -6,18 +6,10 @@ use crate::{
 };
 use prost::Message;
 use yoto_proto::{
+    limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES},
     names::Collection,
     v1::{JobPriority, JobSpec},
 };
-
-/// Longest display name, bytes.
-const MAX_DISPLAY_NAME: usize = 200;
-/// Longest consent note, bytes.
-pub const MAX_CONSENT_NOTE: usize = 10_000;
-/// Longest request id, bytes.
-const MAX_REQUEST_ID: usize = 128;
-/// Longest owner of a job, characters.
-const MAX_OWNER: usize = 80;
 
 /// The id in a resource name.
 pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {
@@ -29,8 +21,8 @@ pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, Req
 /// A display name: one line, not empty, without the comma that separates names in lists.
 pub fn display_name(name: &str) -> Result<String, RequestError> {
     let name = name.trim();
-    if name.is_empty() || name.len() > MAX_DISPLAY_NAME || name.chars().any(char::is_control) {
-        let message = format!("a display name is one line of 1 to {MAX_DISPLAY_NAME} bytes");
+    if name.is_empty() || name.len() > DISPLAY_NAME_BYTES || name.chars().any(char::is_control) {
+        let message = format!("a display name is one line of 1 to {DISPLAY_NAME_BYTES} bytes");
         return Err(RequestError::invalid("display_name", message));
     }
     if name.contains(',') {
@@ -74,14 +66,14 @@ pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, Requ
     Ok(NewJob {
         spec,
         priority,
-        owner: line("owner", owner, MAX_OWNER)?,
+        owner: line("owner", owner, OWNER_CHARACTERS)?,
     })
 }
 
 /// A request id: printable, and not too long.
 pub fn request_id(request_id: &str) -> Result<(), RequestError> {
-    if request_id.len() > MAX_REQUEST_ID || request_id.chars().any(char::is_control) {
-        let message = format!("a request id has at most {MAX_REQUEST_ID} printable bytes");
+    if request_id.len() > REQUEST_ID_BYTES || request_id.chars().any(char::is_control) {
+        let message = format!("a request id has at most {REQUEST_ID_BYTES} printable bytes");
         return Err(RequestError::invalid("request_id", message));
     }
     Ok(())

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
 use yoto_proto::{
+    limits::REASON_CHARACTERS,
     names::Collection,
     v1::{
         CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
@@ -19,9 +20,6 @@ use yoto_proto::{
         ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job, job_service_server::JobService,
     },
 };
-
-/// Longest reason for a pause, characters.
-const MAX_REASON: usize = 500;
 
 /// The states with these numbers. An unknown one would match no job, and so look like an empty queue.
 fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
@@ -104,7 +102,7 @@ impl JobService for JobApi {
     ) -> Result<Response<PauseJobsResponse>, Status> {
         let request = request.get_ref();
         let kind = fields::job_kind("kind", request.kind)?;
-        let reason = fields::line("reason", &request.reason, MAX_REASON)?;
+        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS)?;
         let paused = self.context.store.pause_jobs(kind, &reason).await;
         paused.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), reason, "jobs paused");
@@ -126,8 +124,10 @@ impl JobService for JobApi {
         &self,
         request: Request<DeleteJobRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let deleted = self.context.store.delete(Target::Job(&id)).await;
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteJob", &request.request_id, request)?;
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        let deleted = self.context.store.delete(Target::Job(&id), key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 

@@ -1,5 +1,5 @@
 //! The gRPC services, one file each. They parse names and fields, call the layer below, and
-//! turn its answer into messages; the rules are in `jobs`, `objects` and `store`.
+//! turn its answer into messages; the rules are in `jobs`, `uploads`, `objects` and `store`.
 
 mod fields;
 mod jobs;
@@ -11,6 +11,8 @@ mod service_status;
 mod status;
 mod storage;
 mod subjects;
+mod uploads;
+mod worker_text;
 mod workers;
 
 pub use jobs::JobApi;
@@ -20,4 +22,5 @@ pub use renders::RenderApi;
 pub use service_status::StatusApi;
 pub use storage::StorageApi;
 pub use subjects::SubjectApi;
+pub use uploads::UploadApi;
 pub use workers::WorkerApi;

@@ -7,10 +7,14 @@ use crate::{
     error::RequestError,
     store::{NewModel, Target},
 };
-use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use futures::{
+    StreamExt,
+    stream::{self, BoxStream},
+};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::{
+    limits::CHUNK_BYTES,
     manifest::{Manifest, files},
     names::{self, Collection},
     tiers,
@@ -131,8 +135,10 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteModelRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let id = fields::id(Collection::Models, "name", &request.get_ref().name)?;
-        let deleted = self.context.store.delete(Target::Model(&id)).await;
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteModel", &request.request_id, request)?;
+        let id = fields::id(Collection::Models, "name", &request.name)?;
+        let deleted = self.context.store.delete(Target::Model(&id), key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
@@ -140,10 +146,12 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteCheckpointRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let (model, step) = names::parse_checkpoint(&request.get_ref().name)
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteCheckpoint", &request.request_id, request)?;
+        let (model, step) = names::parse_checkpoint(&request.name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
         let target = Target::Checkpoint { model, step };
-        let deleted = self.context.store.delete(target).await;
+        let deleted = self.context.store.delete(target, key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
@@ -154,7 +162,8 @@ impl ModelService for ModelApi {
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
-        let slot = self.context.store.add_identity(&model, &subject).await;
+        let key = fields::request_key("AddIdentity", &request.request_id, request)?;
+        let slot = self.context.store.add_identity(&model, &subject, key).await;
         Ok(Response::new(slot.map_err(RequestError::from)?))
     }
 
@@ -165,7 +174,9 @@ impl ModelService for ModelApi {
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
-        let model = self.context.store.remove_identity(&model, &subject).await;
+        let key = fields::request_key("RemoveIdentity", &request.request_id, request)?;
+        let removed = self.context.store.remove_identity(&model, &subject, key);
+        let model = removed.await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }
 
@@ -213,9 +224,10 @@ impl ModelService for ModelApi {
             .ok_or_else(|| RequestError::NotFound {
                 name: format!("a measured trade-off of {name}"),
             })?;
+        let tradeoff = self.context.objects.read(&object).await;
         Ok(Response::new(Tradeoff {
             checkpoint: name.clone(),
-            json: self.read(&object).await?,
+            json: tradeoff.map_err(RequestError::from)?,
         }))
     }
 
@@ -235,47 +247,72 @@ impl ModelService for ModelApi {
         let slot = slots.iter().find(|it| it.subject == *subject);
         let slot = slot.ok_or_else(|| missing("a slot"))?;
         let all = self.context.store.checkpoints(&id, u32::MAX).await;
-        let used = best_first(all.map_err(RequestError::from)?)
-            .into_iter()
-            .next();
-        let manifest = used.and_then(|it| it.manifest);
-        let manifest = manifest.ok_or_else(|| missing("a checkpoint"))?;
-        let manifest: Manifest =
-            Manifest::from_json(&self.read(&manifest).await?).map_err(|error| {
-                let message = format!("the checkpoint's manifest: {error}");
-                RequestError::precondition("CHECKPOINT_TORN", message)
-            })?;
         let file = files::refined_poses(slot.slot as usize);
-        let object = manifest.object(&file);
-        let object = object.ok_or_else(|| missing("refined poses"))?;
+        let checkpoints = best_first(all.map_err(RequestError::from)?);
+        let found = self.first_whole(checkpoints, &file).await?;
+        let bytes = found
+            .ok_or_else(|| missing("a checkpoint"))?
+            .ok_or_else(|| missing("refined poses"))?;
+        let chunks: Vec<_> = bytes
+            .chunks(CHUNK_BYTES)
+            .map(|chunk| {
+                Ok(GetRefinedPosesResponse {
+                    chunk: chunk.to_vec(),
+                })
+            })
+            .collect();
+        Ok(Response::new(stream::iter(chunks).boxed()))
+    }
+}
+
+impl ModelApi {
+    /// The `file` of the first of `checkpoints` that is whole, as far as it is read; the inner one is
+    /// `None` if that has no such file, the outer one if there is no checkpoint.
+    ///
+    /// # Errors
+    /// That of the last one when all are damaged; when the store fails.
+    async fn first_whole(
+        &self,
+        checkpoints: Vec<Checkpoint>,
+        file: &str,
+    ) -> Result<Option<Option<Vec<u8>>>, RequestError> {
+        let mut last = None;
+        for checkpoint in checkpoints {
+            match self.file(&checkpoint, file).await {
+                Ok(bytes) => return Ok(Some(bytes)),
+                Err(RequestError::Objects(error)) if !error.is_mismatch() => {
+                    return Err(error.into());
+                }
+                Err(error) => {
+                    let name = checkpoint.name;
+                    tracing::warn!(checkpoint = name, %error, "a checkpoint is torn");
+                    last = Some(error);
+                }
+            }
+        }
+        last.map_or(Ok(None), Err)
+    }
+
+    /// A file of a checkpoint, if it has it.
+    async fn file(
+        &self,
+        checkpoint: &Checkpoint,
+        file: &str,
+    ) -> Result<Option<Vec<u8>>, RequestError> {
+        let torn = |message: String| RequestError::precondition("CHECKPOINT_TORN", message);
+        let manifest = checkpoint.manifest.as_ref();
+        let manifest = manifest.ok_or_else(|| torn("it has no manifest".into()))?;
+        let manifest = self.context.objects.read(manifest).await?;
+        let manifest = Manifest::from_json(&manifest)
+            .map_err(|error| torn(format!("the checkpoint's manifest: {error}")))?;
+        let Some(object) = manifest.object(file) else {
+            return Ok(None);
+        };
         let object = ObjectRef {
             key: object.key.clone(),
             bytes: object.bytes,
             sha256: object.sha256.clone(),
         };
-        let bytes = self.context.objects.get(&object).await;
-        let answers = bytes.map_err(RequestError::from)?.map_ok(|chunk| {
-            let chunk = chunk.to_vec();
-            GetRefinedPosesResponse { chunk }
-        });
-        Ok(Response::new(
-            answers
-                .map_err(|error| RequestError::from(error).into())
-                .boxed(),
-        ))
-    }
-}
-
-impl ModelApi {
-    /// The whole of a small object.
-    async fn read(&self, object: &ObjectRef) -> Result<Vec<u8>, RequestError> {
-        let parts: Vec<_> = self
-            .context
-            .objects
-            .get(object)
-            .await?
-            .try_collect()
-            .await?;
-        Ok(parts.concat())
+        Ok(Some(self.context.objects.read(&object).await?))
     }
 }

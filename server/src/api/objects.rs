@@ -133,9 +133,7 @@ impl ObjectApi {
         let object = checkpoint
             .manifest
             .ok_or_else(|| torn(format!("{name} has no manifest")))?;
-        let parts = self.context.objects.get(&object).await?;
-        let parts: Vec<_> = parts.try_collect().await?;
-        let manifest = Manifest::from_json(&parts.concat())
+        let manifest = Manifest::from_json(&self.context.objects.read(&object).await?)
             .map_err(|error| torn(format!("the manifest of {name}: {error}")))?;
         let data = manifest.objects.into_iter().map(|it| {
             let object = ObjectRef {

@@ -1,19 +1,14 @@
 //! Pages of lists: sizes, opaque tokens, and a limit on a page's bytes.
 
 use crate::{
-    config::MAX_MESSAGE_BYTES,
     error::RequestError,
     store::{Entry, Page},
 };
 use prost::Message;
-use yoto_proto::hex;
-
-/// Default number of entries of a page.
-const DEFAULT_SIZE: u32 = 100;
-/// Most entries of a page.
-const MAX_SIZE: u32 = 1000;
-/// A page of several entries stays below this, so that it fits into a message.
-const MAX_PAGE_BYTES: usize = MAX_MESSAGE_BYTES / 2;
+use yoto_proto::{
+    hex,
+    limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES, PAGE_ENTRIES},
+};
 
 /// The page of a list call.
 pub struct Request {
@@ -28,9 +23,9 @@ impl Request {
         let size = u32::try_from(size)
             .map_err(|_| RequestError::invalid("page_size", format!("{size} is below 0")))?;
         let size = if size == 0 {
-            DEFAULT_SIZE
+            PAGE_ENTRIES
         } else {
-            size.min(MAX_SIZE)
+            size.min(LONGEST_PAGE_ENTRIES)
         };
         let after = match token {
             "" => None,
@@ -66,7 +61,7 @@ impl Request {
         let (mut bytes, mut last) = (0, 0);
         for entry in entries {
             bytes += entry.item.encoded_len();
-            let full = items.len() >= self.size as usize || bytes > MAX_PAGE_BYTES;
+            let full = items.len() >= self.size as usize || bytes > PAGE_BYTES;
             if full && !items.is_empty() {
                 return (items, hex(format!("{}:{last}", self.list).as_bytes()));
             }

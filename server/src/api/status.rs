@@ -3,7 +3,7 @@
 //! Faults of a request are reported in full. Internal errors are logged here, once, and not
 //! reported: internal details help attackers, not callers.
 
-use crate::{error::RequestError, store::StoreError};
+use crate::{error::RequestError, objects::ObjectsError, store::StoreError};
 use std::collections::HashMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
@@ -26,9 +26,11 @@ impl From<RequestError> for Status {
                 let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
                 status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
             }
+            RequestError::CorruptChunk { .. } => status(Code::DataLoss, text, "CORRUPT_CHUNK", &[]),
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),
+            RequestError::Objects(error) if error.is_mismatch() => altered(&error),
             RequestError::Objects(error) => internal(&error),
         }
     }
@@ -78,6 +80,13 @@ fn invalid(text: String, field: String, message: String) -> Status {
     let mut details = ErrorDetails::with_error_info("INVALID_ARGUMENT", DOMAIN, metadata);
     details.add_bad_request_violation(field, message);
     Status::with_error_details(Code::InvalidArgument, text, details)
+}
+
+/// An object that is not what the catalogue says. Its key is for the operator alone.
+fn altered(error: &ObjectsError) -> Status {
+    tracing::error!(%error, "a stored object is missing or altered");
+    let text = "a stored object is missing or altered; see the coordinator's log".to_owned();
+    status(Code::DataLoss, text, "OBJECT_ALTERED", &[])
 }
 
 fn internal(error: &dyn std::error::Error) -> Status {

@@ -6,13 +6,13 @@ use crate::{
 };
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::v1::{
-    CollectGarbageRequest, CollectGarbageResponse, GarbageFolder,
-    storage_service_server::StorageService,
+use yoto_proto::{
+    limits::LONGEST_PAGE_ENTRIES,
+    v1::{
+        CollectGarbageRequest, CollectGarbageResponse, GarbageFolder,
+        storage_service_server::StorageService,
+    },
 };
-
-/// Most folders of one answer.
-const MAX_LISTED: usize = 1000;
 
 /// The object store, for operators.
 pub struct StorageApi {
@@ -37,7 +37,11 @@ impl StorageService for StorageApi {
             bytes: found.iter().map(bytes).sum(),
             due_bytes: found.iter().filter(|it| it.due).map(bytes).sum(),
             grace_seconds: grace.as_secs_f64(),
-            folders: found.into_iter().take(MAX_LISTED).map(listed).collect(),
+            folders: found
+                .into_iter()
+                .take(LONGEST_PAGE_ENTRIES as usize)
+                .map(listed)
+                .collect(),
         }))
     }
 }

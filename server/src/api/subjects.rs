@@ -4,17 +4,18 @@ use super::{fields, paging};
 use crate::{
     context::Context,
     error::RequestError,
-    objects::upload,
     store::{NewSubject, Target},
+    uploads,
 };
 use std::sync::Arc;
-use tonic::{Request, Response, Status, Streaming};
+use tonic::{Request, Response, Status};
 use yoto_proto::{
+    limits,
     names::Collection,
     v1::{
         Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-        GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, ListSubjectsResponse, Subject,
-        UploadCaptureRequest, UploadCaptureResponse, subject_service_server::SubjectService,
+        GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest,
+        ListSubjectsResponse, Subject, subject_service_server::SubjectService,
     },
 };
 
@@ -32,8 +33,8 @@ impl SubjectService for SubjectApi {
     ) -> Result<Response<Subject>, Status> {
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
-        if request.consent_note.len() > fields::MAX_CONSENT_NOTE {
-            let message = format!("is longer than {} bytes", fields::MAX_CONSENT_NOTE);
+        if request.consent_note.len() > limits::CONSENT_NOTE_BYTES {
+            let message = format!("is longer than {} bytes", limits::CONSENT_NOTE_BYTES);
             return Err(RequestError::invalid("consent_note", message).into());
         }
         let new = NewSubject {
@@ -67,24 +68,6 @@ impl SubjectService for SubjectApi {
         }))
     }
 
-    async fn upload_capture(
-        &self,
-        request: Request<Streaming<UploadCaptureRequest>>,
-    ) -> Result<Response<UploadCaptureResponse>, Status> {
-        // A separate task: when the caller disconnects, this future is dropped, but the
-        // upload must run until it has removed its files.
-        let receiving = upload::receive(Arc::clone(&self.context), request.into_inner());
-        let capture = tokio::spawn(receiving).await.map_err(|error| {
-            tracing::error!(%error, "an upload task ended early");
-            Status::internal("the upload ended early")
-        })??;
-        let ingest_job = capture.ingest_job.clone();
-        Ok(Response::new(UploadCaptureResponse {
-            capture: Some(capture),
-            ingest_job,
-        }))
-    }
-
     async fn get_capture(
         &self,
         request: Request<GetCaptureRequest>,
@@ -94,12 +77,25 @@ impl SubjectService for SubjectApi {
         Ok(Response::new(capture.map_err(RequestError::from)?))
     }
 
+    async fn ingest_capture(
+        &self,
+        request: Request<IngestCaptureRequest>,
+    ) -> Result<Response<Capture>, Status> {
+        let request = request.get_ref();
+        let key = fields::request_key("IngestCapture", &request.request_id, request)?;
+        let id = fields::id(Collection::Captures, "name", &request.name)?;
+        let capture = uploads::ingest_again(&self.context, &id, key).await?;
+        Ok(Response::new(capture))
+    }
+
     async fn delete_subject(
         &self,
         request: Request<DeleteSubjectRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let id = fields::id(Collection::Subjects, "name", &request.get_ref().name)?;
-        let deleted = self.context.store.delete(Target::Subject(&id)).await;
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteSubject", &request.request_id, request)?;
+        let id = fields::id(Collection::Subjects, "name", &request.name)?;
+        let deleted = self.context.store.delete(Target::Subject(&id), key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
@@ -107,8 +103,10 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteCaptureRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
-        let deleted = self.context.store.delete(Target::Capture(&id)).await;
+        let request = request.get_ref();
+        let key = fields::request_key("DeleteCapture", &request.request_id, request)?;
+        let id = fields::id(Collection::Captures, "name", &request.name)?;
+        let deleted = self.context.store.delete(Target::Capture(&id), key).await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 }

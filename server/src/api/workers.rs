@@ -1,6 +1,6 @@
 //! `yoto.v1.WorkerService`.
 
-use super::fields;
+use super::{fields, worker_text};
 use crate::{
     context::Context,
     error::RequestError,
@@ -43,7 +43,7 @@ fn ending(outcome: Option<Outcome>) -> Result<Ending, RequestError> {
         if error.code.is_empty() {
             return Err(RequestError::invalid(format!("{field}.code"), "is missing"));
         }
-        Ok(error)
+        Ok(worker_text::error(error))
     };
     match outcome {
         Some(Outcome::Succeeded(result)) => Ok(Ending::Succeeded(result)),
@@ -66,7 +66,7 @@ impl WorkerService for WorkerApi {
         if kinds.is_empty() {
             return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
         }
-        let device = request.device;
+        let device = request.device.map(worker_text::device);
         let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"))?;
         let display_name = fields::display_name(&request.display_name)?;
         let new = NewWorker {

@@ -31,10 +31,8 @@ pub async fn create(
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
     // Before every check: what was accepted once is accepted again, whatever has changed since.
-    if let Some(request) = &request
-        && let Some(job) = context.store.answered_job(request).await?
-    {
-        return Ok(job);
+    if let Some(id) = context.store.answered(request.as_ref()).await? {
+        return Ok(context.store.job(&id).await?);
     }
     spec::check_size(&new.spec)?;
     match &new.spec.kind {

@@ -71,6 +71,12 @@ pub async fn run(context: Arc<Context>) {
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
 pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, RequestError> {
     let _one_at_a_time = context.collecting.lock().await;
+    if !options.dry_run {
+        let idle = context.config.upload.expiry.as_secs_f64();
+        for upload in context.store.expire_uploads(idle).await? {
+            tracing::info!(upload, "an idle upload has ended by itself");
+        }
+    }
     // In this order: an object is written before a row names it, and noted before it is looked for.
     let known = context.store.garbage().await?;
     let folders = context.objects.folders().await?;

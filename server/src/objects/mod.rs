@@ -1,16 +1,16 @@
 //! The object store, for everything too large for the database.
 
+mod checked;
 pub mod collect;
 mod folders;
-mod paths;
+pub mod parts;
 pub mod room;
 pub mod upload;
 
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream::BoxStream};
 use object_store::{
-    GetOptions, GetRange, ObjectStore, ObjectStoreExt, WriteMultipart, local::LocalFileSystem,
-    path::Path as Key,
+    GetOptions, GetRange, ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key,
 };
 use std::{ops::Range, path::PathBuf, sync::Arc};
 use thiserror::Error;
@@ -46,7 +46,7 @@ pub enum ObjectsError {
         /// The store's error.
         cause: object_store::Error,
     },
-    /// The object differs from the catalogue.
+    /// The object has another size than in the catalogue.
     #[error("object '{key}' has {found} bytes, not {expected}")]
     Size {
         /// The key.
@@ -56,13 +56,23 @@ pub enum ObjectsError {
         /// Size in the store.
         found: u64,
     },
+    /// The object has the right size and other bytes than were written.
+    #[error("object '{key}' is altered: its SHA-256 is {found}, not {expected}")]
+    Altered {
+        /// The key.
+        key: String,
+        /// Checksum in the catalogue.
+        expected: String,
+        /// Checksum of what was read.
+        found: String,
+    },
 }
 
 impl ObjectsError {
     /// Whether the object is missing or differs, as opposed to a broken store.
     pub fn is_mismatch(&self) -> bool {
         match self {
-            Self::Size { .. } | Self::Key { .. } => true,
+            Self::Size { .. } | Self::Altered { .. } | Self::Key { .. } => true,
             Self::Store { cause, .. } => matches!(cause, object_store::Error::NotFound { .. }),
             Self::Url { .. } => false,
         }
@@ -136,21 +146,7 @@ impl Objects {
         put.map(drop).map_err(|cause| failed("writing", key, cause))
     }
 
-    /// Starts writing an object that may not fit into memory. It exists once the writer has
-    /// finished, not before.
-    ///
-    /// # Errors
-    /// When the key is malformed or the store fails.
-    pub async fn writer(&self, key: &str) -> Result<ObjectWriter, ObjectsError> {
-        let started = self.store.put_multipart(&parse(key)?).await;
-        let upload = started.map_err(|cause| failed("writing", key, cause))?;
-        Ok(ObjectWriter {
-            key: key.to_owned(),
-            parts: WriteMultipart::new_with_chunk_size(upload, PART_BYTES),
-        })
-    }
-
-    /// Streams an object.
+    /// Streams an object; the last item is an error if its bytes are not those of `object`.
     ///
     /// # Errors
     /// When it is missing or its size differs from `object`, or the store fails.
@@ -171,6 +167,7 @@ impl Objects {
         range: Option<Range<u64>>,
     ) -> Result<BoxStream<'static, Result<Bytes, ObjectsError>>, ObjectsError> {
         let key = object.key.clone();
+        let is_whole = range.as_ref().is_none_or(|it| *it == (0..object.bytes));
         let options = GetOptions {
             range: range.map(GetRange::Bounded),
             ..GetOptions::default()
@@ -178,10 +175,14 @@ impl Objects {
         let found = self.store.get_opts(&parse(&key)?, options).await;
         let found = found.map_err(|cause| failed("reading", &key, cause))?;
         same_size(object, found.meta.size)?;
-        Ok(found
+        let chunks = found
             .into_stream()
             .map_err(move |cause| failed("reading", &key, cause))
-            .boxed())
+            .boxed();
+        Ok(match is_whole {
+            true => checked::checked(object, chunks).boxed(),
+            false => chunks,
+        })
     }
 
     /// Checks that the object exists and has the size in `object`.
@@ -234,55 +235,6 @@ impl Objects {
     }
 }
 
-/// Bytes of one part of an object written piece by piece.
-pub const PART_BYTES: usize = 8 << 20;
-/// Parts on their way to the store at once.
-const PARTS_AT_ONCE: usize = 2;
-
-/// An object on its way into the store.
-#[derive(Debug)]
-pub struct ObjectWriter {
-    key: String,
-    parts: WriteMultipart,
-}
-
-impl ObjectWriter {
-    /// Appends `bytes`; waits while too many earlier parts are still being written.
-    ///
-    /// # Errors
-    /// When the store fails.
-    pub async fn write(&mut self, bytes: &[u8]) -> Result<(), ObjectsError> {
-        let free = self.parts.wait_for_capacity(PARTS_AT_ONCE).await;
-        free.map_err(|cause| failed("writing", &self.key, cause))?;
-        self.parts.write(bytes);
-        Ok(())
-    }
-
-    /// Completes the object and makes it visible.
-    ///
-    /// # Errors
-    /// When the store fails.
-    pub async fn finish(self) -> Result<(), ObjectsError> {
-        let Self { key, parts } = self;
-        let finished = parts.finish().await;
-        finished
-            .map(drop)
-            .map_err(|cause| failed("writing", &key, cause))
-    }
-
-    /// Discards the written parts.
-    ///
-    /// # Errors
-    /// When the store fails.
-    pub async fn abort(self) -> Result<(), ObjectsError> {
-        let Self { key, parts } = self;
-        parts
-            .abort()
-            .await
-            .map_err(|cause| failed("giving up", &key, cause))
-    }
-}
-
 fn parse(key: &str) -> Result<Key, ObjectsError> {
     Key::parse(key).map_err(|cause| ObjectsError::Key {
         key: key.to_owned(),
@@ -298,7 +250,7 @@ fn failed(action: &'static str, key: &str, cause: object_store::Error) -> Object
     }
 }
 
-fn local(action: &'static str, key: &str, error: std::io::Error) -> ObjectsError {
+pub(crate) fn local(action: &'static str, key: &str, error: std::io::Error) -> ObjectsError {
     let cause = object_store::Error::Generic {
         store: "local folder",
         source: Box::new(error),

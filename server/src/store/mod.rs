@@ -8,9 +8,9 @@ mod types;
 
 pub use sqlite::SqliteStore;
 pub use types::{
-    Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, LeasedJob, NewJob,
-    NewModel, NewSubject, NewWorker, Page, Reaped, Reference, RequestKey, StoreError, Target, Turn,
-    UploadedFile, new_id,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, LeasedJob,
+    NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey,
+    StoreError, Target, Turn, Upload, UploadFile, UploadedFile, new_id,
 };
 
 use crate::checkpoints::retention::Retention;
@@ -37,15 +37,39 @@ pub trait Store: Send + Sync + 'static {
     /// The shard of the subject's newest READY capture.
     async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError>;
 
-    /// Opens an upload: a capture in state UPLOADING. Returns its id.
-    async fn begin_capture(&self, subject_id: &str) -> Result<String, StoreError>;
-    /// Ends an upload: the capture is INGESTING and its ingest job QUEUED, or neither.
-    async fn finish_capture(&self, id: &str, files: &[UploadedFile])
-    -> Result<Capture, StoreError>;
-    /// Forgets a capture that is still UPLOADING; any other is not changed.
-    async fn discard_capture(&self, id: &str) -> Result<(), StoreError>;
-    /// Ids of the captures that are UPLOADING.
-    async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError>;
+    /// Opens an upload: a capture in state UPLOADING, with its files. Returns its id, or that of the
+    /// upload that `request` opened before.
+    async fn create_upload(
+        &self,
+        new: NewUpload,
+        request: Option<RequestKey>,
+    ) -> Result<String, StoreError>;
+    /// An upload by id, finished or not.
+    async fn upload(&self, id: &str) -> Result<Upload, StoreError>;
+    /// Records parts of an open upload that are on disk: all of them, or none.
+    async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError>;
+    /// Forgets the bytes of a file of an open upload.
+    async fn restart_file(&self, id: &str, path: &str) -> Result<(), StoreError>;
+    /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that
+    /// has ended is not changed.
+    async fn finish_upload(
+        &self,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError>;
+    /// Ends the open uploads without a write for so long, and notes their objects as garbage. Returns
+    /// their ids.
+    async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError>;
+    /// Queues another ingest job of a capture that is UPLOADED or REJECTED.
+    async fn ingest_capture(
+        &self,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError>;
+    /// What was answered to `request` before: an id, in most cases.
+    async fn answered(&self, request: Option<&RequestKey>) -> Result<Option<String>, StoreError>;
+    /// The files of a capture, by path.
+    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
     /// A capture by id.
     async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
 
@@ -64,9 +88,15 @@ pub trait Store: Send + Sync + 'static {
         &self,
         model_id: &str,
         subject_id: &str,
+        request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError>;
     /// Takes a subject's slot away, which no checkpoint knows yet.
-    async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError>;
+    async fn remove_identity(
+        &self,
+        model_id: &str,
+        subject_id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Model, StoreError>;
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
     /// All checkpoints of a model, newest first, with the reasons for which they are kept.
@@ -84,8 +114,12 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<Model, StoreError>;
 
     /// Deletes the rows of something that no open job uses, and notes its objects as garbage, in one
-    /// transaction.
-    async fn delete(&self, target: Target<'_>) -> Result<Deleted, StoreError>;
+    /// transaction; or repeats the earlier answer to `request`.
+    async fn delete(
+        &self,
+        target: Target<'_>,
+        request: Option<RequestKey>,
+    ) -> Result<Deleted, StoreError>;
     /// The folders that are known as garbage.
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError>;
     /// What refers to each of these folders of the object store.
@@ -96,8 +130,6 @@ pub trait Store: Send + Sync + 'static {
     /// Queues a job, or repeats the earlier answer to `request`.
     async fn create_job(&self, new: NewJob, request: Option<RequestKey>)
     -> Result<Job, StoreError>;
-    /// The job that an earlier call with the same key queued.
-    async fn answered_job(&self, request: &RequestKey) -> Result<Option<Job>, StoreError>;
     /// A job by id.
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
     /// A job by id, with its attempts.
@@ -165,8 +197,9 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<(), StoreError>;
     /// Commits a file of the leased render, in the place of an earlier one.
     async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError>;
-    /// Ends a lease. In the same transaction, an ingest job's capture becomes READY or REJECTED, and a
-    /// measured trade-off is stored with its checkpoint. A repeated call changes nothing.
+    /// Ends a lease. In the same transaction, an ingest job's capture becomes READY, REJECTED if its files
+    /// are at fault, or UPLOADED otherwise, and a measured trade-off is stored with its checkpoint. A
+    /// repeated call changes nothing.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
     /// Forgives an outage since the last call, then takes back jobs with expired leases; a job that lost
     /// `cap` workers without a checkpoint in between FAILS.

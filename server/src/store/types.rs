@@ -127,6 +127,54 @@ pub struct NewSubject {
     pub consent_note: String,
 }
 
+/// An upload to open.
+#[derive(Debug, Clone)]
+pub struct NewUpload {
+    /// Whose capture it is.
+    pub subject_id: String,
+    /// Its files, none of which is there yet.
+    pub files: Vec<UploadedFile>,
+}
+
+/// An upload, which is a capture as long as its files are written.
+#[derive(Debug, Clone)]
+pub struct Upload {
+    /// The id of its capture.
+    pub id: String,
+    /// Whose capture it is.
+    pub subject_id: String,
+    /// Whether it may still be written.
+    pub open: bool,
+    /// When it was last written, seconds since 1970 on the database's clock.
+    pub write_time: f64,
+    /// Its files, by path.
+    pub files: Vec<UploadFile>,
+}
+
+/// A file of an upload.
+#[derive(Debug, Clone)]
+pub struct UploadFile {
+    /// Relative to the capture.
+    pub path: String,
+    /// Size once it is complete.
+    pub bytes: u64,
+    /// Checksum once it is complete, lower-case hex.
+    pub sha256: String,
+    /// Bytes from its beginning that are on disk for good.
+    pub committed: u64,
+}
+
+/// Bytes of a file that are on disk, and follow what was committed of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CommittedPart {
+    /// The file's path.
+    pub path: String,
+    /// First byte.
+    pub from: u64,
+    /// Byte after the last.
+    pub to: u64,
+}
+
 /// A model to create.
 #[derive(Debug, Clone)]
 pub struct NewModel {

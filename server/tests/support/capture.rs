@@ -1,11 +1,12 @@
 //! Captures in the form that clients send.
 
 use yoto_proto::{
-    sha256_hex,
-    v1::{CaptureHeader, FileHeader, UploadCaptureRequest, upload_capture_request::Part},
+    crc32c, sha256_hex,
+    v1::{FileHeader, WriteUploadRequest},
 };
 
 /// A file of an upload: path, bytes, and the checksum to announce.
+#[derive(Clone)]
 pub struct File {
     pub path: String,
     pub bytes: Vec<u8>,
@@ -20,30 +21,36 @@ pub fn file(path: &str, bytes: &[u8]) -> File {
     }
 }
 
-/// The messages of an upload.
-pub fn parts(subject: &str, files: Vec<File>) -> Vec<UploadCaptureRequest> {
-    let mut parts = vec![Part::Header(CaptureHeader {
-        subject: subject.into(),
-    })];
-    for File {
-        path,
-        bytes,
-        sha256,
-    } in files
-    {
-        parts.push(Part::File(FileHeader {
-            path,
-            bytes: bytes.len() as u64,
-            sha256,
-        }));
-        parts.extend(
-            bytes
-                .chunks(7.max(bytes.len() / 64))
-                .map(|chunk| Part::Chunk(chunk.to_vec())),
-        );
+/// What an upload announces.
+pub fn headers(files: &[File]) -> Vec<FileHeader> {
+    let header = |file: &File| FileHeader {
+        path: file.path.clone(),
+        bytes: file.bytes.len() as u64,
+        sha256: file.sha256.clone(),
+    };
+    files.iter().map(header).collect()
+}
+
+/// A message of an upload.
+pub fn chunk(upload: &str, path: &str, offset: u64, bytes: &[u8]) -> WriteUploadRequest {
+    WriteUploadRequest {
+        upload: upload.into(),
+        path: path.into(),
+        offset,
+        chunk: bytes.to_vec().into(),
+        crc32c: crc32c(bytes),
     }
-    parts
-        .into_iter()
-        .map(|part| UploadCaptureRequest { part: Some(part) })
-        .collect()
+}
+
+/// All messages of an upload; small files in chunks of 7 bytes.
+pub fn chunks(upload: &str, files: &[File]) -> Vec<WriteUploadRequest> {
+    let mut messages = Vec::new();
+    for file in files {
+        let mut offset = 0;
+        for bytes in file.bytes.chunks(7.max(file.bytes.len() / 64)) {
+            messages.push(chunk(upload, &file.path, offset, bytes));
+            offset += bytes.len() as u64;
+        }
+    }
+    messages
 }

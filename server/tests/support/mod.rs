@@ -9,7 +9,7 @@
 mod capture;
 mod expect;
 
-pub use capture::{File, file, parts};
+pub use capture::{File, chunk, chunks, file, headers};
 pub use expect::{assert_invalid, assert_refused, eventually};
 
 use futures::stream;
@@ -24,15 +24,16 @@ use yoto_proto::{
     v1::{
         AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest,
         CollectGarbageResponse, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
-        EndJobRequest, GetCaptureRequest, GetJobRequest, GetSubjectRequest, IngestResult, Job,
-        JobError, JobKind, JobResult, JobSpec, Lease, LeaseJobRequest, ListCheckpointsRequest,
-        Model, ObjectRef, Orbit, PublishCheckpointRequest, RegisterWorkerRequest, RenderResult,
-        RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec, UploadCaptureResponse,
-        WorkerDevice, end_job_request::Outcome, job_result, job_service_client::JobServiceClient,
-        job_spec, model_service_client::ModelServiceClient,
-        object_service_client::ObjectServiceClient, render_service_client::RenderServiceClient,
-        render_spec::What, storage_service_client::StorageServiceClient,
-        subject_service_client::SubjectServiceClient, worker_service_client::WorkerServiceClient,
+        CreateUploadRequest, EndJobRequest, FinishUploadRequest, GetCaptureRequest, GetJobRequest,
+        GetSubjectRequest, GetUploadRequest, IngestResult, Job, JobError, JobKind, JobResult,
+        JobSpec, Lease, LeaseJobRequest, ListCheckpointsRequest, Model, ObjectRef, Orbit,
+        PublishCheckpointRequest, RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile,
+        Subject, TrainResult, TrainSpec, Upload, WorkerDevice, WriteUploadRequest,
+        end_job_request::Outcome, job_result, job_service_client::JobServiceClient, job_spec,
+        model_service_client::ModelServiceClient, object_service_client::ObjectServiceClient,
+        render_service_client::RenderServiceClient, render_spec::What,
+        storage_service_client::StorageServiceClient, subject_service_client::SubjectServiceClient,
+        upload_service_client::UploadServiceClient, worker_service_client::WorkerServiceClient,
     },
 };
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
@@ -156,20 +157,54 @@ impl Service {
             .into_inner()
     }
 
-    /// Uploads `files` in chunks of 7 bytes.
-    pub async fn upload(
-        &self,
-        subject: &str,
-        files: Vec<File>,
-    ) -> Result<UploadCaptureResponse, Status> {
-        let parts = parts(subject, files);
-        self.subjects()
-            .upload_capture(stream::iter(parts))
-            .await
-            .map(|answer| answer.into_inner())
+    pub fn uploads(&self) -> UploadServiceClient<Channel> {
+        UploadServiceClient::new(self.channel.clone())
     }
 
-    pub async fn upload_good(&self, subject: &str) -> UploadCaptureResponse {
+    /// Opens an upload of `files`.
+    pub async fn open_upload(&self, subject: &str, files: &[File]) -> Result<Upload, Status> {
+        let request = CreateUploadRequest {
+            subject: subject.into(),
+            files: headers(files),
+            request_id: String::new(),
+        };
+        let opened = self.uploads().create_upload(request).await;
+        opened.map(|answer| answer.into_inner())
+    }
+
+    /// Sends `messages` in one stream; the bytes that are committed then.
+    pub async fn write(&self, messages: Vec<WriteUploadRequest>) -> Result<u64, Status> {
+        let written = self.uploads().write_upload(stream::iter(messages)).await;
+        written.map(|answer| answer.into_inner().committed_bytes)
+    }
+
+    /// An upload, once nobody writes to it.
+    pub async fn get_upload(&self, name: &str) -> Result<Upload, Status> {
+        let request = GetUploadRequest {
+            name: name.into(),
+            stop_writer: true,
+        };
+        let upload = self.uploads().get_upload(request).await;
+        upload.map(|answer| answer.into_inner())
+    }
+
+    pub async fn finish(&self, upload: &str) -> Result<Capture, Status> {
+        let request = FinishUploadRequest {
+            name: upload.into(),
+            request_id: String::new(),
+        };
+        let finished = self.uploads().finish_upload(request).await;
+        finished.map(|answer| answer.into_inner())
+    }
+
+    /// Uploads `files` in one stream.
+    pub async fn upload(&self, subject: &str, files: Vec<File>) -> Result<Capture, Status> {
+        let upload = self.open_upload(subject, &files).await?.name;
+        self.write(chunks(&upload, &files)).await?;
+        self.finish(&upload).await
+    }
+
+    pub async fn upload_good(&self, subject: &str) -> Capture {
         let files = vec![
             file("poses.json", b"{}"),
             file("frames/000000.png", b"not looked at"),
@@ -314,6 +349,7 @@ impl Service {
         let request = AddIdentityRequest {
             model: model.clone(),
             subject,
+            ..<_>::default()
         };
         self.models()
             .add_identity(request)

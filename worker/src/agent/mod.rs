@@ -16,6 +16,7 @@ use crate::{
 use leased::Leased;
 use std::{
     future::Future,
+    path::PathBuf,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -27,6 +28,7 @@ use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
+use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::{
     JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest,
     worker_service_client::WorkerServiceClient,
@@ -41,8 +43,6 @@ pub const KINDS: &[JobKind] = &[
 ];
 /// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
-/// Largest answer, bytes: a lease names every file of a capture of 100,000 frames.
-const MAX_ANSWER_BYTES: usize = 128 << 20;
 
 /// Settings of a worker; the default suits embedded and separate workers.
 #[derive(Debug, Clone)]
@@ -66,6 +66,9 @@ pub struct WorkerConfig {
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
+    /// Where the files of a running job are: an upload to read, a checkpoint to load or save. Created if
+    /// missing.
+    pub scratch: PathBuf,
     /// Called after each job, e.g. to give memory back to the system.
     pub after_job: fn(),
 }
@@ -82,6 +85,7 @@ impl Default for WorkerConfig {
             drain_seconds: 10.0,
             ingest: IngestSettings::default(),
             lpips: None,
+            scratch: std::env::temp_dir(),
             after_job: || {},
         }
     }
@@ -107,6 +111,14 @@ pub enum WorkerError {
         /// Length of the silence.
         seconds: u64,
     },
+    /// There is no place for the files of a job.
+    #[error("the scratch folder {}", folder.display())]
+    Scratch {
+        /// The folder.
+        folder: PathBuf,
+        /// Why it can't be used.
+        source: std::io::Error,
+    },
     /// A pause in the configuration is invalid.
     #[error("{field} is {value}: not a number of seconds")]
     Config {
@@ -131,6 +143,7 @@ pub struct Worker {
     drain: Duration,
     ingest: Arc<IngestSettings>,
     lpips: Option<LpipsWeights>,
+    scratch: PathBuf,
     after_job: fn(),
 }
 
@@ -139,15 +152,19 @@ impl Worker {
     /// objects at `objects_url` (`file:///…`), and computes on `device`.
     ///
     /// # Errors
-    /// When the object store does not open or a setting is invalid.
+    /// When the object store does not open, or a setting is invalid.
     pub fn new(
         channel: Channel,
         objects_url: &str,
         device: PickedDevice,
         config: WorkerConfig,
     ) -> Result<Self, WorkerError> {
+        std::fs::create_dir_all(&config.scratch).map_err(|source| WorkerError::Scratch {
+            folder: config.scratch.clone(),
+            source,
+        })?;
         Ok(Self {
-            client: WorkerServiceClient::new(channel).max_decoding_message_size(MAX_ANSWER_BYTES),
+            client: WorkerServiceClient::new(channel).max_decoding_message_size(ANSWER_BYTES),
             objects: Objects::from_url(objects_url)?,
             device,
             display_name: config.display_name,
@@ -159,6 +176,7 @@ impl Worker {
             drain: seconds("drain_seconds", config.drain_seconds)?,
             ingest: Arc::new(config.ingest),
             lpips: config.lpips,
+            scratch: config.scratch,
             after_job: config.after_job,
         })
     }

@@ -104,7 +104,7 @@ fn download(
         },
         Err(reason) => return Ok(Err(reason)),
     };
-    let folder = TempDir::new().map_err(|error| local(&error))?;
+    let folder = context.folder().map_err(|error| local(&error))?;
     // A checkpoint is complete without occupancy grids, for early ones have none, and without
     // refined poses and exposures.
     let optional = manifest.objects.iter().map(|it| &*it.file);

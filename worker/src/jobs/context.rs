@@ -11,9 +11,11 @@ use bytes::Bytes;
 use std::{
     convert::Infallible,
     future::Future,
+    path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
     time::{Duration, Instant},
 };
+use tempfile::TempDir;
 use tokio::{runtime::Handle, sync::watch, time::timeout};
 use tonic::{Status, transport::Channel};
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -43,6 +45,8 @@ pub struct JobContext {
     pub ingest: Arc<IngestSettings>,
     /// Weights of the networks of LPIPS, where there are any.
     pub lpips: Option<LpipsWeights>,
+    /// Where the job's files are as long as it runs.
+    pub(crate) scratch: PathBuf,
     pub(crate) objects: Objects,
     pub(crate) client: WorkerServiceClient<Channel>,
     pub(crate) progress: watch::Sender<Progress>,
@@ -57,6 +61,16 @@ impl JobContext {
     /// When the coordinator sent a name other than `jobs/{id}`.
     pub fn job_id(&self) -> Result<&str, JobFailure> {
         id(Collection::Jobs, &self.claim.job)
+    }
+
+    /// A new folder for files of this job, which is removed with all that is in it.
+    ///
+    /// # Errors
+    /// When the scratch folder of this machine can't be written.
+    pub(crate) fn folder(&self) -> std::io::Result<TempDir> {
+        tempfile::Builder::new()
+            .prefix("yoto-job-")
+            .tempdir_in(&self.scratch)
     }
 
     /// Checks whether the job may continue.

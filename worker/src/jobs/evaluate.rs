@@ -367,7 +367,7 @@ mod tests {
             builder.push(image).expect("fits");
         }
         let shard = builder.finish().expect("complete");
-        let pictures = held_out(&shard, 16).expect("good frames");
+        let pictures = held_out(&shard, 16, None).expect("good frames");
         let indices: Vec<u32> = pictures.iter().map(|picture| picture.index).collect();
         let expected: Vec<u32> = [10, 30]
             .map(|at: usize| shard.track.frames[at].index)

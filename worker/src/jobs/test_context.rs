@@ -25,6 +25,7 @@ pub(crate) fn context() -> JobContext {
         control: Arc::new(JobControl::new(Instant::now() + Duration::from_secs(600))),
         ingest: Arc::default(),
         lpips: None,
+        scratch: std::env::temp_dir(),
         objects: Objects::from_store(Arc::new(InMemory::new())),
         client: WorkerServiceClient::new(channel),
         progress: watch::Sender::default(),

@@ -1,18 +1,13 @@
-//! Captures: from the upload's first byte to READY or REJECTED.
+//! Captures: what their ingest jobs have made of them.
 
-use super::{
-    jobs,
-    rows::{Columns, During, integer, state},
-};
-use crate::store::{NewJob, StoreError, UploadedFile, new_id};
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use super::rows::{Columns, During, integer, state};
+use crate::store::{StoreError, UploadedFile};
+use sqlx::SqliteConnection;
 use yoto_proto::{
+    limits,
     names::Collection,
-    v1::{Capture, IngestResult, IngestSpec, JobSpec, Violation, capture, job_spec},
+    v1::{Capture, IngestResult, Violation, capture},
 };
-
-/// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
-const ROWS_A_STATEMENT: usize = 4000;
 
 fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {
@@ -20,92 +15,13 @@ fn not_found(id: &str) -> StoreError {
     }
 }
 
-/// Opens an upload.
-pub async fn begin(conn: &mut SqliteConnection, subject_id: &str) -> Result<String, StoreError> {
-    let id = new_id();
-    let done =
-        sqlx::query("INSERT INTO captures (id, subject) SELECT ?1, id FROM subjects WHERE id = ?2")
-            .bind(&id)
-            .bind(subject_id)
-            .execute(conn)
-            .await
-            .during("opening an upload")?;
-    if done.rows_affected() == 0 {
-        return Err(StoreError::NotFound {
-            name: Collection::Subjects.name(subject_id),
-        });
-    }
-    Ok(id)
-}
-
-/// Ends an upload and queues its ingest job.
-pub async fn finish(
-    conn: &mut SqliteConnection,
-    id: &str,
-    files: &[UploadedFile],
-    now: f64,
-) -> Result<Capture, StoreError> {
-    let done = sqlx::query(
-        "UPDATE captures SET state = 'INGESTING' WHERE id = ?1 AND state = 'UPLOADING'",
-    )
-    .bind(id)
-    .execute(&mut *conn)
-    .await
-    .during("ending an upload")?;
-    if done.rows_affected() == 0 {
-        return Err(not_found(id));
-    }
-    for chunk in files.chunks(ROWS_A_STATEMENT) {
-        let mut rows = Vec::with_capacity(chunk.len());
-        for file in chunk {
-            rows.push((&file.path, integer("file.bytes", file.bytes)?, &file.sha256));
-        }
-        QueryBuilder::<Sqlite>::new("INSERT INTO capture_files (capture, path, bytes, sha256) ")
-            .push_values(rows, |mut row, (path, bytes, sha256)| {
-                row.push_bind(id)
-                    .push_bind(path)
-                    .push_bind(bytes)
-                    .push_bind(sha256);
-            })
-            .build()
-            .execute(&mut *conn)
-            .await
-            .during("recording a capture's files")?;
-    }
-    let ingest = IngestSpec {
-        capture: Collection::Captures.name(id),
-    };
-    let spec = JobSpec {
-        kind: Some(job_spec::Kind::Ingest(ingest)),
-    };
-    jobs::insert(conn, NewJob::normal(spec), now).await?;
-    get(conn, id).await
-}
-
-/// Deletes an unfinished upload.
-pub async fn discard(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
-    sqlx::query("DELETE FROM captures WHERE id = ?1 AND state = 'UPLOADING'")
-        .bind(id)
-        .execute(conn)
-        .await
-        .during("deleting an upload")?;
-    Ok(())
-}
-
-/// Ids of captures with an unfinished upload.
-pub async fn unfinished(conn: &mut SqliteConnection) -> Result<Vec<String>, StoreError> {
-    let rows = sqlx::query("SELECT id FROM captures WHERE state = 'UPLOADING' ORDER BY ord")
-        .fetch_all(conn)
-        .await
-        .during("listing unfinished uploads")?;
-    rows.iter().map(|row| row.text("id")).collect()
-}
-
 /// A capture by id.
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, StoreError> {
     let row = sqlx::query(
-        "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size, j.id AS ingest_job
-         FROM captures c LEFT JOIN jobs j ON j.capture = c.id WHERE c.id = ?1",
+        "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
+             (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
+                 AS ingest_job
+         FROM captures c WHERE c.id = ?1",
     )
     .bind(id)
     .fetch_optional(&mut *conn)
@@ -210,6 +126,16 @@ pub async fn accept(
     Ok(())
 }
 
+/// The capture was not read, through no fault of its files: it is UPLOADED, and can be read again.
+pub async fn put_back(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
+    sqlx::query("UPDATE captures SET state = 'UPLOADED' WHERE id = ?1")
+        .bind(id)
+        .execute(conn)
+        .await
+        .during("marking a capture UPLOADED")?;
+    Ok(())
+}
+
 /// The capture could not be ingested: it is REJECTED, with the reasons.
 pub async fn reject(
     conn: &mut SqliteConnection,
@@ -221,7 +147,7 @@ pub async fn reject(
         .execute(&mut *conn)
         .await
         .during("marking a capture REJECTED")?;
-    for (number, violation) in (0_i64..).zip(violations) {
+    for (number, violation) in (0_i64..).zip(violations.iter().take(limits::VIOLATIONS)) {
         sqlx::query(
             "INSERT INTO capture_violations (capture, number, code, file, frame, field, message)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",

@@ -4,11 +4,11 @@
 //! model's checkpoints would still hold what it has learned of them, without anybody to account for it.
 
 use super::{
-    captures, checkpoints, garbage, jobs, models, pins,
+    captures, checkpoints, garbage, jobs, models, pins, requests,
     rows::{Columns, During},
-    subjects,
+    subjects, uploads,
 };
-use crate::store::{StoreError, Target};
+use crate::store::{RequestKey, StoreError, Target};
 use sqlx::SqliteConnection;
 use yoto_proto::{
     keys,
@@ -17,17 +17,45 @@ use yoto_proto::{
     v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
 };
 
-/// Deletes `target` and what goes with it.
+/// Deletes `target` and what goes with it, or repeats what `request` deleted before.
 pub async fn delete(
     conn: &mut SqliteConnection,
     target: Target<'_>,
+    request: Option<RequestKey>,
 ) -> Result<Deleted, StoreError> {
-    match target {
+    if let Some(answer) = requests::answered(conn, request.as_ref()).await? {
+        return counted(&answer);
+    }
+    let deleted = match target {
         Target::Subject(id) => subject(conn, id).await,
         Target::Capture(id) => capture(conn, id).await,
         Target::Model(id) => model(conn, id).await,
         Target::Checkpoint { model, step } => checkpoint(conn, model, step).await,
         Target::Job(id) => job(conn, id).await,
+    }?;
+    let Deleted {
+        captures,
+        checkpoints,
+        jobs,
+    } = deleted;
+    let answer = format!("{captures} {checkpoints} {jobs}");
+    requests::remember(conn, request.as_ref(), &answer).await?;
+    Ok(deleted)
+}
+
+/// The numbers in a stored answer.
+fn counted(answer: &str) -> Result<Deleted, StoreError> {
+    let numbers: Result<Vec<u32>, _> = answer.split(' ').map(str::parse).collect();
+    match numbers.as_deref() {
+        Ok(&[captures, checkpoints, jobs]) => Ok(Deleted {
+            captures,
+            checkpoints,
+            jobs,
+        }),
+        _ => Err(StoreError::Corrupt {
+            what: "request_ids.answer",
+            detail: answer.to_owned(),
+        }),
     }
 }
 
@@ -158,27 +186,20 @@ async fn subject(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, Store
     Ok(deleted)
 }
 
-/// Deletes a capture with its ingest job, unless it is still on its way.
+/// Deletes a capture with its ingest jobs, unless one is open. An open upload ends.
 async fn remove_capture(
     conn: &mut SqliteConnection,
     id: &str,
     capture: &Capture,
 ) -> Result<Deleted, StoreError> {
-    match capture.state() {
-        capture::State::Uploading => {
-            let message = format!("{} is still being uploaded", capture.name);
-            return Err(refuse("CAPTURE_UPLOADING", message));
-        }
-        capture::State::Ingesting => {
-            return Err(pins::in_use(
-                &capture.ingest_job,
-                &capture.name,
-                "CAPTURE_BUSY",
-            ));
-        }
-        _ => {}
+    if capture.state() == capture::State::Ingesting {
+        return Err(pins::in_use(
+            &capture.ingest_job,
+            &capture.name,
+            "CAPTURE_BUSY",
+        ));
     }
-    garbage::deleted(conn, &format!("uploads/{id}")).await?;
+    uploads::forget(conn, id).await?;
     garbage::deleted(conn, &format!("captures/{id}")).await?;
     let jobs = run(conn, "DELETE FROM jobs WHERE capture = ?1", id).await?;
     let captures = run(conn, "DELETE FROM captures WHERE id = ?1", id).await?;

@@ -1,7 +1,8 @@
 //! Folders of the object store that nothing refers to.
 //!
 //! A folder without a reference never gets one again: rows name only folders of a lease that runs, and
-//! tokens only grow. A folder that was noted as deleted is never named again either.
+//! tokens only grow. The files of a rejected capture alone may be needed again: what reads them anew is
+//! not done beside a collection. A folder that was noted as deleted is never named again either.
 
 use super::rows::{Columns, During};
 use crate::store::{KnownGarbage, Reference, StoreError};
@@ -98,8 +99,8 @@ pub async fn references(
     Ok(references)
 }
 
-/// Whether a row names objects of the folder `key`. The files of an upload are needed until its ingest
-/// job has ended.
+/// Whether a row names objects of the folder `key`. The files of an upload are needed until an ingest job
+/// has read them.
 async fn named(
     conn: &mut SqliteConnection,
     key: &str,
@@ -110,7 +111,7 @@ async fn named(
         Folder::Upload { capture } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
-                     WHERE id = ?1 AND state IN ('UPLOADING', 'INGESTING')) AS found",
+                     WHERE id = ?1 AND state IN ('UPLOADING', 'UPLOADED', 'INGESTING')) AS found",
             )
             .bind(capture)
             .fetch_one(conn)

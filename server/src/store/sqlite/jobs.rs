@@ -95,17 +95,6 @@ pub async fn create(
     get(conn, &id).await
 }
 
-/// The job that `request` queued or cancelled before.
-pub async fn answered(
-    conn: &mut SqliteConnection,
-    request: Option<&RequestKey>,
-) -> Result<Option<Job>, StoreError> {
-    match requests::answered(conn, request).await? {
-        Some(id) => get(conn, &id).await.map(Some),
-        None => Ok(None),
-    }
-}
-
 /// Queues a job and returns its id. The names in the order were parsed before.
 pub async fn insert(
     conn: &mut SqliteConnection,
@@ -283,8 +272,8 @@ pub async fn cancel(
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Job, StoreError> {
-    if let Some(job) = answered(conn, request.as_ref()).await? {
-        return Ok(job);
+    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
+        return get(conn, &id).await;
     }
     let job = get(conn, id).await?;
     if job.state() == job::State::Queued {

@@ -19,6 +19,7 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
     let storage = include_str!("../../../../migrations/sqlite/0008_storage.sql").into_sql_str();
     let jobs = include_str!("../../../../migrations/sqlite/0009_jobs.sql").into_sql_str();
+    let uploads = include_str!("../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -33,5 +34,6 @@ pub fn migrations() -> Migrator {
         step(7, "checkpoint shards", shards, false),
         step(8, "storage", storage, false),
         step(9, "jobs", jobs, false),
+        step(10, "uploads", uploads, true),
     ])
 }

@@ -24,18 +24,19 @@ mod subjects;
 mod turn;
 #[cfg(test)]
 mod upgrade_tests;
+mod uploads;
 mod workers;
 
 use super::{
-    Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob, NewModel,
-    NewSubject, NewWorker, Page, Reaped, Reference, RequestKey, Store, StoreError, Target, Turn,
-    UploadedFile,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob,
+    NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
+    StoreError, Target, Turn, Upload, UploadedFile,
 };
 use crate::{checkpoints::retention::Retention, clock::Clock};
 use async_trait::async_trait;
 use rows::During;
 use sqlx::{
-    Sqlite, SqlitePool, Transaction,
+    Acquire, Sqlite, SqlitePool, Transaction,
     pool::PoolConnection,
     sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
 };
@@ -140,32 +141,71 @@ impl Store for SqliteStore {
         subjects::shard(&mut *self.read().await?, subject_id).await
     }
 
-    async fn begin_capture(&self, subject_id: &str) -> Result<String, StoreError> {
+    async fn create_upload(
+        &self,
+        new: NewUpload,
+        request: Option<RequestKey>,
+    ) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = captures::begin(&mut tx, subject_id).await?;
+        let id = uploads::create(&mut tx, new, request).await?;
         commit(tx).await?;
         Ok(id)
     }
 
-    async fn finish_capture(
+    async fn upload(&self, id: &str) -> Result<Upload, StoreError> {
+        let mut conn = self.read().await?;
+        // Both of its reads see the same state.
+        let mut tx = conn.begin().await.during("starting to read an upload")?;
+        uploads::get(&mut tx, id).await
+    }
+
+    async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        uploads::commit(&mut tx, id, parts).await?;
+        commit(tx).await
+    }
+
+    async fn restart_file(&self, id: &str, path: &str) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        uploads::restart(&mut tx, id, path).await?;
+        commit(tx).await
+    }
+
+    async fn finish_upload(
         &self,
         id: &str,
-        files: &[UploadedFile],
+        request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
         let mut tx = self.write().await?;
-        let capture = captures::finish(&mut tx, id, files, self.clock.now()).await?;
+        let capture = uploads::finish(&mut tx, id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(capture)
     }
 
-    async fn discard_capture(&self, id: &str) -> Result<(), StoreError> {
+    async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError> {
         let mut tx = self.write().await?;
-        captures::discard(&mut tx, id).await?;
-        commit(tx).await
+        let ended = uploads::expire(&mut tx, idle_seconds).await?;
+        commit(tx).await?;
+        Ok(ended)
     }
 
-    async fn unfinished_captures(&self) -> Result<Vec<String>, StoreError> {
-        captures::unfinished(&mut *self.read().await?).await
+    async fn ingest_capture(
+        &self,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError> {
+        let mut tx = self.write().await?;
+        let capture = uploads::ingest_again(&mut tx, id, request, self.clock.now()).await?;
+        commit(tx).await?;
+        Ok(capture)
+    }
+
+    async fn answered(&self, request: Option<&RequestKey>) -> Result<Option<String>, StoreError> {
+        requests::answered(&mut *self.read().await?, request).await
+    }
+
+    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
+        captures::files(&mut *self.read().await?, id).await
     }
 
     async fn capture(&self, id: &str) -> Result<Capture, StoreError> {
@@ -195,16 +235,22 @@ impl Store for SqliteStore {
         &self,
         model_id: &str,
         subject_id: &str,
+        request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError> {
         let mut tx = self.write().await?;
-        let slot = models::add_identity(&mut tx, model_id, subject_id).await?;
+        let slot = models::add_identity(&mut tx, model_id, subject_id, request).await?;
         commit(tx).await?;
         Ok(slot)
     }
 
-    async fn remove_identity(&self, model_id: &str, subject_id: &str) -> Result<Model, StoreError> {
+    async fn remove_identity(
+        &self,
+        model_id: &str,
+        subject_id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::remove_identity(&mut tx, model_id, subject_id).await?;
+        let model = models::remove_identity(&mut tx, model_id, subject_id, request).await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -233,9 +279,13 @@ impl Store for SqliteStore {
         Ok(model)
     }
 
-    async fn delete(&self, target: Target<'_>) -> Result<Deleted, StoreError> {
+    async fn delete(
+        &self,
+        target: Target<'_>,
+        request: Option<RequestKey>,
+    ) -> Result<Deleted, StoreError> {
         let mut tx = self.write().await?;
-        let deleted = deletion::delete(&mut tx, target).await?;
+        let deleted = deletion::delete(&mut tx, target, request).await?;
         commit(tx).await?;
         Ok(deleted)
     }
@@ -263,10 +313,6 @@ impl Store for SqliteStore {
         let job = jobs::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(job)
-    }
-
-    async fn answered_job(&self, request: &RequestKey) -> Result<Option<Job>, StoreError> {
-        jobs::answered(&mut *self.read().await?, Some(request)).await
     }
 
     async fn job(&self, id: &str) -> Result<Job, StoreError> {

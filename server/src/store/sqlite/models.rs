@@ -165,8 +165,30 @@ pub async fn list(
     Ok(entries)
 }
 
-/// Gives a READY subject the next slot, or returns its existing slot.
+/// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`:
+/// a slot that was removed since is not given anew.
 pub async fn add_identity(
+    conn: &mut SqliteConnection,
+    model_id: &str,
+    subject_id: &str,
+    request: Option<RequestKey>,
+) -> Result<IdentitySlot, StoreError> {
+    if let Some(slot) = requests::answered(conn, request.as_ref()).await? {
+        return Ok(IdentitySlot {
+            slot: slot.parse().map_err(|_| StoreError::Corrupt {
+                what: "request_ids.answer",
+                detail: slot,
+            })?,
+            subject: Collection::Subjects.name(subject_id),
+            trained: false,
+        });
+    }
+    let slot = next_identity(conn, model_id, subject_id).await?;
+    requests::remember(conn, request.as_ref(), &slot.slot.to_string()).await?;
+    Ok(slot)
+}
+
+async fn next_identity(
     conn: &mut SqliteConnection,
     model_id: &str,
     subject_id: &str,
@@ -222,7 +244,11 @@ pub async fn remove_identity(
     conn: &mut SqliteConnection,
     model_id: &str,
     subject_id: &str,
+    request: Option<RequestKey>,
 ) -> Result<Model, StoreError> {
+    if requests::answered(conn, request.as_ref()).await?.is_some() {
+        return get(conn, model_id).await;
+    }
     let model = get(conn, model_id).await?;
     let name = Collection::Subjects.name(subject_id);
     let Some(slot) = model.slots.iter().find(|slot| slot.subject == name) else {
@@ -247,5 +273,6 @@ pub async fn remove_identity(
         .execute(&mut *conn)
         .await
         .during("removing a slot")?;
+    requests::remember(conn, request.as_ref(), model_id).await?;
     get(conn, model_id).await
 }

@@ -10,9 +10,8 @@ use crate::{
 };
 use prost::Message;
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    pose_track::violation,
-    v1::{JobError, JobResult, Progress, Violation, job, job_attempt::Outcome, job_result},
+use yoto_proto::v1::{
+    JobError, JobResult, Progress, Violation, job, job_attempt::Outcome, job_result,
 };
 
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
@@ -141,12 +140,7 @@ pub async fn fail_after(
         error: Some(&error),
     };
     let row = finish(conn, lease, end, now).await?;
-    if error.violations.is_empty() {
-        let found = violation(&error.code, "", None, "", &error.message);
-        reject(conn, &row, &[found]).await
-    } else {
-        reject(conn, &row, &error.violations).await
-    }
+    end_ingest(conn, &row, &error.violations).await
 }
 
 /// Ends the leased job as CANCELLED.
@@ -162,7 +156,7 @@ pub async fn cancel(
         error: None,
     };
     let row = finish(conn, lease, end, now).await?;
-    reject(conn, &row, &[cancelled()]).await
+    end_ingest(conn, &row, &[]).await
 }
 
 /// Returns the leased job to its old place in the queue; `outcome` is that of the attempt.
@@ -262,22 +256,20 @@ pub async fn cancel_queued(
     .await
     .during("cancelling a queued job")?;
     match row {
-        Some(row) => reject(conn, &row, &[cancelled()]).await,
+        Some(row) => end_ingest(conn, &row, &[]).await,
         None => Ok(()),
     }
 }
 
-fn cancelled() -> Violation {
-    violation("CANCELLED", "", None, "", "the ingest job was cancelled")
-}
-
-/// Rejects the capture of an ended ingest job; other jobs have no capture.
-async fn reject(
+/// What becomes of the capture of an ingest job without a result; other jobs have no capture. Only a
+/// fault of its files rejects it.
+async fn end_ingest(
     conn: &mut SqliteConnection,
     job: &SqliteRow,
     violations: &[Violation],
 ) -> Result<(), StoreError> {
     match job.maybe_text("capture")? {
+        Some(capture) if violations.is_empty() => captures::put_back(conn, &capture).await,
         Some(capture) => captures::reject(conn, &capture, violations).await,
         None => Ok(()),
     }

@@ -13,7 +13,8 @@ use sqlx::{
 use std::sync::Arc;
 use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
 
-/// A model with a checkpoint, trained by a job that ended, and a job that waits.
+/// A model with a checkpoint, trained by a job that ended, and a job that waits; a rejected capture, and
+/// an upload that broke off.
 const CONTENT: &str = "
     INSERT INTO models (id, display_name, tier, variant) VALUES ('m', 'm', 'draft', 'yoto');
     INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes)
@@ -26,6 +27,11 @@ const CONTENT: &str = "
     INSERT INTO checkpoints
         (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes)
         VALUES ('m', 40, 'trained', 'k', 1, 's', 1);
+    INSERT INTO subjects (id, display_name, consent_note) VALUES ('s', 's', '');
+    INSERT INTO captures (id, subject, state) VALUES ('c', 's', 'REJECTED'), ('u', 's', 'UPLOADING');
+    INSERT INTO capture_files (capture, path, bytes, sha256) VALUES ('c', 'poses.json', 2, 'x');
+    INSERT INTO jobs (ord, id, kind, capture, state, spec, end_time)
+        VALUES (8, 'read', 'ingest', 'c', 'FAILED', x'', 1.5);
 ";
 
 #[tokio::test]
@@ -101,9 +107,32 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         .await
         .expect("a checkpoint outlives its job");
     assert_eq!(store.checkpoints("m", 9).await.expect("is kept").len(), 1);
+    captures_are_kept(&store).await;
     store.close().await;
 
     SqliteStore::open(&path, Arc::new(SystemClock))
         .await
         .expect("opens again");
+}
+
+/// A capture has its files and its job, and can be read again; an upload that broke off stays open.
+async fn captures_are_kept(store: &SqliteStore) {
+    let uploaded = store.upload("c").await.expect("is kept");
+    let file = &uploaded.files[0];
+    assert!(!uploaded.open && file.committed == file.bytes);
+    assert!(store.upload("u").await.expect("is kept").open);
+    let subject = store.subject("s").await.expect("is kept");
+    assert_eq!(subject.captures, ["captures/c", "captures/u"]);
+    let rejected = store.capture("c").await.expect("is kept");
+    assert_eq!(rejected.ingest_job, "jobs/read");
+    let again = store.ingest_capture("c", None).await.expect("is queued");
+    assert_ne!(again.ingest_job, rejected.ingest_job);
+    let ended = store.expire_uploads(0.0).await.expect("ends");
+    assert_eq!(ended, ["u"]);
+    let error = store
+        .writer
+        .execute("DELETE FROM captures WHERE id = 'c'")
+        .await
+        .expect_err("a job refers to it");
+    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
 }

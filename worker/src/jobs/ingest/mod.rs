@@ -21,12 +21,9 @@ pub fn run(
     spec: &IngestSpec,
     inputs: &Inputs,
 ) -> Result<IngestResult, JobFailure> {
-    let folder = tempfile::Builder::new()
-        .prefix("yoto-ingest-")
-        .tempdir()
-        .map_err(|error| {
-            JobFailure::try_later("MACHINE", "making a folder for the upload", &error)
-        })?;
+    let folder = context.folder().map_err(|error| {
+        JobFailure::try_later("MACHINE", "making a folder for the upload", &error)
+    })?;
     let mut files = Files::new();
     for (number, file) in inputs.files.iter().enumerate() {
         context.check()?;

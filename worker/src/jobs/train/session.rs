@@ -206,7 +206,7 @@ impl<'a> Session<'a> {
     /// Writes the checkpoint of this step to this machine's disk.
     fn save(&mut self) -> Result<(TempDir, Saved), JobFailure> {
         let progress = self.trainer.progress();
-        let folder = tempfile::tempdir().map_err(|error| local(&error))?;
+        let folder = self.context.folder().map_err(|error| local(&error))?;
         self.trainer
             .save(folder.path())
             .map_err(|error| JobFailure::machine("saving a checkpoint", &error))?;

@@ -4,9 +4,7 @@
 //! keep it inside its capture on every store and every file system.
 
 use std::collections::HashSet;
-
-/// Longest path, bytes.
-const MAX_BYTES: usize = 200;
+use yoto_proto::limits::PATH_BYTES;
 
 /// The paths of one capture so far.
 #[derive(Debug, Default)]
@@ -39,9 +37,9 @@ impl CapturePaths {
 }
 
 fn check(path: &str) -> Result<(), String> {
-    if path.is_empty() || path.len() > MAX_BYTES {
+    if path.is_empty() || path.len() > PATH_BYTES {
         return Err(format!(
-            "a path has 1 to {MAX_BYTES} bytes, not {}",
+            "a path has 1 to {PATH_BYTES} bytes, not {}",
             path.len()
         ));
     }
@@ -73,7 +71,7 @@ mod tests {
         ] {
             assert_eq!(paths.add(good), Ok(()), "{good}");
         }
-        let long = "x".repeat(MAX_BYTES + 1);
+        let long = "x".repeat(PATH_BYTES + 1);
         for bad in [
             "",
             "/etc/passwd",

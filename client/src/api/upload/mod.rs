@@ -1,0 +1,146 @@
+//! Uploads of captures, which go on after a lost connection, a restart of the service, and a restart of
+//! this program.
+
+mod send;
+mod source;
+
+pub(super) use source::measure;
+pub use source::{FileSource, UploadFile};
+
+use super::retry::{Patience, repeat};
+use super::{ClientError, YotoClient, request_id};
+use prost::Message;
+use send::send;
+use yoto_proto::limits::ANSWER_BYTES;
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::{
+    Capture, CreateUploadRequest, FileHeader, FinishUploadRequest, GetUploadRequest, Upload, upload,
+};
+
+impl YotoClient {
+    fn upload_service(&self) -> UploadServiceClient<tonic::transport::Channel> {
+        UploadServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
+    }
+
+    /// Uploads one capture of `subject` and starts its ingest job. `on_bytes` receives the number of
+    /// bytes that are behind since the last call, those of an earlier attempt first.
+    ///
+    /// An open upload of the very same files is continued, also one of another process that has ended.
+    ///
+    /// # Errors
+    /// [`ClientError::File`] when a file can't be read; [`ClientError::Refused`], also when the service
+    /// stays out of reach for a minute.
+    pub async fn upload_capture(
+        &self,
+        subject: &str,
+        files: Vec<UploadFile>,
+        on_bytes: impl FnMut(u64),
+    ) -> Result<Capture, ClientError> {
+        let refused = || ClientError::refused(format!("uploading a capture of {subject}"));
+        let mut headers = Vec::with_capacity(files.len());
+        for file in &files {
+            headers.push(file.header().await?);
+        }
+        let mut upload = self.open_upload(subject, headers.clone()).await?;
+        let mut meter = Meter { on_bytes, told: 0 };
+        let mut patience = Patience::new();
+        loop {
+            let service = self.upload_service();
+            let Err(status) = send(service, &upload, &files, &headers, &mut meter).await? else {
+                break;
+            };
+            patience.wait(status).await.map_err(refused())?;
+            let before = upload.committed_bytes;
+            upload = self.get_upload(&upload.name).await?;
+            if upload.committed_bytes > before {
+                patience.renew();
+            }
+        }
+        let request = FinishUploadRequest {
+            name: upload.name,
+            request_id: request_id(),
+        };
+        let finish = || {
+            let (mut service, request) = (self.upload_service(), request.clone());
+            async move { service.finish_upload(request).await }
+        };
+        repeat(finish).await.map_err(refused())
+    }
+
+    /// Opens an upload, or finds the open one of the same files.
+    async fn open_upload(
+        &self,
+        subject: &str,
+        files: Vec<FileHeader>,
+    ) -> Result<Upload, ClientError> {
+        let mut request = CreateUploadRequest {
+            subject: subject.to_owned(),
+            files,
+            request_id: String::new(),
+        };
+        // The same files again, e.g. after a crash, find the upload that has some of their bytes.
+        request.request_id = yoto_proto::sha256_hex(&request.encode_to_vec());
+        loop {
+            let create = || {
+                let (mut service, request) = (self.upload_service(), request.clone());
+                async move { service.create_upload(request).await }
+            };
+            let doing = format!("uploading a capture of {subject}");
+            let upload = repeat(create).await.map_err(ClientError::refused(doing))?;
+            if upload.state() == upload::State::Open {
+                // Whoever wrote to it before may have left a connection that still counts as open.
+                return self.get_upload(&upload.name).await;
+            }
+            // It was uploaded before, and is wanted once more.
+            request.request_id = request_id();
+        }
+    }
+
+    /// What was committed of the upload `name`, once no earlier call writes to it any more.
+    async fn get_upload(&self, name: &str) -> Result<Upload, ClientError> {
+        let request = GetUploadRequest {
+            name: name.to_owned(),
+            stop_writer: true,
+        };
+        let get = || {
+            let (mut service, request) = (self.upload_service(), request.clone());
+            async move { service.get_upload(request).await }
+        };
+        let doing = format!("going on with {name}");
+        repeat(get).await.map_err(ClientError::refused(doing))
+    }
+}
+
+/// Tells how far an upload is; bytes that are sent once more count once.
+struct Meter<F> {
+    on_bytes: F,
+    told: u64,
+}
+
+impl<F: FnMut(u64)> Meter<F> {
+    /// `bytes` of all files are behind.
+    fn reached(&mut self, bytes: u64) {
+        if let Some(more) = bytes.checked_sub(self.told).filter(|more| *more > 0) {
+            self.told = bytes;
+            (self.on_bytes)(more);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_that_are_sent_again_are_told_once() {
+        let mut told = Vec::new();
+        let mut meter = Meter {
+            on_bytes: |more| told.push(more),
+            told: 0,
+        };
+        for reached in [0, 4, 9, 6, 9, 12] {
+            meter.reached(reached);
+        }
+        assert_eq!(told, [4, 5, 3]);
+    }
+}

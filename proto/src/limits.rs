@@ -1,0 +1,77 @@
+//! The limits on which both sides of the contract agree. Limits of one side alone, such as those of
+//! pictures that a worker decodes, stand with that side.
+
+/// Longest gRPC message that either side takes, bytes. A list of views or of a capture's files is longer
+/// than the usual limit of 4 MiB.
+pub const MESSAGE_BYTES: usize = 16 << 20;
+/// Longest answer that a client or worker takes, bytes: a job holds its order and its result, and a lease
+/// an order and the files of its capture, each of which may have come in a message of its own.
+pub const ANSWER_BYTES: usize = 2 * MESSAGE_BYTES;
+/// Bytes on their way in a stream or connection before the receiver has read some of them.
+pub const WINDOW_BYTES: u32 = MESSAGE_BYTES as u32;
+/// Calls under way at once on one connection. A client that follows many jobs has a call for each.
+pub const STREAMS: u32 = 4096;
+
+/// Bytes of an upload that are committed at once.
+pub const PART_BYTES: u64 = 8 << 20;
+/// Files that are committed at once.
+pub const PART_FILES: usize = 128;
+/// Bytes of one chunk of a transfer: far below a message, and enough for full speed.
+pub const CHUNK_BYTES: usize = 256 << 10;
+/// Bytes of one uploaded file.
+pub const FILE_BYTES: u64 = 8 << 30;
+/// Bytes of all files of an upload.
+pub const CAPTURE_BYTES: u64 = 8 << 30;
+/// Number of files of an upload.
+pub const CAPTURE_FILES: usize = 200_000;
+/// The files of an upload in a message that names each with its object, bytes. The rest of a message is
+/// for what else a lease has.
+pub const LISTING_BYTES: usize = MESSAGE_BYTES - (1 << 20);
+/// Length of a file's path in an upload, bytes.
+pub const PATH_BYTES: usize = 200;
+
+/// Length of a display name, bytes.
+pub const DISPLAY_NAME_BYTES: usize = 200;
+/// Length of a consent note, bytes.
+pub const CONSENT_NOTE_BYTES: usize = 10_000;
+/// Length of the owner of a job, characters.
+pub const OWNER_CHARACTERS: usize = 80;
+/// Length of the reason of a pause, characters.
+pub const REASON_CHARACTERS: usize = 500;
+/// Length of a request id, bytes.
+pub const REQUEST_ID_BYTES: usize = 128;
+
+/// Entries of a list's page that says no size.
+pub const PAGE_ENTRIES: u32 = 100;
+/// Entries of the largest page.
+pub const LONGEST_PAGE_ENTRIES: u32 = 1000;
+/// A page of several entries stays below this, bytes.
+pub const PAGE_BYTES: usize = MESSAGE_BYTES / 2;
+
+/// Violations of one capture or request that are kept; more tell its owner nothing.
+pub const VIOLATIONS: usize = 100;
+/// Length of one text from a worker, such as a message of an error, bytes.
+pub const WORKER_TEXT_BYTES: usize = 4096;
+
+/// The beginning of `text`, of at most `bytes` bytes, cut between characters.
+pub fn beginning(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_cut_between_characters() {
+        assert_eq!(beginning("größe", 4), "grö");
+        assert_eq!(beginning("größe", 3), "gr");
+        assert_eq!(beginning("größe", 99), "größe");
+    }
+
+    #[test]
+    fn a_list_of_files_leaves_room_in_its_message() {
+        const { assert!(LISTING_BYTES < MESSAGE_BYTES && PAGE_BYTES < MESSAGE_BYTES) }
+        const { assert!(CHUNK_BYTES < PART_BYTES as usize && PART_BYTES < MESSAGE_BYTES as u64) }
+    }
+}

@@ -1,0 +1,73 @@
+//! `yoto.v1.UploadService`.
+
+use super::fields;
+use crate::{
+    context::Context,
+    uploads::{self, describe},
+};
+use std::sync::Arc;
+use tonic::{Request, Response, Status, Streaming};
+use yoto_proto::{
+    names::Collection,
+    v1::{
+        Capture, CreateUploadRequest, FinishUploadRequest, GetUploadRequest, Upload,
+        WriteUploadRequest, WriteUploadResponse, upload_service_server::UploadService,
+    },
+};
+
+/// Captures on their way into the service.
+pub struct UploadApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+}
+
+#[tonic::async_trait]
+impl UploadService for UploadApi {
+    async fn create_upload(
+        &self,
+        request: Request<CreateUploadRequest>,
+    ) -> Result<Response<Upload>, Status> {
+        let request = request.into_inner();
+        let key = fields::request_key("CreateUpload", &request.request_id, &request)?;
+        let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
+        let upload = uploads::create(&self.context, subject, request.files, key).await?;
+        let limits = &self.context.config.upload;
+        Ok(Response::new(describe(limits, &upload)))
+    }
+
+    async fn write_upload(
+        &self,
+        request: Request<Streaming<WriteUploadRequest>>,
+    ) -> Result<Response<WriteUploadResponse>, Status> {
+        // A separate task: when the caller disconnects, this future is dropped, but what has come is
+        // committed nevertheless.
+        let receiving = uploads::receive(Arc::clone(&self.context), request.into_inner());
+        let written = tokio::spawn(receiving).await.map_err(|error| {
+            tracing::error!(%error, "a write of an upload ended early");
+            Status::internal("the write ended early")
+        })??;
+        Ok(Response::new(written))
+    }
+
+    async fn get_upload(
+        &self,
+        request: Request<GetUploadRequest>,
+    ) -> Result<Response<Upload>, Status> {
+        let GetUploadRequest { name, stop_writer } = request.get_ref();
+        let id = fields::id(Collection::Uploads, "name", name)?;
+        let upload = uploads::get(&self.context, &id, *stop_writer).await?;
+        let limits = &self.context.config.upload;
+        Ok(Response::new(describe(limits, &upload)))
+    }
+
+    async fn finish_upload(
+        &self,
+        request: Request<FinishUploadRequest>,
+    ) -> Result<Response<Capture>, Status> {
+        let request = request.into_inner();
+        let key = fields::request_key("FinishUpload", &request.request_id, &request)?;
+        let id = fields::id(Collection::Uploads, "name", &request.name)?;
+        let capture = uploads::finish(&self.context, &id, key).await?;
+        Ok(Response::new(capture))
+    }
+}

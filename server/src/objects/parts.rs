@@ -1,0 +1,198 @@
+//! Files that are written piece by piece, each piece durable before the next begins.
+//!
+//! An object of the store appears as a whole or not at all; a file of an upload grows, and the catalogue
+//! says how much of it counts. What is behind that was never acknowledged, and is written over.
+
+use super::{Objects, ObjectsError, local};
+use bytes::Bytes;
+use sha2::{Digest, Sha256};
+use std::{
+    collections::HashSet,
+    fs::{self, File, OpenOptions},
+    io::{self, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+use yoto_proto::hex;
+
+/// Bytes that are read at once.
+const READ_BYTES: usize = 1 << 20;
+
+/// A piece of a file.
+#[derive(Debug, Clone)]
+pub struct Piece {
+    /// Key of the file.
+    pub key: String,
+    /// Place of its first byte, up to which the file is there.
+    pub offset: u64,
+    /// The bytes, in order.
+    pub chunks: Vec<Bytes>,
+}
+
+impl Objects {
+    /// Writes pieces of different files; they are on disk when this returns.
+    ///
+    /// # Errors
+    /// [`ObjectsError::Size`] when a file does not reach to its piece; when the disk fails.
+    pub async fn write_pieces(&self, pieces: Vec<Piece>) -> Result<(), ObjectsError> {
+        let root = self.root.clone();
+        blocking(move || write_all(&root, &pieces)).await
+    }
+
+    /// SHA-256 of the file `key`, which has `bytes` bytes.
+    ///
+    /// # Errors
+    /// [`ObjectsError::Size`] when it has not; when the disk fails.
+    pub async fn sha256(&self, key: &str, bytes: u64) -> Result<String, ObjectsError> {
+        let (path, key) = (self.root.join(key), key.to_owned());
+        blocking(move || {
+            let (found, sha256) = hash(&path).map_err(|error| local("reading", &key, error))?;
+            if found != bytes {
+                return Err(ObjectsError::Size {
+                    key,
+                    expected: bytes,
+                    found,
+                });
+            }
+            Ok(sha256)
+        })
+        .await
+    }
+}
+
+/// Runs `work` where it may block.
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, ObjectsError> + Send + 'static,
+) -> Result<T, ObjectsError> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|error| Err(local("writing", "", io::Error::other(error))))
+}
+
+fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
+    let mut files = Vec::with_capacity(pieces.len());
+    let mut folders = HashSet::new();
+    for piece in pieces {
+        let path = root.join(&piece.key);
+        files.push((piece, write(&path, piece)?));
+        if piece.offset == 0 {
+            // A new name is durable once its folder is, and that in its own, up to the root.
+            let above = path.ancestors().skip(1);
+            folders.extend(
+                above
+                    .take_while(|it| it.starts_with(root))
+                    .map(PathBuf::from),
+            );
+        }
+    }
+    // After all writes: the first sync of several small files carries the others along.
+    for (piece, file) in files {
+        let synced = file.sync_data();
+        synced.map_err(|error| local("writing", &piece.key, error))?;
+    }
+    for folder in folders {
+        let synced = sync_folder(&folder);
+        synced.map_err(|error| local("writing", &folder.to_string_lossy(), error))?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
+    let failed = |error| local("writing", &piece.key, error);
+    if let (0, Some(folder)) = (piece.offset, path.parent()) {
+        fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create(piece.offset == 0)
+        .truncate(false)
+        .open(path)
+        .map_err(failed)?;
+    let found = file.metadata().map_err(failed)?.len();
+    if found < piece.offset {
+        return Err(ObjectsError::Size {
+            key: piece.key.clone(),
+            expected: piece.offset,
+            found,
+        });
+    }
+    append(&mut file, found, piece).map_err(failed)?;
+    Ok(file)
+}
+
+/// Writes `piece` into its file of `found` bytes, of which those before the piece stay.
+fn append(file: &mut File, found: u64, piece: &Piece) -> io::Result<()> {
+    if found > piece.offset {
+        file.set_len(piece.offset)?;
+    }
+    file.seek(SeekFrom::Start(piece.offset))?;
+    piece.chunks.iter().try_for_each(|it| file.write_all(it))
+}
+
+/// A folder can't be opened as a file on Windows, where a rename or a new name is durable by itself.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    match cfg!(unix) {
+        true => File::open(folder)?.sync_all(),
+        false => Ok(()),
+    }
+}
+
+/// Bytes and SHA-256 of a file.
+fn hash(path: &Path) -> io::Result<(u64, String)> {
+    let (mut file, mut buffer) = (File::open(path)?, vec![0; READ_BYTES]);
+    let (mut bytes, mut hash) = (0, Sha256::new());
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok((bytes, hex(&hash.finalize()))),
+            read => {
+                bytes += read as u64;
+                hash.update(&buffer[..read]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use url::Url;
+
+    fn piece(offset: u64, bytes: &'static [u8]) -> Piece {
+        Piece {
+            key: "uploads/c/frames/0.png".into(),
+            offset,
+            chunks: vec![Bytes::from_static(bytes)],
+        }
+    }
+
+    #[tokio::test]
+    async fn a_piece_is_written_over_what_was_never_acknowledged() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let url = Url::from_directory_path(dir.path()).expect("is absolute");
+        let objects = Objects::open(&url).expect("opens");
+        let write = |piece| objects.write_pieces(vec![piece]);
+        write(piece(0, b"0123456789")).await.expect("writes");
+        write(piece(4, b"abc")).await.expect("writes");
+        let path = dir.path().join("uploads/c/frames/0.png");
+        assert_eq!(fs::read(&path).expect("reads"), b"0123abc");
+        let gap = write(piece(8, b"x")).await.expect_err("byte 7 is missing");
+        assert!(matches!(
+            gap,
+            ObjectsError::Size {
+                expected: 8,
+                found: 7,
+                ..
+            }
+        ));
+        let key = piece(0, b"").key;
+        let sha256 = objects.sha256(&key, 7).await.expect("reads");
+        assert_eq!(sha256, yoto_proto::sha256_hex(b"0123abc"));
+        assert!(objects.sha256(&key, 8).await.is_err());
+        let missing = Piece {
+            key: "uploads/c/none".into(),
+            ..piece(3, b"x")
+        };
+        assert!(
+            write(missing).await.is_err(),
+            "what it follows is not there"
+        );
+    }
+}

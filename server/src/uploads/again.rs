@@ -1,0 +1,46 @@
+//! Another try of an ingest: what was the machine's fault costs nobody a second upload.
+
+use crate::{
+    context::Context, error::RequestError, objects::upload::input_file, store::RequestKey,
+};
+use yoto_proto::v1::{Capture, capture};
+
+/// Queues another ingest job of a capture whose last one brought nothing.
+///
+/// # Errors
+/// When the capture is in another state, or its files are gone.
+pub async fn ingest_again(
+    context: &Context,
+    id: &str,
+    request: Option<RequestKey>,
+) -> Result<Capture, RequestError> {
+    if let Some(id) = context.store.answered(request.as_ref()).await? {
+        return Ok(context.store.capture(&id).await?);
+    }
+    // Until the job is queued, no row may refer to the files.
+    let _no_collection = context.collecting.lock().await;
+    let capture = context.store.capture(id).await?;
+    // The store refuses the other states.
+    if matches!(
+        capture.state(),
+        capture::State::Uploaded | capture::State::Rejected
+    ) {
+        for file in context.store.capture_files(id).await? {
+            let object = input_file(id, &file).object.unwrap_or_default();
+            match context.objects.require(&object).await {
+                Err(error) if error.is_mismatch() => {
+                    let message = format!(
+                        "{} of {} is no longer there: upload the capture again",
+                        file.path, capture.name
+                    );
+                    return Err(RequestError::precondition("UPLOAD_GONE", message));
+                }
+                required => required?,
+            }
+        }
+    }
+    let capture = context.store.ingest_capture(id, request).await?;
+    let (name, job) = (&capture.name, &capture.ingest_job);
+    tracing::info!(capture = name, job, "capture is read again");
+    Ok(capture)
+}

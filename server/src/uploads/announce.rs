@@ -1,0 +1,129 @@
+//! The beginning of an upload: every limit is checked before anything is written.
+
+use super::paths::CapturePaths;
+use crate::{
+    config::UploadLimits,
+    context::Context,
+    error::RequestError,
+    objects::upload::{input_file, is_sha256},
+    store::{NewUpload, RequestKey, Upload, UploadedFile, new_id},
+};
+use prost::Message;
+use prost_types::Timestamp;
+use yoto_proto::{
+    limits,
+    media_plan::CAPTURE_ARCHIVES,
+    names::Collection,
+    pose_track,
+    v1::{self, CommittedFile, FileHeader, upload},
+};
+
+/// Opens an upload of `files` for a subject, or finds the one that `request` opened.
+///
+/// # Errors
+/// When the files break a rule, there is no such subject, or the disk is nearly full.
+pub async fn create(
+    context: &Context,
+    subject_id: String,
+    files: Vec<FileHeader>,
+    request: Option<RequestKey>,
+) -> Result<Upload, RequestError> {
+    if let Some(id) = context.store.answered(request.as_ref()).await? {
+        return Ok(context.store.upload(&id).await?);
+    }
+    let files = check(&context.config.upload, files)?;
+    let bytes = files.iter().map(|file| file.bytes).sum();
+    context.ensure_room(bytes)?;
+    let new = NewUpload { subject_id, files };
+    let count = new.files.len();
+    let id = context.store.create_upload(new, request).await?;
+    tracing::info!(upload = id, files = count, bytes, "upload opened");
+    Ok(context.store.upload(&id).await?)
+}
+
+/// The files, if together they can be a capture.
+fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFile>, RequestError> {
+    let of_all = |message: String| Err(RequestError::invalid("files", message));
+    if files.len() > limits.files {
+        let most = limits.files;
+        return of_all(format!(
+            "{} files; a capture has at most {most}",
+            files.len()
+        ));
+    }
+    let (mut paths, mut bytes, mut listing) = (CapturePaths::default(), 0_u64, 0);
+    // As long as any other.
+    let example_id = new_id();
+    let mut checked = Vec::with_capacity(files.len());
+    for (number, file) in files.into_iter().enumerate() {
+        let shown: String = file.path.chars().take(80).collect();
+        let refuse = |field: &str, message: String| {
+            let field = format!("files[{number}].{field}");
+            Err(RequestError::invalid(field, format!("{shown}: {message}")))
+        };
+        if let Err(reason) = paths.add(&file.path) {
+            return refuse("path", reason);
+        }
+        if file.bytes > limits.file_bytes {
+            let most = limits.file_bytes;
+            return refuse(
+                "bytes",
+                format!("{} bytes; a file has at most {most}", file.bytes),
+            );
+        }
+        bytes = bytes.saturating_add(file.bytes);
+        if bytes > limits.capture_bytes {
+            let most = limits.capture_bytes;
+            return refuse("bytes", format!("a capture has at most {most} bytes"));
+        }
+        let file = UploadedFile {
+            sha256: file.sha256.to_ascii_lowercase(),
+            bytes: file.bytes,
+            path: file.path,
+        };
+        if !is_sha256(&file.sha256) {
+            return refuse("sha256", "a SHA-256 is 64 hex digits".into());
+        }
+        // A message in a list costs its length, a tag, and up to four bytes for the length.
+        listing += 5 + input_file(&example_id, &file).encoded_len();
+        if listing > limits::LISTING_BYTES {
+            return refuse("path", format!("too many files, {number} are before it"));
+        }
+        checked.push(file);
+    }
+    let told = |path: &str| pose_track::FILES.contains(&path) || CAPTURE_ARCHIVES.contains(&path);
+    if !checked.iter().any(|file| told(&file.path)) {
+        let (tracks, archives) = (pose_track::FILES.join(", "), CAPTURE_ARCHIVES.join(", "));
+        return of_all(format!("the capture has none of {tracks}, {archives}"));
+    }
+    Ok(checked)
+}
+
+/// An upload as its client sees it.
+pub fn describe(limits: &UploadLimits, upload: &Upload) -> v1::Upload {
+    let state = match upload.open {
+        true => upload::State::Open,
+        false => upload::State::Finished,
+    };
+    let committed = upload.files.iter().filter(|file| file.committed > 0);
+    let ends = upload.write_time + limits.expiry.as_secs_f64();
+    v1::Upload {
+        name: Collection::Uploads.name(&upload.id),
+        capture: Collection::Captures.name(&upload.id),
+        subject: Collection::Subjects.name(&upload.subject_id),
+        state: state.into(),
+        bytes: upload.files.iter().map(|file| file.bytes).sum(),
+        committed_bytes: upload.files.iter().map(|file| file.committed).sum(),
+        committed: committed
+            .map(|file| CommittedFile {
+                path: file.path.clone(),
+                bytes: file.committed,
+            })
+            .collect(),
+        part_bytes: limits.part_bytes,
+        expire_time: upload.open.then_some(Timestamp {
+            seconds: ends.floor() as i64,
+            nanos: 0,
+        }),
+    }
+}

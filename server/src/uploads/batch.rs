@@ -1,0 +1,104 @@
+//! Chunks on their way to the disk, and their commit.
+
+use crate::{context::Context, error::RequestError, objects::parts::Piece, store::CommittedPart};
+use bytes::Bytes;
+use std::sync::Arc;
+use tokio::task::JoinHandle;
+use yoto_proto::{keys, limits};
+
+/// Checked chunks that follow what was committed, by file in the order of arrival.
+#[derive(Debug, Default)]
+pub struct Batch {
+    parts: Vec<(CommittedPart, Vec<Bytes>)>,
+    bytes: u64,
+}
+
+impl Batch {
+    /// Adds the chunk at `offset` of a file, where its last one ended.
+    pub fn push(&mut self, path: &str, offset: u64, chunk: Bytes) {
+        self.bytes += chunk.len() as u64;
+        let to = offset + chunk.len() as u64;
+        match self.parts.last_mut() {
+            Some((part, chunks)) if part.path == path => {
+                part.to = to;
+                chunks.push(chunk);
+            }
+            _ => {
+                let part = CommittedPart {
+                    path: path.to_owned(),
+                    from: offset,
+                    to,
+                };
+                self.parts.push((part, vec![chunk]));
+            }
+        }
+    }
+
+    /// Whether it is large enough to be committed.
+    pub fn is_full(&self, part_bytes: u64) -> bool {
+        self.bytes >= part_bytes || self.parts.len() >= limits::PART_FILES
+    }
+
+    /// Whether there is nothing to commit.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// Writes everything and makes it durable, then says so in the catalogue.
+    async fn commit(self, context: &Context, id: &str) -> Result<(), RequestError> {
+        let (parts, chunks): (Vec<_>, Vec<_>) = self.parts.into_iter().unzip();
+        let pieces = parts.iter().zip(chunks).map(|(part, chunks)| Piece {
+            key: keys::upload(id, &part.path),
+            offset: part.from,
+            chunks,
+        });
+        context.objects.write_pieces(pieces.collect()).await?;
+        Ok(context.store.commit_parts(id, &parts).await?)
+    }
+}
+
+/// Commits one batch after another, each while the next one arrives.
+pub struct Committer {
+    context: Arc<Context>,
+    id: String,
+    running: Option<JoinHandle<Result<(), RequestError>>>,
+}
+
+impl Committer {
+    /// For the upload `id`.
+    pub fn new(context: Arc<Context>, id: &str) -> Self {
+        Self {
+            context,
+            id: id.to_owned(),
+            running: None,
+        }
+    }
+
+    /// Starts to commit `batch` once the one before is.
+    ///
+    /// # Errors
+    /// That of the one before: nothing follows it then.
+    pub async fn start(&mut self, batch: Batch) -> Result<(), RequestError> {
+        self.wait().await?;
+        if !batch.is_empty() {
+            let (context, id) = (Arc::clone(&self.context), self.id.clone());
+            let work = async move { batch.commit(&context, &id).await };
+            self.running = Some(tokio::spawn(work));
+        }
+        Ok(())
+    }
+
+    /// Waits until nothing is on its way.
+    ///
+    /// # Errors
+    /// When it could not be committed.
+    pub async fn wait(&mut self) -> Result<(), RequestError> {
+        let Some(running) = self.running.take() else {
+            return Ok(());
+        };
+        running.await.unwrap_or_else(|error| {
+            let cause = std::io::Error::other(error);
+            Err(crate::objects::local("writing", &self.id, cause).into())
+        })
+    }
+}

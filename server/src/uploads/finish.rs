@@ -1,0 +1,77 @@
+//! The end of an upload: its files are what was announced, and its ingest job is queued.
+
+use crate::{
+    context::Context,
+    error::RequestError,
+    store::{RequestKey, UploadFile},
+};
+use bytes::Bytes;
+use futures::{StreamExt, TryStreamExt, stream};
+use yoto_proto::{keys, v1::Capture};
+
+/// Files that are hashed at once.
+const HASHED_AT_ONCE: usize = 2;
+
+/// Checks the SHA-256 of every file on disk, and starts the ingest job. An upload that is finished gives
+/// the answer of the first time.
+///
+/// # Errors
+/// When bytes are missing, or a file is not the announced one: it has to be written anew then.
+pub async fn finish(
+    context: &Context,
+    id: &str,
+    request: Option<RequestKey>,
+) -> Result<Capture, RequestError> {
+    if let Some(id) = context.store.answered(request.as_ref()).await? {
+        return Ok(context.store.capture(&id).await?);
+    }
+    let _turn = context.turns.take(id).await;
+    let upload = context.store.upload(id).await?;
+    if upload.open {
+        if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {
+            let UploadFile {
+                path,
+                bytes,
+                committed,
+                ..
+            } = file;
+            let message = format!("{path}: {committed} of {bytes} bytes have come");
+            return Err(RequestError::precondition("UPLOAD_INCOMPLETE", message));
+        }
+        stream::iter(upload.files.into_iter().enumerate())
+            .map(|(number, file)| verify(context, id, number, file))
+            .buffer_unordered(HASHED_AT_ONCE)
+            .try_collect::<()>()
+            .await?;
+    }
+    let capture = context.store.finish_upload(id, request).await?;
+    let (name, job) = (&capture.name, &capture.ingest_job);
+    tracing::info!(capture = name, job, "capture uploaded");
+    Ok(capture)
+}
+
+/// Compares a file with what was announced; an empty one, of which nothing came, is made.
+async fn verify(
+    context: &Context,
+    id: &str,
+    number: usize,
+    file: UploadFile,
+) -> Result<(), RequestError> {
+    let key = keys::upload(id, &file.path);
+    if file.bytes == 0 {
+        context.objects.put(&key, Bytes::new()).await?;
+    }
+    let found = context.objects.sha256(&key, file.bytes).await?;
+    if found == file.sha256 {
+        return Ok(());
+    }
+    context.store.restart_file(id, &file.path).await?;
+    let message = format!(
+        "{}: the received bytes have {found}, not {}; the file has to be sent again",
+        file.path, file.sha256
+    );
+    Err(RequestError::invalid(
+        format!("files[{number}].sha256"),
+        message,
+    ))
+}

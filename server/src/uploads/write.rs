@@ -1,0 +1,182 @@
+//! The bytes of an upload: checked as they arrive, committed in parts.
+
+use super::{
+    batch::{Batch, Committer},
+    open,
+    turns::Turn,
+};
+use crate::{context::Context, error::RequestError};
+use futures::{Stream, StreamExt};
+use std::{collections::HashMap, sync::Arc};
+use tonic::Status;
+use yoto_proto::{
+    crc32c,
+    names::Collection,
+    v1::{WriteUploadRequest, WriteUploadResponse},
+};
+
+/// Receives chunks until the stream ends, and commits all that are good, whatever ends it.
+///
+/// # Errors
+/// When a chunk does not belong where it says, the stream breaks off or falls silent, somebody else
+/// writes to the upload, or the disk fails.
+pub async fn receive<S>(
+    context: Arc<Context>,
+    mut chunks: S,
+) -> Result<WriteUploadResponse, RequestError>
+where
+    S: Stream<Item = Result<WriteUploadRequest, Status>> + Unpin,
+{
+    let first = within(&context, chunks.next()).await?.transpose();
+    let Some(first) = first.map_err(RequestError::Stream)? else {
+        return Err(RequestError::invalid("upload", "the stream is empty"));
+    };
+    let id = Collection::Uploads
+        .parse(&first.upload)
+        .map_err(|error| RequestError::invalid("upload", error.to_string()))?
+        .to_owned();
+    let turn = context.turns.take(&id).await;
+    let upload = open(&context, &id).await?;
+    let mut writer = Writer {
+        name: first.upload.clone(),
+        files: HashMap::with_capacity(upload.files.len()),
+        batch: Batch::default(),
+        committer: Committer::new(Arc::clone(&context), &id),
+        part_bytes: context.config.upload.part_bytes,
+        bytes: upload.files.iter().map(|file| file.committed).sum(),
+    };
+    for file in upload.files {
+        let place = Place {
+            next: file.committed,
+            end: file.bytes,
+        };
+        writer.files.insert(file.path, place);
+    }
+    let taken = match writer.take(first).await {
+        Ok(()) => writer.take_all(&context, &turn, &mut chunks).await,
+        Err(error) => Err(error),
+    };
+    // What the disk refused matters more than how the stream ended.
+    writer.end().await?;
+    taken?;
+    Ok(WriteUploadResponse {
+        committed_bytes: writer.bytes,
+    })
+}
+
+/// What `next` brings, unless that takes longer than a client may be silent.
+async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T, RequestError> {
+    let idle = context.config.upload.idle;
+    let came = tokio::time::timeout(idle, next).await;
+    came.map_err(|_| {
+        let message = format!("nothing arrived for {} seconds", idle.as_secs_f64());
+        RequestError::Stream(Status::deadline_exceeded(message))
+    })
+}
+
+/// How much of a file has come.
+struct Place {
+    next: u64,
+    end: u64,
+}
+
+struct Writer {
+    /// `uploads/{id}`.
+    name: String,
+    files: HashMap<String, Place>,
+    batch: Batch,
+    committer: Committer,
+    part_bytes: u64,
+    /// Of all files, with those on their way to the disk.
+    bytes: u64,
+}
+
+impl Writer {
+    async fn take_all<S>(
+        &mut self,
+        context: &Context,
+        turn: &Turn,
+        chunks: &mut S,
+    ) -> Result<(), RequestError>
+    where
+        S: Stream<Item = Result<WriteUploadRequest, Status>> + Unpin,
+    {
+        loop {
+            let next = tokio::select! {
+                biased;
+                () = context.stop.cancelled() => return Err(RequestError::ShuttingDown),
+                () = turn.stopped() => {
+                    let message = format!("another call goes on with {}", self.name);
+                    return Err(RequestError::precondition("UPLOAD_TAKEN_OVER", message));
+                }
+                next = within(context, chunks.next()) => next?,
+            };
+            match next {
+                None => return Ok(()),
+                Some(Err(status)) => return Err(RequestError::Stream(status)),
+                Some(Ok(chunk)) => self.take(chunk).await?,
+            }
+        }
+    }
+
+    /// Checks a chunk, and commits what is complete with it.
+    async fn take(&mut self, message: WriteUploadRequest) -> Result<(), RequestError> {
+        let WriteUploadRequest {
+            upload,
+            path,
+            offset,
+            chunk,
+            crc32c: told,
+        } = message;
+        let shown: String = path.chars().take(80).collect();
+        if !upload.is_empty() && upload != self.name {
+            let message = format!("one stream writes to one upload, {}", self.name);
+            return Err(RequestError::invalid("upload", message));
+        }
+        let Some(place) = self.files.get_mut(&path) else {
+            let message = format!("{shown}: no file of {}", self.name);
+            return Err(RequestError::invalid("path", message));
+        };
+        let found = crc32c(&chunk);
+        if found != told {
+            return Err(RequestError::CorruptChunk {
+                path: shown,
+                offset,
+                told,
+                found,
+            });
+        }
+        if offset != place.next {
+            let message = format!("{shown}: byte {} is next, not {offset}", place.next);
+            return Err(RequestError::precondition("UPLOAD_OFFSET", message));
+        }
+        let length = chunk.len() as u64;
+        if length > place.end - place.next {
+            let message = format!(
+                "{shown}: {length} bytes at {offset}, but {} bytes in all were announced",
+                place.end
+            );
+            return Err(RequestError::invalid("chunk", message));
+        }
+        if length == 0 {
+            return Ok(());
+        }
+        place.next += length;
+        self.bytes += length;
+        self.batch.push(&path, offset, chunk);
+        if self.batch.is_full(self.part_bytes) {
+            self.committer
+                .start(std::mem::take(&mut self.batch))
+                .await?;
+        }
+        Ok(())
+    }
+
+    /// Commits what has come.
+    async fn end(&mut self) -> Result<(), RequestError> {
+        self.committer
+            .start(std::mem::take(&mut self.batch))
+            .await?;
+        self.committer.wait().await
+    }
+}
