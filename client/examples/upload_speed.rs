@@ -6,6 +6,10 @@
 //!
 //! Both end when all bytes are durable. An upload also reads its files once to hash them, sends them over
 //! a local TCP connection, and has the service read them back to compare.
+#![allow(
+    clippy::disallowed_macros,
+    reason = "a table on standard output is all it makes"
+)]
 
 use anyhow::Context;
 use clap::Parser;

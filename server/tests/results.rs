@@ -182,8 +182,7 @@ async fn publish_poses(service: &Service, lease: &Lease, step: u64, poses: &[u8]
         ..<_>::default()
     };
     let request = PublishCheckpointRequest {
-        job,
-        token: lease.token,
+        claim: Some(support::claim(lease)),
         checkpoint: Some(checkpoint),
     };
     let published = service.workers().publish_checkpoint(request).await;

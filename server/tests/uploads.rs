@@ -12,7 +12,9 @@ use yoto_proto::{
     keys,
     v1::{
         CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
-        JobError, Lease, Violation, capture, end_job_request::Outcome, job, subject, upload,
+        JobError, Lease, Violation, capture,
+        end_job_request::{Cancelled, Outcome},
+        job, subject, upload,
         upload_service_client::UploadServiceClient,
     },
 };
@@ -444,17 +446,12 @@ async fn ingest_again(service: &Service, name: &str) -> Result<Capture, Status> 
 
 /// Ends a leased ingest job with `violations`, or for want of something else.
 async fn fail(service: &Service, lease: &Lease, violations: Vec<Violation>) {
-    let request = FailJobRequest {
-        job: support::job_name(lease),
-        token: lease.token,
-        error: Some(JobError {
-            code: "INTERNAL".into(),
-            message: "it broke".into(),
-            violations,
-        }),
-        ..<_>::default()
+    let error = JobError {
+        code: "INTERNAL".into(),
+        message: "it broke".into(),
+        violations,
     };
-    let failed = service.workers().fail_job(request).await;
+    let failed = service.end(lease, Outcome::Failed(error)).await;
     failed.expect("is recorded");
 }
 
@@ -495,13 +492,8 @@ async fn an_ingest_that_brought_nothing_is_repeated_with_the_same_files() {
         .expect("is queued");
     let lease = service.lease(&worker).await.expect("the ingest job waits");
     cancel(&third.ingest_job).await;
-    let request = FailJobRequest {
-        job: support::job_name(&lease),
-        token: lease.token,
-        cancelled: true,
-        ..<_>::default()
-    };
-    service.workers().fail_job(request).await.expect("ends");
+    let stopped = Outcome::Cancelled(Cancelled {});
+    service.end(&lease, stopped).await.expect("ends");
     assert_eq!(state().await, capture::State::Uploaded);
 
     // A fault of the files does, and is forgotten when they are read again.
