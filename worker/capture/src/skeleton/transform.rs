@@ -1,15 +1,20 @@
-//! Plain 3-vectors, rotations and rigid motions in double precision.
+//! 3-vectors, rotations and rigid motions in double precision.
 //!
-//! Kinematics, cameras and ray casting run on a handful of joints per frame: arrays serve
-//! them better than a tensor or a linear-algebra dependency.
+//! Points and matrices are arrays, row by row, as captures and files have them; [`glam`] computes
+//! with vectors and rotations. Rigid motions stay row by row: glam keeps columns, and its inverse is
+//! that of any affine map.
 
-/// A point or direction.
+use glam::{DMat3, DQuat, DVec3};
+
+/// A point or direction, or an axis-angle rotation in radians.
 pub type Vec3 = [f64; 3];
 /// A rotation, row by row.
 pub type Mat3 = [[f64; 3]; 3];
 /// A rigid motion `[R | t]`, row by row.
 pub type Mat34 = [[f64; 4]; 3];
 
+/// No rotation.
+pub const UNTURNED: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// No rotation, no translation.
 pub const IDENTITY: Mat34 = [
     [1.0, 0.0, 0.0, 0.0],
@@ -17,108 +22,93 @@ pub const IDENTITY: Mat34 = [
     [0.0, 0.0, 1.0, 0.0],
 ];
 
+/// Shortest vector that has a direction.
+const SHORTEST: f64 = 1e-9;
+
 /// `a + b`.
 pub fn add(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+    (DVec3::from(a) + DVec3::from(b)).into()
 }
 
 /// `a - b`.
 pub fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+    (DVec3::from(a) - DVec3::from(b)).into()
 }
 
 /// `a * s`.
 pub fn scale(a: Vec3, s: f64) -> Vec3 {
-    [a[0] * s, a[1] * s, a[2] * s]
+    (DVec3::from(a) * s).into()
 }
 
 /// Scalar product.
 pub fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    DVec3::from(a).dot(b.into())
 }
 
 /// Vector product.
 pub fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    DVec3::from(a).cross(b.into()).into()
 }
 
 /// Euclidean length.
 pub fn length(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
+    DVec3::from(a).length()
 }
 
 /// `a` at length 1; a zero vector stays zero.
 pub fn normalised(a: Vec3) -> Vec3 {
-    let norm = length(a);
-    if norm > 0.0 { scale(a, 1.0 / norm) } else { a }
+    DVec3::from(a).normalize_or_zero().into()
 }
 
-/// The rotation of an axis-angle vector (radians): `I + A [r]x + B [r]x²` with
-/// `A = sin θ / θ` and `B = (1 - cos θ) / θ²`, by their Taylor series under 1e-3 rad, so
-/// that it is exact at 0 and orthonormal at any angle.
+/// The rotation of an axis-angle vector.
 pub fn rodrigues(r: Vec3) -> Mat3 {
-    let squared = dot(r, r);
-    let (a, b) = if squared < 1e-6 {
-        (
-            1.0 - squared / 6.0 + squared * squared / 120.0,
-            0.5 - squared / 24.0 + squared * squared / 720.0,
-        )
-    } else {
-        let angle = squared.sqrt();
-        // 1 - cos θ = 2 sin² (θ / 2) keeps its digits where θ is small.
-        let half = (angle / 2.0).sin();
-        (angle.sin() / angle, 2.0 * half * half / squared)
-    };
-    let [x, y, z] = r;
-    [
-        [
-            1.0 - b * (y * y + z * z),
-            b * x * y - a * z,
-            b * x * z + a * y,
-        ],
-        [
-            b * x * y + a * z,
-            1.0 - b * (x * x + z * z),
-            b * y * z - a * x,
-        ],
-        [
-            b * x * z - a * y,
-            b * y * z + a * x,
-            1.0 - b * (x * x + y * y),
-        ],
-    ]
+    matrix(DQuat::from_scaled_axis(r.into()))
 }
 
-/// The axis-angle of the rotation by `first` and then by `then`, its angle from 0 to π; radians.
+/// The axis-angle vector of a rotation, its angle from 0 to π.
+pub fn logarithm(m: &Mat3) -> Vec3 {
+    shorter(DQuat::from_mat3(&DMat3::from_cols_array_2d(m).transpose()))
+}
+
+/// The axis-angle vector of the rotation by `first` and then by `then`, its angle from 0 to π.
 pub fn after(then: Vec3, first: Vec3) -> Vec3 {
-    // (cos, axis sin) of half the angle.
-    let quaternion = |v: Vec3| {
-        let angle = length(v);
-        let by = if angle < 1e-9 {
-            0.5
-        } else {
-            (0.5 * angle).sin() / angle
-        };
-        ((0.5 * angle).cos(), scale(v, by))
-    };
-    let ((a, u), (b, v)) = (quaternion(then), quaternion(first));
-    let (mut real, mut vector) = (
-        a * b - dot(u, v),
-        add(add(scale(v, a), scale(u, b)), cross(u, v)),
-    );
-    if real < 0.0 {
-        (real, vector) = (-real, scale(vector, -1.0));
-    }
-    let sine = length(vector);
-    if sine < 1e-12 {
-        scale(vector, 2.0)
-    } else {
-        scale(vector, 2.0 * sine.atan2(real) / sine)
-    }
+    let [then, first] = [then, first].map(|r| DQuat::from_scaled_axis(r.into()));
+    shorter(then * first)
+}
+
+/// The shortest rotation from the direction of `from` to that of `to`; half a turn about some axis
+/// across where they are opposite. `None` where either has no direction.
+pub fn between(from: Vec3, to: Vec3) -> Option<Mat3> {
+    let direction = |v: Vec3| (length(v) > SHORTEST).then(|| DVec3::from(v).normalize());
+    let (from, to) = (direction(from)?, direction(to)?);
+    Some(matrix(DQuat::from_rotation_arc(from, to)))
+}
+
+/// Row by row.
+fn matrix(q: DQuat) -> Mat3 {
+    DMat3::from_quat(q).transpose().to_cols_array_2d()
+}
+
+/// The axis-angle vector of `q`, of the two with this rotation the shorter one.
+fn shorter(q: DQuat) -> Vec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    q.to_scaled_axis().into()
+}
+
+/// First `b`, then `a`.
+pub fn product(a: &Mat3, b: &Mat3) -> Mat3 {
+    let b = transposed(b);
+    a.map(|row| b.map(|column| dot(row, column)))
+}
+
+/// The rotation that undoes `a`.
+pub fn transposed(a: &Mat3) -> Mat3 {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+/// `v` turned by `a`.
+pub fn turned(a: &Mat3, v: Vec3) -> Vec3 {
+    a.map(|row| dot(row, v))
 }
 
 /// `[rotation | translation]`.
@@ -166,6 +156,48 @@ pub fn position(m: &Mat34) -> Vec3 {
 mod tests {
     use super::*;
     use std::f64::consts::PI;
+
+    #[test]
+    fn logarithms_undo_rotations() {
+        for turn in [
+            [0.0; 3],
+            [1e-5, 0.0, -2e-5],
+            [0.3, -0.8, 0.5],
+            [-2.0, 1.0, 2.0],
+            [0.0, 3.1, 0.0],
+            [0.0, 0.0, -3.1],
+            [PI - 1e-9, 0.0, 0.0],
+            [0.0, 0.0, PI],
+        ] {
+            let found = logarithm(&rodrigues(turn));
+            assert!(length(sub(found, turn)) < 1e-9, "{turn:?}: {found:?}");
+        }
+        // Beyond half a turn, the logarithm is that of the shorter rotation.
+        let found = logarithm(&rodrigues([4.0, 0.0, 0.0]));
+        assert!(length(sub(found, [4.0 - 2.0 * PI, 0.0, 0.0])) < 1e-12);
+        // A turn too small for glam's logarithm is none.
+        assert_eq!(logarithm(&rodrigues([1e-9, 0.0, 0.0])), [0.0; 3]);
+    }
+
+    #[test]
+    fn the_shortest_rotation_leads_from_one_direction_to_the_other() {
+        for (from, to) in [
+            ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
+            ([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]),
+            ([3.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+            ([0.3, -0.2, 0.9], [0.3, -0.2, 0.9]),
+            ([0.3, -0.2, 0.9], [-0.5, 1.4, 0.1]),
+        ] {
+            let found = between(from, to).expect("directions");
+            let off = sub(turned(&found, normalised(from)), normalised(to));
+            assert!(length(off) < 1e-9, "{from:?} {to:?}");
+            let angle = length(logarithm(&found));
+            let cosine = dot(normalised(from), normalised(to));
+            assert!((angle.cos() - cosine).abs() < 1e-9, "{from:?} {to:?}");
+        }
+        assert_eq!(between([0.0; 3], [1.0, 0.0, 0.0]), None);
+        assert_eq!(between([1.0, 0.0, 0.0], [0.0, 1e-12, 0.0]), None);
+    }
 
     #[test]
     fn rotations_follow_each_other() {
