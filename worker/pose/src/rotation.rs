@@ -1,28 +1,14 @@
-//! Rotations as matrices, and their logarithms with derivatives.
+//! Derivatives of logarithms of rotations, and rotations from axes.
 //!
 //! The fit changes a rotation by a small turn on its right, `R exp(δ)`; the derivatives here are
 //! by that δ.
 
+pub(crate) use yoto_capture::skeleton::transform::{
+    UNTURNED, logarithm, product, transposed, turned,
+};
+
 use yoto_capture::skeleton::Vec3;
-use yoto_capture::skeleton::transform::{Mat3, cross, dot, length, normalised, rodrigues, scale};
-
-/// No rotation.
-pub(crate) const UNTURNED: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// First `b`, then `a`.
-pub(crate) fn product(a: &Mat3, b: &Mat3) -> Mat3 {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-/// The rotation that undoes `a`.
-pub(crate) fn transposed(a: &Mat3) -> Mat3 {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-/// `v` turned by `a`.
-pub(crate) fn turned(a: &Mat3, v: Vec3) -> Vec3 {
-    std::array::from_fn(|i| dot(a[i], v))
-}
+use yoto_capture::skeleton::transform::{self, Mat3, cross, length, normalised, rodrigues, scale};
 
 /// `v` turned back by `a`.
 pub(crate) fn unturned(a: &Mat3, v: Vec3) -> Vec3 {
@@ -37,39 +23,6 @@ pub(crate) fn column(a: &Mat3, axis: usize) -> Vec3 {
 /// The matrix with these columns.
 pub(crate) fn from_columns(columns: [Vec3; 3]) -> Mat3 {
     transposed(&columns)
-}
-
-/// The axis-angle of a rotation, radians; its length is 0 to π.
-pub(crate) fn logarithm(m: &Mat3) -> Vec3 {
-    let trace = m[0][0] + m[1][1] + m[2][2];
-    // Of the four forms of the quaternion, the one whose divisor is largest.
-    let squares = [trace, m[0][0], m[1][1], m[2][2]];
-    let largest = (1..4).fold(
-        0,
-        |best, i| if squares[i] > squares[best] { i } else { best },
-    );
-    let skew = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
-    let (mut real, mut vector) = if largest == 0 {
-        let double = (1.0 + trace).max(0.0).sqrt();
-        (0.5 * double, scale(skew, 0.5 / double))
-    } else {
-        let i = largest - 1;
-        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-        let double = (1.0 + m[i][i] - m[j][j] - m[k][k]).max(0.0).sqrt();
-        let mut vector = [0.0; 3];
-        vector[i] = 0.5 * double;
-        vector[j] = 0.5 * (m[i][j] + m[j][i]) / double;
-        vector[k] = 0.5 * (m[i][k] + m[k][i]) / double;
-        (0.5 * skew[i] / double, vector)
-    };
-    if real < 0.0 {
-        (real, vector) = (-real, scale(vector, -1.0));
-    }
-    let sine = length(vector);
-    if sine < 1e-9 {
-        return scale(vector, 2.0);
-    }
-    scale(vector, 2.0 * sine.atan2(real) / sine)
 }
 
 /// The derivative of `logarithm(R exp(δ))` by δ at 0, where `r` is the logarithm of R. Its
@@ -91,22 +44,7 @@ pub(crate) fn logarithm_derivative(r: Vec3) -> Mat3 {
 
 /// The shortest rotation from the direction `from` to `to`; none where either has no length.
 pub(crate) fn between(from: Vec3, to: Vec3) -> Mat3 {
-    let (a, b) = (normalised(from), normalised(to));
-    let (axis, cosine) = (cross(a, b), dot(a, b));
-    let sine = length(axis);
-    if sine > 1e-9 {
-        return rodrigues(scale(axis, sine.atan2(cosine) / sine));
-    }
-    if cosine >= 0.0 {
-        return UNTURNED;
-    }
-    // Half a turn about any axis across.
-    let across = if a[0].abs() < 0.9 {
-        [1.0, 0.0, 0.0]
-    } else {
-        [0.0, 1.0, 0.0]
-    };
-    rodrigues(scale(normalised(cross(a, across)), std::f64::consts::PI))
+    transform::between(from, to).unwrap_or(UNTURNED)
 }
 
 /// The rotation whose x axis is near `x` and whose y axis is `y`, as far as both have a direction.
@@ -141,14 +79,6 @@ mod tests {
     ];
 
     #[test]
-    fn logarithms_undo_rotations() {
-        for turn in TURNS {
-            let found = logarithm(&rodrigues(turn));
-            assert!(length(sub(found, turn)) < 1e-9, "{turn:?} {found:?}");
-        }
-    }
-
-    #[test]
     fn derivatives_of_logarithms_agree_with_differences() {
         for turn in TURNS {
             let exact = logarithm_derivative(turn);
@@ -162,18 +92,6 @@ mod tests {
                 let off = length(sub(slope, column(&exact, axis)));
                 assert!(off < 1e-5, "{turn:?} axis {axis}: {slope:?} {exact:?}");
             }
-        }
-    }
-
-    #[test]
-    fn the_shortest_turn_leads_from_one_direction_to_the_other() {
-        for (from, to) in [
-            ([1.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-            ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
-            ([0.3, -0.2, 0.9], [0.3, -0.2, 0.9]),
-        ] {
-            let found = turned(&between(from, to), normalised(from));
-            assert!(length(sub(found, normalised(to))) < 1e-9, "{from:?} {to:?}");
         }
     }
 }
