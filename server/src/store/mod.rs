@@ -3,14 +3,15 @@
 //! One trait, so that the rules are independent of the database. Each method is one transaction.
 //! Ids are bare (`{id}`), since callers have parsed the names.
 
+mod job_types;
 mod sqlite;
 mod types;
 
+pub use job_types::{Ending, JobFilter, JobKind, LeaseKey, LeasedJob, NewJob, Reaped, Turn};
 pub use sqlite::SqliteStore;
 pub use types::{
-    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, LeasedJob,
-    NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey,
-    StoreError, Target, Turn, Upload, UploadFile, UploadedFile, new_id,
+    CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
+    Reference, RequestKey, StoreError, Target, Upload, UploadFile, UploadedFile, new_id,
 };
 
 use crate::checkpoints::retention::Retention;

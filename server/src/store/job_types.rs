@@ -1,0 +1,198 @@
+//! Jobs and leases as the store takes and gives them.
+
+use super::StoreError;
+use yoto_proto::{
+    names::Collection,
+    v1::{self, Inputs, Job, JobError, JobResult, JobSpec, job, job_attempt::Outcome, job_spec},
+};
+
+/// Kind of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JobKind {
+    /// Makes a training shard of a capture.
+    Ingest,
+    /// Trains a model.
+    Train,
+    /// Renders pictures.
+    Render,
+    /// Measures a model.
+    Evaluate,
+}
+
+impl JobKind {
+    /// The name in the database, and for people.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Ingest => "ingest",
+            Self::Train => "train",
+            Self::Render => "render",
+            Self::Evaluate => "evaluate",
+        }
+    }
+
+    /// The kind in a column of the database.
+    pub fn of_column(name: &str) -> Result<Self, StoreError> {
+        let kinds = [Self::Ingest, Self::Train, Self::Render, Self::Evaluate];
+        let found = kinds.into_iter().find(|kind| kind.as_str() == name);
+        found.ok_or_else(|| StoreError::Corrupt {
+            what: "kind",
+            detail: name.to_owned(),
+        })
+    }
+
+    /// The contract's number.
+    pub fn to_proto(self) -> v1::JobKind {
+        match self {
+            Self::Ingest => v1::JobKind::Ingest,
+            Self::Train => v1::JobKind::Train,
+            Self::Render => v1::JobKind::Render,
+            Self::Evaluate => v1::JobKind::Evaluate,
+        }
+    }
+
+    /// The kind with the contract's `number`, if that names one.
+    pub fn of_proto(number: i32) -> Option<Self> {
+        match v1::JobKind::try_from(number).ok()? {
+            v1::JobKind::Ingest => Some(Self::Ingest),
+            v1::JobKind::Train => Some(Self::Train),
+            v1::JobKind::Render => Some(Self::Render),
+            v1::JobKind::Evaluate => Some(Self::Evaluate),
+            v1::JobKind::Unspecified => None,
+        }
+    }
+
+    /// The kind of `spec`, if it has one.
+    pub fn of(spec: &JobSpec) -> Option<Self> {
+        spec.kind.as_ref().map(|kind| match kind {
+            job_spec::Kind::Ingest(_) => Self::Ingest,
+            job_spec::Kind::Train(_) => Self::Train,
+            job_spec::Kind::Render(_) => Self::Render,
+            job_spec::Kind::Evaluate(_) => Self::Evaluate,
+        })
+    }
+}
+
+/// A claim on a job, which guards every write of a worker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeaseKey {
+    /// The job's id.
+    pub job_id: String,
+    /// The id of the worker that leased it.
+    pub worker_id: String,
+    /// The fencing token.
+    pub token: u64,
+}
+
+impl LeaseKey {
+    /// The token in the column's type. A token beyond the column's range was never issued.
+    pub fn column(&self) -> Result<i64, StoreError> {
+        i64::try_from(self.token).map_err(|_| self.stale())
+    }
+
+    /// The refusal of a claim that is not the job's newest.
+    pub fn stale(&self) -> StoreError {
+        StoreError::StaleLease {
+            job: Collection::Jobs.name(&self.job_id),
+            token: self.token,
+        }
+    }
+}
+
+/// A leased job, with all that its worker needs.
+#[derive(Debug)]
+pub struct LeasedJob {
+    /// The job.
+    pub job: Job,
+    /// The fencing token.
+    pub token: u64,
+    /// Its inputs.
+    pub inputs: Inputs,
+}
+
+/// What came of a worker's request for a job.
+#[derive(Debug, Default)]
+pub struct Turn {
+    /// The leased job, if one waited.
+    pub leased: Option<LeasedJob>,
+    /// Jobs that FAILED instead, since their inputs can't be found, `jobs/{id}` with the reason.
+    pub failed: Vec<(String, String)>,
+}
+
+/// A job to queue.
+#[derive(Debug, Clone)]
+pub struct NewJob {
+    /// The order.
+    pub spec: JobSpec,
+    /// Whose turn it is: 0 (low) to 3 (urgent).
+    pub priority: u8,
+    /// For whom it runs.
+    pub owner: String,
+}
+
+impl NewJob {
+    /// Priority of a job that asks for none.
+    pub const NORMAL: u8 = 1;
+
+    /// An order of normal priority, for nobody in particular.
+    pub fn normal(spec: JobSpec) -> Self {
+        Self {
+            spec,
+            priority: Self::NORMAL,
+            owner: String::new(),
+        }
+    }
+}
+
+/// Which jobs to list.
+#[derive(Debug, Clone, Default)]
+pub struct JobFilter {
+    /// Their states; empty: all.
+    pub states: Vec<job::State>,
+    /// Their kinds; empty: all.
+    pub kinds: Vec<JobKind>,
+    /// The id of their model, if only one is asked for.
+    pub model_id: Option<String>,
+    /// Their owner, if only one is asked for.
+    pub owner: Option<String>,
+}
+
+/// End of a lease.
+#[derive(Debug, Clone)]
+pub enum Ending {
+    /// The job SUCCEEDED.
+    Succeeded(JobResult),
+    /// The job FAILED.
+    Failed(JobError),
+    /// The worker stopped on request.
+    Cancelled,
+    /// The worker returns the job without a fault.
+    Returned,
+    /// A resource of the job failed, not the job: retry later, a limited number of times.
+    Postponed(JobError),
+}
+
+impl Ending {
+    /// How the attempt's history calls it.
+    pub fn outcome(&self) -> Outcome {
+        match self {
+            Self::Succeeded(_) => Outcome::Succeeded,
+            Self::Failed(_) => Outcome::Failed,
+            Self::Cancelled => Outcome::Cancelled,
+            Self::Returned => Outcome::Returned,
+            Self::Postponed(_) => Outcome::Postponed,
+        }
+    }
+}
+
+/// The reaper's action on a job with an expired lease.
+#[derive(Debug, Clone)]
+pub struct Reaped {
+    /// `jobs/{id}`.
+    pub job: String,
+    /// The silent `workers/{id}`.
+    pub worker: String,
+    /// Workers lost over this job since its last checkpoint, this one included.
+    pub losses: u32,
+    /// The job's state now.
+    pub state: job::State,
+}
