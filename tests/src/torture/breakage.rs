@@ -5,7 +5,7 @@ use super::{
     fault::Fault,
     history::{Event, History},
     late::write_late,
-    load::{Load, is_ended, render, train},
+    load::{Avatar, Load, is_ended, render, train},
     observer::newest_attempt,
     parts::StoreFault,
     processes::Fleet,
@@ -20,7 +20,7 @@ use std::{
     time::{Duration, Instant},
 };
 use yoto_proto::{
-    manifest::Manifest,
+    manifest::{Manifest, files},
     v1::{Job, JobAttempt, WatchJobResponse, job, job_attempt, job_result},
 };
 
@@ -32,6 +32,8 @@ const JUMP: f64 = 3600.0;
 const CALLS: [&str; 4] = ["EndJob", "LeaseJob", "Heartbeat", "PublishCheckpoint"];
 /// Largest file of a worker with a full disk, bytes.
 const FULL: u64 = 4096;
+/// Steps of a training that is to lose its worker: seconds.
+const STEPS: u64 = 200;
 /// Watchers of one job that never read.
 const SILENT: usize = 20;
 
@@ -39,6 +41,8 @@ const SILENT: usize = 20;
 pub struct Breaker {
     /// The processes.
     pub fleet: Arc<Fleet>,
+    /// A person whose trainings lose their workers; no other client cancels them.
+    pub victim: Avatar,
     /// A client.
     pub calls: Calls,
     /// What asks for jobs.
@@ -87,20 +91,39 @@ impl Breaker {
         self.history.record(Event::Broken { fault })
     }
 
-    /// A job that runs, and the display name of its worker.
-    async fn running(&self) -> Result<(Job, String)> {
+    /// A training in the middle of its steps, and the display name of its worker.
+    async fn training(&self) -> Result<(Job, String)> {
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            let asked = self.load.ask(train(&self.victim.model, STEPS), true);
+            let name = asked.await?.context("a training")?;
+            loop {
+                let job = self.calls.job(&name).await?;
+                let stepped = job.progress.as_ref().is_some_and(|it| it.step > 0);
+                if let Some(worker) = running_on(&job)
+                    && stepped
+                {
+                    return Ok((job, worker));
+                }
+                if is_ended(job.state()) || began.elapsed() > PATIENCE {
+                    break;
+                }
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+        }
+        bail!("no training was seen at work")
+    }
+
+    /// A job that runs.
+    async fn running(&self) -> Result<Job> {
         let began = Instant::now();
         while began.elapsed() < PATIENCE {
             for listed in self.calls.list_jobs(&[job::State::Running]).await? {
                 let Ok(job) = self.calls.job(&listed.name).await else {
                     continue;
                 };
-                let newest = job.attempts.last();
-                if let Some(newest) = newest
-                    && newest.outcome() == job_attempt::Outcome::Running
-                {
-                    let worker = newest.worker_display_name.clone();
-                    return Ok((job, worker));
+                if running_on(&job).is_some() {
+                    return Ok(job);
                 }
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
@@ -143,9 +166,9 @@ impl Breaker {
     }
 
     async fn kill_worker(&self) -> Result<()> {
-        let (job, worker) = self.running().await?;
+        let (job, worker) = self.training().await?;
         if !self.fleet.signal_worker(&worker, Signal::SIGKILL)? {
-            return Ok(());
+            bail!("{worker} ended by itself");
         }
         let killed = Instant::now();
         self.broken(Fault::WorkerKilled)?;
@@ -184,17 +207,16 @@ impl Breaker {
     }
 
     async fn stop_worker(&self) -> Result<()> {
-        let (job, worker) = self.running().await?;
+        let (job, worker) = self.training().await?;
         if !self.fleet.signal_worker(&worker, Signal::SIGSTOP)? {
-            return Ok(());
+            bail!("{worker} ended by itself");
         }
         let lease = self.fleet.lease();
         let again = self.leased_again(&job).await;
         tokio::time::sleep(lease / 2).await;
         self.fleet.signal_worker(&worker, Signal::SIGCONT)?;
-        if again? {
-            self.broken(Fault::WorkerStopped)?;
-        }
+        ensure!(again?, "{} ended on a stopped worker", job.name);
+        self.broken(Fault::WorkerStopped)?;
         self.late(&job.name).await
     }
 
@@ -314,8 +336,9 @@ impl Breaker {
         let objects = self.fleet.objects();
         let bytes = std::fs::read(objects.join(&manifest.key))?;
         let objects_of = Manifest::from_json(&bytes)?.objects;
-        let largest = objects_of.into_iter().max_by_key(|object| object.bytes);
-        let key = largest.context("an object")?.key;
+        let mut objects_of = objects_of.into_iter();
+        let weights = objects_of.find(|object| object.file == files::WEIGHTS);
+        let key = weights.context("weights")?.key;
         let mut bytes = std::fs::read(objects.join(&key))?;
         let middle = bytes.len() / 2;
         *bytes.get_mut(middle).context("an empty object")? ^= 1;
@@ -339,7 +362,7 @@ impl Breaker {
     }
 
     async fn watch_silently(&mut self) -> Result<()> {
-        let (job, _) = self.running().await?;
+        let job = self.running().await?;
         for _ in 0..SILENT {
             match self.calls.watch(&job.name).await {
                 Ok(stream) => self.silent.push(stream),
@@ -351,4 +374,11 @@ impl Breaker {
         ensure!(!self.silent.is_empty(), "no watcher");
         self.broken(Fault::SilentWatcher)
     }
+}
+
+/// Display name of the worker that runs the job now.
+fn running_on(job: &Job) -> Option<String> {
+    let newest = job.attempts.last()?;
+    let running = newest.outcome() == job_attempt::Outcome::Running;
+    running.then(|| newest.worker_display_name.clone())
 }

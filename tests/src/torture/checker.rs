@@ -81,10 +81,10 @@ impl Findings {
         .collect()
     }
 
-    /// The recovery below which a `share` of all are; `None` without any.
+    /// The shortest recovery that a `share` of all do not exceed (nearest rank); `None` without any.
     pub fn recovery(&self, share: f64) -> Option<f64> {
-        let last = self.recoveries.len().checked_sub(1)?;
-        let at = (share * last as f64).ceil() as usize;
+        let rank = (share * self.recoveries.len() as f64).ceil() as usize;
+        let at = rank.checked_sub(1)?;
         self.recoveries.get(at).copied()
     }
 }

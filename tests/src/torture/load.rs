@@ -21,8 +21,8 @@ use yoto_client::api::{ClientError, UploadFile, YotoClient};
 use yoto_proto::{
     protocols::HELD_OUT,
     v1::{
-        CreateJobRequest, EvaluateSpec, Job, JobPriority, JobSpec, Orbit, RenderSpec, TrainSpec,
-        capture, job, job_spec, render_spec::What,
+        CreateJobRequest, EvaluateSpec, Job, JobKind, JobPriority, JobSpec, Orbit, RenderSpec,
+        TrainSpec, capture, job, job_spec, render_spec::What,
     },
 };
 
@@ -248,11 +248,13 @@ impl Load {
                 self.ask(evaluate(avatar), false).await?;
             }
             9 => {
-                if let Some(job) = open.first() {
+                // Others wait for theirs.
+                let mut own = open.iter().filter(|job| job.model == avatar.model);
+                if let Some(job) = own.next() {
                     self.cancel(&job.name).await?;
                 }
             }
-            10 => self.delete_one().await?,
+            10 => self.delete_one(avatar).await?,
             _ => {
                 self.person(1).await?;
             }
@@ -268,12 +270,14 @@ impl Load {
         }
     }
 
-    /// Deletes the first job that has ended and was asked for.
-    async fn delete_one(&self) -> Result<()> {
+    /// Deletes the first render of the avatar that has ended.
+    async fn delete_one(&self, avatar: &Avatar) -> Result<()> {
         for (_, job) in self.asked() {
             match self.calls.job(&job).await {
                 Ok(now)
-                    if is_ended(now.state()) && now.kind() == yoto_proto::v1::JobKind::Render =>
+                    if is_ended(now.state())
+                        && now.kind() == JobKind::Render
+                        && now.model == avatar.model =>
                 {
                     // Before the call: the observer must not miss the job first.
                     let name = job.clone();

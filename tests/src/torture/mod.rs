@@ -185,6 +185,7 @@ impl Torture {
         let avatar = load.avatar().await.context("the first person")?;
         let mut breaker = Breaker {
             fleet: Arc::clone(&self.fleet),
+            victim: load.avatar().await.context("the second person")?,
             calls: self.calls.clone(),
             load: Arc::clone(&load),
             proxy,
