@@ -236,7 +236,9 @@ impl Breaker {
         self.fleet.controls().set_poison(id)?;
         let ended = async {
             let job = self.load.ask(train(&avatar.model, 30), true).await?;
-            self.load.wait(&job.context("a training")?).await
+            let job = job.context("a training")?;
+            self.history.record(Event::Doomed { job: job.clone() })?;
+            self.load.wait(&job).await
         };
         let ended = ended.await;
         self.fleet.controls().set_poison("")?;

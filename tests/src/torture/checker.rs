@@ -14,6 +14,8 @@ const TERMINAL: [&str; 3] = ["SUCCEEDED", "FAILED", "CANCELLED"];
 pub struct FinalJob {
     /// Name of its state.
     pub state: String,
+    /// Code and message of its error; empty without one.
+    pub error: String,
     /// Its owner: the request id of the call that made it.
     pub owner: String,
     /// Numbers of its attempts and their outcomes, oldest first.
@@ -44,6 +46,8 @@ pub struct Findings {
     pub duplicated: Vec<String>,
     /// Jobs that left a terminal state, or whose fencing tokens fell.
     pub unordered: Vec<String>,
+    /// Jobs that failed or were cancelled though nobody asked for it.
+    pub failed: Vec<String>,
     /// Number of late writes.
     pub stale_tried: usize,
     /// Late writes that were accepted.
@@ -70,6 +74,7 @@ impl Findings {
             &self.lost,
             &self.duplicated,
             &self.unordered,
+            &self.failed,
             &self.stale_accepted,
             &self.corrupt_loads,
             &self.unreadable,
@@ -101,6 +106,7 @@ pub fn check(events: &[Event], end: &Final) -> Findings {
         .collect();
     check_events(events, end, &deleted, &mut found);
     check_jobs(end, &mut found);
+    check_failures(events, end, &mut found);
     check_requests(events, end, &mut found);
     let flipped: BTreeSet<&str> = events
         .iter()
@@ -198,6 +204,30 @@ fn check_jobs(end: &Final, found: &mut Findings) {
             found
                 .unordered
                 .push(format!("{job}: attempts {:?}", it.attempts));
+        }
+    }
+}
+
+/// No job pays for the faults around it.
+fn check_failures(events: &[Event], end: &Final, found: &mut Findings) {
+    let (mut doomed, mut cancelled) = (BTreeSet::new(), BTreeSet::new());
+    for event in events {
+        match event {
+            Event::Doomed { job } => drop(doomed.insert(job)),
+            Event::Cancelled { job } => drop(cancelled.insert(job)),
+            _ => {}
+        }
+    }
+    for (job, it) in &end.jobs {
+        let asked = match it.state.as_str() {
+            "FAILED" => doomed.contains(job),
+            "CANCELLED" => cancelled.contains(job),
+            _ => true,
+        };
+        if !asked {
+            found
+                .failed
+                .push(format!("{job} is {}: {}", it.state, it.error));
         }
     }
 }

@@ -51,6 +51,9 @@ pub async fn collect(
         let attempts = attempts.map(|it| (it.number, it.outcome().as_str_name().to_owned()));
         let last = FinalJob {
             state: job.state().as_str_name().to_owned(),
+            error: job.error.as_ref().map_or_else(String::new, |error| {
+                format!("{}: {}", error.code, error.message)
+            }),
             owner: job.owner.clone(),
             attempts: attempts.collect(),
         };

@@ -27,10 +27,20 @@ pub enum Event {
         /// Its capture.
         capture: String,
     },
-    /// The service has acknowledged a deletion.
+    /// A client is about to delete something.
     Deleted {
         /// What was deleted.
         name: String,
+    },
+    /// A client is about to cancel a job.
+    Cancelled {
+        /// `jobs/{id}`.
+        job: String,
+    },
+    /// The plan has a job fail.
+    Doomed {
+        /// `jobs/{id}`.
+        job: String,
     },
     /// A job in a state that it did not have when it was last seen.
     Seen {

@@ -27,7 +27,7 @@ use yoto_proto::{
 };
 
 /// Frames of a capture, and their edge in pixels.
-const FRAMES: usize = 6;
+const FRAMES: usize = 12;
 const SIZE: u32 = 32;
 /// Most jobs that wait or run at once for the load to add another.
 const OPEN: usize = 4;
@@ -263,6 +263,9 @@ impl Load {
     }
 
     async fn cancel(&self, job: &str) -> Result<()> {
+        self.history.record(Event::Cancelled {
+            job: job.to_owned(),
+        })?;
         match self.calls.cancel_job(job).await {
             // It may have ended meanwhile.
             Err(status) if is_transient(status.code()) => Err(status).context("cancelling"),

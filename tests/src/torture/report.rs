@@ -42,6 +42,7 @@ impl fmt::Display for Report {
             ("jobs lost", found.lost.len()),
             ("jobs duplicated", found.duplicated.len()),
             ("ends or tokens undone", found.unordered.len()),
+            ("unwanted failures", found.failed.len()),
             ("late writes tried", found.stale_tried),
             ("late writes accepted", found.stale_accepted.len()),
             ("corrupt loads", found.corrupt_loads.len()),

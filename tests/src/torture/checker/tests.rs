@@ -43,6 +43,7 @@ fn good() -> (Vec<Event>, Final) {
     let job = FinalJob {
         state: "SUCCEEDED".into(),
         owner: "r1".into(),
+        error: String::new(),
         attempts: vec![(1, "LOST".into()), (2, "SUCCEEDED".into())],
     };
     end.jobs.insert("jobs/1".into(), job);
@@ -84,6 +85,38 @@ fn a_job_that_is_gone_or_never_ends_is_lost() {
         end.repeated.clear();
     });
     assert!(deleted.is_clean(), "{:?}", deleted.broken());
+}
+
+#[test]
+fn a_job_fails_or_is_cancelled_only_if_someone_wants_it() {
+    for (state, wanted) in [
+        (
+            "FAILED",
+            Event::Doomed {
+                job: "jobs/1".into(),
+            },
+        ),
+        (
+            "CANCELLED",
+            Event::Cancelled {
+                job: "jobs/1".into(),
+            },
+        ),
+    ] {
+        let end_so = |end: &mut Final| {
+            for job in end.jobs.values_mut() {
+                job.state = state.into();
+                job.attempts.truncate(1);
+            }
+        };
+        let unwanted = findings(|_, end| end_so(end));
+        assert_eq!(unwanted.failed.len(), 1, "{state}");
+        let found = findings(|events, end| {
+            end_so(end);
+            events.push(wanted);
+        });
+        assert!(found.is_clean(), "{:?}", found.broken());
+    }
 }
 
 #[test]

@@ -20,6 +20,8 @@ use yoto_server::{
     faults::{Delivery, Faults, Moment},
 };
 
+/// Time from garbage to its removal: what is still in use must not be garbage.
+const GRACE: Duration = Duration::from_secs(6);
 /// Share of the calls that arrive more than once.
 const REPEATED: f64 = 0.1;
 /// Share of the calls whose answer is lost.
@@ -37,6 +39,8 @@ pub async fn run(
     config.lease_seconds = lease_seconds;
     config.reap_interval = Duration::from_millis(100);
     config.storage.min_free_bytes = 0;
+    config.storage.grace = GRACE;
+    config.storage.collect_interval = Duration::from_secs(1);
     config.clock = Arc::new(JumpingClock(controls.clone()));
     config.faults = Some(Arc::new(Disturbed {
         controls,
