@@ -33,7 +33,7 @@ const CALLS: [&str; 4] = ["EndJob", "LeaseJob", "Heartbeat", "PublishCheckpoint"
 /// Largest file of a worker with a full disk, bytes.
 const FULL: u64 = 4096;
 /// Steps of a training that is to lose its worker: seconds.
-const STEPS: u64 = 200;
+const STEPS: u64 = 100;
 /// Watchers of one job that never read.
 const SILENT: usize = 20;
 
