@@ -41,8 +41,9 @@ const SILENT: usize = 20;
 pub struct Breaker {
     /// The processes.
     pub fleet: Arc<Fleet>,
-    /// A person whose trainings lose their workers; no other client cancels them.
-    pub victim: Avatar,
+    /// People whose trainings lose their workers, in turn, since a model has one trainer at a time; no other
+    /// client cancels them.
+    pub victims: [Avatar; 2],
     /// A client.
     pub calls: Calls,
     /// What asks for jobs.
@@ -92,10 +93,11 @@ impl Breaker {
     }
 
     /// A training in the middle of its steps, and the display name of its worker.
-    async fn training(&self) -> Result<(Job, String)> {
+    async fn training(&mut self) -> Result<(Job, String)> {
+        self.victims.rotate_left(1);
         let began = Instant::now();
         while began.elapsed() < PATIENCE {
-            let asked = self.load.ask(train(&self.victim.model, STEPS), true);
+            let asked = self.load.ask(train(&self.victims[0].model, STEPS), true);
             let name = asked.await?.context("a training")?;
             loop {
                 let job = self.calls.job(&name).await?;
@@ -165,7 +167,7 @@ impl Breaker {
         }
     }
 
-    async fn kill_worker(&self) -> Result<()> {
+    async fn kill_worker(&mut self) -> Result<()> {
         let (job, worker) = self.training().await?;
         if !self.fleet.signal_worker(&worker, Signal::SIGKILL)? {
             bail!("{worker} ended by itself");
@@ -206,7 +208,7 @@ impl Breaker {
         noted.get(&fault).copied().unwrap_or(0)
     }
 
-    async fn stop_worker(&self) -> Result<()> {
+    async fn stop_worker(&mut self) -> Result<()> {
         let (job, worker) = self.training().await?;
         if !self.fleet.signal_worker(&worker, Signal::SIGSTOP)? {
             bail!("{worker} ended by itself");

@@ -25,7 +25,7 @@ use yoto_proto::v1::job;
 /// Longest wait for something that has to happen.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Steps of the training, more than are made before the kill.
-const STEPS: u64 = 400;
+const STEPS: u64 = 150;
 
 /// The process ends with this.
 struct Ending(Child);

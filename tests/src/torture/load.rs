@@ -120,8 +120,7 @@ impl Load {
             }
             tokio::time::sleep(Duration::from_millis(200)).await;
         };
-        let capture = uploaded.capture.context("a capture")?.name;
-        let job = uploaded.ingest_job;
+        let (capture, job) = (uploaded.name, uploaded.ingest_job);
         self.history.record(Event::Uploaded {
             capture: capture.clone(),
         })?;
@@ -312,7 +311,7 @@ pub fn train(model: &str, steps: u64) -> job_spec::Kind {
         steps,
         seed: 1,
         image_size: SIZE,
-        checkpoint_seconds: 0.3,
+        checkpoint_seconds: 0.7,
         ..TrainSpec::default()
     })
 }

@@ -185,7 +185,10 @@ impl Torture {
         let avatar = load.avatar().await.context("the first person")?;
         let mut breaker = Breaker {
             fleet: Arc::clone(&self.fleet),
-            victim: load.avatar().await.context("the second person")?,
+            victims: [
+                load.avatar().await.context("the second person")?,
+                load.avatar().await.context("the third person")?,
+            ],
             calls: self.calls.clone(),
             load: Arc::clone(&load),
             proxy,

@@ -25,10 +25,11 @@ pub async fn run(
     let channel = endpoint(server).context("the address")?.connect_lazy();
     let picked = tokio::task::spawn_blocking(yoto_device::pick).await?;
     let store = LocalFileSystem::new_with_prefix(objects)?.with_fsync(true);
-    let store = FaultyStore::new(store, controls);
+    let store = FaultyStore::new(store, controls.clone());
     let config = WorkerConfig {
         display_name: name,
         idle_poll_seconds: 0.25,
+        scratch: controls.folder().join("scratch"),
         ..WorkerConfig::default()
     };
     let objects = Objects::from_store(Arc::new(store));
