@@ -9,6 +9,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 /// States in which a job has ended.
 const TERMINAL: [&str; 3] = ["SUCCEEDED", "FAILED", "CANCELLED"];
 
+/// Most checkpoints of a model that nothing keeps: jobs had them that ended after the last one was published.
+const SPARE: usize = 4;
+
 /// A job at the end.
 #[derive(Debug, Clone, Default)]
 pub struct FinalJob {
@@ -31,6 +34,8 @@ pub struct Final {
     pub captures: BTreeMap<String, (String, bool)>,
     /// Keys of referenced objects that don't have the bytes of their reference, with what is wrong.
     pub damaged: Vec<(String, String)>,
+    /// Numbers of checkpoints by model that nothing keeps.
+    pub spare: BTreeMap<String, usize>,
     /// Answers to repetitions of acknowledged calls: request id and job.
     pub repeated: Vec<(String, String)>,
 }
@@ -56,6 +61,8 @@ pub struct Findings {
     pub corrupt_loads: Vec<String>,
     /// Referenced objects that are missing or differ, without having been damaged by the plan.
     pub unreadable: Vec<String>,
+    /// Models with more checkpoints than they keep.
+    pub hoarded: Vec<String>,
     /// Acknowledged uploads that are neither READY nor REJECTED with reasons.
     pub uploads: Vec<String>,
     /// Seconds of each recovery, ascending.
@@ -79,6 +86,7 @@ impl Findings {
             &self.corrupt_loads,
             &self.unreadable,
             &self.uploads,
+            &self.hoarded,
         ]
         .into_iter()
         .flatten()
@@ -121,6 +129,10 @@ pub fn check(events: &[Event], end: &Final) -> Findings {
         .filter(|(key, _)| !flipped.contains(key.as_str()));
     found.unreadable = unexpected
         .map(|(key, fault)| format!("{key}: {fault}"))
+        .collect();
+    let hoarded = end.spare.iter().filter(|(_, spare)| **spare > SPARE);
+    found.hoarded = hoarded
+        .map(|(model, spare)| format!("{model} has {spare} checkpoints that nothing keeps"))
         .collect();
     found.recoveries.sort_by(f64::total_cmp);
     found

@@ -63,7 +63,10 @@ pub async fn collect(
         }
     }
     for model in models {
-        for checkpoint in calls.checkpoints(&model).await? {
+        let checkpoints = calls.checkpoints(&model).await?;
+        let spare = checkpoints.iter().filter(|it| it.kept_for.is_empty());
+        end.spare.insert(model, spare.count());
+        for checkpoint in checkpoints {
             let manifest = checkpoint.manifest.context("a checkpoint has a manifest")?;
             let Some(bytes) = check(folder, &manifest, end) else {
                 continue;

@@ -47,6 +47,7 @@ impl fmt::Display for Report {
             ("late writes accepted", found.stale_accepted.len()),
             ("corrupt loads", found.corrupt_loads.len()),
             ("unreadable objects", found.unreadable.len()),
+            ("models that hoard", found.hoarded.len()),
             ("unfinished uploads", found.uploads.len()),
             ("recoveries", found.recoveries.len()),
         ];

@@ -190,6 +190,16 @@ fn damage_is_excused_only_where_it_was_made() {
 }
 
 #[test]
+fn checkpoints_that_nothing_keeps_are_few() {
+    for (spare, faults) in [(SPARE, 0), (SPARE + 1, 1)] {
+        let found = findings(|_, end| {
+            end.spare.insert("models/1".into(), spare);
+        });
+        assert_eq!(found.hoarded.len(), faults, "{spare}");
+    }
+}
+
+#[test]
 fn an_upload_must_end_with_a_capture_or_with_reasons() {
     for (state, reasons, faults) in [
         ("REJECTED", true, 0),
