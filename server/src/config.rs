@@ -4,6 +4,7 @@ use crate::{
     checkpoints::retention::Retention,
     clock::{Clock, SystemClock},
     error::ServerError,
+    faults::Faults,
 };
 use std::{path::PathBuf, sync::Arc, time::Duration};
 use url::Url;
@@ -32,6 +33,8 @@ pub struct ServerConfig {
     pub upload: UploadLimits,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// What goes wrong on purpose, in tests of the service.
+    pub faults: Option<Arc<dyn Faults>>,
 }
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
@@ -120,6 +123,7 @@ impl ServerConfig {
                 expiry: Duration::from_secs(24 * 3600),
             },
             storage: StorageLimits::default(),
+            faults: None,
         }
     }
 

@@ -10,6 +10,7 @@ pub mod clock;
 pub mod config;
 mod context;
 mod error;
+pub mod faults;
 mod in_memory;
 mod jobs;
 mod lock;

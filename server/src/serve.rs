@@ -7,6 +7,7 @@ use crate::{
     },
     context::Context,
     error::ServerError,
+    faults::FaultLayer,
 };
 use futures::Stream;
 use std::{future::Future, sync::Arc, time::Duration};
@@ -121,11 +122,13 @@ where
             .await;
         drain.cancel();
     };
+    let faults = context.config.faults.clone().map(FaultLayer::new);
     let serving = Server::builder()
         .initial_stream_window_size(WINDOW_BYTES)
         .initial_connection_window_size(WINDOW_BYTES)
         .max_concurrent_streams(STREAMS)
         .http2_keepalive_interval(Some(KEEPALIVE))
+        .layer(tower::util::option_layer(faults))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
     // A client that keeps an idle connection open would keep the server alive for ever.

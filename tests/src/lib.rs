@@ -6,4 +6,5 @@ pub mod film;
 pub mod load;
 pub mod people;
 pub mod process;
+pub mod torture;
 pub mod upload;

@@ -159,13 +159,26 @@ impl Worker {
         device: PickedDevice,
         config: WorkerConfig,
     ) -> Result<Self, WorkerError> {
+        Self::with_objects(channel, Objects::from_url(objects_url)?, device, config)
+    }
+
+    /// The same with an object store that is already open.
+    ///
+    /// # Errors
+    /// When the scratch folder can't be made or a setting is invalid.
+    pub fn with_objects(
+        channel: Channel,
+        objects: Objects,
+        device: PickedDevice,
+        config: WorkerConfig,
+    ) -> Result<Self, WorkerError> {
         std::fs::create_dir_all(&config.scratch).map_err(|source| WorkerError::Scratch {
             folder: config.scratch.clone(),
             source,
         })?;
         Ok(Self {
             client: WorkerServiceClient::new(channel).max_decoding_message_size(ANSWER_BYTES),
-            objects: Objects::from_url(objects_url)?,
+            objects,
             device,
             display_name: config.display_name,
             kinds: config.kinds,

@@ -32,7 +32,11 @@ use super::{
     NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
     StoreError, Target, Turn, Upload, UploadedFile,
 };
-use crate::{checkpoints::retention::Retention, clock::Clock};
+use crate::{
+    checkpoints::retention::Retention,
+    clock::Clock,
+    faults::{self, Moment},
+};
 use async_trait::async_trait;
 use rows::During;
 use sqlx::{
@@ -113,7 +117,10 @@ impl SqliteStore {
 }
 
 async fn commit(tx: Transaction<'static, Sqlite>) -> Result<(), StoreError> {
-    tx.commit().await.during("committing a transaction")
+    faults::reached(Moment::BeforeCommit);
+    tx.commit().await.during("committing a transaction")?;
+    faults::reached(Moment::AfterCommit);
+    Ok(())
 }
 
 #[async_trait]

@@ -1,0 +1,143 @@
+//! Delivers calls as [`Faults`] say.
+
+use super::{CURRENT, Current, Delivery, Faults, Moment, reached};
+use futures::future::BoxFuture;
+use http_body_util::{BodyExt, Full};
+use prost::Message;
+use prost_types::FileDescriptorSet;
+use std::{
+    collections::HashSet,
+    sync::Arc,
+    task::{Context, Poll},
+};
+use tonic::{
+    Status,
+    body::Body,
+    codegen::http::{Request, Response},
+};
+use tower::{Layer, Service};
+
+/// Wraps the services of a coordinator.
+#[derive(Debug, Clone)]
+pub struct FaultLayer {
+    faults: Arc<dyn Faults>,
+    /// Paths of the calls with one request and one answer.
+    unary: Arc<HashSet<String>>,
+}
+
+impl FaultLayer {
+    pub fn new(faults: Arc<dyn Faults>) -> Self {
+        Self {
+            faults,
+            unary: Arc::new(unary_paths()),
+        }
+    }
+}
+
+/// Paths such as `/yoto.v1.JobService/GetJob`.
+fn unary_paths() -> HashSet<String> {
+    let files = FileDescriptorSet::decode(yoto_proto::DESCRIPTORS).unwrap_or_default();
+    let mut paths = HashSet::new();
+    for file in &files.file {
+        for service in &file.service {
+            let unary = service
+                .method
+                .iter()
+                .filter(|method| !method.client_streaming() && !method.server_streaming());
+            paths.extend(
+                unary.map(|method| {
+                    format!("/{}.{}/{}", file.package(), service.name(), method.name())
+                }),
+            );
+        }
+    }
+    paths
+}
+
+impl<S> Layer<S> for FaultLayer {
+    type Service = Faulty<S>;
+
+    fn layer(&self, inner: S) -> Faulty<S> {
+        Faulty {
+            inner,
+            layer: self.clone(),
+        }
+    }
+}
+
+/// Services whose calls are disturbed.
+#[derive(Debug, Clone)]
+pub struct Faulty<S> {
+    inner: S,
+    layer: FaultLayer,
+}
+
+impl<S> Service<Request<Body>> for Faulty<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>> + Clone + Send + 'static,
+    S::Future: Send,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = BoxFuture<'static, Result<Response<Body>, S::Error>>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let path = request.uri().path();
+        if !self.layer.unary.contains(path) {
+            return Box::pin(self.inner.call(request));
+        }
+        let name = path.rsplit('/').next().unwrap_or_default().to_owned();
+        let faults = Arc::clone(&self.layer.faults);
+        let delivery = faults.delivery(&name);
+        // The clone has not been asked whether it is ready; this one has.
+        let spare = self.inner.clone();
+        let inner = std::mem::replace(&mut self.inner, spare);
+        let call = Current { name, faults };
+        Box::pin(CURRENT.scope(call, deliver(inner, request, delivery)))
+    }
+}
+
+/// Has `inner` serve the request as often as it is delivered, and drops all answers but the last.
+async fn deliver<S>(
+    mut inner: S,
+    request: Request<Body>,
+    delivery: Delivery,
+) -> Result<Response<Body>, S::Error>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+{
+    let (head, body) = request.into_parts();
+    let bytes = match body.collect().await {
+        Ok(body) => body.to_bytes(),
+        Err(status) => return Ok(status.into_http()),
+    };
+    let again = || Request::from_parts(head.clone(), Body::new(Full::new(bytes.clone())));
+    for _ in 1..delivery.times {
+        std::future::poll_fn(|context| inner.poll_ready(context)).await?;
+        inner.call(again()).await?;
+    }
+    std::future::poll_fn(|context| inner.poll_ready(context)).await?;
+    let answer = inner.call(again()).await?;
+    reached(Moment::BeforeReply);
+    match delivery.answered {
+        true => Ok(answer),
+        false => Ok(Status::unavailable("the answer was lost on purpose").into_http()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calls_with_streams_are_left_alone() {
+        let paths = unary_paths();
+        assert!(paths.contains("/yoto.v1.WorkerService/EndJob"), "{paths:?}");
+        assert!(!paths.contains("/yoto.v1.JobService/WatchJob"), "{paths:?}");
+        assert!(!paths.contains("/yoto.v1.ObjectService/DownloadObject"));
+    }
+}

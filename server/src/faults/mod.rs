@@ -1,0 +1,66 @@
+//! Faults on purpose, for tests that break a running service: ends of the process at chosen moments of a
+//! call, calls that arrive several times, answers that get lost.
+//!
+//! A coordinator without [`crate::ServerConfig::faults`] has no layer around its calls, and its commits ask
+//! one empty variable of their task.
+
+mod layer;
+
+pub(crate) use layer::FaultLayer;
+
+use std::{fmt::Debug, sync::Arc};
+
+/// A moment of a call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Its transaction is complete, and not yet committed.
+    BeforeCommit,
+    /// Its transaction is committed.
+    AfterCommit,
+    /// Its answer is ready, and not yet sent.
+    BeforeReply,
+}
+
+/// How often a call arrives, and whether its answer does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Delivery {
+    /// Number of times, at least 1, one after another.
+    pub times: u32,
+    /// Whether the caller gets the last answer; else UNAVAILABLE.
+    pub answered: bool,
+}
+
+impl Delivery {
+    /// As without faults.
+    pub const ONCE: Self = Self {
+        times: 1,
+        answered: true,
+    };
+}
+
+/// What goes wrong, and when. Calls have the names of their methods, such as `EndJob`; only those with one
+/// request and one answer are disturbed.
+pub trait Faults: Debug + Send + Sync {
+    /// A call has reached a moment; the process may end here.
+    fn reached(&self, call: &str, moment: Moment);
+
+    /// What happens to a call that arrives.
+    fn delivery(&self, call: &str) -> Delivery;
+}
+
+/// The call that a task serves.
+#[derive(Debug, Clone)]
+struct Current {
+    name: String,
+    faults: Arc<dyn Faults>,
+}
+
+tokio::task_local! {
+    static CURRENT: Current;
+}
+
+/// Tells the faults of this task's call, if there are any, about a moment.
+pub(crate) fn reached(moment: Moment) {
+    // Without faults, and outside of calls, there is nobody to tell.
+    let _ = CURRENT.try_with(|call| call.faults.reached(&call.name, moment));
+}

@@ -1,0 +1,101 @@
+//! Writes under claims that are not a job's newest: of a worker that lost it, and of one that never had it.
+
+use super::{
+    calls::{Calls, answered},
+    history::{Event, History},
+};
+use anyhow::{Context, Result};
+use tonic::Status;
+use yoto_proto::v1::{
+    Claim, EndJobRequest, HeartbeatRequest, Job, JobKind, JobResult, RegisterWorkerRequest,
+    WorkerDevice,
+    end_job_request::{Outcome, Returned},
+    job_attempt,
+};
+
+/// Registers a worker that never gets a job.
+///
+/// # Errors
+/// When the service refuses.
+pub async fn register_stranger(calls: &Calls) -> Result<String> {
+    let request = RegisterWorkerRequest {
+        display_name: "stranger".into(),
+        device: Some(WorkerDevice::default()),
+        kinds: vec![JobKind::Train.into()],
+        embedded: false,
+    };
+    let registered = answered(|| {
+        let (mut service, request) = (calls.workers(), request.clone());
+        async move { service.register_worker(request).await }
+    });
+    Ok(registered.await.context("registering a worker")?.worker)
+}
+
+/// Tries all of them on a job as it was just read.
+///
+/// # Errors
+/// When there is no definite answer.
+pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &str) -> Result<()> {
+    let Some(newest) = job.attempts.last() else {
+        return Ok(());
+    };
+    let claim = |worker: &str, token| Claim {
+        job: job.name.clone(),
+        worker: worker.to_owned(),
+        token,
+    };
+    let mut claims = vec![(
+        "a worker that never had the job",
+        claim(stranger, newest.number),
+    )];
+    let lost = job_attempt::Outcome::Lost;
+    for attempt in job.attempts.iter().filter(|it| it.outcome() == lost) {
+        let (old, token) = (&attempt.worker, attempt.number);
+        claims.push(("the worker that lost it", claim(old, token)));
+        // The newest holder, with a token from before its time.
+        if newest.number != token && *old != newest.worker {
+            claims.push(("an old token", claim(&newest.worker, token)));
+        }
+    }
+    for (whose, claim) in claims {
+        let heartbeat = HeartbeatRequest {
+            claim: Some(claim.clone()),
+            progress: None,
+        };
+        let beat = answered(|| {
+            let (mut service, request) = (calls.workers(), heartbeat.clone());
+            async move { service.heartbeat(request).await }
+        });
+        told(history, job, &format!("Heartbeat by {whose}"), beat.await)?;
+        for (what, outcome) in [
+            ("success", Outcome::Succeeded(JobResult::default())),
+            ("return", Outcome::Returned(Returned {})),
+        ] {
+            let end = EndJobRequest {
+                claim: Some(claim.clone()),
+                outcome: Some(outcome),
+            };
+            let ended = answered(|| {
+                let (mut service, request) = (calls.workers(), end.clone());
+                async move { service.end_job(request).await }
+            });
+            let what = format!("EndJob with {what} by {whose}");
+            told(history, job, &what, ended.await)?;
+        }
+    }
+    Ok(())
+}
+
+fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) -> Result<()> {
+    if let Err(status) = &answer {
+        anyhow::ensure!(
+            !super::calls::is_transient(status.code()),
+            "{what}: {status}"
+        );
+    }
+    history.record(Event::Late {
+        job: job.name.clone(),
+        what: what.to_owned(),
+        accepted: answer.is_ok(),
+    })
+}

@@ -1,0 +1,108 @@
+//! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, and which ends at
+//! chosen moments.
+
+use super::{asked_to_stop, controls::Controls};
+use crate::torture::fault::Fault;
+use anyhow::{Context, Result};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::{
+    net::Ipv4Addr,
+    path::PathBuf,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+use tokio::net::TcpListener;
+use tokio_stream::wrappers::TcpListenerStream;
+use yoto_server::{
+    Coordinator, ServerConfig,
+    clock::{Clock, SystemClock},
+    faults::{Delivery, Faults, Moment},
+};
+
+/// Time from garbage to its removal: what is still in use must not be garbage.
+const GRACE: Duration = Duration::from_secs(6);
+/// Share of the calls that arrive more than once.
+const REPEATED: f64 = 0.1;
+/// Share of the calls whose answer is lost.
+const LOST: f64 = 0.05;
+
+/// Serves until SIGTERM.
+pub async fn run(
+    data: PathBuf,
+    port: u16,
+    lease_seconds: f64,
+    controls: Controls,
+    seed: u64,
+) -> Result<()> {
+    let mut config = ServerConfig::new(data);
+    config.lease_seconds = lease_seconds;
+    config.reap_interval = Duration::from_millis(100);
+    config.storage.min_free_bytes = 0;
+    config.storage.grace = GRACE;
+    config.storage.collect_interval = Duration::from_secs(1);
+    config.clock = Arc::new(JumpingClock(controls.clone()));
+    config.faults = Some(Arc::new(Disturbed {
+        controls,
+        chance: Mutex::new(ChaCha8Rng::seed_from_u64(seed)),
+    }));
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
+    let listener = listener.with_context(|| format!("port {port}"))?;
+    let coordinator = Coordinator::open(config).await.context("opening")?;
+    let incoming = TcpListenerStream::new(listener);
+    let served = coordinator.serve(incoming, asked_to_stop()).await;
+    coordinator.close().await;
+    served.context("serving")
+}
+
+/// The system's clock, moved by the controls.
+#[derive(Debug)]
+struct JumpingClock(Controls);
+
+impl Clock for JumpingClock {
+    fn now(&self) -> f64 {
+        SystemClock.now() + self.0.clock()
+    }
+}
+
+/// Disturbs a share of the calls.
+#[derive(Debug)]
+struct Disturbed {
+    controls: Controls,
+    chance: Mutex<ChaCha8Rng>,
+}
+
+impl Disturbed {
+    fn note(&self, fault: Fault) {
+        if let Err(error) = self.controls.note(fault) {
+            tracing::error!(%error, "could not note a fault");
+        }
+    }
+}
+
+impl Faults for Disturbed {
+    fn reached(&self, call: &str, moment: Moment) {
+        if let Some(fault) = self.controls.end(call, moment) {
+            // Once: the next process is to live.
+            self.controls.withdraw_end();
+            self.controls.end_here(fault);
+        }
+    }
+
+    fn delivery(&self, _call: &str) -> Delivery {
+        let mut chance = self.chance.lock().unwrap_or_else(PoisonError::into_inner);
+        let times = match chance.random_bool(REPEATED) {
+            true => chance.random_range(2..=3),
+            false => 1,
+        };
+        let answered = !chance.random_bool(LOST);
+        drop(chance);
+        if times > 1 {
+            self.note(Fault::CallRepeated);
+        }
+        if !answered {
+            self.note(Fault::AnswerLost);
+        }
+        Delivery { times, answered }
+    }
+}

@@ -1,0 +1,118 @@
+//! The processes that the torture starts: the program starts itself again as one of these.
+//!
+//! They are made of the same library parts as the `yoto` command, and read what is to go wrong from the files
+//! of [`Controls`].
+
+mod controls;
+mod coordinator;
+mod embedded;
+mod store;
+mod worker;
+
+pub use controls::{Controls, StoreFault};
+
+use clap::Subcommand;
+use std::path::PathBuf;
+use tracing_subscriber::EnvFilter;
+
+/// A process of the service under torture.
+#[derive(Debug, Subcommand)]
+pub enum Part {
+    /// A coordinator without workers.
+    Coordinator {
+        /// Data folder.
+        #[arg(long)]
+        data: PathBuf,
+        /// Port on loopback.
+        #[arg(long)]
+        port: u16,
+        /// Length of a lease, seconds.
+        #[arg(long)]
+        lease_seconds: f64,
+        /// Folder of the controls.
+        #[arg(long)]
+        controls: PathBuf,
+        /// Seed of the disturbed calls.
+        #[arg(long)]
+        seed: u64,
+    },
+    /// A worker.
+    Worker {
+        /// Address of the coordinator.
+        #[arg(long)]
+        server: String,
+        /// Folder of the objects.
+        #[arg(long)]
+        objects: PathBuf,
+        /// Display name.
+        #[arg(long)]
+        name: String,
+        /// Folder of the controls.
+        #[arg(long)]
+        controls: PathBuf,
+        /// Largest file that it can write, bytes: a full disk.
+        #[arg(long)]
+        largest_file: Option<u64>,
+    },
+    /// Coordinator and workers in one process.
+    Embedded {
+        /// Data folder.
+        #[arg(long)]
+        data: PathBuf,
+        /// Port on loopback.
+        #[arg(long)]
+        port: u16,
+    },
+}
+
+impl Part {
+    /// Runs until SIGTERM.
+    ///
+    /// # Errors
+    /// When it can't start, or fails.
+    pub async fn run(self) -> anyhow::Result<()> {
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+        tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .with_ansi(false)
+            .init();
+        match self {
+            Self::Coordinator {
+                data,
+                port,
+                lease_seconds,
+                controls,
+                seed,
+            } => coordinator::run(data, port, lease_seconds, Controls::of(controls), seed).await,
+            Self::Worker {
+                server,
+                objects,
+                name,
+                controls,
+                largest_file,
+            } => {
+                worker::run(
+                    &server,
+                    &objects,
+                    name,
+                    Controls::of(controls),
+                    largest_file,
+                )
+                .await
+            }
+            Self::Embedded { data, port } => embedded::run(data, port).await,
+        }
+    }
+}
+
+/// Returns at SIGTERM.
+async fn asked_to_stop() {
+    use tokio::signal::unix::{SignalKind, signal};
+    match signal(SignalKind::terminate()) {
+        Ok(mut terminate) => {
+            terminate.recv().await;
+        }
+        Err(error) => tracing::error!(%error, "can't listen for SIGTERM: stopping"),
+    }
+}
