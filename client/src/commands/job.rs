@@ -87,6 +87,7 @@ enum Action {
     /// Start no more jobs of a kind.
     #[command(after_help = PAUSE_HELP)]
     Pause {
+        /// The kind of jobs.
         kind: KindName,
         /// Why, for those who wonder (`yoto status` shows it).
         #[arg(
@@ -101,6 +102,7 @@ enum Action {
     },
     /// Start jobs of a kind again.
     Resume {
+        /// The kind of jobs.
         kind: KindName,
         #[command(flatten)]
         server: Server,
