@@ -45,6 +45,10 @@ Jobs of the kind wait in the queue, and those that run go on.
 Example:
   yoto job pause train --reason \"a new GPU is built in\"";
 
+const RESUME_HELP: &str = "\
+Example:
+  yoto job resume train";
+
 const DELETE_HELP: &str = "\
 Its pictures and figures go with it. The checkpoints of a training stay with their model, and the capture
 of an ingest job with its person.
@@ -101,6 +105,7 @@ enum Action {
         server: Server,
     },
     /// Start jobs of a kind again.
+    #[command(after_help = RESUME_HELP)]
     Resume {
         /// The kind of jobs.
         kind: KindName,
