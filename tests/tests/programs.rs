@@ -88,7 +88,12 @@ fn results_are_json_where_programs_read_them() -> anyhow::Result<()> {
         .strip_prefix("jobs/")
         .and_then(|id| id.get(..8))
         .context("an id")?;
-    ensure!(read(&format!("job show {short}"))?["job"]["name"] == name);
+    let shown = read(&format!("job show {short}"))?;
+    ensure!(shown["job"]["name"] == name, "{shown}");
+    ensure!(
+        shown["job"]["attempts"][0]["outcome"] == "SUCCEEDED",
+        "{shown}"
+    );
 
     // A transparent picture has the person's opacity, and no other file.
     let rendered = read(&format!(

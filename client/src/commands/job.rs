@@ -187,7 +187,9 @@ impl JobCommand {
 }
 
 async fn show(which: &Which) -> anyhow::Result<()> {
-    let (client, job) = which.find().await?;
+    let (client, found) = which.find().await?;
+    // Only this call tells the attempts.
+    let job = client.get_job(&found.name).await?;
     output::put("job", output::message(&job));
     let titles = Titles::load(&client).await?;
     say!("job      {}", job.name);
