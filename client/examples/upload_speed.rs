@@ -100,7 +100,8 @@ fn generate(folder: &Path, bytes: u64, count: u64) -> anyhow::Result<Vec<PathBuf
     Ok(files)
 }
 
-/// Copies the files one after another, each with an fsync, and syncs their folder; seconds.
+/// Copies the files one after another, each with an fsync, and syncs their folder. Returns the seconds that
+/// it took.
 fn copy(files: &[PathBuf], to: &Path) -> anyhow::Result<f64> {
     let began = Instant::now();
     std::fs::create_dir_all(to)?;
@@ -121,7 +122,7 @@ fn copy(files: &[PathBuf], to: &Path) -> anyhow::Result<f64> {
     Ok(began.elapsed().as_secs_f64())
 }
 
-/// Uploads the files as a capture of a new person; seconds.
+/// Uploads the files as a capture of a new person. Returns the seconds that it took.
 async fn upload(client: &YotoClient, files: &[PathBuf], run: u32) -> anyhow::Result<f64> {
     let subject = client.create_subject(&format!("run {run}"), "").await?;
     let began = Instant::now();

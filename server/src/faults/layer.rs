@@ -93,7 +93,7 @@ where
         let name = path.rsplit('/').next().unwrap_or_default().to_owned();
         let faults = Arc::clone(&self.layer.faults);
         let delivery = faults.delivery(&name);
-        // The clone has not been asked whether it is ready; this one has.
+        // Only this service was polled until it was ready, not its clone.
         let spare = self.inner.clone();
         let inner = std::mem::replace(&mut self.inner, spare);
         let call = Current { name, faults };

@@ -82,7 +82,8 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     }
 }
 
-/// Tells the watchers of a job, unless they know it; false once there are none, and the job is forgotten.
+/// Tells the watchers of a job what they do not know yet. Returns false once nobody watches it; the job is
+/// then forgotten here.
 fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {
