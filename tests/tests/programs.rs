@@ -78,7 +78,7 @@ fn results_are_json_where_programs_read_them() -> anyhow::Result<()> {
     // A lane for trainings, and one for everything else.
     let workers = status["status"]["workers"].as_array().context("workers")?;
     let names: Vec<_> = workers.iter().map(|it| &it["display_name"]).collect();
-    ensure!(names == ["embedded trainer", "embedded"], "{status}");
+    ensure!(names == ["embedded", "embedded trainer"], "{status}");
     let jobs = read("job list --state succeeded --limit 2")?;
     let jobs = jobs["jobs"].as_array().context("jobs")?;
     ensure!(jobs.len() == 2 && jobs[0]["spec"]["evaluate"].is_object());

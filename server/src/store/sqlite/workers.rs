@@ -58,7 +58,8 @@ macro_rules! select_workers {
     };
 }
 
-/// The workers with `ids`, and those with a RUNNING job, oldest first.
+/// The workers with `ids`, and those with a RUNNING job, by their names: two lanes of one process register
+/// in either order.
 pub async fn active(
     conn: &mut SqliteConnection,
     ids: &[&str],
@@ -67,7 +68,8 @@ pub async fn active(
     // Ids are hex digits and dashes: a space separates them.
     let ids = format!(" {} ", ids.join(" "));
     let rows = sqlx::query(select_workers!(
-        "WHERE j.id IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 ORDER BY w.ord"
+        "WHERE j.id IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 \
+         ORDER BY w.display_name, w.ord"
     ))
     .bind(lease_seconds)
     .bind(ids)
