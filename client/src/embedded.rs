@@ -17,6 +17,7 @@ use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
 use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
+use url::Url;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
@@ -96,7 +97,7 @@ type Outcome<E> = Result<(), E>;
 pub struct Embedded {
     connector: InMemoryConnector,
     address: Option<SocketAddr>,
-    objects: String,
+    objects: Url,
     device: String,
     /// Ends the network side and the worker.
     drain: CancellationToken,
@@ -132,7 +133,7 @@ impl Embedded {
             ..ServerConfig::new(&options.data)
         };
         let coordinator = Coordinator::open(config).await?;
-        let objects = coordinator.objects_url().to_string();
+        let objects = coordinator.objects_url().clone();
         let (connector, incoming) = in_memory();
         let (drain, stop) = (CancellationToken::new(), CancellationToken::new());
         let mut embedded = Self {
@@ -205,7 +206,7 @@ impl Embedded {
     }
 
     /// The object store, for workers in other processes.
-    pub fn objects_url(&self) -> &str {
+    pub fn objects_url(&self) -> &Url {
         &self.objects
     }
 

@@ -2,9 +2,11 @@
 //!
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
-//! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people and the
-//! checks of a render, and the names of tiers, variants and evaluation protocols.
+//! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
+//! checks of orders, pauses between attempts, and the names of tiers, variants and evaluation protocols.
 
+pub mod backoff;
+pub mod checks;
 pub mod correction;
 pub mod keys;
 pub mod limits;
@@ -14,7 +16,6 @@ pub mod names;
 pub mod pose_track;
 pub mod protocols;
 pub mod render_needs;
-pub mod scene;
 pub mod smpl;
 pub mod tiers;
 

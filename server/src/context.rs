@@ -5,12 +5,14 @@ use crate::{
     error::RequestError,
     jobs::{changes::JobChanges, roster::Roster},
     lock::DataDirLock,
-    objects::{Objects, room},
+    objects::{disk::ObjectDisk, room},
     store::Store,
     uploads::Turns,
 };
 use std::{sync::Arc, time::SystemTime};
 use tokio_util::sync::CancellationToken;
+use url::Url;
+use yoto_objects::Objects;
 
 /// The shared parts. The lock is one of them, so the data folder stays locked as long as
 /// anything can write to it.
@@ -21,6 +23,10 @@ pub struct Context {
     pub store: Arc<dyn Store>,
     /// Uploads, shards, checkpoints, renders.
     pub objects: Objects,
+    /// Where the objects are.
+    pub objects_url: Url,
+    /// The folder that they are in.
+    pub disk: ObjectDisk,
     /// Wakes the watchers of jobs.
     pub changes: JobChanges,
     /// The workers that have asked for jobs lately.
@@ -41,10 +47,6 @@ impl Context {
     /// Refuses if the disk of the object store would have less than the configured free space with
     /// `coming` more bytes.
     pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
-        room::check(
-            self.objects.disk(),
-            coming,
-            self.config.storage.min_free_bytes,
-        )
+        room::check(self.disk.room(), coming, self.config.storage.min_free_bytes)
     }
 }

@@ -1,8 +1,9 @@
 //! Errors of the coordinator: while it opens or serves, and while it answers a request.
 
-use crate::{objects::ObjectsError, store::StoreError};
+use crate::store::StoreError;
 use std::path::PathBuf;
 use thiserror::Error;
+use yoto_objects::ObjectsError;
 
 /// The coordinator can't open or serve.
 #[derive(Debug, Error)]

@@ -23,14 +23,14 @@ mod uploads;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
-pub use objects::ObjectsError;
 pub use store::StoreError;
+pub use yoto_objects::ObjectsError;
 
 use context::Context;
 use futures::Stream;
 use jobs::{changes::JobChanges, reaper, roster::Roster};
 use lock::DataDirLock;
-use objects::{Objects, collect};
+use objects::{collect, disk::ObjectDisk};
 use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
 use store::SqliteStore;
 use tokio::{
@@ -66,15 +66,18 @@ impl Coordinator {
         config.check()?;
         let data_dir = create_dir(&config.data_dir)?;
         let lock = DataDirLock::take(&data_dir)?;
-        let objects = match &config.objects {
-            Some(url) => Objects::open(url)?,
-            None => Objects::open(&folder_url(&data_dir.join(OBJECTS_FOLDER))?)?,
+        let objects_url = match &config.objects {
+            Some(url) => url.clone(),
+            None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
         };
+        let (disk, objects) = ObjectDisk::open(&objects_url)?;
         let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
         let context = Arc::new(Context {
             config,
             store: Arc::new(store),
             objects,
+            objects_url,
+            disk,
             changes: JobChanges::default(),
             roster: Roster::default(),
             started: SystemTime::now(),
@@ -123,7 +126,7 @@ impl Coordinator {
 
     /// Where the objects are, for workers to open.
     pub fn objects_url(&self) -> &Url {
-        self.context.objects.url()
+        &self.context.objects_url
     }
 
     /// Stops serving, reaping and collecting, closes the database, and unlocks the data folder.

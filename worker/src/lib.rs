@@ -3,12 +3,11 @@
 //! [`agent`] talks to the coordinator and keeps the lease; [`jobs`] run on their own thread
 //! and use the network only through their
 //! [`JobContext`](jobs::JobContext); [`media`] encodes pictures (uploads are read by
-//! `yoto_ingest`); [`objects`] reads and writes the object store.
+//! `yoto_ingest`).
 
 pub mod agent;
 pub mod jobs;
 pub mod media;
-pub mod objects;
 mod retry;
 
 pub use agent::{Worker, WorkerConfig, WorkerError};

@@ -6,6 +6,7 @@ use crate::api::endpoint;
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
+use url::Url;
 use yoto_proto::v1::JobKind;
 use yoto_worker::{Worker, WorkerConfig};
 
@@ -28,7 +29,7 @@ pub(super) struct WorkerCommand {
     server: super::Server,
     /// Object store of the service.
     #[arg(long, value_name = "URL")]
-    objects: String,
+    objects: Url,
     /// Display name of this worker.
     #[arg(long, value_name = "NAME", default_value = "worker")]
     name: String,

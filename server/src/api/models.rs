@@ -227,7 +227,7 @@ impl ModelService for ModelApi {
         let tradeoff = self.context.objects.read(&object).await;
         Ok(Response::new(Tradeoff {
             checkpoint: name.clone(),
-            json: tradeoff.map_err(RequestError::from)?,
+            json: tradeoff.map_err(RequestError::from)?.into(),
         }))
     }
 
@@ -280,7 +280,7 @@ impl ModelApi {
         for checkpoint in checkpoints {
             match self.file(&checkpoint, file).await {
                 Ok(bytes) => return Ok(Some(bytes)),
-                Err(RequestError::Objects(error)) if !error.is_mismatch() => {
+                Err(RequestError::Objects(error)) if !error.is_torn() => {
                     return Err(error.into());
                 }
                 Err(error) => {
@@ -313,6 +313,6 @@ impl ModelApi {
             bytes: object.bytes,
             sha256: object.sha256.clone(),
         };
-        Ok(Some(self.context.objects.read(&object).await?))
+        Ok(Some(self.context.objects.read(&object).await?.into()))
     }
 }

@@ -83,7 +83,7 @@ impl ObjectService for ObjectApi {
             return Ok(Response::new(futures::stream::empty().boxed()));
         }
         let bytes = (self.context.objects)
-            .get_range(&object, Some(*offset..end))
+            .stream(&object, Some(*offset..end))
             .await
             .map_err(RequestError::from)?;
         let answers = bytes.map_ok(|chunk| DownloadObjectResponse {

@@ -36,14 +36,14 @@ impl StatusService for StatusApi {
         let counts = context.store.open_jobs().await;
         let (queued, running) = counts.map_err(RequestError::from)?;
         let paused = context.store.paused_kinds().await;
-        let disk = context.objects.disk();
+        let disk = context.disk.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             start_time: Some(context.started.into()),
             workers,
             queued,
             running,
-            objects: context.objects.url().to_string(),
+            objects: context.objects_url.to_string(),
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
             paused: paused.map_err(RequestError::from)?,

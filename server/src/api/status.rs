@@ -3,10 +3,11 @@
 //! Faults of a request are reported in full. Internal errors are logged here, once, and not
 //! reported: internal details help attackers, not callers.
 
-use crate::{error::RequestError, objects::ObjectsError, store::StoreError};
+use crate::{error::RequestError, store::StoreError};
 use std::collections::HashMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
+use yoto_objects::ObjectsError;
 
 /// The domain of every `ErrorInfo`.
 const DOMAIN: &str = "yoto.v1";
@@ -30,7 +31,7 @@ impl From<RequestError> for Status {
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),
-            RequestError::Objects(error) if error.is_mismatch() => altered(&error),
+            RequestError::Objects(error) if error.is_torn() => altered(&error),
             RequestError::Objects(error) => internal(&error),
         }
     }

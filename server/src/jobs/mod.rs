@@ -6,5 +6,4 @@ pub mod queue;
 pub mod reaper;
 pub mod report;
 pub mod roster;
-mod spec;
 pub mod watch;

@@ -4,7 +4,6 @@
 //! entries (shards, the checkpoint to use, slots) are not removed while a job that uses them waits or
 //! runs, so the checks still hold when the job is leased.
 
-use super::spec;
 use crate::{
     checkpoints::best::best_first,
     context::Context,
@@ -12,6 +11,7 @@ use crate::{
     store::{JobKind, NewJob, RequestKey, StoreError},
 };
 use yoto_proto::{
+    checks,
     names::Collection,
     render_needs::needs,
     tiers,
@@ -34,7 +34,9 @@ pub async fn create(
     if let Some(id) = context.store.answered(request.as_ref()).await? {
         return Ok(context.store.job(&id).await?);
     }
-    spec::check_size(&new.spec)?;
+    if let Some(fault) = checks::job(&new.spec).into_iter().next() {
+        return Err(RequestError::invalid(path(&fault.field), fault.message));
+    }
     match &new.spec.kind {
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
@@ -43,12 +45,20 @@ pub async fn create(
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
         }
-        None => return Err(RequestError::invalid("spec", "has no kind of job")),
+        None => {}
     }
     let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
     let job = context.store.create_job(new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
+}
+
+/// The path in a request of the order's `field`.
+fn path(field: &str) -> String {
+    match field {
+        "" => "spec".into(),
+        field => format!("spec.{field}"),
+    }
 }
 
 /// Cancels a job: a queued one at once, a running one through its worker.
@@ -71,7 +81,6 @@ pub async fn cancel(
 }
 
 async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
-    spec::check_train(train)?;
     context.ensure_room(0)?;
     let model = model(context, "spec.train.model", &train.model).await?;
     if model.slots.is_empty() {
@@ -93,7 +102,6 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
 }
 
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
-    spec::check_render(render)?;
     let model = model(context, "spec.render.model", &render.model).await?;
     let needs = needs(render);
     let mut shown = Vec::new();
@@ -137,7 +145,6 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
 }
 
 async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {
-    spec::check_evaluate(evaluate)?;
     let model = model(context, "spec.evaluate.model", &evaluate.model).await?;
     for (i, subject) in evaluate.subjects.iter().enumerate() {
         require_shard(context, &format!("spec.evaluate.subjects[{i}]"), subject).await?;

@@ -340,7 +340,7 @@ async fn require(
         ));
     }
     context.objects.require(object).await.map_err(|error| {
-        if error.is_mismatch() {
+        if error.is_torn() {
             RequestError::invalid(field, error.to_string())
         } else {
             error.into()

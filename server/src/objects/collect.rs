@@ -79,7 +79,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
     }
     // In this order: an object is written before a row names it, and noted before it is looked for.
     let known = context.store.garbage().await?;
-    let folders = context.objects.folders().await?;
+    let folders = context.disk.folders().await?;
     let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
     let references = context.store.references(&keys).await?;
     let grace = context.config.storage.grace.as_secs_f64();
@@ -105,7 +105,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
             it.due = false;
             continue;
         }
-        match context.objects.delete_folder(&it.folder.key).await {
+        match context.disk.delete_folder(&it.folder.key).await {
             Ok(()) => {
                 let Folder { key, bytes, .. } = &it.folder;
                 tracing::info!(key, bytes, deleted = it.deleted, "garbage removed");

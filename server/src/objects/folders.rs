@@ -1,11 +1,12 @@
 //! The folders of a local store that live and end as a whole, with their sizes.
 
-use super::{Objects, ObjectsError, local};
+use super::disk::{ObjectDisk, failed};
 use std::{
     fs::{self, DirEntry},
     io::{self, ErrorKind},
     path::Path,
 };
+use yoto_objects::ObjectsError;
 use yoto_proto::keys;
 
 /// A folder of the object store ([`keys::Folder`]).
@@ -19,7 +20,7 @@ pub struct Folder {
     pub bytes: u64,
 }
 
-impl Objects {
+impl ObjectDisk {
     /// All folders, as the file system has them: unlike a list of objects, this has the remains of a
     /// writer that was killed, and folders that are empty.
     ///
@@ -37,7 +38,7 @@ impl Objects {
         let walked = walked
             .await
             .unwrap_or_else(|error| Err(io::Error::other(error)));
-        walked.map_err(|error| local("listing", "", error))
+        walked.map_err(|error| failed("listing", &self.root, error))
     }
 }
 

@@ -3,7 +3,7 @@
 //! An object of the store appears as a whole or not at all; a file of an upload grows, and the catalogue
 //! says how much of it counts. What is behind that was never acknowledged, and is written over.
 
-use super::{Objects, ObjectsError, local};
+use super::disk::{ObjectDisk, failed};
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use std::{
@@ -12,6 +12,7 @@ use std::{
     io::{self, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
 };
+use yoto_objects::ObjectsError;
 use yoto_proto::hex;
 
 /// Bytes that are read at once.
@@ -28,7 +29,7 @@ pub struct Piece {
     pub chunks: Vec<Bytes>,
 }
 
-impl Objects {
+impl ObjectDisk {
     /// Writes pieces of different files; they are on disk when this returns.
     ///
     /// # Errors
@@ -45,7 +46,7 @@ impl Objects {
     pub async fn sha256(&self, key: &str, bytes: u64) -> Result<String, ObjectsError> {
         let (path, key) = (self.root.join(key), key.to_owned());
         blocking(move || {
-            let (found, sha256) = hash(&path).map_err(|error| local("reading", &key, error))?;
+            let (found, sha256) = hash(&path).map_err(|error| failed("reading", &path, error))?;
             if found != bytes {
                 return Err(ObjectsError::Size {
                     key,
@@ -64,7 +65,13 @@ async fn blocking<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, ObjectsError> + Send + 'static,
 ) -> Result<T, ObjectsError> {
     let done = tokio::task::spawn_blocking(work).await;
-    done.unwrap_or_else(|error| Err(local("writing", "", io::Error::other(error))))
+    done.unwrap_or_else(|error| {
+        Err(failed(
+            "writing",
+            Path::new("uploads"),
+            io::Error::other(error),
+        ))
+    })
 }
 
 fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
@@ -86,17 +93,17 @@ fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
     // After all writes: the first sync of several small files carries the others along.
     for (piece, file) in files {
         let synced = file.sync_data();
-        synced.map_err(|error| local("writing", &piece.key, error))?;
+        synced.map_err(|error| failed("writing", &root.join(&piece.key), error))?;
     }
     for folder in folders {
         let synced = sync_folder(&folder);
-        synced.map_err(|error| local("writing", &folder.to_string_lossy(), error))?;
+        synced.map_err(|error| failed("writing", &folder, error))?;
     }
     Ok(())
 }
 
 fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
-    let failed = |error| local("writing", &piece.key, error);
+    let failed = |error| failed("writing", path, error);
     if let (0, Some(folder)) = (piece.offset, path.parent()) {
         fs::create_dir_all(folder).map_err(failed)?;
     }
@@ -153,7 +160,6 @@ fn hash(path: &Path) -> io::Result<(u64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use url::Url;
 
     fn piece(offset: u64, bytes: &'static [u8]) -> Piece {
         Piece {
@@ -166,8 +172,7 @@ mod tests {
     #[tokio::test]
     async fn a_piece_is_written_over_what_was_never_acknowledged() {
         let dir = tempfile::tempdir().expect("a folder");
-        let url = Url::from_directory_path(dir.path()).expect("is absolute");
-        let objects = Objects::open(&url).expect("opens");
+        let objects = ObjectDisk::at(dir.path().to_owned());
         let write = |piece| objects.write_pieces(vec![piece]);
         write(piece(0, b"0123456789")).await.expect("writes");
         write(piece(4, b"abc")).await.expect("writes");

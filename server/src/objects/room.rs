@@ -1,14 +1,22 @@
 //! Free space, below which nothing large is begun: a disk that is full stops the database as well.
 
-use super::Disk;
 use crate::error::RequestError;
+
+/// Room on a disk, bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct Room {
+    /// Bytes that are free for this process.
+    pub free: u64,
+    /// All bytes.
+    pub total: u64,
+}
 
 /// Refuses if `disk` would have less than `min_free` bytes free with `coming` more. A disk whose figures
 /// can't be told is taken to have room.
-pub fn check(disk: Option<Disk>, coming: u64, min_free: u64) -> Result<(), RequestError> {
+pub fn check(disk: Option<Room>, coming: u64, min_free: u64) -> Result<(), RequestError> {
     let needed = min_free.saturating_add(coming);
     match disk {
-        Some(Disk { free, .. }) if free < needed => Err(RequestError::DiskFull { free, needed }),
+        Some(Room { free, .. }) if free < needed => Err(RequestError::DiskFull { free, needed }),
         _ => Ok(()),
     }
 }
@@ -19,7 +27,7 @@ mod tests {
 
     #[test]
     fn what_comes_counts_as_well() {
-        let disk = |free| Some(Disk { free, total: 100 });
+        let disk = |free| Some(Room { free, total: 100 });
         assert!(check(disk(30), 10, 20).is_ok());
         assert!(check(disk(29), 9, 20).is_ok());
         assert!(check(disk(29), u64::MAX, 20).is_err());

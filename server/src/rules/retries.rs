@@ -1,24 +1,17 @@
 //! Waits of jobs that failed through no fault of their own.
 
+use yoto_proto::backoff::jitter;
+
 /// Number of retries after faults outside the job: over about a day, so that a store or a
 /// machine can be repaired meanwhile.
 pub const MAX_RETRIES: u32 = 100;
 /// Longest wait before a retry, seconds; the first wait is a second, and each later one doubles.
 const LONGEST_WAIT: f64 = 900.0;
-/// Share by which a wait is longer or shorter by chance: jobs that one fault put back together come
-/// back one after another.
-const JITTER: f64 = 0.2;
 
-/// Seconds until the next attempt of a job that was retried `retries` times before; none if that was
+/// Seconds until the next attempt of a job that was retried `retries` times before, give or take a fifth; none if that was
 /// often enough.
 pub fn wait(retries: u32) -> Option<f64> {
-    Some(steady_wait(retries)? * (1.0 + JITTER * (2.0 * chance() - 1.0)))
-}
-
-/// A random number from 0 to 1, of the random bits of a UUID.
-fn chance() -> f64 {
-    let bits = uuid::Uuid::new_v4().as_u128() as u32;
-    f64::from(bits) / f64::from(u32::MAX)
+    Some(steady_wait(retries)? * jitter())
 }
 
 /// The wait without its jitter.

@@ -28,7 +28,7 @@ pub async fn ingest_again(
         for file in context.store.capture_files(id).await? {
             let object = input_file(id, &file).object.unwrap_or_default();
             match context.objects.require(&object).await {
-                Err(error) if error.is_mismatch() => {
+                Err(error) if error.is_torn() => {
                     let message = format!(
                         "{} of {} is no longer there: upload the capture again",
                         file.path, capture.name

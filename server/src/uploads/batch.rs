@@ -1,6 +1,11 @@
 //! Chunks on their way to the disk, and their commit.
 
-use crate::{context::Context, error::RequestError, objects::parts::Piece, store::CommittedPart};
+use crate::{
+    context::Context,
+    error::RequestError,
+    objects::{disk, parts::Piece},
+    store::CommittedPart,
+};
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;
@@ -52,7 +57,7 @@ impl Batch {
             offset: part.from,
             chunks,
         });
-        context.objects.write_pieces(pieces.collect()).await?;
+        context.disk.write_pieces(pieces.collect()).await?;
         Ok(context.store.commit_parts(id, &parts).await?)
     }
 }
@@ -98,7 +103,7 @@ impl Committer {
         };
         running.await.unwrap_or_else(|error| {
             let cause = std::io::Error::other(error);
-            Err(crate::objects::local("writing", &self.id, cause).into())
+            Err(disk::failed("writing", self.id.as_ref(), cause).into())
         })
     }
 }

@@ -61,7 +61,7 @@ async fn verify(
     if file.bytes == 0 {
         context.objects.put(&key, Bytes::new()).await?;
     }
-    let found = context.objects.sha256(&key, file.bytes).await?;
+    let found = context.disk.sha256(&key, file.bytes).await?;
     if found == file.sha256 {
         return Ok(());
     }

@@ -9,10 +9,7 @@ mod leased;
 mod report;
 mod watchdog;
 
-use crate::{
-    objects::{Objects, ObjectsError},
-    retry::{Backoff, is_transient},
-};
+use crate::retry::is_transient;
 use leased::Leased;
 use std::{
     future::Future,
@@ -24,15 +21,17 @@ use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::{Code, Status, transport::Channel};
+use url::Url;
 use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
-use yoto_proto::limits::ANSWER_BYTES;
+use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::v1::{
     JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest,
     worker_service_client::WorkerServiceClient,
 };
+use yoto_proto::{backoff::Backoff, limits::ANSWER_BYTES};
 
 /// Kinds of jobs that this program runs.
 pub const KINDS: &[JobKind] = &[
@@ -155,11 +154,11 @@ impl Worker {
     /// When the object store does not open, or a setting is invalid.
     pub fn new(
         channel: Channel,
-        objects_url: &str,
+        objects_url: &Url,
         device: PickedDevice,
         config: WorkerConfig,
     ) -> Result<Self, WorkerError> {
-        Self::with_objects(channel, Objects::from_url(objects_url)?, device, config)
+        Self::with_objects(channel, Objects::open(objects_url)?, device, config)
     }
 
     /// The same with an object store that is already open.
@@ -178,7 +177,7 @@ impl Worker {
         })?;
         Ok(Self {
             client: WorkerServiceClient::new(channel).max_decoding_message_size(ANSWER_BYTES),
-            objects,
+            objects: objects.patient(),
             device,
             display_name: config.display_name,
             kinds: config.kinds,
@@ -322,7 +321,12 @@ mod tests {
 
     fn worker(config: WorkerConfig) -> Result<Worker, WorkerError> {
         let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
-        Worker::new(channel, "memory:///", yoto_device::pick(), config)
+        Worker::new(
+            channel,
+            &Url::parse("memory:///").expect("a URL"),
+            yoto_device::pick(),
+            config,
+        )
     }
 
     #[tokio::test]

@@ -3,13 +3,16 @@
 use super::answer;
 use crate::{
     jobs::JobFailure,
-    retry::{Backoff, is_stale_lease, is_transient},
+    retry::{is_stale_lease, is_transient},
 };
 use std::time::Duration;
 use tonic::{Status, transport::Channel};
-use yoto_proto::v1::{
-    Claim, EndJobRequest, JobResult, end_job_request::Outcome,
-    worker_service_client::WorkerServiceClient,
+use yoto_proto::{
+    backoff::Backoff,
+    v1::{
+        Claim, EndJobRequest, JobResult, end_job_request::Outcome,
+        worker_service_client::WorkerServiceClient,
+    },
 };
 
 /// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;

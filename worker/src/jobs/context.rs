@@ -4,8 +4,7 @@
 use super::{JobFailure, pace::Pace};
 use crate::{
     agent::control::{JobControl, StopReason},
-    objects::{Objects, ObjectsError},
-    retry::{Backoff, is_stale_lease, is_transient},
+    retry::{is_stale_lease, is_transient},
 };
 use bytes::Bytes;
 use std::{
@@ -21,7 +20,9 @@ use tonic::{Status, transport::Channel};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
+use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::{
+    backoff::Backoff,
     names::{Collection, NameError},
     v1::{
         Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
@@ -112,17 +113,17 @@ impl JobContext {
     /// An object's bytes, verified.
     ///
     /// # Errors
-    /// As [`Objects::get`]; a lost lease ends the wait.
+    /// As [`Objects::read`]; a lost lease ends the wait.
     pub fn get(&self, object: &ObjectRef) -> Result<Result<Bytes, ObjectsError>, JobFailure> {
-        self.unless_lost(self.objects.get(object))
+        self.unless_lost(self.objects.read(object))
     }
 
     /// Copies an object into a file, verified.
     ///
     /// # Errors
-    /// As [`Objects::get_to_file`]; a lost lease ends the wait.
+    /// As [`Objects::copy_to`]; a lost lease ends the wait.
     pub fn get_to_file(&self, object: &ObjectRef, to: &std::path::Path) -> Result<(), JobFailure> {
-        Ok(self.unless_lost(self.objects.get_to_file(object, to))??)
+        Ok(self.unless_lost(self.objects.copy_to(object, to))??)
     }
 
     /// Writes an object.

@@ -19,6 +19,7 @@ use yoto_capture::{
     camera::{Camera, Pose},
 };
 use yoto_proto::{
+    checks::evaluate as order,
     names,
     protocols::HELD_OUT,
     v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores},
@@ -34,7 +35,11 @@ pub fn run(
     spec: &EvaluateSpec,
     inputs: &Inputs,
 ) -> Result<EvaluateResult, JobFailure> {
-    let protocol = protocol(spec)?;
+    JobFailure::refuse("evaluate", order::faults(spec))?;
+    let protocol = Protocol::named(HELD_OUT).map_err(|error| {
+        let message = error.to_string();
+        JobFailure::invalid("evaluate", "protocol", message)
+    })?;
     let slots = slots(spec, inputs)?;
     let (renderer, found) = checkpoint::load_renderer(context, inputs, "measure")?;
     let weights = context.lpips.as_ref();
@@ -141,17 +146,6 @@ fn without_held_out(
         });
     }
     Ok(Some(message))
-}
-
-/// The protocol of the request, if captures of one camera are enough for it.
-fn protocol(spec: &EvaluateSpec) -> Result<&'static Protocol, JobFailure> {
-    let invalid = |message: String| JobFailure::invalid("evaluate", "protocol", message);
-    match spec.protocol.as_str() {
-        "" | HELD_OUT => Protocol::named(HELD_OUT).map_err(|error| invalid(error.to_string())),
-        other => Err(invalid(format!(
-            "'{other}' needs pictures of further cameras, which the service does not store"
-        ))),
-    }
 }
 
 /// Slots of the subjects to measure, in the model's order.
@@ -345,18 +339,6 @@ mod tests {
         };
         assert!(refused(&spec(&["subjects/b"]), &slots[1..]));
         assert!(refused(&everybody, &slots));
-    }
-
-    #[test]
-    fn protocols_of_many_cameras_are_refused() {
-        let named = |name: &str| {
-            protocol(&EvaluateSpec {
-                protocol: name.into(),
-                ..EvaluateSpec::default()
-            })
-        };
-        assert_eq!(named("").expect("the default").name, "held-out");
-        assert!(matches!(named("zju-all"), Err(JobFailure::Invalid(_))));
     }
 
     #[test]

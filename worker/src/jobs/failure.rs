@@ -1,8 +1,10 @@
 //! Ends of jobs without a result, and their reports to the coordinator.
 
-use crate::{agent::control::StopReason, media::MediaError, objects::ObjectsError};
+use crate::{agent::control::StopReason, media::MediaError};
 use std::error::Error;
+use yoto_objects::ObjectsError;
 use yoto_proto::{
+    checks::Fault,
     pose_track::{describe, violation},
     v1::{
         JobError, Violation,
@@ -60,6 +62,16 @@ impl JobFailure {
     /// A request whose one `field` is at fault; `spec` is the kind of job.
     pub fn invalid(spec: &str, field: &str, message: impl Into<String>) -> Self {
         Self::Invalid(vec![violation("INVALID", spec, None, field, message)])
+    }
+
+    /// Refuses an order with `faults`; `spec` is the kind of job. The coordinator made the same checks
+    /// before it queued the job, perhaps in another version.
+    pub fn refuse(spec: &str, faults: Vec<Fault>) -> Result<(), Self> {
+        if faults.is_empty() {
+            return Ok(());
+        }
+        let of = |fault: Fault| violation("INVALID", spec, None, fault.field, fault.message);
+        Err(Self::Invalid(faults.into_iter().map(of).collect()))
     }
 
     /// The outcome for the coordinator; none when the lease is lost.

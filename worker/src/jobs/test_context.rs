@@ -1,7 +1,7 @@
 //! A job's context without a coordinator: objects in memory, and a lease that does not expire.
 
 use super::JobContext;
-use crate::{agent::control::JobControl, objects::Objects};
+use crate::agent::control::JobControl;
 use object_store::memory::InMemory;
 use std::{
     sync::Arc,
@@ -26,7 +26,7 @@ pub(crate) fn context() -> JobContext {
         ingest: Arc::default(),
         lpips: None,
         scratch: std::env::temp_dir(),
-        objects: Objects::from_store(Arc::new(InMemory::new())),
+        objects: yoto_objects::Objects::over(Arc::new(InMemory::new())),
         client: WorkerServiceClient::new(channel),
         progress: watch::Sender::default(),
         runtime: Handle::current(),

@@ -6,7 +6,7 @@ use super::file::{FileActor, FileCamera, FileKey, FileLight, FileMatrices, FileM
 use anyhow::{Context, anyhow, ensure};
 use std::collections::HashMap;
 use std::path::Path;
-use yoto_proto::scene::LARGEST_BACKDROP;
+use yoto_proto::checks::scene::LARGEST_BACKDROP;
 use yoto_proto::v1::{
     Actor, Camera, CameraKey, CameraKeys, CameraList, CaptureCamera, CaptureMotion, Light,
     MotionClip, Scene, SceneCamera, SceneOrbit, actor::Motion, light, scene_camera::Path as Track,
@@ -212,14 +212,14 @@ mod tests {
         };
         assert_eq!(bob.motion, Some(Motion::Capture(still)));
         assert_eq!(light(bob), Some(light::Of::Neutral(true)));
-        assert_eq!(yoto_proto::scene::faults(&scene), []);
+        assert_eq!(yoto_proto::checks::scene::faults(&scene), []);
     }
 
     #[test]
     fn the_example_is_a_good_scene() {
         let json = serde_json::to_string(&example(vec!["ada".into(), "bob".into()]));
         let scene = read(&json.expect("writes")).expect("reads");
-        assert_eq!(yoto_proto::scene::faults(&scene), []);
+        assert_eq!(yoto_proto::checks::scene::faults(&scene), []);
         assert_eq!(scene.actors[1].at, [0.6, 0.0]);
     }
 

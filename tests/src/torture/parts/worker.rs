@@ -9,7 +9,8 @@ use nix::sys::{
 use object_store::local::LocalFileSystem;
 use std::{path::Path, sync::Arc};
 use yoto_client::api::endpoint;
-use yoto_worker::{Worker, WorkerConfig, objects::Objects};
+use yoto_objects::Objects;
+use yoto_worker::{Worker, WorkerConfig};
 
 /// Works until SIGTERM.
 pub async fn run(
@@ -32,7 +33,7 @@ pub async fn run(
         scratch: controls.folder().join("scratch"),
         ..WorkerConfig::default()
     };
-    let objects = Objects::from_store(Arc::new(store));
+    let objects = Objects::over(Arc::new(store));
     let worker = Worker::with_objects(channel, objects, picked, config)?;
     worker.run(asked_to_stop()).await.context("working")
 }

@@ -1,22 +1,12 @@
 //! The request's numbers, checked before a checkpoint is downloaded.
 
-use crate::{
-    jobs::{JobFailure, shard},
-    media::animation::MAX_FPS,
-};
-use std::ops::RangeInclusive;
+use crate::jobs::{JobFailure, shard};
 use yoto_avatar::render::SceneView;
 use yoto_proto::{
-    pose_track::violation,
+    checks::render,
     render_needs::needs,
-    scene,
-    v1::{Inputs, RenderSpec, Violation, render_spec::What},
+    v1::{Inputs, RenderSpec, render_spec::What},
 };
-
-/// Sides of a picture, pixels.
-pub(super) const SIDES: RangeInclusive<u32> = scene::SIDES;
-/// Pictures of one job.
-pub(super) const VIEWS: RangeInclusive<u32> = 1..=scene::MAX_PICTURES;
 
 /// A valid request.
 #[derive(Debug)]
@@ -32,17 +22,10 @@ pub(super) struct Request<'a> {
 
 impl<'a> Request<'a> {
     pub(super) fn new(spec: &'a RenderSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
+        JobFailure::refuse("render", render::faults(spec))?;
         let Some(what) = &spec.what else {
-            return Err(JobFailure::invalid(
-                "render",
-                "what",
-                "views, an orbit, a motion or a scene is needed",
-            ));
+            return Err(JobFailure::invalid("render", "what", "is missing"));
         };
-        let violations = check(spec, what);
-        if !violations.is_empty() {
-            return Err(JobFailure::Invalid(violations));
-        }
         let model = inputs.model.iter().flat_map(|model| &model.slots);
         let mut slots = Vec::new();
         for need in needs(spec).into_iter().filter(|need| need.slot) {
@@ -70,95 +53,6 @@ impl<'a> Request<'a> {
     }
 }
 
-/// Faults of the numbers, by field.
-fn check(spec: &RenderSpec, what: &What) -> Vec<Violation> {
-    let mut found = Vec::new();
-    let mut need = |good: bool, field: &str, message: String| {
-        if !good {
-            found.push(violation("OUT_OF_RANGE", "render", None, field, message));
-        }
-    };
-    let counted = |count: u32| {
-        format!(
-            "{count} pictures: {} to {} are allowed",
-            VIEWS.start(),
-            VIEWS.end()
-        )
-    };
-    let sized = |side: u32| {
-        format!(
-            "{side} pixels: {} to {} are allowed",
-            SIDES.start(),
-            SIDES.end()
-        )
-    };
-    match what {
-        What::Views(list) => {
-            let count = u32::try_from(list.views.len()).unwrap_or(u32::MAX);
-            need(VIEWS.contains(&count), "views", counted(count));
-        }
-        What::Orbit(orbit) => {
-            need(
-                VIEWS.contains(&orbit.views),
-                "orbit.views",
-                counted(orbit.views),
-            );
-            need(SIDES.contains(&orbit.size), "orbit.size", sized(orbit.size));
-        }
-        What::Clip(clip) => {
-            let count = u32::try_from(clip.poses.len()).unwrap_or(u32::MAX);
-            need(VIEWS.contains(&count), "clip.poses", counted(count));
-            need(SIDES.contains(&clip.size), "clip.size", sized(clip.size));
-        }
-        What::Scene(scene) => {
-            for (field, message) in scene::faults(scene) {
-                need(false, &format!("scene.{field}"), message);
-            }
-        }
-        What::Motion(motion) => {
-            // 0 means all remaining frames.
-            let count = motion.frame_count;
-            need(
-                count == 0 || VIEWS.contains(&count),
-                "motion.frame_count",
-                counted(count),
-            );
-            need(
-                SIDES.contains(&motion.size),
-                "motion.size",
-                sized(motion.size),
-            );
-        }
-    }
-    for (field, message) in spec
-        .light
-        .iter()
-        .flat_map(|it| scene::light_faults("light", it))
-        .chain(scene::layer_faults(spec))
-    {
-        need(false, &field, message);
-    }
-    let colour = &spec.background;
-    let visible = colour.iter().all(|value| (0.0..=1.0).contains(value));
-    need(
-        visible && [0, 3].contains(&colour.len()),
-        "background",
-        format!("{colour:?}: nothing, or three numbers from 0 to 1"),
-    );
-    need(
-        !spec.transparent || colour.iter().all(|value| *value == 0.0),
-        "background",
-        format!("{colour:?}: a transparent picture has none"),
-    );
-    let fps = spec.fps;
-    need(
-        (0.0..=MAX_FPS).contains(&fps),
-        "fps",
-        format!("{fps} is not between 0 and {MAX_FPS}"),
-    );
-    found
-}
-
 /// An animation has one size.
 pub(super) fn same_size(views: &[SceneView]) -> Result<(), JobFailure> {
     let size = |view: &SceneView| (view.camera.width, view.camera.height);
@@ -175,10 +69,7 @@ pub(super) fn same_size(views: &[SceneView]) -> Result<(), JobFailure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::{
-        Actor, CaptureMotion, IdentitySlot, Model, MotionTransfer, Orbit, Scene, ViewList,
-        actor::Motion,
-    };
+    use yoto_proto::v1::{Actor, CaptureMotion, IdentitySlot, Model, Orbit, Scene, actor::Motion};
 
     fn orbit(views: u32, size: u32) -> RenderSpec {
         RenderSpec {
@@ -228,82 +119,35 @@ mod tests {
     }
 
     #[test]
-    fn each_bad_number_is_named() {
+    fn an_order_that_its_checks_refuse_is_refused() {
         assert_eq!(fields(&orbit(0, 7)), ["orbit.views", "orbit.size"]);
-        assert_eq!(fields(&orbit(10_001, 4097)), ["orbit.views", "orbit.size"]);
-        let motion = MotionTransfer {
-            frame_count: 10_001,
-            size: 128,
-            ..MotionTransfer::default()
+    }
+
+    #[test]
+    fn everybody_who_is_shown_has_a_slot() {
+        let stranger = RenderSpec {
+            subject: "subjects/b".into(),
+            ..orbit(1, 8)
         };
-        assert_eq!(
-            fields(&RenderSpec {
-                what: Some(What::Motion(motion)),
-                ..orbit(1, 8)
-            }),
-            ["motion.frame_count"]
-        );
-        let none = Some(What::Views(ViewList::default()));
-        assert_eq!(
-            fields(&RenderSpec {
-                what: none,
-                ..orbit(1, 8)
-            }),
-            ["views"]
-        );
-        assert_eq!(
-            fields(&RenderSpec {
-                what: None,
-                ..orbit(1, 8)
-            }),
-            ["what"]
-        );
-        assert_eq!(
-            fields(&RenderSpec {
-                background: vec![1.0, 0.5],
-                ..orbit(1, 8)
-            }),
-            ["background"]
-        );
-        assert_eq!(
-            fields(&RenderSpec {
-                background: vec![f32::NAN; 3],
-                ..orbit(1, 8)
-            }),
-            ["background"]
-        );
-        assert_eq!(
-            fields(&RenderSpec {
-                fps: -1.0,
-                ..orbit(1, 8)
-            }),
-            ["fps"]
-        );
-        assert_eq!(
-            fields(&RenderSpec {
-                subject: "subjects/b".into(),
-                ..orbit(1, 8)
-            }),
-            ["subject"]
-        );
-        let mut scene = Scene {
-            actors: vec![Actor {
-                subject: "subjects/a".into(),
+        assert_eq!(fields(&stranger), ["subject"]);
+        let with = |subject: &str| {
+            let actor = Actor {
+                subject: subject.into(),
                 motion: Some(Motion::Capture(CaptureMotion::default())),
                 ..Actor::default()
-            }],
-            width: 8,
-            height: 8,
-            ..Scene::default()
+            };
+            let scene = Scene {
+                actors: vec![actor],
+                width: 8,
+                height: 8,
+                ..Scene::default()
+            };
+            RenderSpec {
+                what: Some(What::Scene(scene)),
+                ..RenderSpec::default()
+            }
         };
-        let of = |scene: &Scene| RenderSpec {
-            what: Some(What::Scene(scene.clone())),
-            ..RenderSpec::default()
-        };
-        assert_eq!(fields(&of(&scene)), [""; 0]);
-        scene.actors[0].subject = "subjects/b".into();
-        assert_eq!(fields(&of(&scene)), ["scene.actors[0].subject"]);
-        scene.width = 7;
-        assert_eq!(fields(&of(&scene)), ["scene.width"]);
+        assert_eq!(fields(&with("subjects/a")), [""; 0]);
+        assert_eq!(fields(&with("subjects/b")), ["scene.actors[0].subject"]);
     }
 }

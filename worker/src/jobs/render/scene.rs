@@ -9,7 +9,7 @@ use super::{FPS, Film, cast::Cast, surroundings::Surroundings, truth::Truths};
 use crate::{jobs::JobFailure, media::animation::MAX_FPS};
 use player::Player;
 use yoto_avatar::render::SceneView;
-use yoto_proto::{scene::MAX_PICTURES, v1::Scene};
+use yoto_proto::{checks::scene::MAX_PICTURES, v1::Scene};
 
 /// Rounding of a film's length, frames.
 const ROUNDING: f64 = 1e-6;

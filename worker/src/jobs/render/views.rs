@@ -1,6 +1,5 @@
 //! Views listed by a request, and the steps that all kinds of requests share.
 
-use super::request::SIDES;
 use crate::jobs::JobFailure;
 use yoto_avatar::render::RenderView;
 use yoto_capture::ViewError;
@@ -55,12 +54,12 @@ impl Stage {
             let camera = view
                 .camera
                 .as_ref()
-                .map_or_else(|| Err(missing("camera")), read_camera);
+                .map_or_else(|| Err(missing("camera")), Camera::from_proto);
             for error in [pose.as_ref().err(), camera.as_ref().err()]
                 .into_iter()
                 .flatten()
             {
-                let field = format!("views[{index}].{}", error.field);
+                let field = format!("views.views[{index}].{}", error.field);
                 found.push(violation("INVALID", "render", None, field, &error.message));
             }
             if let (Ok(pose), Ok(camera)) = (pose, camera) {
@@ -97,26 +96,6 @@ fn missing(field: &str) -> ViewError {
         field: field.into(),
         message: "missing".into(),
     }
-}
-
-fn read_camera(camera: &v1::Camera) -> Result<Camera, ViewError> {
-    for (field, side) in [
-        ("camera.width", camera.width),
-        ("camera.height", camera.height),
-    ] {
-        if !SIDES.contains(&side) {
-            let message = format!(
-                "{side} pixels: {} to {} are allowed",
-                SIDES.start(),
-                SIDES.end()
-            );
-            return Err(ViewError {
-                field: field.into(),
-                message,
-            });
-        }
-    }
-    Camera::from_proto(camera)
 }
 
 /// The place in `track` of the frame with `index`.
@@ -243,31 +222,30 @@ pub(super) mod tests {
     #[test]
     fn each_bad_view_is_named_by_place_and_field() {
         type Break = fn(&mut v1::BodyPose, &mut v1::Camera);
-        let cases: [(Break, &str); 7] = [
+        let cases: [(Break, &str); 6] = [
             (
                 |pose, _| pose.rotations.truncate(5),
-                "views[1].pose.rotations",
+                "views.views[1].pose.rotations",
             ),
             (
                 |pose, _| pose.translation[2] = f32::NAN,
-                "views[1].translation[2]",
+                "views.views[1].translation[2]",
             ),
-            (|_, camera| camera.width = 5000, "views[1].camera.width"),
             (
                 |_, camera| camera.intrinsics[4] = 0.0,
-                "views[1].camera.intrinsics",
+                "views.views[1].camera.intrinsics",
             ),
             (
                 |_, camera| camera.intrinsics.clear(),
-                "views[1].camera.intrinsics",
+                "views.views[1].camera.intrinsics",
             ),
             (
                 |_, camera| camera.extrinsics[0] = 2.0,
-                "views[1].camera.extrinsics",
+                "views.views[1].camera.extrinsics",
             ),
             (
                 |_, camera| camera.extrinsics[3] = f64::INFINITY,
-                "views[1].camera.extrinsics[3]",
+                "views.views[1].camera.extrinsics[3]",
             ),
         ];
         for (break_it, field) in cases {

@@ -6,18 +6,14 @@ use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Validation};
 use yoto_proto::{
+    checks::train,
     manifest::Manifest,
-    pose_track::{MAX_SIDE, violation},
-    v1::{ExposureLearning, Inputs, Model, PoseRefinement, TrainSpec, Violation},
+    v1::{ExposureLearning, Inputs, Model, PoseRefinement, TrainSpec},
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
 /// remains for training.
 pub(in crate::jobs) const HOLDOUT_EVERY: usize = 20;
-/// Smallest useful side of training images, pixels.
-const MIN_SIDE: u32 = 8;
-/// Longest budget, seconds: a year. Anything longer is a unit error.
-const MAX_SECONDS: f64 = 366.0 * 86_400.0;
 
 /// A checked train job.
 pub(super) struct Plan {
@@ -38,10 +34,7 @@ impl Plan {
     }
 
     pub(super) fn new(spec: &TrainSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
-        let violations = check(spec);
-        if !violations.is_empty() {
-            return Err(JobFailure::Invalid(violations));
-        }
+        JobFailure::refuse("train", train::faults(spec))?;
         let model = inputs.model.clone().ok_or_else(|| {
             JobFailure::invalid(
                 "train",
@@ -135,117 +128,21 @@ impl Plan {
     }
 }
 
-fn check(spec: &TrainSpec) -> Vec<Violation> {
-    let mut found = Vec::new();
-    let mut add = |field: &str, message: String| {
-        found.push(violation("OUT_OF_RANGE", "train", None, field, message));
-    };
-    let TrainSpec {
-        seconds,
-        image_size,
-        checkpoint_seconds,
-        refine_poses,
-        exposure,
-        ..
-    } = *spec;
-    if !(0.0..=MAX_SECONDS).contains(&seconds) {
-        add(
-            "seconds",
-            format!("{seconds} is not between 0 and {MAX_SECONDS}"),
-        );
-    }
-    if image_size != 0 && !(MIN_SIDE..=MAX_SIDE).contains(&image_size) {
-        add(
-            "image_size",
-            format!("{image_size} pixels: 0, or {MIN_SIDE} to {MAX_SIDE}"),
-        );
-    }
-    if !(0.0..=MAX_SECONDS).contains(&checkpoint_seconds) {
-        add(
-            "checkpoint_seconds",
-            format!("{checkpoint_seconds} is not between 0 and {MAX_SECONDS}"),
-        );
-    }
-    if PoseRefinement::try_from(refine_poses).is_err() {
-        add(
-            "refine_poses",
-            format!("{refine_poses} is not a value of PoseRefinement"),
-        );
-    }
-    if ExposureLearning::try_from(exposure).is_err() {
-        add(
-            "exposure",
-            format!("{exposure} is not a value of ExposureLearning"),
-        );
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn each_bad_number_is_named() {
-        let good = TrainSpec {
-            seconds: 150.0,
+    fn an_order_that_its_checks_refuse_is_refused() {
+        let spec = TrainSpec {
+            seconds: -1.0,
             ..TrainSpec::default()
         };
-        assert_eq!(check(&good), []);
-        assert_eq!(
-            check(&TrainSpec {
-                steps: 5,
-                ..TrainSpec::default()
-            }),
-            []
-        );
-        for (spec, field) in [
-            (
-                TrainSpec {
-                    seconds: f64::NAN,
-                    ..good.clone()
-                },
-                "seconds",
-            ),
-            (
-                TrainSpec {
-                    seconds: -1.0,
-                    ..good.clone()
-                },
-                "seconds",
-            ),
-            (
-                TrainSpec {
-                    image_size: 7,
-                    ..good.clone()
-                },
-                "image_size",
-            ),
-            (
-                TrainSpec {
-                    checkpoint_seconds: f64::INFINITY,
-                    ..good.clone()
-                },
-                "checkpoint_seconds",
-            ),
-            (
-                TrainSpec {
-                    refine_poses: 9,
-                    ..good.clone()
-                },
-                "refine_poses",
-            ),
-            (
-                TrainSpec {
-                    exposure: 9,
-                    ..good.clone()
-                },
-                "exposure",
-            ),
-        ] {
-            let fields: Vec<String> = check(&spec).into_iter().map(|v| v.field).collect();
-            assert_eq!(fields, [field]);
-        }
+        let refused = Plan::new(&spec, &Inputs::default()).err();
+        let Some(JobFailure::Invalid(found)) = refused else {
+            panic!("{refused:?}");
+        };
+        assert_eq!(found[0].field, "seconds");
     }
 
     #[test]

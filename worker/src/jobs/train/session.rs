@@ -7,17 +7,15 @@ use super::{
     preview,
     saving::{Rhythm, Upload},
 };
-use crate::{
-    jobs::{
-        JobContext, JobFailure,
-        checkpoint::{Saved, local, publish},
-    },
-    retry::Backoff,
+use crate::jobs::{
+    JobContext, JobFailure,
+    checkpoint::{Saved, local, publish},
 };
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use yoto_avatar::train::Trainer;
 use yoto_proto::{
+    backoff::Backoff,
     manifest::files,
     names,
     v1::{Progress, TrainResult},

@@ -7,7 +7,7 @@ use yoto_capture::{
     skeleton::transform::{Vec3, add, cross, dot, normalised, scale, sub},
 };
 use yoto_proto::{
-    scene::FOV,
+    checks::scene::FOV,
     v1::{self, CameraKey, Scene, SceneOrbit, scene_camera::Path},
 };
 

@@ -1,10 +1,10 @@
 //! The store's guarantees, over memory, a folder, and a store that fails on purpose.
 
 use super::*;
-use futures::stream::BoxStream;
+use futures::{TryStreamExt, stream::BoxStream};
 use object_store::{
     CopyOptions, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta,
-    PutMultipartOptions, PutOptions, PutPayload, PutResult, Result, memory::InMemory,
+    PutMultipartOptions, PutOptions, PutPayload, PutResult, Result, memory::InMemory, path::Path,
 };
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -96,19 +96,18 @@ impl ObjectStore for Flaky {
 #[tokio::test]
 async fn a_folder_gives_back_what_was_put() {
     let folder = tempfile::tempdir().expect("a folder");
-    let url = Url::from_directory_path(folder.path()).expect("a URL");
-    let objects = Objects::from_url(url.as_str()).expect("opens");
+    let objects = Objects::open(&folder_url(folder.path()).expect("a URL")).expect("opens");
     let written = objects
         .put("a/b-1/c.bin", Bytes::from_static(b"abc"))
         .await
         .expect("put");
     assert_eq!((written.bytes, written.key.as_str()), (3, "a/b-1/c.bin"));
-    assert_eq!(objects.get(&written).await.expect("get"), "abc");
+    assert_eq!(objects.read(&written).await.expect("get"), "abc");
 }
 
 #[tokio::test]
 async fn an_altered_object_is_refused_by_name() {
-    let objects = Objects::from_store(Arc::new(InMemory::new()));
+    let objects = Objects::over(Arc::new(InMemory::new()));
     let written = objects
         .put("m/weights", Bytes::from_static(b"good"))
         .await
@@ -117,7 +116,7 @@ async fn an_altered_object_is_refused_by_name() {
         .put("m/weights", Bytes::from_static(b"gooD"))
         .await
         .expect("overwritten");
-    let error = objects.get(&written).await.expect_err("altered");
+    let error = objects.read(&written).await.expect_err("altered");
     assert!(
         error.is_torn() && error.to_string().contains("m/weights"),
         "{error}"
@@ -127,7 +126,7 @@ async fn an_altered_object_is_refused_by_name() {
         key: "m/none".into(),
         ..written
     };
-    let error = objects.get(&missing).await.expect_err("missing");
+    let error = objects.read(&missing).await.expect_err("missing");
     assert!(
         error.is_torn() && error.to_string().contains("m/none"),
         "{error}"
@@ -137,18 +136,18 @@ async fn an_altered_object_is_refused_by_name() {
 #[tokio::test]
 async fn a_store_that_recovers_is_waited_for() {
     let flaky = Flaky::failing(2);
-    let objects = Objects::from_store(flaky.clone());
+    let objects = Objects::over(flaky.clone()).patient();
     let written = objects
         .put("k", Bytes::from_static(b"v"))
         .await
         .expect("third attempt");
     assert_eq!(flaky.seen.load(Ordering::SeqCst), 2);
-    assert_eq!(objects.get(&written).await.expect("get"), "v");
+    assert_eq!(objects.read(&written).await.expect("get"), "v");
 }
 
 #[tokio::test]
 async fn a_store_that_stays_down_is_reported_and_not_called_torn() {
-    let objects = Objects::from_store(Flaky::failing(u32::MAX));
+    let objects = Objects::over(Flaky::failing(u32::MAX)).patient();
     let error = objects
         .put("k", Bytes::from_static(b"v"))
         .await
@@ -159,10 +158,70 @@ async fn a_store_that_stays_down_is_reported_and_not_called_torn() {
     );
 }
 
+#[tokio::test]
+async fn a_coordinator_s_store_answers_at_once() {
+    let flaky = Flaky::failing(1);
+    let objects = Objects::over(flaky.clone());
+    let error = objects.put("k", Bytes::new()).await.expect_err("one fault");
+    assert!(matches!(error, ObjectsError::Store { .. }), "{error}");
+    assert_eq!(flaky.seen.load(Ordering::SeqCst), 1);
+}
+
+#[tokio::test]
+async fn every_way_to_read_finds_an_altered_object() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = dir.path().join("copy");
+    let objects = Objects::over(Arc::new(InMemory::new()));
+    let put = |bytes: &'static [u8]| objects.put("m/w", Bytes::from_static(bytes));
+    let good = put(b"good").await.expect("put");
+    let all = async |object: &ObjectRef| {
+        let chunks = objects.stream(object, None).await?;
+        chunks.try_collect::<Vec<_>>().await.map(|it| it.concat())
+    };
+    assert_eq!(all(&good).await.expect("reads"), b"good");
+    let some = objects.stream(&good, Some(1..3)).await.expect("reads");
+    let some: Vec<Bytes> = some.try_collect().await.expect("reads");
+    assert_eq!(some.concat(), b"oo");
+    objects.copy_to(&good, &file).await.expect("copies");
+    assert_eq!(std::fs::read(&file).expect("reads"), b"good");
+
+    put(b"gooD").await.expect("overwritten");
+    let found = [
+        objects.read(&good).await.map(drop),
+        objects.copy_to(&good, &file).await,
+        all(&good).await.map(drop),
+    ];
+    for found in found {
+        let error = found.expect_err("altered");
+        assert!(matches!(error, ObjectsError::Altered { .. }), "{error}");
+    }
+    put(b"longer").await.expect("overwritten");
+    let found = [
+        objects.read(&good).await.map(drop),
+        objects.copy_to(&good, &file).await,
+        all(&good).await.map(drop),
+        objects.require(&good).await,
+    ];
+    for found in found {
+        let error = found.expect_err("torn");
+        assert!(matches!(error, ObjectsError::Size { .. }), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_full_disk_is_not_the_store_s_fault() {
+    let objects = Objects::over(Arc::new(InMemory::new())).patient();
+    let written = objects.put("k", Bytes::from_static(b"v")).await;
+    let nowhere = std::path::Path::new("no/such/folder/copy");
+    let copied = objects.copy_to(&written.expect("put"), nowhere).await;
+    let error = copied.expect_err("there is no such folder");
+    assert!(matches!(error, ObjectsError::Disk { .. }) && !error.is_torn());
+}
+
 #[test]
 fn a_useless_url_says_which() {
-    for url in ["nonsense", "file:///no/such/folder", "gopher://x/y"] {
-        let error = Objects::from_url(url).expect_err("refused");
+    for url in ["file:///no/such/folder", "gopher://x/y"] {
+        let error = Objects::open(&Url::parse(url).expect("a URL")).expect_err("refused");
         assert!(error.to_string().contains(url), "{error}");
     }
 }

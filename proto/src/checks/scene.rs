@@ -1,8 +1,9 @@
-//! Checks of scenes, which the service makes before a job is queued and workers before they render.
+//! Scenes, and the limits of pictures.
 
+use super::{Fault, Faults};
 use crate::v1::{
-    Actor, CameraKeys, Layer, Light, RenderSpec, Scene, SceneCamera, SceneOrbit, actor::Motion,
-    light, render_spec, scene_camera::Path,
+    Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
+    scene_camera::Path,
 };
 use std::ops::RangeInclusive;
 
@@ -10,8 +11,10 @@ use std::ops::RangeInclusive;
 pub const ACTORS: RangeInclusive<usize> = 1..=16;
 /// Pictures of one render, and poses of one motion.
 pub const MAX_PICTURES: u32 = 10_000;
+/// Longest side of a rendered picture, pixels.
+pub const MAX_SIDE: u32 = 4096;
 /// Sides of a picture, pixels.
-pub const SIDES: RangeInclusive<u32> = 8..=4096;
+pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 /// Vertical field of view where none is given, degrees.
 pub const FOV: f64 = 35.0;
 /// Bytes of the picture behind a scene: with the rest of the request, they fit in one message.
@@ -29,12 +32,9 @@ const FOVS: RangeInclusive<f64> = 1.0..=150.0;
 /// Angles that a camera passes in one film, degrees.
 const SWEEP: f64 = 36_000.0;
 
-/// A fault: the field of the scene, and what is wrong with it.
-pub type Fault = (String, String);
-
-/// All faults of `scene`'s own numbers. Poses and matrices are not looked at.
+/// All faults of a scene.
 pub fn faults(scene: &Scene) -> Vec<Fault> {
-    let mut found = Faults(Vec::new());
+    let mut found = Faults::default();
     let count = scene.actors.len();
     let (least, most) = (ACTORS.start(), ACTORS.end());
     found.unless(ACTORS.contains(&count), "actors", || {
@@ -43,7 +43,7 @@ pub fn faults(scene: &Scene) -> Vec<Fault> {
     for (i, actor) in scene.actors.iter().enumerate() {
         check_actor(&mut found, &format!("actors[{i}]"), actor);
     }
-    found.within("seconds", scene.seconds, &(0.0..=LONGEST));
+    found.between("seconds", scene.seconds, &(0.0..=LONGEST));
     let large = scene.backdrop.len();
     found.unless(large <= LARGEST_BACKDROP, "backdrop", || {
         format!("{large} bytes: at most {LARGEST_BACKDROP} are allowed")
@@ -64,79 +64,17 @@ pub fn faults(scene: &Scene) -> Vec<Fault> {
     found.0
 }
 
-/// The faults of a light, at `field`.
-pub fn light_faults(field: &str, light: &Light) -> Vec<Fault> {
-    let mut found = Faults(Vec::new());
-    match &light.of {
-        None => found.add(field, "says neither neutral nor whose".into()),
-        Some(light::Of::Neutral(neutral)) => {
-            let field = format!("{field}.neutral");
-            found.unless(*neutral, &field, || "false: leave the light out".into());
-        }
-        Some(light::Of::Subject(_)) => (),
-    }
-    found.0
-}
-
-/// The faults of what the pictures of `render` show.
-pub fn layer_faults(render: &RenderSpec) -> Vec<Fault> {
-    let mut found = Faults(Vec::new());
-    let layer = Layer::try_from(render.layer);
-    found.unless(layer.is_ok(), "layer", || {
-        format!("{} is not known", render.layer)
-    });
-    let layered = !matches!(layer, Ok(Layer::Unspecified));
-    let scene = match &render.what {
-        Some(render_spec::What::Scene(scene)) => Some(scene),
-        _ => None,
-    };
-    let surrounded = scene.is_some_and(|scene| scene.shadow || !scene.backdrop.is_empty());
-    let coloured = render.background.iter().any(|value| *value != 0.0);
-    for (wrong, field, message) in [
-        (
-            layered && (render.transparent || surrounded || coloured),
-            "layer",
-            "depth and opacity have no background, transparency or shadow",
-        ),
-        (
-            layered && render.compare,
-            "compare",
-            "only colours were filmed",
-        ),
-        (
-            render.transparent && render.compare,
-            "compare",
-            "filmed pictures are not transparent",
-        ),
-        (
-            render.transparent && scene.is_some_and(|scene| !scene.backdrop.is_empty()),
-            "scene.backdrop",
-            "a transparent picture has none",
-        ),
-    ] {
-        found.unless(!wrong, field, || message.into());
-    }
-    found.0
-}
-
-struct Faults(Vec<Fault>);
-
 impl Faults {
-    fn add(&mut self, field: &str, message: String) {
-        self.0.push((field.to_owned(), message));
-    }
-
-    fn unless(&mut self, good: bool, field: &str, message: impl FnOnce() -> String) {
-        if !good {
-            self.add(field, message());
+    /// A light, at `field`.
+    pub(super) fn light(&mut self, field: &str, light: &Light) {
+        match &light.of {
+            None => self.add(field, "says neither neutral nor whose"),
+            Some(light::Of::Neutral(neutral)) => {
+                let field = format!("{field}.neutral");
+                self.unless(*neutral, &field, || "false: leave the light out".into());
+            }
+            Some(light::Of::Subject(_)) => (),
         }
-    }
-
-    fn within(&mut self, field: &str, value: f64, range: &RangeInclusive<f64>) {
-        self.unless(range.contains(&value), field, || {
-            let (least, most) = (range.start(), range.end());
-            format!("{value} is not between {least} and {most}")
-        });
     }
 
     /// `N` numbers, none farther from 0 than [`FARTHEST`].
@@ -152,7 +90,7 @@ impl Faults {
 fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
     let field = |name: &str| format!("{at}.{name}");
     match &actor.motion {
-        None => found.add(&field("motion"), "there is none".into()),
+        None => found.add(&field("motion"), "there is none"),
         Some(Motion::Capture(motion)) => {
             let count = motion.frame_count;
             found.unless(count <= MAX_PICTURES, &field("capture.frame_count"), || {
@@ -165,19 +103,20 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
             found.unless(fits, &field("clip.poses"), || {
                 format!("{count} poses: 1 to {MAX_PICTURES} are allowed")
             });
-            found.within(&field("clip.fps"), clip.fps, &RATES);
+            found.between(&field("clip.fps"), clip.fps, &RATES);
+            found.motion(&field("clip"), clip);
         }
     }
     if !actor.at.is_empty() {
         found.place::<2>(&field("at"), &actor.at);
     }
-    found.within(&field("heading"), actor.heading, &(-SWEEP..=SWEEP));
-    found.within(&field("start"), actor.start, &(0.0..=LONGEST));
+    found.between(&field("heading"), actor.heading, &(-SWEEP..=SWEEP));
+    found.between(&field("start"), actor.start, &(0.0..=LONGEST));
     if actor.speed != 0.0 {
-        found.within(&field("speed"), actor.speed, &SPEEDS);
+        found.between(&field("speed"), actor.speed, &SPEEDS);
     }
     if let Some(light) = &actor.light {
-        found.0.extend(light_faults(&field("light"), light));
+        found.light(&field("light"), light);
     }
 }
 
@@ -187,13 +126,16 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
         return false;
     };
     match path {
-        None => found.add("camera", "has no path".into()),
+        None => found.add("camera", "has no path"),
         Some(Path::Orbit(orbit)) => check_orbit(found, orbit),
         Some(Path::Keys(keys)) => check_keys(found, keys),
         Some(Path::Cameras(list)) => {
             found.unless(!list.cameras.is_empty(), "camera.cameras", || {
                 "there is none".into()
             });
+            for (i, camera) in list.cameras.iter().enumerate() {
+                found.camera(&format!("camera.cameras.cameras[{i}]"), camera);
+            }
             return true;
         }
         Some(Path::Capture(capture)) => {
@@ -209,16 +151,16 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
 }
 
 fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
-    found.within("camera.orbit.azimuth", orbit.azimuth, &(-SWEEP..=SWEEP));
-    found.within("camera.orbit.elevation", orbit.elevation, &(-89.0..=89.0));
-    found.within("camera.orbit.sweep", orbit.sweep, &(-SWEEP..=SWEEP));
-    found.within("camera.orbit.distance", orbit.distance, &(0.0..=FARTHEST));
+    found.between("camera.orbit.azimuth", orbit.azimuth, &(-SWEEP..=SWEEP));
+    found.between("camera.orbit.elevation", orbit.elevation, &(-89.0..=89.0));
+    found.between("camera.orbit.sweep", orbit.sweep, &(-SWEEP..=SWEEP));
+    found.between("camera.orbit.distance", orbit.distance, &(0.0..=FARTHEST));
     check_fov(found, "camera.orbit.fov", orbit.fov);
 }
 
 fn check_fov(found: &mut Faults, field: &str, fov: f64) {
     if fov != 0.0 {
-        found.within(field, fov, &FOVS);
+        found.between(field, fov, &FOVS);
     }
 }
 
@@ -229,7 +171,7 @@ fn check_keys(found: &mut Faults, keys: &CameraKeys) {
     let mut last = None;
     for (i, key) in keys.keys.iter().enumerate() {
         let field = |name: &str| format!("camera.keys[{i}].{name}");
-        found.within(&field("seconds"), key.seconds, &(0.0..=LONGEST));
+        found.between(&field("seconds"), key.seconds, &(0.0..=LONGEST));
         let later = last.is_none_or(|last| key.seconds > last);
         found.unless(later, &field("seconds"), || {
             format!("{} is not after the key before", key.seconds)
@@ -247,7 +189,9 @@ fn check_keys(found: &mut Faults, keys: &CameraKeys) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::v1::{CameraKey, CameraList, CaptureCamera, CaptureMotion, MotionClip};
+    use crate::v1::{
+        BodyPose, Camera, CameraKey, CameraList, CaptureCamera, CaptureMotion, MotionClip,
+    };
 
     fn good() -> Scene {
         Scene {
@@ -288,7 +232,7 @@ mod tests {
     #[test]
     fn each_fault_is_named_by_its_field() {
         type Break = fn(&mut Scene);
-        let cases: [(Break, &str); 17] = [
+        let cases: [(Break, &str); 19] = [
             (|it| it.actors.clear(), "actors"),
             (|it| it.actors[0].motion = None, "actors[0].motion"),
             (|it| it.actors[0].at = vec![1.0], "actors[0].at"),
@@ -309,6 +253,24 @@ mod tests {
                     it.actors[0].motion = Some(Motion::Clip(clip));
                 },
                 "actors[0].clip.poses",
+            ),
+            (
+                |it| {
+                    it.actors[0].motion = Some(Motion::Clip(MotionClip {
+                        poses: vec![BodyPose::default()],
+                        fps: 30.0,
+                        ..MotionClip::default()
+                    }));
+                },
+                "actors[0].clip.skeleton.parents",
+            ),
+            (
+                |it| {
+                    let cameras = vec![Camera::default()];
+                    it.camera = by(Path::Cameras(CameraList { cameras }));
+                    (it.width, it.height) = (0, 0);
+                },
+                "camera.cameras.cameras[0].width",
             ),
             (|it| it.width = 5000, "width"),
             (|it| it.seconds = f64::NAN, "seconds"),
@@ -354,7 +316,7 @@ mod tests {
             let mut scene = good();
             break_it(&mut scene);
             let found = faults(&scene);
-            assert_eq!(found.first().map(|(it, _)| it.as_str()), Some(field));
+            assert_eq!(found.first().map(|it| it.field.as_str()), Some(field));
         }
     }
 }

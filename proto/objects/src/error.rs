@@ -1,0 +1,103 @@
+//! Failures of the object store.
+
+use std::path::PathBuf;
+use thiserror::Error;
+use url::Url;
+
+/// A failure of the object store.
+#[derive(Debug, Error)]
+pub enum ObjectsError {
+    /// The URL names no supported store.
+    #[error("the object store {url} can't be opened: {reason}")]
+    Url {
+        /// The URL.
+        url: Url,
+        /// The fault.
+        reason: String,
+    },
+    /// The key is invalid.
+    #[error("'{key}' is not an object key")]
+    Key {
+        /// The key.
+        key: String,
+        /// Why.
+        #[source]
+        cause: object_store::path::Error,
+    },
+    /// No object has this key.
+    #[error("object '{key}' is missing")]
+    Missing {
+        /// The key.
+        key: String,
+    },
+    /// The object has another size than in the catalogue.
+    #[error("object '{key}' is torn: it has {found} bytes, not {expected}")]
+    Size {
+        /// The key.
+        key: String,
+        /// Size in the catalogue or the request.
+        expected: u64,
+        /// Size in the store.
+        found: u64,
+    },
+    /// The object has the right size and other bytes than were written.
+    #[error("object '{key}' is altered: its SHA-256 is {found}, not {expected}")]
+    Altered {
+        /// The key.
+        key: String,
+        /// Checksum in the catalogue.
+        expected: String,
+        /// Checksum of what was read.
+        found: String,
+    },
+    /// The store failed.
+    #[error("{action} object '{key}'")]
+    Store {
+        /// E.g. "writing".
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// The store's error.
+        #[source]
+        cause: object_store::Error,
+    },
+    /// This machine's disk failed.
+    #[error("{action} {}", path.display())]
+    Disk {
+        /// E.g. "writing".
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// The disk's error.
+        #[source]
+        cause: std::io::Error,
+    },
+}
+
+impl ObjectsError {
+    /// Whether the object is missing or differs from what was written, as opposed to a broken store: a
+    /// retry is useless, and something older is needed.
+    pub fn is_torn(&self) -> bool {
+        match self {
+            Self::Missing { .. } | Self::Size { .. } | Self::Altered { .. } | Self::Key { .. } => {
+                true
+            }
+            Self::Url { .. } | Self::Store { .. } | Self::Disk { .. } => false,
+        }
+    }
+
+    pub(crate) fn url(url: &Url, reason: impl ToString) -> Self {
+        Self::Url {
+            url: url.clone(),
+            reason: reason.to_string(),
+        }
+    }
+
+    pub(crate) fn of_store(action: &'static str, key: &str, cause: object_store::Error) -> Self {
+        let key = key.to_owned();
+        match cause {
+            object_store::Error::NotFound { .. } => Self::Missing { key },
+            cause => Self::Store { action, key, cause },
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Orders to render.
+
+use super::{Fault, Faults, scene};
+use crate::{
+    tiers,
+    v1::{Layer, RenderQuality, RenderSpec, render_quality::Want, render_spec::What},
+};
+use std::ops::RangeInclusive;
+
+/// Frame rates of an animation, per second; 0 leaves it to the worker.
+const RATES: RangeInclusive<f32> = 0.0..=120.0;
+
+/// All faults of an order to render.
+pub fn faults(render: &RenderSpec) -> Vec<Fault> {
+    let mut found = Faults::default();
+    check_background(&mut found, render);
+    found.between("fps", render.fps, &RATES);
+    if let Some(quality) = &render.quality {
+        check_quality(&mut found, quality);
+    }
+    check_layer(&mut found, render);
+    if let Some(light) = &render.light {
+        found.light("light", light);
+    }
+    match &render.what {
+        Some(what) => check_pictures(&mut found, render, what),
+        None => found.add("what", "views, an orbit, a motion or a scene is needed"),
+    }
+    found.0
+}
+
+fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
+    match what {
+        What::Views(list) => {
+            found.count("views.views", list.views.len());
+            for (i, view) in list.views.iter().enumerate() {
+                found.view(&format!("views.views[{i}]"), view);
+            }
+        }
+        What::Orbit(orbit) => {
+            found.count("orbit.views", orbit.views as usize);
+            found.side("orbit.size", orbit.size);
+        }
+        What::Clip(clip) => {
+            found.count("clip.poses", clip.poses.len());
+            found.side("clip.size", clip.size);
+            found.motion("clip", clip);
+        }
+        What::Motion(motion) => {
+            // 0 means all remaining frames; the worker, which knows their number, limits them.
+            if motion.frame_count > 0 {
+                found.count("motion.frame_count", motion.frame_count as usize);
+            }
+            found.unless(motion.frame_step > 0, "motion.frame_step", || {
+                "a step of 0 never reaches the next frame".into()
+            });
+            found.side("motion.size", motion.size);
+        }
+        What::Scene(scene) => {
+            found.unless(render.light.is_none(), "light", || {
+                "the actors of a scene have their own".into()
+            });
+            found.unless(render.subject.is_empty(), "subject", || {
+                "a scene has actors instead".into()
+            });
+            found.within_field("scene", scene::faults(scene));
+        }
+    }
+}
+
+fn check_background(found: &mut Faults, render: &RenderSpec) {
+    let colour = &render.background;
+    let in_unit = |value: &f32| (0.0..=1.0).contains(value);
+    let good = matches!(colour.len(), 0 | 3) && colour.iter().all(in_unit);
+    found.unless(good, "background", || {
+        format!("{colour:?}: nothing, or three numbers from 0 to 1")
+    });
+    let black = colour.iter().all(|value| *value == 0.0);
+    found.unless(!good || !render.transparent || black, "background", || {
+        format!("{colour:?}: a transparent picture has none")
+    });
+}
+
+/// The goal for a frame, within valid ranges.
+fn check_quality(found: &mut Faults, quality: &RenderQuality) {
+    let mut above_zero = |name: &str, value: f64| {
+        let field = format!("quality.{name}");
+        found.unless(value.is_finite() && value > 0.0, &field, || {
+            format!("{value} is not a number above 0")
+        });
+    };
+    match &quality.want {
+        Some(Want::MaxSecondsPerFrame(value)) => above_zero("max_seconds_per_frame", *value),
+        Some(Want::MinPsnrDb(value)) => above_zero("min_psnr_db", *value),
+        Some(Want::Tier(tier)) => {
+            found.unless(tiers::is_render_tier(tier), "quality.tier", || {
+                let shown: String = tier.chars().take(80).collect();
+                let known = tiers::render_tiers();
+                format!("there is no render quality '{shown}'; qualities: {known}")
+            });
+        }
+        None => found.add("quality", "has no goal"),
+    }
+}
+
+/// What the pictures show.
+fn check_layer(found: &mut Faults, render: &RenderSpec) {
+    let layer = Layer::try_from(render.layer);
+    found.unless(layer.is_ok(), "layer", || {
+        format!("{} is not known", render.layer)
+    });
+    let layered = !matches!(layer, Ok(Layer::Unspecified));
+    let scene = match &render.what {
+        Some(What::Scene(scene)) => Some(scene),
+        _ => None,
+    };
+    let surrounded = scene.is_some_and(|scene| scene.shadow || !scene.backdrop.is_empty());
+    let coloured = render.background.iter().any(|value| *value != 0.0);
+    for (wrong, field, message) in [
+        (
+            layered && (render.transparent || surrounded || coloured),
+            "layer",
+            "depth and opacity have no background, transparency or shadow",
+        ),
+        (
+            layered && render.compare,
+            "compare",
+            "only colours were filmed",
+        ),
+        (
+            render.transparent && render.compare,
+            "compare",
+            "filmed pictures are not transparent",
+        ),
+        (
+            render.transparent && scene.is_some_and(|scene| !scene.backdrop.is_empty()),
+            "scene.backdrop",
+            "a transparent picture has none",
+        ),
+    ] {
+        found.unless(!wrong, field, || message.into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::v1::{
+        Actor, BodyPose, Camera, CaptureMotion, Light, MotionClip, MotionTransfer, Orbit, Scene,
+        Skeleton, View, ViewList, actor::Motion,
+    };
+
+    fn with(what: What) -> RenderSpec {
+        RenderSpec {
+            what: Some(what),
+            ..RenderSpec::default()
+        }
+    }
+
+    fn orbit(views: u32, size: u32) -> RenderSpec {
+        with(What::Orbit(Orbit {
+            frame: 0,
+            views,
+            size,
+        }))
+    }
+
+    fn fields(spec: &RenderSpec) -> Vec<String> {
+        faults(spec).into_iter().map(|it| it.field).collect()
+    }
+
+    fn view() -> View {
+        View {
+            pose: Some(BodyPose {
+                rotations: vec![0.0; 72],
+                translation: vec![0.0; 3],
+            }),
+            camera: Some(Camera {
+                width: 64,
+                height: 64,
+                intrinsics: vec![1.0; 9],
+                extrinsics: vec![0.0; 16],
+            }),
+        }
+    }
+
+    fn views(views: Vec<View>) -> RenderSpec {
+        with(What::Views(ViewList { views }))
+    }
+
+    #[test]
+    fn each_bad_number_is_named() {
+        assert_eq!(faults(&orbit(12, 128)), []);
+        assert_eq!(fields(&orbit(0, 7)), ["orbit.views", "orbit.size"]);
+        assert_eq!(fields(&orbit(10_001, 4097)), ["orbit.views", "orbit.size"]);
+        assert_eq!(fields(&views(Vec::new())), ["views.views"]);
+        assert_eq!(fields(&RenderSpec::default()), ["what"]);
+        type Change = fn(&mut RenderSpec);
+        let cases: [(Change, &str); 6] = [
+            (|it| it.background = vec![1.0, 0.5], "background"),
+            (|it| it.background = vec![f32::NAN; 3], "background"),
+            (
+                |it| (it.transparent, it.background) = (true, vec![0.0, 1.0, 0.0]),
+                "background",
+            ),
+            (|it| it.fps = -1.0, "fps"),
+            (|it| it.layer = 99, "layer"),
+            (|it| it.light = Some(Light { of: None }), "light"),
+        ];
+        for (change, field) in cases {
+            let mut spec = orbit(12, 128);
+            change(&mut spec);
+            assert_eq!(fields(&spec), [field]);
+        }
+    }
+
+    #[test]
+    fn a_fault_names_its_view_and_field() {
+        assert_eq!(faults(&views(vec![view()])), []);
+        let broken = |change: fn(&mut View)| {
+            let mut broken = view();
+            change(&mut broken);
+            faults(&views(vec![view(), broken]))
+        };
+        let found = broken(|it| it.camera.as_mut().expect("has one").intrinsics.truncate(8));
+        assert_eq!(found[0].field, "views.views[1].camera.intrinsics");
+        assert_eq!(found[0].message, "8 numbers, not 9");
+        let found = broken(|it| it.pose.as_mut().expect("has one").rotations[1] = f32::NAN);
+        assert_eq!(found[0].field, "views.views[1].pose.rotations[1]");
+        let found = broken(|it| it.camera = None);
+        assert_eq!(found[0].field, "views.views[1]");
+    }
+
+    #[test]
+    fn a_motion_reaches_its_end() {
+        let motion = |frame_count, frame_step, size| {
+            with(What::Motion(MotionTransfer {
+                frame_count,
+                frame_step,
+                size,
+                ..MotionTransfer::default()
+            }))
+        };
+        assert_eq!(faults(&motion(2, 1, 64)), []);
+        assert_eq!(faults(&motion(0, 1, 64)), []);
+        assert_eq!(fields(&motion(2, 0, 64)), ["motion.frame_step"]);
+        assert_eq!(fields(&motion(10_001, 1, 64)), ["motion.frame_count"]);
+        assert_eq!(fields(&motion(2, 1, scene::MAX_SIDE + 1)), ["motion.size"]);
+    }
+
+    #[test]
+    fn a_quality_is_one_that_can_be_wanted() {
+        let said = |want: Option<Want>| {
+            let mut spec = orbit(12, 128);
+            spec.quality = Some(RenderQuality { want });
+            let found = faults(&spec);
+            assert!(found.len() < 2, "{found:?}");
+            found.into_iter().next()
+        };
+        assert_eq!(said(Some(Want::MaxSecondsPerFrame(0.1))), None);
+        assert_eq!(said(Some(Want::MinPsnrDb(30.0))), None);
+        assert_eq!(said(Some(Want::Tier("fast".into()))), None);
+        for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            let fault = said(Some(Want::MaxSecondsPerFrame(bad))).expect("refused");
+            assert_eq!(fault.field, "quality.max_seconds_per_frame");
+            let fault = said(Some(Want::MinPsnrDb(bad))).expect("refused");
+            assert_eq!(fault.field, "quality.min_psnr_db");
+        }
+        let fault = said(Some(Want::Tier("paper".into()))).expect("a training tier");
+        assert_eq!(fault.field, "quality.tier");
+        let known = "full, balanced, fast, draft";
+        assert!(fault.message.contains(known), "{fault:?}");
+        assert_eq!(said(None).expect("nothing wanted").field, "quality");
+    }
+
+    #[test]
+    fn a_clip_s_skeleton_and_poses_fit() {
+        let good = || MotionClip {
+            skeleton: Some(Skeleton {
+                names: vec!["root".into(), "tip".into()],
+                parents: vec![-1, 0],
+                rest_joints: Vec::new(),
+            }),
+            poses: vec![BodyPose {
+                rotations: vec![0.0; 6],
+                translation: vec![0.0; 3],
+            }],
+            size: 64,
+            ..MotionClip::default()
+        };
+        assert_eq!(faults(&with(What::Clip(good()))), []);
+        type Change = fn(&mut MotionClip);
+        let cases: [(Change, &str); 6] = [
+            (|it| it.size = 0, "clip.size"),
+            (|it| it.poses.clear(), "clip.poses"),
+            (|it| it.skeleton = None, "clip.skeleton.parents"),
+            (
+                |it| it.poses[0].rotations.truncate(3),
+                "clip.poses[0].rotations",
+            ),
+            (
+                |it| it.poses[0].rotations[1] = f32::NAN,
+                "clip.poses[0].rotations[1]",
+            ),
+            (
+                |it| it.skeleton.as_mut().expect("has one").parents = vec![1, 0],
+                "clip.skeleton.parents[0]",
+            ),
+        ];
+        for (change, field) in cases {
+            let mut clip = good();
+            change(&mut clip);
+            assert_eq!(fields(&with(What::Clip(clip))), [field]);
+        }
+    }
+
+    #[test]
+    fn a_scene_has_actors_instead_of_a_subject() {
+        let mut spec = with(What::Scene(Scene {
+            actors: vec![Actor {
+                motion: Some(Motion::Capture(CaptureMotion::default())),
+                ..Actor::default()
+            }],
+            width: 64,
+            height: 64,
+            ..Scene::default()
+        }));
+        assert_eq!(faults(&spec), []);
+        spec.subject = "subjects/a".into();
+        assert_eq!(fields(&spec), ["subject"]);
+        spec.subject.clear();
+        if let Some(What::Scene(scene)) = &mut spec.what {
+            scene.actors[0].speed = 1e9;
+        }
+        assert_eq!(fields(&spec), ["scene.actors[0].speed"]);
+    }
+}

@@ -1,0 +1,81 @@
+//! The folder in which the objects are.
+
+use super::room::Room;
+use std::{
+    io::{self, ErrorKind},
+    path::{Path, PathBuf},
+};
+use url::Url;
+use yoto_objects::{Objects, ObjectsError};
+use yoto_proto::keys;
+
+/// The folder of an object store, for what a store of objects alone can't do.
+#[derive(Debug, Clone)]
+pub struct ObjectDisk {
+    pub(super) root: PathBuf,
+}
+
+impl ObjectDisk {
+    /// The folder at `url` (`file:///folder`), created if missing, with its store.
+    ///
+    /// # Errors
+    /// When the scheme is not `file`, or the folder can't be used.
+    pub fn open(url: &Url) -> Result<(Self, Objects), ObjectsError> {
+        if url.scheme() != "file" {
+            return Err(ObjectsError::Url {
+                url: url.clone(),
+                reason: "only file:/// is supported".into(),
+            });
+        }
+        let root = yoto_objects::folder(url)?;
+        std::fs::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
+        Ok((Self::at(root), Objects::open(url)?))
+    }
+
+    /// The folder `root`, which exists.
+    pub(super) fn at(root: PathBuf) -> Self {
+        Self { root }
+    }
+
+    /// Free and total bytes; `None` if they can't be told.
+    pub fn room(&self) -> Option<Room> {
+        Some(Room {
+            free: fs4::available_space(&self.root).ok()?,
+            total: fs4::total_space(&self.root).ok()?,
+        })
+    }
+
+    /// Deletes `folder` with all its objects.
+    ///
+    /// # Errors
+    /// When the disk fails; some objects may be gone then.
+    pub async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
+        let path = self.root.join(folder);
+        match tokio::fs::remove_dir_all(&path).await {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(failed("deleting", &path, error));
+            }
+            _ => self.remove_empty_parents(folder).await,
+        }
+        Ok(())
+    }
+
+    /// Removes the folders above `folder` that are empty now. A writer makes them again.
+    async fn remove_empty_parents(&self, folder: &str) {
+        let mut parent = keys::folder(folder);
+        while !parent.is_empty() {
+            if tokio::fs::remove_dir(self.root.join(parent)).await.is_err() {
+                return;
+            }
+            parent = keys::folder(parent);
+        }
+    }
+}
+
+pub fn failed(action: &'static str, path: &Path, cause: io::Error) -> ObjectsError {
+    ObjectsError::Disk {
+        action,
+        path: path.to_owned(),
+        cause,
+    }
+}
