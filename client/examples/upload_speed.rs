@@ -139,6 +139,6 @@ async fn upload(client: &YotoClient, files: &[PathBuf], run: u32) -> anyhow::Res
     let seconds = began.elapsed().as_secs_f64();
     // Nothing reads it: its bytes are only in the way.
     client.cancel_job(&capture.ingest_job).await?;
-    client.delete_capture(&capture.name).await?;
+    client.delete_capture(&capture.name, &capture.etag).await?;
     Ok(seconds)
 }

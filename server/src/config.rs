@@ -52,6 +52,8 @@ pub struct StorageLimits {
     pub collect_interval: Duration,
     /// Free bytes of the disk below which uploads and trainings are refused.
     pub min_free_bytes: u64,
+    /// Time from the last write of an upload until its files are garbage once they were read.
+    pub keep_uploads: Duration,
     /// Age at which answers to request ids are forgotten.
     pub keep_request_ids: Duration,
     /// Age at which the history of ended attempts is forgotten.
@@ -68,6 +70,7 @@ impl Default for StorageLimits {
             grace: DAY,
             collect_interval: Duration::from_secs(3600),
             min_free_bytes: 2 << 30,
+            keep_uploads: 7 * DAY,
             keep_request_ids: 7 * DAY,
             keep_attempts: 90 * DAY,
             keep_workers: 7 * DAY,

@@ -300,6 +300,7 @@ async fn a_repeated_deletion_has_the_answer_of_the_first() {
     let request = |id: &str| DeleteSubjectRequest {
         name: ada.name.clone(),
         request_id: id.into(),
+        etag: String::new(),
     };
     let delete = async |id: &str| service.subjects().delete_subject(request(id)).await;
     let first = delete("once").await.expect("deletes").into_inner();
@@ -310,6 +311,7 @@ async fn a_repeated_deletion_has_the_answer_of_the_first() {
     let other = DeleteSubjectRequest {
         name: "subjects/other".into(),
         request_id: "once".into(),
+        etag: String::new(),
     };
     let reused = service.subjects().delete_subject(other).await;
     assert_refused(reused, Code::AlreadyExists, "REQUEST_ID_REUSED");
@@ -363,4 +365,99 @@ async fn an_open_upload_is_deleted_with_its_bytes() {
     assert_refused(late, Code::NotFound, "NOT_FOUND");
     service.collect(false, false).await;
     assert!(!service.has("uploads"));
+}
+
+#[tokio::test]
+async fn a_deletion_that_names_a_version_is_limited_to_it() {
+    let service = service().await;
+    let before = service.subject("Ada").await;
+    service.upload_good(&before.name).await;
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    service.complete_ingest(&lease).await;
+    let ada = service.get_subject(&before.name).await;
+    assert_ne!(before.etag, ada.etag, "she has a capture now");
+    let delete = |name: &str, etag: &str| {
+        let (mut subjects, request) = (
+            service.subjects(),
+            DeleteSubjectRequest {
+                name: name.into(),
+                etag: etag.into(),
+                ..<_>::default()
+            },
+        );
+        async move { subjects.delete_subject(request).await }
+    };
+    assert_names(
+        delete(&ada.name, &before.etag).await,
+        "ETAG_MISMATCH",
+        "Ada has changed since it was read; nothing was deleted",
+    );
+    assert_eq!(service.get_subject(&ada.name).await, ada);
+
+    let capture = service.get_capture(&ada.captures[0]).await;
+    let request = |etag: &str| DeleteCaptureRequest {
+        name: capture.name.clone(),
+        etag: etag.into(),
+        ..<_>::default()
+    };
+    let other = service.subjects().delete_capture(request("other")).await;
+    assert_names(other, "ETAG_MISMATCH", &capture.name);
+    let its_own = service
+        .subjects()
+        .delete_capture(request(&capture.etag))
+        .await;
+    its_own.expect("is the version");
+
+    let model = service.model("solo").await;
+    let request = |etag: &str| DeleteModelRequest {
+        name: model.name.clone(),
+        etag: etag.into(),
+        ..<_>::default()
+    };
+    let other = service.models().delete_model(request("other")).await;
+    assert_names(other, "ETAG_MISMATCH", &model.name);
+    let its_own = service.models().delete_model(request(&model.etag)).await;
+    its_own.expect("is the version");
+
+    let now = service.get_subject(&ada.name).await;
+    delete(&ada.name, &now.etag).await.expect("is the version");
+}
+
+#[tokio::test]
+async fn jobs_and_checkpoints_have_versions_too() {
+    let service = service().await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    service.publish(&lease, 10).await.expect("publishes");
+    let last = service.publish(&lease, 20).await.expect("publishes");
+    service.complete_training(&lease, &last).await;
+    let first = service.checkpoints(&model.name).await.remove(1);
+    let request = |etag: &str| DeleteCheckpointRequest {
+        name: first.name.clone(),
+        etag: etag.into(),
+        ..<_>::default()
+    };
+    let other = service.models().delete_checkpoint(request("other")).await;
+    assert_names(other, "ETAG_MISMATCH", &first.name);
+    let its_own = service
+        .models()
+        .delete_checkpoint(request(&first.etag))
+        .await;
+    its_own.expect("is the version");
+
+    let name = &lease.job.as_ref().expect("a job").name;
+    let job = service.get_job(name).await;
+    let request = |etag: &str| DeleteJobRequest {
+        name: name.clone(),
+        etag: etag.into(),
+        ..<_>::default()
+    };
+    let other = service.jobs().delete_job(request("other")).await;
+    assert_names(other, "ETAG_MISMATCH", name);
+    let its_own = service.jobs().delete_job(request(&job.etag)).await;
+    its_own.expect("is the version");
 }

@@ -3,7 +3,10 @@
 
 mod support;
 
-use std::sync::{Arc, Mutex};
+use std::{
+    sync::{Arc, Mutex},
+    time::{Duration, Instant},
+};
 use support::Service;
 use tonic::Code;
 use yoto_proto::v1::{CreateSubjectRequest, ListSubjectsRequest};
@@ -18,8 +21,16 @@ struct Always {
 
 impl Always {
     fn new(times: u32, answered: bool) -> Arc<Self> {
+        Self::with(Delivery {
+            times,
+            answered,
+            ..Delivery::ONCE
+        })
+    }
+
+    fn with(delivery: Delivery) -> Arc<Self> {
         Arc::new(Self {
-            delivery: Delivery { times, answered },
+            delivery,
             moments: Mutex::default(),
         })
     }
@@ -86,4 +97,20 @@ async fn a_lost_answer_is_that_of_a_call_that_was_carried_out() {
     ];
     let expected = expected.map(|moment| ("CreateSubject".to_owned(), moment));
     assert_eq!(moments, expected);
+}
+
+#[tokio::test]
+async fn a_late_copy_arrives_after_the_answer() {
+    let faults = Always::with(Delivery {
+        late: Some(Duration::from_millis(20)),
+        ..Delivery::ONCE
+    });
+    let service = start(&faults).await;
+    let created = service.subjects().create_subject(ada("")).await;
+    created.expect("the first copy is answered");
+    let began = Instant::now();
+    while count(&service).await < 2 {
+        assert!(began.elapsed() < Duration::from_secs(10), "no late copy");
+        tokio::task::yield_now().await;
+    }
 }

@@ -22,6 +22,7 @@ fn at_once(config: &mut ServerConfig) {
     config.storage.collect_interval = HOUR;
     config.storage.keep_newest = 1;
     config.storage.keep_every = 0;
+    config.storage.keep_uploads = Duration::ZERO;
 }
 
 #[tokio::test]
@@ -157,6 +158,23 @@ async fn an_upload_is_kept_until_it_was_read() {
     assert!(!service.has(keys::folder(&upload)));
     let shard = keys::shard(id(&capture), id(&job_name(&lease)), lease.token);
     assert!(service.has(&shard));
+}
+
+#[tokio::test]
+async fn an_upload_that_was_read_is_kept_for_a_while() {
+    let service = Service::start_with(|config| {
+        at_once(config);
+        config.storage.keep_uploads = HOUR;
+    })
+    .await;
+    let ada = service.ready_subject("Ada").await;
+    let upload = keys::upload(id(&ada.captures[0]), "poses.json");
+    service.collect(false, true).await;
+    assert!(service.has(&upload));
+    let earlier = "UPDATE captures SET write_time = write_time - 3601";
+    support::sql(&service.dir.path().join("yoto.db"), earlier).await;
+    service.collect(false, false).await;
+    assert!(!service.has(keys::folder(&upload)));
 }
 
 #[tokio::test]

@@ -148,14 +148,16 @@ impl YotoClient {
         Ok(())
     }
 
-    /// Deletes a job that has ended, with its pictures and figures.
+    /// Deletes a job that has ended, with its pictures and figures, if its version is
+    /// still `etag`; an empty one is any.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while it is queued or running.
-    pub async fn delete_job(&self, name: &str) -> Result<Deleted, ClientError> {
+    pub async fn delete_job(&self, name: &str, etag: &str) -> Result<Deleted, ClientError> {
         let request = DeleteJobRequest {
             name: name.to_owned(),
             request_id: request_id(),
+            etag: etag.to_owned(),
         };
         let delete = || {
             let (mut service, request) = (self.job_service(), request.clone());

@@ -235,14 +235,16 @@ impl YotoClient {
         Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
     }
 
-    /// Deletes a model with its checkpoints and jobs.
+    /// Deletes a model with its checkpoints and jobs, if its version is
+    /// still `etag`; an empty one is any.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job of it is queued or running.
-    pub async fn delete_model(&self, name: &str) -> Result<Deleted, ClientError> {
+    pub async fn delete_model(&self, name: &str, etag: &str) -> Result<Deleted, ClientError> {
         let request = DeleteModelRequest {
             name: name.to_owned(),
             request_id: request_id(),
+            etag: etag.to_owned(),
         };
         let delete = || {
             let (mut service, request) = (self.model_service(), request.clone());
@@ -252,14 +254,16 @@ impl YotoClient {
         repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`).
+    /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`), if its version is
+    /// still `etag`; an empty one is any.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job uses it.
-    pub async fn delete_checkpoint(&self, name: &str) -> Result<Deleted, ClientError> {
+    pub async fn delete_checkpoint(&self, name: &str, etag: &str) -> Result<Deleted, ClientError> {
         let request = DeleteCheckpointRequest {
             name: name.to_owned(),
             request_id: request_id(),
+            etag: etag.to_owned(),
         };
         let delete = || {
             let (mut service, request) = (self.model_service(), request.clone());

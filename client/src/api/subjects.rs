@@ -108,14 +108,16 @@ impl YotoClient {
         repeat(ingest).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes a person and their captures.
+    /// Deletes a person and their captures, if its version is
+    /// still `etag`; an empty one is any.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a model has them.
-    pub async fn delete_subject(&self, name: &str) -> Result<Deleted, ClientError> {
+    pub async fn delete_subject(&self, name: &str, etag: &str) -> Result<Deleted, ClientError> {
         let request = DeleteSubjectRequest {
             name: name.to_owned(),
             request_id: request_id(),
+            etag: etag.to_owned(),
         };
         let delete = || {
             let (mut service, request) = (self.subject_service(), request.clone());
@@ -125,14 +127,16 @@ impl YotoClient {
         repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes a capture.
+    /// Deletes a capture, if its version is
+    /// still `etag`; an empty one is any.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job uses it.
-    pub async fn delete_capture(&self, name: &str) -> Result<Deleted, ClientError> {
+    pub async fn delete_capture(&self, name: &str, etag: &str) -> Result<Deleted, ClientError> {
         let request = DeleteCaptureRequest {
             name: name.to_owned(),
             request_id: request_id(),
+            etag: etag.to_owned(),
         };
         let delete = || {
             let (mut service, request) = (self.subject_service(), request.clone());

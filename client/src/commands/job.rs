@@ -157,7 +157,7 @@ impl JobCommand {
             }
             Action::Delete(which) => {
                 let (client, job) = which.find().await?;
-                let deleted = client.delete_job(&job.name).await?;
+                let deleted = client.delete_job(&job.name, &job.etag).await?;
                 table::say_deleted(&job.name, &deleted);
                 Ok(())
             }

@@ -127,7 +127,9 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("DeleteJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        let deleted = self.context.store.delete(Target::Job(&id), key).await;
+        let deleted = (self.context.store)
+            .delete(Target::Job(&id), &request.etag, key)
+            .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 

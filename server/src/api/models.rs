@@ -72,6 +72,16 @@ impl ModelService for ModelApi {
     ) -> Result<Response<Model>, Status> {
         let request = request.into_inner();
         let key = fields::request_key("CreateModel", &request.request_id, &request)?;
+        let store = &self.context.store;
+        // Before every check: what was accepted once is accepted again.
+        if let Some(id) = store
+            .answered(key.as_ref())
+            .await
+            .map_err(RequestError::from)?
+        {
+            let model = store.model(&id).await;
+            return Ok(Response::new(model.map_err(RequestError::from)?));
+        }
         if !tiers::is_tier(&request.tier) {
             let message = format!("the tiers are {}", tiers::listed(tiers::TIERS));
             return Err(RequestError::invalid("tier", message).into());
@@ -138,7 +148,9 @@ impl ModelService for ModelApi {
         let request = request.get_ref();
         let key = fields::request_key("DeleteModel", &request.request_id, request)?;
         let id = fields::id(Collection::Models, "name", &request.name)?;
-        let deleted = self.context.store.delete(Target::Model(&id), key).await;
+        let deleted = (self.context.store)
+            .delete(Target::Model(&id), &request.etag, key)
+            .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
@@ -151,7 +163,9 @@ impl ModelService for ModelApi {
         let (model, step) = names::parse_checkpoint(&request.name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
         let target = Target::Checkpoint { model, step };
-        let deleted = self.context.store.delete(target, key).await;
+        let deleted = (self.context.store)
+            .delete(target, &request.etag, key)
+            .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 

@@ -33,6 +33,16 @@ impl SubjectService for SubjectApi {
     ) -> Result<Response<Subject>, Status> {
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
+        let store = &self.context.store;
+        // Before every check: what was accepted once is accepted again.
+        if let Some(id) = store
+            .answered(key.as_ref())
+            .await
+            .map_err(RequestError::from)?
+        {
+            let subject = store.subject(&id).await;
+            return Ok(Response::new(subject.map_err(RequestError::from)?));
+        }
         if request.consent_note.len() > limits::CONSENT_NOTE_BYTES {
             let message = format!("is longer than {} bytes", limits::CONSENT_NOTE_BYTES);
             return Err(RequestError::invalid("consent_note", message).into());
@@ -41,7 +51,7 @@ impl SubjectService for SubjectApi {
             display_name: fields::display_name(&request.display_name)?,
             consent_note: request.consent_note,
         };
-        let subject = self.context.store.create_subject(new, key).await;
+        let subject = store.create_subject(new, key).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
     }
 
@@ -95,7 +105,9 @@ impl SubjectService for SubjectApi {
         let request = request.get_ref();
         let key = fields::request_key("DeleteSubject", &request.request_id, request)?;
         let id = fields::id(Collection::Subjects, "name", &request.name)?;
-        let deleted = self.context.store.delete(Target::Subject(&id), key).await;
+        let deleted = (self.context.store)
+            .delete(Target::Subject(&id), &request.etag, key)
+            .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 
@@ -106,7 +118,9 @@ impl SubjectService for SubjectApi {
         let request = request.get_ref();
         let key = fields::request_key("DeleteCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
-        let deleted = self.context.store.delete(Target::Capture(&id), key).await;
+        let deleted = (self.context.store)
+            .delete(Target::Capture(&id), &request.etag, key)
+            .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
 }

@@ -97,18 +97,21 @@ where
         let spare = self.inner.clone();
         let inner = std::mem::replace(&mut self.inner, spare);
         let call = Current { name, faults };
-        Box::pin(CURRENT.scope(call, deliver(inner, request, delivery)))
+        Box::pin(CURRENT.scope(call.clone(), deliver(inner, request, delivery, call)))
     }
 }
 
-/// Has `inner` serve the request as often as it is delivered, and drops all answers but the last.
+/// Has `inner` serve the request as often as it is delivered, and drops all answers but the last. A late copy comes
+/// when the caller may have gone on to other calls.
 async fn deliver<S>(
     mut inner: S,
     request: Request<Body>,
     delivery: Delivery,
+    call: Current,
 ) -> Result<Response<Body>, S::Error>
 where
-    S: Service<Request<Body>, Response = Response<Body>>,
+    S: Service<Request<Body>, Response = Response<Body>> + Clone + Send + 'static,
+    S::Future: Send,
 {
     let (head, body) = request.into_parts();
     let bytes = match body.collect().await {
@@ -122,6 +125,19 @@ where
     }
     std::future::poll_fn(|context| inner.poll_ready(context)).await?;
     let answer = inner.call(again()).await?;
+    if let Some(time) = delivery.late {
+        let (mut inner, copy) = (inner, again());
+        tokio::spawn(CURRENT.scope(call, async move {
+            tokio::time::sleep(time).await;
+            if std::future::poll_fn(|context| inner.poll_ready(context))
+                .await
+                .is_ok()
+            {
+                // Its answer has nowhere to go.
+                drop(inner.call(copy).await);
+            }
+        }));
+    }
     reached(Moment::BeforeReply);
     match delivery.answered {
         true => Ok(answer),

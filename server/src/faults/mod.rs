@@ -8,7 +8,7 @@ mod layer;
 
 pub(crate) use layer::FaultLayer;
 
-use std::{fmt::Debug, sync::Arc};
+use std::{fmt::Debug, sync::Arc, time::Duration};
 
 /// A moment of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,11 +21,13 @@ pub enum Moment {
     BeforeReply,
 }
 
-/// How often a call arrives, and whether its answer does.
+/// How often and when a call arrives, and whether its answer does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Delivery {
     /// Number of times, at least 1, one after another.
     pub times: u32,
+    /// Time from the answer to the arrival of one more copy, which nobody waits for.
+    pub late: Option<Duration>,
     /// Whether the caller gets the last answer; else UNAVAILABLE.
     pub answered: bool,
 }
@@ -34,6 +36,7 @@ impl Delivery {
     /// As without faults.
     pub const ONCE: Self = Self {
         times: 1,
+        late: None,
         answered: true,
     };
 }

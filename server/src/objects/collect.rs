@@ -81,7 +81,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
     let known = context.store.garbage().await?;
     let folders = context.disk.folders().await?;
     let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
-    let references = context.store.references(&keys).await?;
+    let references = context.store.references(&keys, kept(context)).await?;
     let grace = context.config.storage.grace.as_secs_f64();
     let mut found = judge(folders, &references, &known);
     for it in &mut found {
@@ -120,6 +120,11 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
 }
 
 /// The garbage among `folders`, none of it due yet.
+/// Seconds for which uploads that were read are kept.
+fn kept(context: &Context) -> f64 {
+    context.config.storage.keep_uploads.as_secs_f64()
+}
+
 fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Found> {
     let known: HashMap<&str, &KnownGarbage> =
         known.iter().map(|it| (it.folder.as_str(), it)).collect();
@@ -176,7 +181,7 @@ async fn forgotten(
         .filter(|it| !garbage.contains(it.folder.as_str()));
     let deleted = deleted.into_iter().filter(|it| !there(&it.folder));
     let deleted: Vec<String> = deleted.map(|it| it.folder.clone()).collect();
-    let references = context.store.references(&deleted).await?;
+    let references = context.store.references(&deleted, kept(context)).await?;
     let deleted = deleted.into_iter().zip(references);
     let deleted = deleted.filter(|(_, reference)| *reference != Reference::Lease);
     let others = others.map(|it| it.folder.clone());

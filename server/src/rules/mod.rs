@@ -6,8 +6,10 @@
 //! | whose turn it is: priority, then the owner with the fewest running jobs, then age | `store/sqlite/turn.rs`, since only the database can search |
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
+//! | what was deleted is what its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
 
+pub mod etag;
 pub mod losses;
 pub mod outage;
 pub mod retries;

@@ -119,12 +119,17 @@ pub trait Store: Send + Sync + 'static {
     async fn delete(
         &self,
         target: Target<'_>,
+        etag: &str,
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError>;
     /// The folders that are known as garbage.
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError>;
     /// What refers to each of these folders of the object store.
-    async fn references(&self, folders: &[String]) -> Result<Vec<Reference>, StoreError>;
+    async fn references(
+        &self,
+        folders: &[String],
+        keep_uploads: f64,
+    ) -> Result<Vec<Reference>, StoreError>;
     /// Notes the `new` folders as garbage from now on, and forgets the `gone` ones.
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError>;
 

@@ -84,7 +84,9 @@ impl Breaker {
             Fault::BitFlipped => self.flip_bit().await,
             Fault::SilentWatcher => self.watch_silently().await,
             Fault::EmbeddedKilled => super::embedded::kill(&self.fleet, &self.history).await,
-            Fault::CallRepeated | Fault::AnswerLost => Ok(()),
+            Fault::Partition => self.part_worker().await,
+            Fault::JobHung => self.hang_job().await,
+            Fault::CallRepeated | Fault::CallLate | Fault::AnswerLost => Ok(()),
         }
     }
 
@@ -222,6 +224,35 @@ impl Breaker {
         self.late(&job.name).await
     }
 
+    /// A worker that nobody hears loses its job; what it says then comes too late.
+    async fn part_worker(&mut self) -> Result<()> {
+        let (job, worker) = self.training().await?;
+        ensure!(self.fleet.hold(&worker, true), "{worker} ended by itself");
+        let again = self.leased_again(&job).await;
+        self.fleet.hold(&worker, false);
+        ensure!(again?, "{} ended on a worker that nobody heard", job.name);
+        tokio::time::sleep(self.fleet.lease() / 2).await;
+        self.broken(Fault::Partition)?;
+        self.late(&job.name).await
+    }
+
+    /// A worker whose job's thread hangs ends by itself.
+    async fn hang_job(&self) -> Result<()> {
+        let controls = self.fleet.controls();
+        let (before, gave_up) = (self.noted(Fault::JobHung), self.fleet.gave_up());
+        let began = Instant::now();
+        controls.set_store(Some(StoreFault::Never))?;
+        while self.noted(Fault::JobHung) == before && began.elapsed() < PATIENCE {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        controls.set_store(None)?;
+        while self.fleet.gave_up() == gave_up {
+            ensure!(began.elapsed() < 2 * PATIENCE, "no worker has ended");
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+        Ok(())
+    }
+
     async fn jump(&self, fault: Fault, seconds: f64) -> Result<()> {
         let controls = self.fleet.controls();
         controls.set_clock(controls.clock() + seconds)?;
@@ -283,7 +314,7 @@ impl Breaker {
     /// A job on a worker with a full disk waits, says why, and goes on elsewhere.
     async fn fill_disk(&self) -> Result<()> {
         let avatar = self.load.avatar().await?;
-        let full = self.fleet.start_worker(false, Some(FULL))?;
+        let full = self.fleet.start_full(FULL)?;
         let postponed = self.postponed(&avatar.model, &full).await;
         self.fleet.signal_worker(&full, Signal::SIGKILL)?;
         let job = postponed?;

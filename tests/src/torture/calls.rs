@@ -222,8 +222,8 @@ impl Calls {
     /// When the service refuses.
     pub async fn delete_job(&self, name: &str) -> Result<(), Status> {
         let request = DeleteJobRequest {
-            request_id: String::new(),
             name: name.to_owned(),
+            ..DeleteJobRequest::default()
         };
         let deleted = answered(|| {
             let (mut service, request) = (self.jobs(), request.clone());

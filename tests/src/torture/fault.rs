@@ -18,8 +18,14 @@ pub enum Fault {
     EndBeforeReply,
     /// SIGSTOP of a worker past its lease, then SIGCONT.
     WorkerStopped,
+    /// A worker that can't reach the coordinator past its lease, and goes on.
+    Partition,
+    /// A job whose thread never goes on.
+    JobHung,
     /// A call that arrives two or three times.
     CallRepeated,
+    /// A call of which a copy arrives after later ones.
+    CallLate,
     /// A call that is carried out, and answered with UNAVAILABLE.
     AnswerLost,
     /// The coordinator's clock is set an hour ahead.
@@ -48,14 +54,17 @@ pub enum Fault {
 
 impl Fault {
     /// All kinds, as the table lists them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 22] = [
         Self::WorkerKilled,
         Self::CoordinatorKilled,
         Self::EndBeforeCommit,
         Self::EndAfterCommit,
         Self::EndBeforeReply,
         Self::WorkerStopped,
+        Self::Partition,
+        Self::JobHung,
         Self::CallRepeated,
+        Self::CallLate,
         Self::AnswerLost,
         Self::ClockForward,
         Self::ClockBack,
@@ -79,7 +88,10 @@ impl Fault {
             Self::EndAfterCommit => "end-after-commit",
             Self::EndBeforeReply => "end-before-reply",
             Self::WorkerStopped => "worker-stopped",
+            Self::Partition => "partition",
+            Self::JobHung => "job-hung",
             Self::CallRepeated => "call-repeated",
+            Self::CallLate => "call-late",
             Self::AnswerLost => "answer-lost",
             Self::ClockForward => "clock-forward",
             Self::ClockBack => "clock-back",

@@ -6,9 +6,10 @@ use super::{
 };
 use anyhow::{Context, Result};
 use tonic::Status;
+use tonic_types::StatusExt;
 use yoto_proto::v1::{
-    Claim, EndJobRequest, HeartbeatRequest, Job, JobKind, JobResult, RegisterWorkerRequest,
-    WorkerDevice,
+    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobKind,
+    JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, WorkerDevice,
     end_job_request::{Outcome, Returned},
     job_attempt,
 };
@@ -67,6 +68,33 @@ pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &
             async move { service.heartbeat(request).await }
         });
         told(history, job, &format!("Heartbeat by {whose}"), beat.await)?;
+        let publish = PublishCheckpointRequest {
+            claim: Some(claim.clone()),
+            checkpoint: Some(Checkpoint {
+                step: u64::from(u32::MAX),
+                ..Checkpoint::default()
+            }),
+        };
+        let published = answered(|| {
+            let (mut service, request) = (calls.workers(), publish.clone());
+            async move { service.publish_checkpoint(request).await }
+        });
+        let what = format!("PublishCheckpoint by {whose}");
+        told(history, job, &what, published.await)?;
+        let commit = CommitOutputRequest {
+            claim: Some(claim.clone()),
+            file: Some(RenderedFile::default()),
+        };
+        let committed = answered(|| {
+            let (mut service, request) = (calls.workers(), commit.clone());
+            async move { service.commit_output(request).await }
+        });
+        told(
+            history,
+            job,
+            &format!("CommitOutput by {whose}"),
+            committed.await,
+        )?;
         for (what, outcome) in [
             ("success", Outcome::Succeeded(JobResult::default())),
             ("return", Outcome::Returned(Returned {})),
@@ -96,6 +124,13 @@ fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) 
     history.record(Event::Late {
         job: job.name.clone(),
         what: what.to_owned(),
-        accepted: answer.is_ok(),
+        accepted: !answer.is_err_and(|status| is_refused_as_late(&status)),
     })
+}
+
+/// Whether the claim was refused, and not merely what came with it: then the guard let it pass.
+fn is_refused_as_late(status: &Status) -> bool {
+    let details = status.get_error_details();
+    let reason = details.error_info().map(|info| info.reason.as_str());
+    matches!(reason, Some("STALE_LEASE" | "NOT_FOUND"))
 }

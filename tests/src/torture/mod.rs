@@ -99,7 +99,7 @@ pub async fn run(options: Options) -> Result<Report> {
     let fleet = Arc::new(Fleet::new(&folder, options.lease_seconds, options.seed)?);
     fleet.start_coordinator()?;
     for _ in 0..WORKERS {
-        fleet.start_worker(true, None)?;
+        fleet.start_lasting().await?;
     }
     let calls = Calls::to(fleet.address())?;
     let done = Arc::new(AtomicBool::new(false));

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Faults that last from the first call to the last: the coordinator makes them by itself.
-const CONSTANT: [Fault; 2] = [Fault::CallRepeated, Fault::AnswerLost];
+const CONSTANT: [Fault; 3] = [Fault::CallRepeated, Fault::CallLate, Fault::AnswerLost];
 
 /// Faults one after another: each kind once, in an order of its own for each seed, then any.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! The processes of the service: started, killed, stopped, and started again when they have ended.
 
-use super::parts::Controls;
+use super::{parts::Controls, proxy::Proxy};
 use anyhow::{Context, Result};
 use nix::{
     sys::signal::{self, Signal},
@@ -32,6 +32,8 @@ struct Inside {
     coordinator: Option<Child>,
     workers: Vec<Member>,
     started: u64,
+    /// Workers that have ended by themselves, with an error.
+    gave_up: u64,
 }
 
 /// A worker process.
@@ -39,8 +41,8 @@ struct Inside {
 struct Member {
     name: String,
     child: Child,
-    /// Whether another takes its place when it ends.
-    lasting: bool,
+    /// Its connections to the coordinator, which another gets when it ends; none: that is not replaced.
+    line: Option<Proxy>,
 }
 
 impl Fleet {
@@ -110,17 +112,33 @@ impl Fleet {
         Ok(())
     }
 
-    /// Starts a worker and returns its display name. Another takes its place when it ends if it is `lasting`.
+    /// Starts a worker that another replaces when it ends. It reaches the coordinator by a line of its own,
+    /// which can be held.
     ///
     /// # Errors
     /// When the process can't be started.
-    pub fn start_worker(&self, lasting: bool, largest_file: Option<u64>) -> Result<String> {
+    pub async fn start_lasting(&self) -> Result<String> {
+        let line = Proxy::start(self.address()).await?;
+        self.start_worker(Some(line), None)
+    }
+
+    /// Starts a worker that can't write files above `largest_file` bytes. Nothing replaces it.
+    ///
+    /// # Errors
+    /// When the process can't be started.
+    pub fn start_full(&self, largest_file: u64) -> Result<String> {
+        self.start_worker(None, Some(largest_file))
+    }
+
+    /// Starts a worker and returns its display name.
+    fn start_worker(&self, line: Option<Proxy>, largest_file: Option<u64>) -> Result<String> {
         let mut inside = self.inside();
         inside.started += 1;
         let name = format!("worker-{}", inside.started);
+        let server = line.as_ref().map_or(self.address(), Proxy::address);
         let mut arguments = vec![
             "worker".to_owned(),
-            format!("--server=http://{}", self.address()),
+            format!("--server=http://{server}"),
             format!("--objects={}", self.objects().display()),
             format!("--name={name}"),
             format!("--controls={}", self.controls.folder().display()),
@@ -130,7 +148,7 @@ impl Fleet {
         inside.workers.push(Member {
             name: name.clone(),
             child,
-            lasting,
+            line,
         });
         Ok(name)
     }
@@ -168,7 +186,7 @@ impl Fleet {
     /// # Errors
     /// When a process can't be started.
     pub fn tend(&self) -> Result<Option<Instant>> {
-        let (mut ended, mut replace) = (None, 0);
+        let (mut ended, mut lines) = (None, Vec::new());
         {
             let mut inside = self.inside();
             if let Some(child) = &mut inside.coordinator
@@ -177,11 +195,14 @@ impl Fleet {
                 ended = Some(Instant::now());
             }
             let mut alive = Vec::new();
-            for mut member in inside.workers.drain(..) {
-                if member.child.try_wait()?.is_none() {
-                    alive.push(member);
-                } else if member.lasting {
-                    replace += 1;
+            for mut member in std::mem::take(&mut inside.workers) {
+                match member.child.try_wait()? {
+                    None => alive.push(member),
+                    Some(status) => {
+                        // A killed one has no code.
+                        inside.gave_up += u64::from(status.code().is_some_and(|code| code != 0));
+                        lines.extend(member.line);
+                    }
                 }
             }
             inside.workers = alive;
@@ -189,10 +210,23 @@ impl Fleet {
         if ended.is_some() {
             self.start_coordinator()?;
         }
-        for _ in 0..replace {
-            self.start_worker(true, None)?;
+        for line in lines {
+            self.start_worker(Some(line), None)?;
         }
         Ok(ended)
+    }
+
+    /// Number of workers that have ended by themselves, with an error.
+    pub fn gave_up(&self) -> u64 {
+        self.inside().gave_up
+    }
+
+    /// Holds the line of the worker with this display name, or lets it pass; whether it has one.
+    pub fn hold(&self, name: &str, held: bool) -> bool {
+        let inside = self.inside();
+        let member = inside.workers.iter().find(|it| it.name == name);
+        let line = member.and_then(|it| it.line.as_ref());
+        line.map(|line| line.hold(held)).is_some()
     }
 
     /// Kills the coordinator (SIGKILL).

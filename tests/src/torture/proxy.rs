@@ -1,4 +1,4 @@
-//! A TCP proxy on loopback that cuts connections after a number of bytes.
+//! A TCP proxy on loopback that cuts connections after a number of bytes, or holds all bytes back.
 
 use anyhow::Result;
 use std::{
@@ -11,6 +11,7 @@ use std::{
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     net::{TcpListener, TcpStream},
+    sync::watch,
 };
 
 /// Without a limit.
@@ -28,6 +29,16 @@ struct State {
     /// Bytes from clients that still pass before the next cut.
     left: AtomicU64,
     cuts: AtomicU64,
+    /// Whether nothing passes.
+    held: watch::Sender<bool>,
+}
+
+impl State {
+    /// Waits until bytes may pass.
+    async fn free(&self) {
+        // The sender is this state's own: it is there.
+        let _ = self.held.subscribe().wait_for(|held| !held).await;
+    }
 }
 
 impl Proxy {
@@ -42,6 +53,7 @@ impl Proxy {
             state: Arc::new(State {
                 left: AtomicU64::new(NEVER),
                 cuts: AtomicU64::new(0),
+                held: watch::Sender::new(false),
             }),
         };
         let state = Arc::clone(&proxy.state);
@@ -65,6 +77,11 @@ impl Proxy {
         self.state.left.store(bytes, Ordering::SeqCst);
     }
 
+    /// Holds everything back from now on, in both directions; or lets it pass, with what was held.
+    pub fn hold(&self, held: bool) {
+        self.state.held.send_replace(held);
+    }
+
     /// Number of cuts so far.
     pub fn cuts(&self) -> u64 {
         self.state.cuts.load(Ordering::SeqCst)
@@ -73,6 +90,7 @@ impl Proxy {
 
 /// Passes bytes in both directions until a side ends, or the connection is cut.
 async fn pass(mut client: TcpStream, target: SocketAddr, state: &State) -> std::io::Result<()> {
+    state.free().await;
     let mut server = TcpStream::connect(target).await?;
     let (mut from_client, mut to_client) = client.split();
     let (mut from_server, mut to_server) = server.split();
@@ -80,6 +98,7 @@ async fn pass(mut client: TcpStream, target: SocketAddr, state: &State) -> std::
         let mut buffer = vec![0; 16 << 10];
         loop {
             let read = from_client.read(&mut buffer).await?;
+            state.free().await;
             if read == 0 {
                 return to_server.shutdown().await;
             }
@@ -96,16 +115,27 @@ async fn pass(mut client: TcpStream, target: SocketAddr, state: &State) -> std::
             to_server.write_all(&buffer[..read]).await?;
         }
     };
-    let down = tokio::io::copy(&mut from_server, &mut to_client);
+    let down = async {
+        let mut buffer = vec![0; 16 << 10];
+        loop {
+            let read = from_server.read(&mut buffer).await?;
+            state.free().await;
+            if read == 0 {
+                return to_client.shutdown().await;
+            }
+            to_client.write_all(&buffer[..read]).await?;
+        }
+    };
     tokio::select! {
         ended = up => ended,
-        ended = down => ended.map(drop),
+        ended = down => ended,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[tokio::test]
     async fn a_connection_is_cut_at_the_byte() {
@@ -122,5 +152,25 @@ mod tests {
         let mut arrived = Vec::new();
         server.read_to_end(&mut arrived).await.expect("an end");
         assert_eq!((arrived.as_slice(), proxy.cuts()), (&b"01234"[..], 1));
+    }
+
+    #[tokio::test]
+    async fn what_was_held_back_arrives_later() {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
+            .await
+            .expect("a port");
+        let proxy = Proxy::start(listener.local_addr().expect("an address"))
+            .await
+            .expect("a proxy");
+        let mut client = TcpStream::connect(proxy.address()).await.expect("connects");
+        let (mut server, _) = listener.accept().await.expect("a connection");
+        proxy.hold(true);
+        client.write_all(b"beat").await.expect("sends");
+        let mut arrived = [0; 4];
+        let early = tokio::time::timeout(Duration::from_millis(100), server.read(&mut arrived));
+        assert!(early.await.is_err(), "nothing passes");
+        proxy.hold(false);
+        server.read_exact(&mut arrived).await.expect("arrives");
+        assert_eq!(&arrived, b"beat");
     }
 }

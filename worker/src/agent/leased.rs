@@ -78,7 +78,7 @@ impl<'a> Leased<'a> {
         let keeper = tokio::spawn(heartbeat.keep(self.duration));
         let outcome = tokio::select! {
             outcome = self.outcome(progress, stopping) => outcome,
-            silent = silence(&self.control, silent) => {
+            silent = silence(&self.control, silent, self.worker.silence) => {
                 self.control.stop(StopReason::LeaseLost);
                 keeper.abort();
                 return Err(WorkerError::Hung { job, seconds: silent.as_secs() });

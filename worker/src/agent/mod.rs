@@ -61,6 +61,9 @@ pub struct WorkerConfig {
     pub progress_seconds: f64,
     /// Time limit for a running job to save and stop when the worker shuts down, seconds.
     pub drain_seconds: f64,
+    /// Shortest silence of a job after which this worker ends, seconds. A slow job may be silent for
+    /// 20 of its steps.
+    pub silence_seconds: f64,
     /// Program and limits for reading uploads.
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, where there are any.
@@ -82,6 +85,7 @@ impl Default for WorkerConfig {
             idle_poll_seconds: 2.0,
             progress_seconds: 0.5,
             drain_seconds: 10.0,
+            silence_seconds: 60.0,
             ingest: IngestSettings::default(),
             lpips: None,
             scratch: std::env::temp_dir(),
@@ -140,6 +144,7 @@ pub struct Worker {
     idle_poll: Duration,
     progress: Duration,
     drain: Duration,
+    silence: Duration,
     ingest: Arc<IngestSettings>,
     lpips: Option<LpipsWeights>,
     scratch: PathBuf,
@@ -186,6 +191,7 @@ impl Worker {
             idle_poll: seconds("idle_poll_seconds", config.idle_poll_seconds)?,
             progress: seconds("progress_seconds", config.progress_seconds)?,
             drain: seconds("drain_seconds", config.drain_seconds)?,
+            silence: seconds("silence_seconds", config.silence_seconds)?,
             ingest: Arc::new(config.ingest),
             lpips: config.lpips,
             scratch: config.scratch,

@@ -70,7 +70,7 @@ impl Which {
     pub(super) async fn delete(&self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
-        let deleted = client.delete_model(&model.name).await?;
+        let deleted = client.delete_model(&model.name, &model.etag).await?;
         table::say_deleted(&model.display_name, &deleted);
         Ok(())
     }
@@ -95,7 +95,7 @@ impl DeleteCheckpoint {
         let client = self.which.server.connect().await?;
         let model = client.find_model(&self.which.model).await?;
         let name = names::checkpoint(&model.name, self.step);
-        let deleted = client.delete_checkpoint(&name).await?;
+        let deleted = client.delete_checkpoint(&name, "").await?;
         let what = format!("step {} of {}", self.step, model.display_name);
         table::say_deleted(&what, &deleted);
         Ok(())

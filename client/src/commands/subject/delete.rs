@@ -37,7 +37,7 @@ impl DeleteSubject {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let subject = client.find_subject(&self.name).await?;
-        let deleted = client.delete_subject(&subject.name).await?;
+        let deleted = client.delete_subject(&subject.name, &subject.etag).await?;
         table::say_deleted(&subject.display_name, &deleted);
         Ok(())
     }
@@ -46,7 +46,7 @@ impl DeleteSubject {
 impl DeleteCapture {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
-        let deleted = client.delete_capture(&self.capture).await?;
+        let deleted = client.delete_capture(&self.capture, "").await?;
         table::say_deleted(&self.capture, &deleted);
         Ok(())
     }

@@ -1,7 +1,10 @@
 //! Captures: what their ingest jobs have made of them.
 
 use super::rows::{Columns, During, integer, state};
-use crate::store::{StoreError, UploadedFile};
+use crate::{
+    rules::etag,
+    store::{StoreError, UploadedFile},
+};
 use sqlx::SqliteConnection;
 use yoto_proto::{
     limits,
@@ -29,7 +32,7 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, Store
     .during("reading a capture")?
     .ok_or_else(|| not_found(id))?;
     let ingest_job = row.maybe_text("ingest_job")?;
-    Ok(Capture {
+    let mut capture = Capture {
         name: Collection::Captures.name(id),
         subject: Collection::Subjects.name(&row.text("subject")?),
         state: state(
@@ -48,7 +51,10 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, Store
             .unwrap_or_default(),
         first_frame: row.maybe_number("first_frame")?,
         last_frame: row.maybe_number("last_frame")?,
-    })
+        etag: String::new(),
+    };
+    capture.etag = etag::of(&capture);
+    Ok(capture)
 }
 
 /// The id of the person in a capture.

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     checkpoints::retention::{self, Published, Retention},
+    rules::etag,
     store::StoreError,
 };
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
@@ -34,7 +35,7 @@ pub async fn list(
 
 fn read(model: &str, row: &SqliteRow) -> Result<Checkpoint, StoreError> {
     let step = row.number("step")?;
-    Ok(Checkpoint {
+    let mut checkpoint = Checkpoint {
         name: names::checkpoint(model, step),
         step,
         manifest: row.object("manifest_key", "manifest_bytes", "manifest_sha256")?,
@@ -47,7 +48,10 @@ fn read(model: &str, row: &SqliteRow) -> Result<Checkpoint, StoreError> {
         shards: split(row.maybe_text("shards")?),
         best: false,
         kept_for: Vec::new(),
-    })
+        etag: String::new(),
+    };
+    checkpoint.etag = etag::of(&checkpoint);
+    Ok(checkpoint)
 }
 
 /// The slots of a checkpoint's row; empty where it does not say.

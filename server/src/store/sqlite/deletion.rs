@@ -8,7 +8,10 @@ use super::{
     rows::{Columns, During},
     subjects, uploads,
 };
-use crate::store::{RequestKey, StoreError, Target};
+use crate::{
+    rules::etag,
+    store::{RequestKey, StoreError, Target},
+};
 use sqlx::SqliteConnection;
 use yoto_proto::{
     keys,
@@ -17,21 +20,23 @@ use yoto_proto::{
     v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
 };
 
-/// Deletes `target` and what goes with it, or repeats what `request` deleted before.
+/// Deletes `target` and what goes with it if its version is `etag` (empty: any), or repeats what `request`
+/// deleted before.
 pub async fn delete(
     conn: &mut SqliteConnection,
     target: Target<'_>,
+    etag: &str,
     request: Option<RequestKey>,
 ) -> Result<Deleted, StoreError> {
     if let Some(answer) = requests::answered(conn, request.as_ref()).await? {
         return counted(&answer);
     }
     let deleted = match target {
-        Target::Subject(id) => subject(conn, id).await,
-        Target::Capture(id) => capture(conn, id).await,
-        Target::Model(id) => model(conn, id).await,
-        Target::Checkpoint { model, step } => checkpoint(conn, model, step).await,
-        Target::Job(id) => job(conn, id).await,
+        Target::Subject(id) => subject(conn, id, etag).await,
+        Target::Capture(id) => capture(conn, id, etag).await,
+        Target::Model(id) => model(conn, id, etag).await,
+        Target::Checkpoint { model, step } => checkpoint(conn, model, step, etag).await,
+        Target::Job(id) => job(conn, id, etag).await,
     }?;
     let Deleted {
         captures,
@@ -67,12 +72,14 @@ async fn checkpoint(
     conn: &mut SqliteConnection,
     model_id: &str,
     step: u64,
+    etag: &str,
 ) -> Result<Deleted, StoreError> {
     let all = checkpoints::list(conn, model_id, u32::MAX).await?;
     let name = names::checkpoint(&Collection::Models.name(model_id), step);
-    if !all.iter().any(|it| it.step == step) {
+    let Some(found) = all.iter().find(|it| it.step == step) else {
         return Err(StoreError::NotFound { name });
-    }
+    };
+    etag::check(&name, etag, &found.etag)?;
     let used = pins::of_model(conn, model_id).await?;
     let newest = all.first().is_some_and(|it| it.step == step);
     let mut job = used.steps.get(&step).or(used.all.as_ref()).cloned();
@@ -90,8 +97,9 @@ async fn checkpoint(
     })
 }
 
-async fn model(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreError> {
+async fn model(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
     let model = models::get(conn, id).await?;
+    etag::check(&model.name, etag, &model.etag)?;
     pins::ensure_idle(conn, &model).await?;
     let rows = sqlx::query("SELECT id FROM jobs WHERE model = ?1 AND kind = 'render'")
         .bind(id)
@@ -113,8 +121,9 @@ async fn model(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreEr
     })
 }
 
-async fn job(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreError> {
+async fn job(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
     let job = jobs::get(conn, id).await?;
+    etag::check(&job.name, etag, &job.etag)?;
     if matches!(job.state(), job::State::Queued | job::State::Running) {
         let message = format!(
             "{} is {}: cancel it first, or wait for it",
@@ -136,8 +145,9 @@ async fn job(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreErro
     })
 }
 
-async fn capture(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreError> {
+async fn capture(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
     let capture = captures::get(conn, id).await?;
+    etag::check(&capture.name, etag, &capture.etag)?;
     let subject = captures::subject_id(&capture)?.to_owned();
     if capture.state() == capture::State::Ready {
         let others = sqlx::query(
@@ -163,8 +173,9 @@ async fn capture(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, Store
     remove_capture(conn, id, &capture).await
 }
 
-async fn subject(conn: &mut SqliteConnection, id: &str) -> Result<Deleted, StoreError> {
+async fn subject(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
     let subject = subjects::get(conn, id).await?;
+    etag::check(&subject.display_name, etag, &subject.etag)?;
     let person = &subject.display_name;
     if let Some(model) = model_of(conn, id).await? {
         let message = format!(

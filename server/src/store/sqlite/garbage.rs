@@ -75,10 +75,12 @@ pub async fn note(
     Ok(())
 }
 
-/// What refers to each of `folders`. One of an unknown kind counts as referred to.
+/// What refers to each of `folders`. One of an unknown kind counts as referred to, and so does an upload that
+/// was read, until `keep_uploads` seconds after its last write.
 pub async fn references(
     conn: &mut SqliteConnection,
     folders: &[String],
+    keep_uploads: f64,
 ) -> Result<Vec<Reference>, StoreError> {
     let mut references = Vec::with_capacity(folders.len());
     for key in folders {
@@ -87,7 +89,7 @@ pub async fn references(
             Some(folder) => {
                 // In this order: a job that ends between the two has left its row before the second.
                 let runs = runs(conn, folder.lease()).await?;
-                match (named(conn, key, folder).await?, runs) {
+                match (named(conn, key, folder, keep_uploads).await?, runs) {
                     (true, _) => Reference::Row,
                     (false, true) => Reference::Lease,
                     (false, false) => Reference::Nothing,
@@ -100,20 +102,24 @@ pub async fn references(
 }
 
 /// Whether a row names objects of the folder `key`. The files of an upload are needed until an ingest job
-/// has read them.
+/// has read them, and kept for a while: until somebody has seen what was made of them, they may be the only
+/// copy.
 async fn named(
     conn: &mut SqliteConnection,
     key: &str,
     folder: Folder<'_>,
+    keep_uploads: f64,
 ) -> Result<bool, StoreError> {
     let inside = format!("{key}/");
     let found = match folder {
         Folder::Upload { capture } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
-                     WHERE id = ?1 AND state IN ('UPLOADING', 'UPLOADED', 'INGESTING')) AS found",
+                     WHERE id = ?1 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
+                         OR (state = 'READY' AND write_time > unixepoch('subsec') - ?2))) AS found",
             )
             .bind(capture)
+            .bind(keep_uploads)
             .fetch_one(conn)
             .await
         }

@@ -53,6 +53,7 @@ fn read(row: &SqliteRow) -> Result<Job, StoreError> {
         what: "jobs.priority",
         detail: "it is none of the four".to_owned(),
     })?;
+    let sequence = row.number("sequence")?;
     Ok(Job {
         name: Collection::Jobs.name(&row.text("id")?),
         state: state("jobs.state", &row.text("state")?, job::State::from_str_name)? as i32,
@@ -62,7 +63,7 @@ fn read(row: &SqliteRow) -> Result<Job, StoreError> {
         lost_workers: row.number("lost_workers")?,
         cancel_requested: row.flag("cancel_requested")?,
         worker: name(Collection::Workers, row.maybe_text("worker")?),
-        sequence: row.number("sequence")?,
+        sequence,
         create_time: row.time("create_time")?,
         start_time: row.time("start_time")?,
         end_time: row.time("end_time")?,
@@ -77,6 +78,7 @@ fn read(row: &SqliteRow) -> Result<Job, StoreError> {
         retry_time: row.time("not_before")?,
         attempts: Vec::new(),
         outputs: row.number("outputs")?,
+        etag: format!("{sequence}"),
     })
 }
 

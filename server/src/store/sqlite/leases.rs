@@ -13,11 +13,38 @@ use crate::{
     store::{LeaseKey, LeasedJob, StoreError, Turn},
 };
 use prost::Message;
-use sqlx::SqliteConnection;
+use sqlx::{Sqlite, SqliteConnection, query::Query, sqlite::SqliteArguments};
 use yoto_proto::{
     names::Collection,
     v1::{Checkpoint, JobError, JobSpec, Progress},
 };
+
+/// A statement on the job of a lease, in which the first three parameters are those of [`bound`]: it matches
+/// no row once the lease is another's. What follows the condition comes last.
+macro_rules! guarded {
+    ($head:literal) => {
+        guarded!($head, "")
+    };
+    ($head:literal, $tail:literal) => {
+        concat!(
+            $head,
+            " WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' ",
+            $tail
+        )
+    };
+}
+pub(super) use guarded;
+
+/// The guarded `statement`, with the claim of `lease`.
+pub(super) fn bound<'q>(
+    statement: &'static str,
+    lease: &'q LeaseKey,
+) -> Result<Query<'q, Sqlite, SqliteArguments>, StoreError> {
+    Ok(sqlx::query(statement)
+        .bind(&lease.job_id)
+        .bind(lease.column()?)
+        .bind(&lease.worker_id))
+}
 
 /// A worker's request for a job.
 pub struct Ask<'a> {
@@ -189,16 +216,10 @@ pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreErro
 
 /// The order of a leased job.
 pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
-    let row = sqlx::query(
-        "SELECT spec FROM jobs
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("reading a leased job")?;
+    let row = bound(guarded!("SELECT spec FROM jobs"), lease)?
+        .fetch_optional(&mut *conn)
+        .await
+        .during("reading a leased job")?;
     match row {
         Some(row) => Ok(row.message("spec")?.unwrap_or_default()),
         None => Err(refusal(conn, lease).await),
@@ -212,21 +233,18 @@ pub async fn heartbeat(
     progress: Option<Progress>,
     deadline: f64,
 ) -> Result<bool, StoreError> {
-    let row = sqlx::query(
+    let statement = guarded!(
         "UPDATE jobs SET lease_deadline = ?4,
              sequence = sequence + (?5 IS NOT NULL AND progress IS NOT ?5),
-             progress = coalesce(?5, progress)
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'
-         RETURNING cancel_requested",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .bind(deadline)
-    .bind(progress.map(|progress| progress.encode_to_vec()))
-    .fetch_optional(&mut *conn)
-    .await
-    .during("recording a heartbeat")?;
+             progress = coalesce(?5, progress)",
+        "RETURNING cancel_requested"
+    );
+    let row = bound(statement, lease)?
+        .bind(deadline)
+        .bind(progress.map(|progress| progress.encode_to_vec()))
+        .fetch_optional(&mut *conn)
+        .await
+        .during("recording a heartbeat")?;
     match row {
         Some(row) => row.flag("cancel_requested"),
         None => Err(refusal(conn, lease).await),
@@ -242,17 +260,14 @@ pub async fn publish(
     default: Retention,
 ) -> Result<(), StoreError> {
     integer("checkpoint.step", checkpoint.step)?;
-    let row = sqlx::query(
-        "UPDATE jobs SET losses = 0
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' AND kind = 'train'
-         RETURNING model",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("checking a lease")?;
+    let statement = guarded!(
+        "UPDATE jobs SET losses = 0",
+        "AND kind = 'train' RETURNING model"
+    );
+    let row = bound(statement, lease)?
+        .fetch_optional(&mut *conn)
+        .await
+        .during("checking a lease")?;
     match row {
         Some(row) => {
             let model = row.text("model")?;

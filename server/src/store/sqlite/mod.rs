@@ -289,10 +289,11 @@ impl Store for SqliteStore {
     async fn delete(
         &self,
         target: Target<'_>,
+        etag: &str,
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError> {
         let mut tx = self.write().await?;
-        let deleted = deletion::delete(&mut tx, target, request).await?;
+        let deleted = deletion::delete(&mut tx, target, etag, request).await?;
         commit(tx).await?;
         Ok(deleted)
     }
@@ -301,8 +302,12 @@ impl Store for SqliteStore {
         garbage::known(&mut *self.read().await?).await
     }
 
-    async fn references(&self, folders: &[String]) -> Result<Vec<Reference>, StoreError> {
-        garbage::references(&mut *self.read().await?, folders).await
+    async fn references(
+        &self,
+        folders: &[String],
+        keep_uploads: f64,
+    ) -> Result<Vec<Reference>, StoreError> {
+        garbage::references(&mut *self.read().await?, folders, keep_uploads).await
     }
 
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {

@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{
     checkpoints::retention::Retention,
+    rules::etag,
     store::{Entry, NewModel, Page, RequestKey, StoreError, new_id},
 };
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
@@ -61,7 +62,7 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
             trained: trained.knows(slot),
         })
     });
-    Ok(Model {
+    let mut model = Model {
         name: Collection::Models.name(&id),
         display_name: row.text("display_name")?,
         tier: row.text("tier")?,
@@ -72,7 +73,10 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
             newest: row.maybe_number("keep_newest")?,
             every: row.maybe_number("keep_every")?,
         }),
-    })
+        etag: String::new(),
+    };
+    model.etag = etag::of(&model);
+    Ok(model)
 }
 
 /// Changes which checkpoints a model keeps, and removes the others.

@@ -3,7 +3,11 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{attempts, captures, checkpoints, jobs, leases, rows::Columns, rows::During};
+use super::{
+    attempts, captures, checkpoints, jobs,
+    leases::{self, bound, guarded},
+    rows::{Columns, During},
+};
 use crate::{
     rules::retries,
     store::{Ending, LeaseKey, StoreError},
@@ -57,16 +61,10 @@ async fn cancel_requested(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
 ) -> Result<Option<bool>, StoreError> {
-    let row = sqlx::query(
-        "SELECT cancel_requested FROM jobs
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("checking a lease")?;
+    let row = bound(guarded!("SELECT cancel_requested FROM jobs"), lease)?
+        .fetch_optional(&mut *conn)
+        .await
+        .during("checking a lease")?;
     row.map(|row| row.flag("cancel_requested")).transpose()
 }
 
@@ -166,16 +164,13 @@ pub async fn requeue(
     outcome: Outcome,
     now: f64,
 ) -> Result<(), StoreError> {
-    let done = sqlx::query(
-        "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING'",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .execute(&mut *conn)
-    .await
-    .during("putting a job back into the queue")?;
+    let statement = guarded!(
+        "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1"
+    );
+    let done = bound(statement, lease)?
+        .execute(&mut *conn)
+        .await
+        .during("putting a job back into the queue")?;
     if done.rows_affected() == 0 {
         return Err(leases::refusal(conn, lease).await);
     }
@@ -204,18 +199,19 @@ async fn postpone(
         );
         return fail(conn, lease, error, now).await;
     };
-    sqlx::query(
+    let statement = guarded!(
         "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1,
-             retries = retries + 1, not_before = ?3, waiting_error = ?4
-         WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(now + wait)
-    .bind(error.encode_to_vec())
-    .execute(&mut *conn)
-    .await
-    .during("putting a job back for later")?;
+             retries = retries + 1, not_before = ?4, waiting_error = ?5"
+    );
+    let done = bound(statement, lease)?
+        .bind(now + wait)
+        .bind(error.encode_to_vec())
+        .execute(&mut *conn)
+        .await
+        .during("putting a job back for later")?;
+    if done.rows_affected() == 0 {
+        return Err(leases::refusal(conn, lease).await);
+    }
     stand_still(conn, &lease.job_id).await?;
     attempts::end(conn, lease, Outcome::Postponed, Some(&error), now).await
 }
@@ -290,21 +286,19 @@ async fn finish(
     end: End<'_>,
     now: f64,
 ) -> Result<SqliteRow, StoreError> {
-    let row = sqlx::query(
+    let statement = guarded!(
         "UPDATE jobs SET state = ?4, result = ?5, error = ?6, lease_deadline = NULL,
-             sequence = sequence + 1, end_time = ?7
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' RETURNING capture",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .bind(end.state.as_str_name())
-    .bind(end.result.map(Message::encode_to_vec))
-    .bind(end.error.map(Message::encode_to_vec))
-    .bind(now)
-    .fetch_optional(&mut *conn)
-    .await
-    .during("ending a job")?;
+             sequence = sequence + 1, end_time = ?7",
+        "RETURNING capture"
+    );
+    let row = bound(statement, lease)?
+        .bind(end.state.as_str_name())
+        .bind(end.result.map(Message::encode_to_vec))
+        .bind(end.error.map(Message::encode_to_vec))
+        .bind(now)
+        .fetch_optional(&mut *conn)
+        .await
+        .during("ending a job")?;
     let Some(row) = row else {
         return Err(leases::refusal(conn, lease).await);
     };

@@ -1,7 +1,7 @@
 //! Files of renders, committed one by one.
 
 use super::{
-    leases,
+    leases::{self, bound, guarded},
     rows::{Columns, During, integer},
 };
 use crate::store::{LeaseKey, StoreError};
@@ -16,16 +16,14 @@ pub async fn commit(
     file: &RenderedFile,
 ) -> Result<(), StoreError> {
     let object = file.object.clone().unwrap_or_default();
-    let running = sqlx::query(
-        "UPDATE jobs SET sequence = sequence + 1
-         WHERE id = ?1 AND lease = ?2 AND worker = ?3 AND state = 'RUNNING' AND kind = 'render'",
-    )
-    .bind(&lease.job_id)
-    .bind(lease.column()?)
-    .bind(&lease.worker_id)
-    .execute(&mut *conn)
-    .await
-    .during("checking a lease")?;
+    let statement = guarded!(
+        "UPDATE jobs SET sequence = sequence + 1",
+        "AND kind = 'render'"
+    );
+    let running = bound(statement, lease)?
+        .execute(&mut *conn)
+        .await
+        .during("checking a lease")?;
     if running.rows_affected() == 0 {
         return Err(leases::refusal(conn, lease).await);
     }

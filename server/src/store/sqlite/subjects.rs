@@ -4,7 +4,10 @@ use super::{
     requests,
     rows::{Columns, During, state},
 };
-use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use crate::{
+    rules::etag,
+    store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id},
+};
 use sqlx::{SqliteConnection, sqlite::SqliteRow};
 use yoto_proto::{
     names::Collection,
@@ -13,7 +16,7 @@ use yoto_proto::{
 
 fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
     let captures = row.maybe_text("captures")?.unwrap_or_default();
-    Ok(Subject {
+    let mut subject = Subject {
         name: Collection::Subjects.name(&row.text("id")?),
         display_name: row.text("display_name")?,
         state: state(
@@ -28,7 +31,10 @@ fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
             .map(|id| Collection::Captures.name(id))
             .collect(),
         create_time: row.time("create_time")?,
-    })
+        etag: String::new(),
+    };
+    subject.etag = etag::of(&subject);
+    Ok(subject)
 }
 
 /// Creates a subject, or returns the one that `request` created before.

@@ -21,10 +21,12 @@ pub enum StoreFault {
     Late,
     /// In the middle of an object.
     Half,
+    /// Never, and nor does the thread that asks.
+    Never,
 }
 
 impl StoreFault {
-    const ALL: [Self; 3] = [Self::Error, Self::Late, Self::Half];
+    const ALL: [Self; 4] = [Self::Error, Self::Late, Self::Half, Self::Never];
 
     /// Its kind of fault.
     pub fn fault(self) -> Fault {
@@ -32,6 +34,7 @@ impl StoreFault {
             Self::Error => Fault::StoreError,
             Self::Late => Fault::StoreLate,
             Self::Half => Fault::StoreHalf,
+            Self::Never => Fault::JobHung,
         }
     }
 }

@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::{
     net::Ipv4Addr,
+    ops::RangeInclusive,
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
     time::Duration,
@@ -24,6 +25,13 @@ use yoto_server::{
 const GRACE: Duration = Duration::from_secs(6);
 /// Share of the calls that arrive more than once.
 const REPEATED: f64 = 0.1;
+/// Share of the calls of which a copy arrives late.
+const LATE: f64 = 0.05;
+/// Times after which it does, milliseconds.
+const LATE_BY: RangeInclusive<u64> = 50..=4000;
+/// Calls that are not copied: nobody would know of what a late copy of them leases or registers, and it
+/// would be lost with its worker.
+const NEVER_LATE: [&str; 2] = ["LeaseJob", "RegisterWorker"];
 /// Share of the calls whose answer is lost.
 const LOST: f64 = 0.05;
 
@@ -89,20 +97,29 @@ impl Faults for Disturbed {
         }
     }
 
-    fn delivery(&self, _call: &str) -> Delivery {
+    fn delivery(&self, call: &str) -> Delivery {
         let mut chance = self.chance.lock().unwrap_or_else(PoisonError::into_inner);
         let times = match chance.random_bool(REPEATED) {
             true => chance.random_range(2..=3),
             false => 1,
         };
+        let late = !NEVER_LATE.contains(&call) && chance.random_bool(LATE);
+        let late = late.then(|| Duration::from_millis(chance.random_range(LATE_BY)));
         let answered = !chance.random_bool(LOST);
         drop(chance);
         if times > 1 {
             self.note(Fault::CallRepeated);
         }
+        if late.is_some() {
+            self.note(Fault::CallLate);
+        }
         if !answered {
             self.note(Fault::AnswerLost);
         }
-        Delivery { times, answered }
+        Delivery {
+            times,
+            late,
+            answered,
+        }
     }
 }

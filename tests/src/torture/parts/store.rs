@@ -92,7 +92,7 @@ impl ObjectStore for FaultyStore {
         options: PutOptions,
     ) -> Result<PutResult> {
         match self.fault(location) {
-            None => {}
+            None | Some(StoreFault::Never) => {}
             Some(StoreFault::Error) => return Err(broken()),
             Some(StoreFault::Late) => tokio::time::sleep(LATE).await,
             Some(StoreFault::Half) => {
@@ -124,6 +124,10 @@ impl ObjectStore for FaultyStore {
                 return half(whole).await;
             }
             Some(StoreFault::Half) => {}
+            // A job reads on its own thread, which now hangs as in a driver.
+            Some(StoreFault::Never) => loop {
+                std::thread::park();
+            },
         }
         self.inner.get_opts(location, options).await
     }

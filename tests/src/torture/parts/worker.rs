@@ -12,6 +12,9 @@ use yoto_client::api::endpoint;
 use yoto_objects::Objects;
 use yoto_worker::{Worker, WorkerConfig};
 
+/// Silence of a job after which its worker ends, seconds.
+const SILENCE: f64 = 10.0;
+
 /// Works until SIGTERM.
 pub async fn run(
     server: &str,
@@ -30,6 +33,7 @@ pub async fn run(
     let config = WorkerConfig {
         display_name: name,
         idle_poll_seconds: 0.25,
+        silence_seconds: SILENCE,
         scratch: controls.folder().join("scratch"),
         ..WorkerConfig::default()
     };

@@ -71,3 +71,49 @@ impl<'a> Committed<'a> {
         self.files
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::test_context::context;
+    use yoto_proto::v1::ObjectRef;
+
+    #[test]
+    fn a_picture_of_an_earlier_lease_is_taken_over_unless_it_is_damaged() {
+        let runtime = tokio::runtime::Runtime::new().expect("a runtime");
+        let _inside = runtime.enter();
+        let context = context();
+        let pixels: Vec<u8> = (0..12).collect();
+        let bytes = picture::png(Pixels::Rgb, 2, 2, &pixels).expect("encodes");
+        let good = context.put("renders/test/2/a.png", bytes.clone());
+        let good = good.expect("puts");
+        let torn = ObjectRef {
+            bytes: good.bytes + 1,
+            ..good.clone()
+        };
+        let lost = ObjectRef {
+            key: "renders/test/2/none.png".into(),
+            ..good.clone()
+        };
+        let file = |name: &str, object: &ObjectRef| RenderedFile {
+            file: name.into(),
+            object: Some(object.clone()),
+        };
+        let inputs = Inputs {
+            outputs: vec![
+                file("a.png", &good),
+                file("torn.png", &torn),
+                file("lost.png", &lost),
+            ],
+            ..Inputs::default()
+        };
+        let mut files = Committed::new(&context, &inputs);
+        let mut take = |name: &str| files.take_over(name, Pixels::Rgb).expect("reads");
+        assert_eq!(take("a.png"), Some(pixels));
+        assert_eq!(take("torn.png"), None);
+        assert_eq!(take("lost.png"), None);
+        assert_eq!(take("new.png"), None);
+        // Under its own key: it is the earlier lease's object.
+        assert_eq!(files.into_files(), [file("a.png", &good)]);
+    }
+}

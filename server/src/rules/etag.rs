@@ -1,0 +1,48 @@
+//! The version of what the catalogue says of something, so that a deletion can be limited to what its
+//! caller has seen.
+
+use crate::store::StoreError;
+use prost::Message;
+use yoto_proto::sha256_hex;
+
+/// Characters of a version, of 4 bits each.
+const LENGTH: usize = 16;
+
+/// The version of `message`, whose own field for it is empty.
+pub fn of(message: &impl Message) -> String {
+    let mut etag = sha256_hex(&message.encode_to_vec());
+    etag.truncate(LENGTH);
+    etag
+}
+
+/// Refuses if `name` has another version than the one `asked` for; an empty one is any.
+///
+/// # Errors
+/// ETAG_MISMATCH.
+pub fn check(name: &str, asked: &str, found: &str) -> Result<(), StoreError> {
+    if asked.is_empty() || asked == found {
+        return Ok(());
+    }
+    Err(StoreError::Rule {
+        reason: "ETAG_MISMATCH",
+        message: format!("{name} has changed since it was read; nothing was deleted"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_proto::v1::Subject;
+
+    #[test]
+    fn every_change_gives_another_version() {
+        let mut subject = Subject::default();
+        let before = of(&subject);
+        assert_eq!(before, of(&subject));
+        subject.captures.push("captures/a".into());
+        assert_ne!(before, of(&subject));
+        assert!(check("subjects/a", &before, &of(&subject)).is_err());
+        assert!(check("subjects/a", "", &before).is_ok());
+        assert!(check("subjects/a", &before, &before).is_ok());
+    }
+}
