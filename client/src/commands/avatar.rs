@@ -28,6 +28,7 @@ down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/mod
 
 Examples:
   yoto avatar walk.mp4 --pose-model models
+  yoto avatar walk.mp4 --pose-model models --matting-model modnet.onnx
   yoto avatar walk.mp4 --poses wham_output.pkl --masks masks/
   yoto avatar walk.mp4 --poses demo_walk.pkl --person 2 --size 256 --seconds 600 --out out/walk
   yoto avatar captures/ada --range 0..100 --motion-file dance.bvh";

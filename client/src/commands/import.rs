@@ -1,6 +1,7 @@
 //! `yoto import`: captures of other programs as capture folders.
 
 use super::ffmpeg_arg::FfmpegArg;
+use super::matting_args::MattingArgs;
 use super::render_what::FrameRange;
 use crate::import::{Format, Options, TrackForm, options_by_format, to_folder};
 use crate::output;
@@ -13,13 +14,15 @@ Files of each format, with their units, are described in docs/formats.md. Shape 
 rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
 Poses of a video alone are found by a pose model that deploy/models/get.sh fetches (see
-deploy/models/README.md). So are its masks, unless --masks has better ones.
+deploy/models/README.md). So are its masks, unless --masks has better ones, or --matting-model makes
+them: a network of yours in ONNX (docs/pose-tools.md#masks).
 
 Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM, ExAvatar or EasyMocap are
 recognised by their contents, and held against masks: see docs/pose-tools.md.
 
 Examples:
   yoto import walk.mp4 --pose-model models --out captures/walk
+  yoto import walk.mp4 --pose-model models --matting-model modnet.onnx --out captures/walk
   yoto import walk.mp4 --poses outputs/results/demo_walk.pkl --out captures/walk
   yoto import walk.mp4 --poses hmr4d_results.pt --masks masks/ --smpl SMPLX_NEUTRAL.npz \\
       --out captures/walk
@@ -113,6 +116,8 @@ pub(super) struct ImportOptions {
     #[arg(long, value_name = "N")]
     best: Option<NonZeroUsize>,
     #[command(flatten)]
+    matting: MattingArgs,
+    #[command(flatten)]
     ffmpeg: FfmpegArg,
 }
 
@@ -144,6 +149,7 @@ impl ImportOptions {
             || self.focal.is_some()
             || self.height.is_some()
             || self.best.is_some()
+            || self.matting.model().is_some()
     }
 
     /// These inputs, `frames` by position and `masks` of the clip, for an importer.
@@ -163,6 +169,7 @@ impl ImportOptions {
             fps: self.fps,
             frames: frames.map(range),
             masks: masks.map(Path::to_owned),
+            matting: self.matting.model(),
             person: self.person.clone(),
             focal: self.focal,
             height: self.height,

@@ -33,6 +33,7 @@ mod kind_name;
 mod logs;
 #[cfg(feature = "embedded")]
 mod lpips_args;
+mod matting_args;
 mod media_args;
 mod model;
 mod model_export;

@@ -17,15 +17,18 @@ enum Flag {
     RestJoints,
     Poses,
     Masks,
+    Matting,
     Person,
     Focal,
     Height,
     Fps,
 }
 
-use Flag::{Focal, Fps, Height, Masks, Person, Poses, RestJoints, View};
+use Flag::{Focal, Fps, Height, Masks, Matting, Person, Poses, RestJoints, View};
 
-const FLAGS: [Flag; 8] = [View, RestJoints, Poses, Masks, Person, Focal, Height, Fps];
+const FLAGS: [Flag; 9] = [
+    View, RestJoints, Poses, Masks, Matting, Person, Focal, Height, Fps,
+];
 
 impl Flag {
     fn name(self) -> &'static str {
@@ -34,6 +37,7 @@ impl Flag {
             RestJoints => "--rest-joints",
             Poses => "--poses",
             Masks => "--masks",
+            Matting => "--matting-model",
             Person => "--person",
             Focal => "--focal",
             Height => "--height",
@@ -47,6 +51,7 @@ impl Flag {
             RestJoints => options.rest_joints.is_some(),
             Poses => options.poses.is_some(),
             Masks => options.masks.is_some(),
+            Matting => options.matting.is_some(),
             Person => options.person.is_some(),
             Focal => options.focal.is_some(),
             Height => options.height.is_some(),
@@ -63,7 +68,9 @@ impl Flag {
 }
 
 /// What a pose tool's files need besides.
-const TOOL: &[Flag] = &[RestJoints, Poses, Masks, Person, Focal, Height, Fps];
+const TOOL: &[Flag] = &[
+    RestJoints, Poses, Masks, Matting, Person, Focal, Height, Fps,
+];
 
 /// The options that `format` reads.
 fn read_by(format: Format) -> &'static [Flag] {
@@ -73,9 +80,11 @@ fn read_by(format: Format) -> &'static [Flag] {
         Format::Zju => &[View, RestJoints, Fps],
         Format::HumanNerf | Format::PeopleSnapshot => &[RestJoints, Fps],
         Format::InstantAvatar => &[RestJoints, Poses, Fps],
-        Format::Film => &[Masks, Focal, Height, Fps],
-        Format::KeyPoints => &[Poses, Masks, Person, Focal, Height, Fps],
-        Format::EasyMocap => &[View, RestJoints, Poses, Masks, Person, Focal, Height, Fps],
+        Format::Film => &[Masks, Matting, Focal, Height, Fps],
+        Format::KeyPoints => &[Poses, Masks, Matting, Person, Focal, Height, Fps],
+        Format::EasyMocap => &[
+            View, RestJoints, Poses, Masks, Matting, Person, Focal, Height, Fps,
+        ],
         Format::Phalp
         | Format::Wham
         | Format::Gvhmr
@@ -215,6 +224,6 @@ mod tests {
             assert!(help.contains(&format!("  {} ", flag.name())), "{help}");
         }
         assert!(help.lines().all(|line| line.len() <= 100), "{help}");
-        assert!(help.contains("--view         zju, easymocap\n"), "{help}");
+        assert!(help.contains("--view           zju, easymocap\n"), "{help}");
     }
 }

@@ -9,6 +9,7 @@
 //! source (bytes → plain data) → zju | humannerf | … (→ pose track + pictures) → write (folder)
 //!     clip (video or pictures) → pose_tools ┤
 //!                              → film ──────┘
+//!                   matting (→ masks) ┘
 //! ```
 
 mod auto;
@@ -25,6 +26,7 @@ mod humannerf_prepared;
 mod humannerf_wild;
 mod instant_avatar;
 mod key_points;
+mod matting;
 pub mod motion;
 mod people_snapshot;
 mod pictures;
@@ -40,6 +42,7 @@ pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use given::options_by_format;
 pub use hdf5::MaskStack;
+pub use matting::MattingModel;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 pub use to_folder::to_folder;
 pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
@@ -116,6 +119,8 @@ pub struct Options {
     pub frames: Option<(usize, usize, usize)>,
     /// Masks of the clip: a folder of images or a video.
     pub masks: Option<PathBuf>,
+    /// A matting model that makes the masks of a clip.
+    pub matting: Option<MattingModel>,
     /// The person to take, by the name or number that the files give.
     pub person: Option<String>,
     /// Focal length of the clip's camera, pixels.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use yoto_client::import::{Format, Options, TrackForm, read, write};
 
 /// The model's folder.
-fn model() -> Option<PathBuf> {
+pub(crate) fn model() -> Option<PathBuf> {
     let path = std::env::var_os("YOTO_POSE_MODEL").map(PathBuf::from);
     let required =
         std::env::var_os("YOTO_TEST_POSE_MODEL").is_some_and(|value| value == "required");
@@ -23,7 +23,7 @@ const STEP: u32 = 8;
 
 /// `frames` pictures of a person of the demo who moves to the right; in those in `without`,
 /// nobody is.
-fn film(folder: &Path, frames: u32, without: &[u32]) {
+pub(crate) fn film(folder: &Path, frames: u32, without: &[u32]) {
     let here = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let person = image::open(here.join("../worker/landmarks/tests/person.png"));
     let person = person.expect("a picture").to_rgb8();

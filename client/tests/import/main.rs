@@ -7,8 +7,11 @@ mod dialects;
 mod ffmpeg;
 mod film;
 mod key_points;
+mod matting;
 mod motions;
 mod moving_camera;
+#[path = "../../../worker/matting/tests/networks/mod.rs"]
+mod networks;
 mod pickled;
 mod pose_tools;
 mod pose_tools_bad;

@@ -22,5 +22,6 @@ mod tflite;
 mod watcher;
 
 pub use error::LandmarkError;
+pub use mask::{PERSON, clean, parts};
 pub use model::PoseModel;
 pub use watcher::{Seen, Watcher};

@@ -4,8 +4,8 @@ use crate::landmarks::{SIDE, logistic};
 use crate::region::Region;
 use rayon::prelude::*;
 
-/// From here on, a pixel of the model's mask is the person.
-const PERSON: f32 = 0.5;
+/// From here on, a pixel's level is the person.
+pub const PERSON: f32 = 0.5;
 /// Largest hole that is closed, pixels of the model's mask: gaps between arm and body are larger.
 const SMALL_HOLE: usize = 40;
 /// Levels between which coverage goes from 0 to 1: the model's edges are wider than a lens's.
@@ -14,7 +14,7 @@ const EDGE: [f32; 2] = [0.25, 0.75];
 /// The person's coverage of each pixel of a picture, `[height, width]`, from the model's mask
 /// `[256, 256]` of `region`, before the logistic function.
 pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) -> Vec<u8> {
-    let levels = soften(&clean(logits.iter().copied().map(logistic).collect()));
+    let levels = soften(&largest(logits.iter().copied().map(logistic).collect()));
     let mut mask = vec![0; width * height];
     let lines = mask.par_chunks_exact_mut(width.max(1)).enumerate();
     lines.for_each(|(y, line)| {
@@ -31,26 +31,43 @@ pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) 
 }
 
 /// The largest connected part alone, with its small holes closed.
-fn clean(mut levels: Vec<f32>) -> Vec<f32> {
+fn largest(mut levels: Vec<f32>) -> Vec<f32> {
     let is_person: Vec<bool> = levels.iter().map(|level| *level >= PERSON).collect();
-    let parts = parts(&is_person);
+    let parts = parts(&is_person, SIDE);
     let people = parts.iter().filter(|part| is_person[part[0]]);
     let largest = people.max_by_key(|part| part.len());
-    let Some(largest) = largest else {
+    let largest = largest.cloned().unwrap_or_default();
+    clean(&mut levels, SIDE, &parts, &largest, SMALL_HOLE);
+    levels
+}
+
+/// Leaves of `levels` (rows of `columns`) the pixels `chosen` with the soft edge around them, and closes
+/// the holes of at most `hole` pixels in them; `parts` are those of the levels from [`PERSON`] on.
+pub fn clean(
+    levels: &mut [f32],
+    columns: usize,
+    parts: &[Vec<usize>],
+    chosen: &[usize],
+    hole: usize,
+) {
+    if chosen.is_empty() {
         levels.fill(0.0);
-        return levels;
-    };
+        return;
+    }
+    let rows = levels.len() / columns.max(1);
     // The soft edge around the part stays: only what is beyond two pixels of it goes.
     let mut near = vec![false; levels.len()];
-    for &at in largest {
-        let (row, column) = (at / SIDE, at % SIDE);
-        for row in row.saturating_sub(2)..(row + 3).min(SIDE) {
-            near[row * SIDE + column.saturating_sub(2)..row * SIDE + (column + 3).min(SIDE)]
+    for &at in chosen {
+        let (row, column) = (at / columns, at % columns);
+        for row in row.saturating_sub(2)..(row + 3).min(rows) {
+            near[row * columns + column.saturating_sub(2)
+                ..row * columns + (column + 3).min(columns)]
                 .fill(true);
         }
     }
     let mut inside = vec![false; levels.len()];
-    largest.iter().for_each(|&at| inside[at] = true);
+    chosen.iter().for_each(|&at| inside[at] = true);
+    let is_person: Vec<bool> = levels.iter().map(|level| *level >= PERSON).collect();
     for ((level, near), (inside, is_person)) in levels
         .iter_mut()
         .zip(near)
@@ -62,23 +79,22 @@ fn clean(mut levels: Vec<f32>) -> Vec<f32> {
     }
     for part in parts.iter().filter(|part| !is_person[part[0]]) {
         let at_border = |at: &usize| {
-            let (row, column) = (at / SIDE, at % SIDE);
-            row == 0 || column == 0 || row + 1 == SIDE || column + 1 == SIDE
+            let (row, column) = (at / columns, at % columns);
+            row == 0 || column == 0 || row + 1 == rows || column + 1 == columns
         };
-        if part.len() > SMALL_HOLE || part.iter().any(at_border) {
+        if part.len() > hole || part.iter().any(at_border) {
             continue;
         }
         // The pixel above a hole's first is of the part around it, which may have gone.
-        let above = part.first().and_then(|first| first.checked_sub(SIDE));
+        let above = part.first().and_then(|first| first.checked_sub(columns));
         if above.is_some_and(|above| inside[above]) {
             part.iter().for_each(|&at| levels[at] = 1.0);
         }
     }
-    levels
 }
 
-/// Pixels of equal kind that touch at a side, part by part.
-fn parts(kinds: &[bool]) -> Vec<Vec<usize>> {
+/// Pixels of equal kind that touch at a side, part by part; rows have `columns`.
+pub fn parts(kinds: &[bool], columns: usize) -> Vec<Vec<usize>> {
     let mut seen = vec![false; kinds.len()];
     let mut parts = Vec::new();
     for start in 0..kinds.len() {
@@ -89,10 +105,10 @@ fn parts(kinds: &[bool]) -> Vec<Vec<usize>> {
         let mut next = 0;
         while let Some(&at) = part.get(next) {
             next += 1;
-            let column = at % SIDE;
+            let column = at % columns;
             let left = (column > 0).then(|| at - 1);
-            let right = (column + 1 < SIDE).then_some(at + 1);
-            let neighbours = [left, right, at.checked_sub(SIDE), Some(at + SIDE)];
+            let right = (column + 1 < columns).then_some(at + 1);
+            let neighbours = [left, right, at.checked_sub(columns), Some(at + columns)];
             for to in neighbours.into_iter().flatten() {
                 if kinds.get(to) == Some(&kinds[start]) && !std::mem::replace(&mut seen[to], true) {
                     part.push(to);

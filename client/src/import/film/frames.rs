@@ -8,7 +8,7 @@ use crate::import::pictures::read_image;
 ///
 /// # Errors
 /// A frame that is missing, can't be decoded or has another size; what `each` returns.
-pub(super) fn for_each(
+pub(in crate::import) fn for_each(
     clip: &Clip,
     wanted: &[usize],
     mut each: impl FnMut(usize, &[u8]) -> Result<(), ClientError>,

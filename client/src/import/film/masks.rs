@@ -1,11 +1,15 @@
-//! Masks of a clip alone: the pose model's, or those given, of which the person's are taken.
+//! Masks of a clip alone: the pose model's, a matting model's, or those given, of which the person's are
+//! taken.
 
 use super::watch::Watched;
 use crate::api::ClientError;
+use crate::import::Options;
 use crate::import::clip::{Clip, fault};
+use crate::import::matting::Wanted;
 use crate::import::pictures::{Mask, read_masks};
 use crate::import::pose_tools::{MasksByFrame, masks_given};
 use crate::progress::count;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Frames in which given masks are compared with the pose model's.
@@ -15,21 +19,43 @@ const SAME_PERSON: f64 = 0.5;
 
 /// The frames that have masks, with the masks of each.
 pub(super) fn of(
-    given: Option<&Path>,
+    options: &Options,
     clip: &Clip,
     watched: Vec<Watched>,
     notes: &mut Vec<String>,
 ) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
-    let Some(path) = given else {
-        let own = watched.iter().map(|it| vec![Mask::Packed(it.mask.clone())]);
-        let own = own.collect();
-        notes.push(
-            "the masks are the pose model's: an outline good to some pixels (--masks takes better \
-             ones)"
-                .into(),
-        );
-        return Ok((watched, own));
-    };
+    if let Some(path) = &options.masks {
+        return given(path, clip, watched, notes);
+    }
+    if let Some(model) = &options.matting {
+        let mut wanted = Vec::new();
+        for it in &watched {
+            let own = read_masks(&[Mask::Packed(it.mask.clone())], clip.size, it.index as u32)?;
+            wanted.push(Wanted {
+                frame: it.index,
+                expected: Some(own.into_raw()),
+            });
+        }
+        let masks = model.masks(clip, &wanted, notes)?;
+        return Ok(with(&masks, watched, notes));
+    }
+    let own = watched.iter().map(|it| vec![Mask::Packed(it.mask.clone())]);
+    let own = own.collect();
+    notes.push(
+        "the masks are the pose model's: an outline good to some pixels (--masks or --matting-model for \
+         better ones)"
+            .into(),
+    );
+    Ok((watched, own))
+}
+
+/// The masks in `path` that show the person whom the pose model found.
+fn given(
+    path: &Path,
+    clip: &Clip,
+    watched: Vec<Watched>,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
     let mut best: Option<(f64, MasksByFrame)> = None;
     for masks in masks_given(path, clip)? {
         let overlap = overlap(&masks, clip, &watched)?;
@@ -50,9 +76,18 @@ pub(super) fn of(
         masks.words,
         100.0 * overlap
     ));
+    Ok(with(&masks.frames, watched, notes))
+}
+
+/// The frames that have one of `masks`, with it.
+fn with(
+    masks: &BTreeMap<usize, Mask>,
+    watched: Vec<Watched>,
+    notes: &mut Vec<String>,
+) -> (Vec<Watched>, Vec<Vec<Mask>>) {
     let all = watched.len();
     let masked = watched.into_iter().filter_map(|it| {
-        let mask = masks.frames.get(&it.index)?.clone();
+        let mask = masks.get(&it.index)?.clone();
         Some((it, vec![mask]))
     });
     let (watched, masks): (Vec<_>, Vec<_>) = masked.unzip();
@@ -60,7 +95,7 @@ pub(super) fn of(
         let left_out = count(all - watched.len(), "frame");
         notes.push(format!("{left_out} without a mask: left out"));
     }
-    Ok((watched, masks))
+    (watched, masks)
 }
 
 /// How much `masks` overlap the pose model's, intersection over union, on average.
@@ -138,8 +173,7 @@ mod tests {
         let (clip, watched) = clip(folder.path());
         people(folder.path(), &[(20, &[0, 1, 2, 3]), (5, &[0, 1, 3])]);
         let mut notes = Vec::new();
-        let given = folder.path().join("masks");
-        let taken = of(Some(&given), &clip, watched, &mut notes);
+        let taken = given(&folder.path().join("masks"), &clip, watched, &mut notes);
         let (watched, masks) = taken.expect("masks");
         let frames: Vec<usize> = watched.iter().map(|it| it.index).collect();
         assert_eq!(frames, [0, 1, 3], "a frame without a mask is left out");
@@ -158,8 +192,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let (clip, watched) = clip(folder.path());
         people(folder.path(), &[(20, &[0, 1, 2, 3])]);
-        let given = folder.path().join("masks");
-        let taken = of(Some(&given), &clip, watched, &mut Vec::new());
+        let path = folder.path().join("masks");
+        let taken = given(&path, &clip, watched, &mut Vec::new());
         let error = taken.err().expect("somebody else").to_string();
         assert!(error.contains("overlap"), "{error}");
     }
@@ -168,7 +202,7 @@ mod tests {
     fn without_masks_the_pose_models_are_taken() {
         let folder = tempfile::tempdir().expect("a folder");
         let (clip, watched) = clip(folder.path());
-        let taken = of(None, &clip, watched, &mut Vec::new());
+        let taken = of(&Options::default(), &clip, watched, &mut Vec::new());
         let (watched, masks) = taken.expect("masks");
         assert_eq!((watched.len(), masks.len()), (4, 4));
     }

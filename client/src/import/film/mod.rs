@@ -7,12 +7,14 @@
 //!
 //! ```text
 //! clip → frames → watch (pose model) → key points → fit → pose track
-//!                                    → masks (or those given)
+//!                                    → masks (or those given, or a matting model's)
 //! ```
 
 mod frames;
 mod masks;
 mod watch;
+
+pub(super) use frames::for_each;
 
 use super::clip::{Clip, fault};
 use super::{Imported, Options};
@@ -48,7 +50,7 @@ pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         let message = format!("nobody was found in {}", count(wanted.len(), "frame"));
         return Err(fault(source, "EMPTY", message));
     }
-    let (watched, masks) = masks::of(options.masks.as_deref(), &clip, watched, &mut notes)?;
+    let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
     let fps = clip.fps.filter(|fps| fps.is_finite());
     let fps = options.fps.or(fps).unwrap_or_else(|| {
         notes.push(format!(

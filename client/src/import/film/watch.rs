@@ -3,9 +3,8 @@
 use super::frames;
 use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
+use crate::import::matting::png;
 use crate::progress::ProgressDisplay;
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
 use std::sync::Arc;
 use yoto_landmarks::{PoseModel, Seen, Watcher};
 use yoto_pose::FrameKeyPoints;
@@ -70,15 +69,6 @@ fn key_points(index: u32, seen: &Seen) -> FrameKeyPoints {
             .map(|&[x, y, z, _]| [x, y, z].map(f64::from))
             .collect(),
     }
-}
-
-fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ClientError> {
-    let mut png = Vec::new();
-    let [width, height] = clip.size;
-    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up)
-        .write_image(coverage, width, height, ExtendedColorType::L8)
-        .map_err(|error| fault(clip.path(), "INVALID", error.to_string()))?;
-    Ok(png.into())
 }
 
 #[cfg(test)]

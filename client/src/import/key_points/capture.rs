@@ -46,9 +46,10 @@ pub(super) fn read(
     }
     let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
     left_out(&wanted, "key points of the person", is_seen, &mut notes);
-    let masks = match &options.masks {
-        Some(given) => Some(mask::find(given, clip, &seen, &mut notes)?),
-        None => mask::own(&seen, &mut notes),
+    let masks = match (&options.masks, &options.matting) {
+        (Some(given), _) => Some(mask::find(given, clip, &seen, &mut notes)?),
+        (None, Some(model)) => Some(mask::made(model, clip, &seen, options, &mut notes)?),
+        (None, None) => mask::own(&seen, &mut notes),
     };
     let fitted = fit(
         &key_points(clip, found, &seen, options, &mut notes),

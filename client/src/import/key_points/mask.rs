@@ -5,6 +5,7 @@ use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
 use crate::import::pictures::{Mask, read_masks};
 use crate::import::pose_tools::{Found, Masks, Seen};
+use crate::import::{MattingModel, Options};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -25,6 +26,32 @@ pub(super) fn find(
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let all = Masks::find(Some(given), &Found::of(Vec::new()), clip)?;
+    of_the_person(all, given, clip, seen, notes)
+}
+
+/// The mask of each frame in which the person is `seen`, made by a matting model.
+///
+/// # Errors
+/// When the model can't be run, or the points lie outside its masks.
+pub(super) fn made(
+    model: &MattingModel,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    let frames = seen.iter().map(|(frame, _)| *frame).collect();
+    let masks = Masks::made(model, frames, clip, options, notes)?;
+    of_the_person(vec![masks], &model.path, clip, seen, notes)
+}
+
+fn of_the_person(
+    all: Vec<Masks>,
+    given: &Path,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let mut best: Option<(f64, Masks)> = None;
     for masks in all {
         let share = share(&masks, clip, seen)?;
@@ -56,7 +83,7 @@ pub(super) fn own(
     };
     let masks: BTreeMap<usize, Mask> = seen.iter().filter_map(of).collect();
     if masks.is_empty() {
-        notes.push("no masks: training needs them (--masks)".to_owned());
+        notes.push("no masks: training needs them (--masks or --matting-model)".to_owned());
         return None;
     }
     notes.push("the masks are the detector's own (--masks for others)".to_owned());

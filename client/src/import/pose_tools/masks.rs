@@ -8,7 +8,9 @@ use super::frames::number_in;
 use super::tool::{Found, Person, Seen};
 use crate::api::ClientError;
 use crate::import::clip::{Clip, PICTURES, fault, is_video, listed, unusable};
+use crate::import::matting::Wanted;
 use crate::import::pictures::{Mask, MaskKind, read_image};
+use crate::import::{MattingModel, Options};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::{BTreeMap, BTreeSet};
@@ -73,6 +75,37 @@ impl Masks {
             }
             None => Ok(own(found)),
         }
+    }
+}
+
+impl Masks {
+    /// Masks that a matting model makes of those of `frames` that the options select.
+    ///
+    /// # Errors
+    /// When the model can't be run or finds nobody.
+    pub fn made(
+        model: &MattingModel,
+        frames: BTreeSet<usize>,
+        clip: &Clip,
+        options: &Options,
+        notes: &mut Vec<String>,
+    ) -> Result<Self, ClientError> {
+        let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
+        let is_wanted = |frame: &usize| {
+            (first..end).contains(frame) && (frame - first).is_multiple_of(step.max(1))
+        };
+        let wanted: Vec<Wanted> = frames
+            .into_iter()
+            .filter(is_wanted)
+            .map(|frame| Wanted {
+                frame,
+                expected: None,
+            })
+            .collect();
+        Ok(Self {
+            words: format!("the masks of {}", model.name()),
+            from: From::Frames(model.masks(clip, &wanted, notes)?),
+        })
     }
 }
 

@@ -71,7 +71,20 @@ pub(super) fn read(
     };
     ensure_size(&found, &clip, at, tool)?;
     let numbers = Numbers::find(&found, &clip, at, &mut notes)?;
-    let masks = Masks::find(options.masks.as_deref(), &found, &clip)?;
+    let masks = match &options.matting {
+        Some(model) => {
+            let people = found.people.iter().flat_map(|person| &person.seen);
+            let frames = people.filter_map(|seen| numbers.frame(seen, &clip, 0));
+            vec![Masks::made(
+                model,
+                frames.collect(),
+                &clip,
+                options,
+                &mut notes,
+            )?]
+        }
+        None => Masks::find(options.masks.as_deref(), &found, &clip)?,
+    };
     let choice = Choice::find(
         tool, &found, &masks, numbers, &clip, at, options, &mut notes,
     )?;

@@ -1,0 +1,54 @@
+//! What can go wrong with a matting model.
+
+use std::path::PathBuf;
+
+/// An error of a matting model or of a picture given to it.
+#[derive(Debug, thiserror::Error)]
+pub enum MattingError {
+    /// The file can't be read.
+    #[error("reading {}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// The file is no ONNX, or has operators that are not known.
+    #[error("{}: {message}", path.display())]
+    Load {
+        /// The file.
+        path: PathBuf,
+        /// What about it.
+        message: String,
+    },
+    /// The inputs or outputs are not those of a matting model.
+    #[error(
+        "{}: {message}. A matting model takes one picture [1, 3, height, width] of 32-bit floats and \
+         gives its matte, or is RVM's (src, r1i to r4i, downsample_ratio)",
+        path.display()
+    )]
+    Form {
+        /// The file.
+        path: PathBuf,
+        /// What about it.
+        message: String,
+    },
+    /// The network failed on a picture, or gave what is no matte.
+    #[error("{}: {message}", path.display())]
+    Run {
+        /// The file.
+        path: PathBuf,
+        /// What about it.
+        message: String,
+    },
+    /// The pixels do not make a picture of the given size.
+    #[error("a picture of {width}x{height} has {bytes} bytes: {width} x {height} x 3 are needed")]
+    Picture {
+        /// Pixels per row.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Bytes given.
+        bytes: usize,
+    },
+}
