@@ -114,6 +114,21 @@ pub(super) fn covered(image: &FrameImage) -> Vec<u32> {
         .collect()
 }
 
+/// The first difference of two people's joint trees, in words.
+fn difference(one: &Person, other: &Person) -> String {
+    let trees = [one, other].map(|person| &person.shard.track.skeleton);
+    let joints = trees.map(|tree| tree.names.len());
+    let pairs = trees[0].names.iter().zip(&trees[1].names);
+    let parents = trees[0].parents.iter().zip(&trees[1].parents);
+    if let Some((at, (a, b))) = pairs.enumerate().find(|(_, (a, b))| a != b) {
+        format!("joint {at} is '{a}' in one and '{b}' in the other")
+    } else if let Some((at, (a, b))) = parents.enumerate().find(|(_, (a, b))| a != b) {
+        format!("the parent of joint {at} is {a} in one and {b} in the other")
+    } else {
+        format!("{} and {} joints", joints[0], joints[1])
+    }
+}
+
 /// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number
 /// of slots that they need and their number of joints.
 pub(super) fn check_people(people: &[Person]) -> Result<(usize, usize), TrainError> {
@@ -133,8 +148,10 @@ pub(super) fn check_people(people: &[Person]) -> Result<(usize, usize), TrainErr
     }
     if let Some(other) = people.iter().find(|p| tree(p) != tree(first)) {
         return Err(TrainError::People(format!(
-            "{} and {} have different joint trees: one model has one tree",
-            first.name, other.name
+            "{} and {} have different joint trees ({}): one model has one tree",
+            first.name,
+            other.name,
+            difference(first, other)
         )));
     }
     let joints = first.shard.track.joints();

@@ -97,9 +97,21 @@ pub enum SkeletonError {
         /// Joints of the skeleton.
         joints: usize,
     },
-    /// Two skeletons have no joint name in common.
-    #[error("the skeletons share no joint name")]
-    NothingShared,
+    /// Two skeletons have few joint names in common: most of the body would stay at rest.
+    #[error(
+        "the skeletons share {shared} of {of} joint names; the one that moves has {driver}, the body {body}: \
+         joints move those of the same name"
+    )]
+    FewShared {
+        /// Names that both have.
+        shared: usize,
+        /// Joints of the smaller one.
+        of: usize,
+        /// Joints of the moving skeleton that the body lacks.
+        driver: String,
+        /// Joints of the body that the moving skeleton lacks.
+        body: String,
+    },
     /// A root at the height of its lowest joint gives no scale between bodies.
     #[error("a skeleton's root is not above its lowest joint, so bodies can't be scaled")]
     NoHipHeight,

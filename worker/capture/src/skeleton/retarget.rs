@@ -1,6 +1,7 @@
 //! One person's motion on another person's skeleton.
 
 use super::feet::Footing;
+use super::transform::after;
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
 
@@ -28,13 +29,14 @@ pub fn transfer(
 
 /// `pose` of `driver`, as `target` would take it.
 ///
-/// Rotations are copied by joint name; joints of the target that the driver lacks stay at
-/// rest. The translation is scaled by the ratio of hip heights, so that feet which stood on
-/// the floor stand on it again and strides fit the legs.
+/// Joints of the same name turn alike; those of the driver that the target lacks are folded into the
+/// next ones below, so that a hand goes where it goes although a collarbone is missing; joints of the
+/// target that the driver lacks stay at rest. The translation is scaled by the ratio of hip
+/// heights, so that feet which stood on the floor stand on it again and strides fit the legs.
 ///
 /// # Errors
-/// The pose does not fit the driver, no joint name is shared, or a skeleton's root is no
-/// higher (y) than its lowest joint, so that there is no hip height to compare.
+/// The pose does not fit the driver, fewer than half of the smaller skeleton's joint names are shared, or
+/// a skeleton's root is no higher (y) than its lowest joint, so that there is no hip height to compare.
 pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
     driver.check_pose(pose)?;
     let matches: Vec<Option<usize>> = target
@@ -42,17 +44,74 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
         .iter()
         .map(|name| driver.names.iter().position(|other| other == name))
         .collect();
-    if matches.iter().all(Option::is_none) {
-        return Err(SkeletonError::NothingShared);
+    let shared = matches.iter().flatten().count();
+    let of = driver.joints().min(target.joints());
+    if 2 * shared < of {
+        return Err(SkeletonError::FewShared {
+            shared,
+            of,
+            driver: lacking(driver, target),
+            body: lacking(target, driver),
+        });
     }
     let ratio = target.hip_height()? / driver.hip_height()?;
+    let turn = |(joint, found): (usize, &Option<usize>)| {
+        found.map_or([0.0; 3], |found| {
+            folded(driver, pose, found, above(target, joint, &matches))
+        })
+    };
     Ok(Pose {
-        rotations: matches
-            .iter()
-            .map(|joint| joint.map_or([0.0; 3], |joint| pose.rotations[joint]))
-            .collect(),
+        rotations: matches.iter().enumerate().map(turn).collect(),
         translation: pose.translation.map(|v| (f64::from(v) * ratio) as f32),
     })
+}
+
+/// The driver's joint that moves the nearest joint above `joint` that anything moves.
+fn above(target: &Skeleton, joint: usize, matches: &[Option<usize>]) -> Option<usize> {
+    let mut at = target.parents[joint];
+    while let Some(joint) = at {
+        if matches[joint].is_some() {
+            return matches[joint];
+        }
+        at = target.parents[joint];
+    }
+    None
+}
+
+/// The rotation of the driver's `joint` against `above`, over all joints between them; its own where
+/// `above` is not above it.
+fn folded(driver: &Skeleton, pose: &Pose, joint: usize, above: Option<usize>) -> [f32; 3] {
+    let own = pose.rotations[joint];
+    let mut turn = own.map(f64::from);
+    let mut at = driver.parents[joint];
+    if at == above {
+        return own;
+    }
+    while let Some(between) = at.filter(|_| at != above) {
+        turn = after(pose.rotations[between].map(f64::from), turn);
+        at = driver.parents[between];
+    }
+    if at == above {
+        turn.map(|v| v as f32)
+    } else {
+        own
+    }
+}
+
+/// Names of joints that `other` lacks, for people.
+fn lacking(skeleton: &Skeleton, other: &Skeleton) -> String {
+    const TOLD: usize = 4;
+    let names = skeleton.names.iter();
+    let names: Vec<&str> = names
+        .filter(|name| !other.names.contains(name))
+        .map(|name| &**name)
+        .collect();
+    let told = names.iter().take(TOLD).copied().collect::<Vec<_>>();
+    match names.len() {
+        0 => "no others".into(),
+        more if more > TOLD => format!("{} and {} more", told.join(", "), more - TOLD),
+        _ => told.join(", "),
+    }
 }
 
 impl Skeleton {
@@ -92,6 +151,7 @@ impl Skeleton {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::synthetic::SyntheticPerson;
 
     fn legs(names: &[&str], hip: f64) -> Skeleton {
         Skeleton {
@@ -116,14 +176,59 @@ mod tests {
     }
 
     #[test]
+    fn joints_that_the_body_lacks_are_folded_into_those_below() {
+        let driver = SyntheticPerson::cast(1, 7)[0].skeleton();
+        let driver = Skeleton::from_track(&driver).expect("a skeleton");
+        let kept: Vec<usize> = (0..driver.joints())
+            .filter(|at| !["spine1", "spine2", "l_collar"].contains(&&*driver.names[*at]))
+            .collect();
+        let parent = |at: usize| {
+            let mut above = driver.parents[at];
+            while let Some(it) = above.filter(|it| !kept.contains(it)) {
+                above = driver.parents[it];
+            }
+            above.and_then(|above| kept.iter().position(|it| *it == above))
+        };
+        let target = Skeleton {
+            names: kept.iter().map(|at| driver.names[*at].clone()).collect(),
+            parents: kept.iter().map(|at| parent(*at)).collect(),
+            rest: kept.iter().map(|at| driver.rest[*at]).collect(),
+        };
+        let turn = |joint: usize| [0.3, -0.2, 0.1].map(|v| v * (1.0 + 0.1 * joint as f32));
+        let pose = Pose {
+            rotations: (0..driver.joints()).map(turn).collect(),
+            translation: [0.4, 0.1, 1.0],
+        };
+        let moved = retarget(&driver, &target, &pose).expect("21 names are shared");
+        let (from, to) = (
+            driver.global_transforms(&pose.rotations_f64()),
+            target.global_transforms(&moved.rotations_f64()),
+        );
+        for (at, joint) in kept.iter().enumerate() {
+            for (one, other) in from[*joint].iter().zip(&to[at]) {
+                // Directions, not places: those depend on the bones between.
+                let off = one.iter().zip(other).take(3);
+                let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(off < 1e-6, "{}: {off}", driver.names[*joint]);
+            }
+        }
+    }
+
+    #[test]
     fn what_cannot_be_retargeted_is_refused() {
         let driver = legs(&["pelvis", "knee", "ankle"], 1.0);
         let stranger = legs(&["a", "b", "c"], 1.0);
         let pose = Pose::rest(3);
-        assert_eq!(
-            retarget(&driver, &stranger, &pose),
-            Err(SkeletonError::NothingShared)
+        let text = retarget(&driver, &stranger, &pose).expect_err("no names");
+        let text = text.to_string();
+        assert!(
+            text.contains("share 0 of 3")
+                && text.contains("has pelvis, knee, ankle, the body a, b, c"),
+            "{text}"
         );
+        // One shared name, as a neck, leaves all else at rest.
+        let other = legs(&["a", "b", "ankle"], 1.0);
+        assert!(retarget(&driver, &other, &pose).is_err());
         assert_eq!(
             retarget(&driver, &driver, &Pose::rest(2)),
             Err(SkeletonError::WrongPose {
