@@ -36,7 +36,7 @@ pub enum ClientError {
         source: std::io::Error,
     },
     /// A capture is wrong, found before anything was uploaded or by its ingest job.
-    #[error("the capture {place} is not usable{}", lines(.violations))]
+    #[error("{} is not usable{}", capture(.place), lines(.violations))]
     BadCapture {
         /// Folder or resource name.
         place: String,
@@ -125,11 +125,19 @@ impl fmt::Display for Refusal {
     }
 }
 
+/// What is not usable: files in this folder have no other name than their own, below.
+fn capture(place: &str) -> String {
+    match place {
+        "" => "the input".into(),
+        place => format!("the capture {place}"),
+    }
+}
+
 /// One indented line per violation.
 fn lines(violations: &[Violation]) -> String {
     violations
         .iter()
-        .map(|violation| format!("\n  {}", describe(violation)))
+        .map(|violation| format!("\n  {}", describe(violation).trim_start_matches(": ")))
         .collect()
 }
 

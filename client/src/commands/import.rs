@@ -110,10 +110,10 @@ pub(super) struct ImportOptions {
     #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
     pose_model: Option<PathBuf>,
     /// Frames per second, if no file has it.
-    #[arg(long, value_name = "RATE")]
+    #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
     /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = some)]
     best: Option<NonZeroUsize>,
     #[command(flatten)]
     matting: MattingArgs,
@@ -121,12 +121,29 @@ pub(super) struct ImportOptions {
     ffmpeg: FfmpegArg,
 }
 
+/// Highest rate of a pose track, frames per second.
+const MAX_FPS: f64 = 1000.0;
+
 /// Parses a focal length.
 fn focal(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
     value
         .filter(|value| (1.0..=1e6).contains(value))
         .ok_or_else(|| "a focal length is 1 to 1000000 pixels".to_owned())
+}
+
+/// Parses a frame rate.
+fn rate(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value
+        .filter(|value| *value > 0.0 && *value <= MAX_FPS)
+        .ok_or_else(|| format!("a rate is above 0 and at most {MAX_FPS} frames a second"))
+}
+
+/// Parses a number of frames to keep.
+fn some(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse()
+        .map_err(|_| "a whole number of frames is needed, at least 1".to_owned())
 }
 
 /// Parses a person's height.

@@ -1,6 +1,6 @@
 //! Recognises the format of a capture by its files.
 
-use super::clip::{PICTURES, is_video, listed};
+use super::clip::{PICTURES, fault, is_video, listed};
 use super::{Format, Options, key_points, pose_tools};
 use crate::api::ClientError;
 use std::path::Path;
@@ -69,6 +69,14 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
     let has_pictures = || listed(dir, &PICTURES).is_ok_and(|files| !files.is_empty());
     if is_video(dir) || (dir.is_dir() && has_pictures()) {
         return Ok(Recognised::Capture(Format::Film, "a clip alone"));
+    }
+    if dir.is_file() {
+        let message = format!(
+            "is no video by its first bytes. What a pose tool or a detector of points wrote goes with its \
+             clip: yoto import CLIP --poses {}",
+            dir.display()
+        );
+        return Err(fault(dir, "UNKNOWN", message));
     }
     let captures: Vec<String> = MARKS
         .iter()

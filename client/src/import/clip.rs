@@ -1,7 +1,9 @@
 //! A clip that poses are of: a video, or a folder of pictures in order.
 
+use super::Options;
 use super::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::api::ClientError;
+use crate::progress::count;
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -76,6 +78,24 @@ impl Clip {
             files,
             fps: None,
         })
+    }
+
+    /// The frames that the options select.
+    ///
+    /// # Errors
+    /// When there are none.
+    pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ClientError> {
+        let (first, end, step) = options.frames.unwrap_or((0, self.frames, 1));
+        let selected = (first..end.min(self.frames)).step_by(step.max(1));
+        let selected: Vec<usize> = selected.collect();
+        if selected.is_empty() {
+            let message = format!(
+                "the range selects none of its {}, which count from 0",
+                count(self.frames, "frame")
+            );
+            return Err(fault(&self.path, "OUT_OF_RANGE", message));
+        }
+        Ok(selected)
     }
 
     /// The video at `path`, of this clip or of masks for it, and the number of its frames.

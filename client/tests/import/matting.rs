@@ -204,7 +204,7 @@ fn a_file_that_is_no_matting_model_is_named() {
     wrong.write(&path);
     let error = import(Some(Levels::Unit));
     assert!(
-        error.contains("frame 0") && error.contains("output is inf"),
+        error.contains("frame 0 of the clip: ") && error.contains("output is inf"),
         "{error}"
     );
 }

@@ -101,12 +101,7 @@ fn wanted(
     options: &Options,
     notes: &mut Vec<String>,
 ) -> Result<Vec<usize>, ClientError> {
-    let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
-    let selected: Vec<usize> = (first..end.min(clip.frames)).step_by(step.max(1)).collect();
-    if selected.is_empty() {
-        let message = format!("none of {} is selected", count(clip.frames, "frame"));
-        return Err(fault(clip.path(), "OUT_OF_RANGE", message));
-    }
+    let selected = clip.selected(options)?;
     let every = selected.len().div_ceil(MOST_FRAMES);
     if every > 1 {
         notes.push(format!(

@@ -29,8 +29,7 @@ pub(super) fn read(
     )];
     let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
     let numbers = found.numbers(clip, at)?;
-    let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
-    let wanted: Vec<usize> = (first..end.min(clip.frames)).step_by(step.max(1)).collect();
+    let wanted = clip.selected(options)?;
     let mut seen: Vec<(usize, &Detection)> = Vec::new();
     for &(place, detection) in &person.seen {
         let frame = numbers.get(place).copied().flatten();

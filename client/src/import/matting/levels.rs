@@ -1,6 +1,6 @@
 //! The levels that a matting model's pictures want, of which its file says nothing.
 
-use super::{MattingModel, Wanted};
+use super::{MattingModel, Wanted, failed_at};
 use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
 use crate::import::film;
@@ -48,10 +48,8 @@ pub(super) fn find(
         matter.set_levels(levels);
         let (mut both, mut either) = (0, 0);
         for ((frame, expected), rgb) in known.iter().zip(&pictures) {
-            let matte = matter.look(rgb, size, None).map_err(|error| {
-                let message = format!("frame {frame}: {error}");
-                fault(&model.path, "MATTING_MODEL", message)
-            })?;
+            let matte = matter.look(rgb, size, None);
+            let matte = matte.map_err(|error| failed_at(*frame, &error))?;
             for (one, other) in matte.coverage.iter().zip(*expected) {
                 let (one, other) = (*one > 127, *other > 127);
                 both += usize::from(one && other);

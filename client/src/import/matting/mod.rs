@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
-use yoto_matting::{Form, Levels, Matter};
+use yoto_matting::{Form, Levels, Matter, MattingError};
 
 /// A matting model that the user names.
 #[derive(Clone, Debug)]
@@ -52,9 +52,6 @@ impl MattingModel {
         wanted: &[Wanted],
         notes: &mut Vec<String>,
     ) -> Result<BTreeMap<usize, Mask>, ClientError> {
-        let failed = |error: yoto_matting::MattingError| {
-            fault(&self.path, "MATTING_MODEL", error.to_string())
-        };
         let mut matter = Matter::open(&self.path, Levels::Unit).map_err(failed)?;
         let levels = match (self.levels, matter.form()) {
             (Some(levels), _) => levels,
@@ -73,10 +70,7 @@ impl MattingModel {
             let started = Instant::now();
             let matte = matter.look(rgb, clip.size.map(|side| side as usize), expected);
             seconds += started.elapsed().as_secs_f64();
-            let matte = matte.map_err(|error| {
-                let message = format!("frame {frame}: {error}");
-                fault(&self.path, "MATTING_MODEL", message)
-            })?;
+            let matte = matte.map_err(|error| failed_at(frame, &error))?;
             if matte.is_somebody {
                 masks.insert(frame, Mask::Packed(png(&matte.coverage, clip)?));
             }
@@ -99,6 +93,16 @@ impl MattingModel {
         }
         Ok(masks)
     }
+}
+
+/// An error of a matting model, which names its file.
+fn failed(error: MattingError) -> ClientError {
+    ClientError::Name(error.to_string())
+}
+
+/// The same, of a frame.
+fn failed_at(frame: usize, error: &MattingError) -> ClientError {
+    ClientError::Name(format!("frame {frame} of the clip: {error}"))
 }
 
 /// Coverage of a frame as a grey PNG.

@@ -90,10 +90,8 @@ impl Masks {
         options: &Options,
         notes: &mut Vec<String>,
     ) -> Result<Self, ClientError> {
-        let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
-        let is_wanted = |frame: &usize| {
-            (first..end).contains(frame) && (frame - first).is_multiple_of(step.max(1))
-        };
+        let selected = clip.selected(options)?;
+        let is_wanted = |frame: &usize| selected.binary_search(frame).is_ok();
         let wanted: Vec<Wanted> = frames
             .into_iter()
             .filter(is_wanted)
@@ -201,7 +199,10 @@ fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, C
             colours.extend(pixels.iter().filter(|pixel| **pixel != [0; 3]).copied());
         }
         if colours.len() > MOST_LABELS {
-            let message = format!("over {MOST_LABELS} colours: a mask has one for each person");
+            let message = format!(
+                "over {MOST_LABELS} colours: a mask has one for each person, or levels of grey; is this a picture \
+                 of the clip?"
+            );
             return Err(fault(file, "INVALID", message));
         }
     }

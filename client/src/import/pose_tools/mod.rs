@@ -70,6 +70,7 @@ pub(super) fn read(
         Clip::open(&inside, ffmpeg)?
     };
     ensure_size(&found, &clip, at, tool)?;
+    clip.selected(options)?;
     let numbers = Numbers::find(&found, &clip, at, &mut notes)?;
     let masks = match &options.matting {
         Some(model) => {
@@ -153,8 +154,7 @@ fn imported(
     options: &Options,
     mut notes: Vec<String>,
 ) -> Result<Imported, ClientError> {
-    let (first, end, step) = options.frames.unwrap_or((0, clip.frames, 1));
-    let wanted: Vec<usize> = (first..end.min(clip.frames)).step_by(step.max(1)).collect();
+    let wanted = clip.selected(options)?;
     let rest_root = choice.rest.joints.first().copied().unwrap_or_default();
     let mut frames = BTreeMap::new();
     let (mut unmasked, mut changed) = (Vec::new(), None);

@@ -4,6 +4,7 @@ use super::tool::{Found, Tool};
 use super::{easymocap, ex_avatar, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
 use crate::api::ClientError;
 use crate::import::Options;
+use crate::import::clip::fault;
 use crate::import::source::{Part, Source};
 use std::path::Path;
 
@@ -52,7 +53,7 @@ pub(super) fn read(
     }
     let source = Source::new(path);
     if !path.is_dir() {
-        return Err(source.fault("MISSING", "", None, "", "there is no such file or folder"));
+        return Err(fault(path, "MISSING", "there is no such file or folder"));
     }
     // A file that is damaged, or of something else, does not hide the tool's beside it.
     let mut first_fault = None;
