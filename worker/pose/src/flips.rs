@@ -59,15 +59,14 @@ pub(crate) fn has_jumps(stances: &[(Stance, f64)], times: &[f64]) -> bool {
     })
 }
 
-/// Of two stances a frame with their costs, the ones that turn as people can; true where that is
-/// the second.
+/// Of several stances a frame with their costs, the ones that turn as people can; the place of each.
 pub(crate) fn steadiest(
-    choices: Vec<[(Stance, f64); 2]>,
+    choices: Vec<Vec<(Stance, f64)>>,
     times: &[f64],
-) -> (Vec<Stance>, Vec<bool>) {
+) -> (Vec<Stance>, Vec<usize>) {
     let costs: Vec<Vec<f64>> = choices
         .iter()
-        .map(|pair| pair.iter().map(|(_, cost)| *cost).collect())
+        .map(|ways| ways.iter().map(|(_, cost)| *cost).collect())
         .collect();
     let change = |step: usize, from: usize, to: usize| match (
         choices.get(step..=step + 1),
@@ -79,17 +78,11 @@ pub(crate) fn steadiest(
         }
         _ => 0.0,
     };
-    let is_second: Vec<bool> = cheapest_run(&costs, change)
-        .into_iter()
-        .map(|choice| choice == 1)
-        .collect();
-    let pick = |([first, second], is_second): ([(Stance, f64); 2], &bool)| {
-        if *is_second { second.0 } else { first.0 }
-    };
-    (
-        choices.into_iter().zip(&is_second).map(pick).collect(),
-        is_second,
-    )
+    let run = cheapest_run(&costs, change);
+    let pick = |(ways, at): (Vec<(Stance, f64)>, &usize)| ways.into_iter().nth(*at);
+    let stances = choices.into_iter().zip(&run);
+    let stances = stances.filter_map(pick).map(|(stance, _)| stance);
+    (stances.collect(), run)
 }
 
 /// The angle between two stances' roots, radians.

@@ -106,6 +106,17 @@ impl Observed {
         relabelled.space = (0..self.space.len()).filter_map(space).collect();
         relabelled
     }
+
+    /// The body that looks the same from the camera and faces the other way: left called right, and what
+    /// was near far.
+    pub fn turned_round(&self, mirror: &[usize]) -> Self {
+        let mut round = self.relabelled(mirror);
+        for direction in &mut round.directions {
+            direction.towards[2] = -direction.towards[2];
+        }
+        round.space.iter_mut().for_each(|at| at[2] = -at[2]);
+        round
+    }
 }
 
 fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64) -> Observed {

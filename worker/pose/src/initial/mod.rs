@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Steps that mend each frame's first guess by itself.
 const STEPS: usize = 6;
 
-/// A stance for every frame, and in how many of them left and right were called by each other's
-/// name, which is mended in `problem`.
+/// A stance for every frame, and in how many of them the detector took the body the wrong way round,
+/// which is mended in `problem`.
 pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, usize) {
     if !problem.has_space() {
         return (turns::stances(problem, shared), 0);
@@ -34,21 +34,28 @@ pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, u
         let stances = stances.into_iter().map(|(stance, _)| stance);
         return (stances.collect(), 0);
     }
+    // What a detector says of a body that it takes the wrong way round: the points of the other side, or
+    // the body that looks the same and faces the other way.
     let mirror = problem.markers.mirror.clone();
-    let relabelled: Vec<Observed> = problem
-        .frames
-        .par_iter()
-        .map(|seen| seen.relabelled(&mirror))
-        .collect();
-    let others: Vec<(Stance, f64)> = relabelled.par_iter().map(read).collect();
-    let choices = stances.into_iter().zip(others).map(|(a, b)| [a, b]);
-    let (stances, is_other) = steadiest(choices.collect(), &times);
-    let frames = problem.frames.iter_mut().zip(relabelled);
-    for ((seen, other), _) in frames.zip(&is_other).filter(|(_, is_other)| **is_other) {
-        *seen = other;
+    let others = [Observed::relabelled, Observed::turned_round].map(|other| {
+        let frames = problem.frames.par_iter();
+        frames.map(|seen| other(seen, &mirror)).collect::<Vec<_>>()
+    });
+    let [relabelled, round]: [Vec<(Stance, f64)>; 2] =
+        [&others[0], &others[1]].map(|frames| frames.par_iter().map(read).collect());
+    let choices = stances.into_iter().zip(relabelled).zip(round);
+    let choices = choices.map(|((given, relabelled), round)| vec![given, relabelled, round]);
+    let (stances, choice) = steadiest(choices.collect(), &times);
+    let [relabelled, round] = others;
+    let others = relabelled.into_iter().zip(round);
+    for ((seen, (relabelled, round)), choice) in problem.frames.iter_mut().zip(others).zip(&choice)
+    {
+        match choice {
+            0 => {}
+            1 => *seen = relabelled,
+            _ => *seen = round,
+        }
     }
-    (
-        stances,
-        is_other.iter().filter(|is_other| **is_other).count(),
-    )
+    let turned = choice.iter().filter(|choice| **choice > 0).count();
+    (stances, turned)
 }
