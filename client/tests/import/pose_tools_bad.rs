@@ -428,3 +428,34 @@ fn damaged_files_are_named_with_their_field() {
         }
     }
 }
+
+/// Errors name what the user gave, and how to mend it.
+#[test]
+fn what_is_no_clip_or_selects_nothing_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = folder.path().join("walk.mp4");
+    std::fs::write(&text, "no video").expect("a file");
+    let error = refused(&text, &Options::default());
+    assert!(
+        error.contains("walk.mp4: is no video by its first bytes")
+            && error.contains("--poses")
+            && !error.contains("ZJU"),
+        "{error}"
+    );
+    let clip = files("clip/frames");
+    let nowhere = Options {
+        poses: Some(folder.path().join("nowhere.pkl")),
+        ..Options::default()
+    };
+    let error = refused(&clip, &nowhere);
+    assert!(
+        error.contains("nowhere.pkl: there is no such file"),
+        "{error}"
+    );
+    let beyond = Options {
+        frames: Some((20, 30, 1)),
+        ..options(folder.path(), files("wham/output/demo/walk"))
+    };
+    let error = refused(&clip, &beyond);
+    assert!(error.contains("none of its 16 frames"), "{error}");
+}
