@@ -31,9 +31,13 @@ pub mod files {
 
     /// Whether `file` is one of [`refined_poses`].
     pub fn is_refined_poses(file: &str) -> bool {
-        let slot = file.strip_prefix("poses-");
-        let slot = slot.and_then(|rest| rest.strip_suffix(".pb"));
-        slot.is_some_and(|slot| slot.parse::<usize>().is_ok())
+        refined_by(file).is_some()
+    }
+
+    /// The slot of the person whose [`refined_poses`] the `file` has.
+    pub fn refined_by(file: &str) -> Option<usize> {
+        let slot = file.strip_prefix("poses-")?.strip_suffix(".pb")?;
+        slot.parse().ok()
     }
 
     /// A held-out frame of each person beside its render, for people; a checkpoint of an interrupted

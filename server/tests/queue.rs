@@ -2,14 +2,15 @@
 
 mod support;
 
-use support::{Service, assert_invalid, claim, eventually, id, job_name};
+use support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
+use tonic::Code;
 use yoto_proto::{
     keys,
     v1::{
         CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority,
         JobSpec, JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-        PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainSpec,
-        WorkerDevice,
+        PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
+        TrainSpec, WorkerDevice,
         end_job_request::{Outcome, Returned},
         job, job_result, job_spec,
         status_service_client::StatusServiceClient,
@@ -324,4 +325,40 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_worker_at_once
     assert_eq!(running.expect("is listed").job, elsewhere.name);
     let again = eventually("the next turn", || service.lease(&remote)).await;
     assert_eq!(job_name(&again), own.name);
+}
+
+#[tokio::test]
+async fn who_is_trained_alone_needs_a_trained_model_and_no_capture_but_their_own() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let bob = service.ready_subject("Bob").await;
+    let model = service.model_of(&ada).await;
+    let alone = |only: &str| {
+        let train = TrainSpec {
+            model: model.name.clone(),
+            only: only.into(),
+            ..<_>::default()
+        };
+        service.create_job(job_spec::Kind::Train(train))
+    };
+    let precondition = Code::FailedPrecondition;
+    assert_refused(alone(&bob.name).await, precondition, "NO_SLOT");
+    let model = service.joined(model.clone(), &bob).await;
+    assert_refused(alone(&bob.name).await, precondition, "NO_CHECKPOINT");
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    let published = service.publish(&training, 1).await.expect("publishes");
+    let result = TrainResult {
+        checkpoint: published.name,
+        ..<_>::default()
+    };
+    let done = service.complete(&training, job_result::Kind::Train(result));
+    done.await.expect("completes");
+    alone(&bob.name).await.expect("is queued");
+    let lease = service.lease(&worker).await.expect("the second waits");
+    let inputs = lease.inputs.expect("has inputs");
+    let whose: Vec<&str> = inputs.shards.iter().map(|it| &*it.subject).collect();
+    assert_eq!(whose, [&*bob.name]);
+    assert_eq!(inputs.model.expect("a model").slots.len(), 2);
 }

@@ -143,6 +143,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 refine_poses: options.refine_poses.into(),
                 exposure: options.exposure.into(),
                 leave_unseen: options.leave_unseen,
+                only: String::new(),
             },
         )
         .await?;

@@ -1,12 +1,12 @@
 //! `yoto model`: shared networks and the people in them.
 
 mod keep;
+mod person;
 
 use super::titles::Titles;
 use super::{Server, table};
 use crate::api::{ClientError, YotoClient};
 use crate::output;
-use anyhow::Context;
 use clap::{Args, Subcommand};
 use yoto_proto::tiers;
 use yoto_proto::v1::{Model, Subject, subject};
@@ -18,17 +18,6 @@ const CREATE_HELP: &str = "\
 Examples:
   yoto model create duo --subjects ada,bob
   yoto model create solo --subjects ada --tier draft --variant humannerf";
-
-const ADD_HELP: &str = "\
-The person can be rendered once the model was trained again; everybody else as before until then.
-
-Example:
-  yoto model add-person duo cleo
-  yoto train duo --seconds 300";
-
-const REMOVE_HELP: &str = "\
-Example:
-  yoto model remove-person duo cleo";
 
 const SHOW_HELP: &str = "\
 With --output json, every field of the model and of its checkpoints.
@@ -66,12 +55,12 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
-    /// Add a person to a model.
-    #[command(name = "add-person", after_help = ADD_HELP)]
-    AddPerson(ModelPerson),
+    /// Add a person to a model, and train them in it if it is trained.
+    #[command(name = "add-person", after_help = person::ADD_HELP)]
+    AddPerson(person::Add),
     /// Remove a person with whom a model was not trained yet.
-    #[command(name = "remove-person", after_help = REMOVE_HELP)]
-    RemovePerson(ModelPerson),
+    #[command(name = "remove-person", after_help = person::REMOVE_HELP)]
+    RemovePerson(person::Remove),
     /// List the checkpoints of a model, and why each is kept.
     #[command(after_help = keep::CHECKPOINTS_HELP)]
     Checkpoints(keep::Which),
@@ -108,55 +97,6 @@ struct Create {
     shape: Shape,
     #[command(flatten)]
     server: Server,
-}
-
-#[derive(Debug, Args)]
-struct ModelPerson {
-    /// The model, by name.
-    model: String,
-    /// The person, by name.
-    subject: String,
-    #[command(flatten)]
-    server: Server,
-}
-
-impl ModelPerson {
-    async fn add(self) -> anyhow::Result<()> {
-        let (client, model, subject) = self.find().await?;
-        let has = model.slots.iter().any(|slot| slot.subject == subject.name);
-        let (person, name) = (&subject.display_name, &model.display_name);
-        anyhow::ensure!(!has, "{person} is in {name} already");
-        let slot = client.add_identity(&model.name, &subject.name).await?;
-        output::put("slot", output::message(&slot));
-        say!(
-            "{person} has slot {} of {name}, untrained: `yoto train {name}` trains it",
-            slot.slot
-        );
-        Ok(())
-    }
-
-    async fn remove(self) -> anyhow::Result<()> {
-        let (client, model, subject) = self.find().await?;
-        let (person, name) = (&subject.display_name, &model.display_name);
-        let slot = model.slots.iter().find(|slot| slot.subject == subject.name);
-        let slot = slot.with_context(|| format!("{person} is not in {name}"))?;
-        anyhow::ensure!(
-            !slot.trained,
-            "{name} was trained with {person}: only a person whom it does not know yet can be removed"
-        );
-        let model = client.remove_identity(&model.name, &subject.name).await?;
-        let name = &model.display_name;
-        output::put("model", output::message(&model));
-        say!("{person} is no longer in {name}");
-        Ok(())
-    }
-
-    async fn find(&self) -> Result<(YotoClient, Model, Subject), ClientError> {
-        let client = self.server.connect().await?;
-        let model = client.find_model(&self.model).await?;
-        let subject = client.find_subject(&self.subject).await?;
-        Ok((client, model, subject))
-    }
 }
 
 /// Configuration of a new model.
@@ -197,8 +137,8 @@ impl ModelCommand {
             }
             Action::List { server } => list(&server.connect().await?).await,
             Action::Show { model, server } => show(&server.connect().await?, &model).await,
-            Action::AddPerson(person) => person.add().await,
-            Action::RemovePerson(person) => person.remove().await,
+            Action::AddPerson(person) => person.run().await,
+            Action::RemovePerson(person) => person.run().await,
             Action::Checkpoints(which) => which.checkpoints().await,
             Action::Keep(keep) => keep.run().await,
             Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,

@@ -8,13 +8,14 @@ use super::train_preview::Previews;
 use super::turn_args::TurnArgs;
 use super::waiting::follow_new;
 use super::{model, table};
+use crate::api::YotoClient;
 use crate::output;
 use crate::progress::{ProgressDisplay, duration};
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
+use yoto_proto::v1::{Model, TrainResult, TrainSpec, job_result};
 
 const AFTER_HELP: &str = "\
 Training resumes from the model's newest checkpoint. Interrupting this command does not
@@ -24,7 +25,8 @@ Examples:
   yoto train duo --subjects ada,bob            create the model 'duo', then train it
   yoto train duo --seconds 600                 continue its training
   yoto train duo --seconds 600 --preview progress
-  yoto train duo --steps 2000 --size 256 --no-wait";
+  yoto train duo --steps 2000 --size 256 --no-wait
+  yoto train duo --only cleo --seconds 60      nobody else changes";
 
 /// Train a model on all its people at once.
 #[derive(Debug, Args)]
@@ -35,6 +37,10 @@ pub(super) struct Train {
     /// Create the model first, with these people, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
     subjects: Vec<String>,
+    /// Train only this person's own parameters, on their frames alone: everybody else renders bit for bit as
+    /// before.
+    #[arg(long, value_name = "PERSON", conflicts_with = "subjects")]
+    only: Option<String>,
     /// Quality tier of the new model [default: splat].
     #[arg(long, requires = "subjects", value_parser = table::tier, long_help = tier_help())]
     tier: Option<String>,
@@ -104,7 +110,12 @@ impl Train {
             };
             create_with(&client, &self.model, &self.subjects, &shape).await?
         };
+        let only = match &self.only {
+            Some(person) => client.find_subject(person).await?.name,
+            None => String::new(),
+        };
         let spec = TrainSpec {
+            only,
             model: model.name.clone(),
             seconds: self.seconds.unwrap_or(0.0),
             steps: self.steps.unwrap_or(0),
@@ -115,38 +126,47 @@ impl Train {
             exposure: self.exposure.map_or(0, |when| when.message().into()),
             leave_unseen: self.leave_unseen,
         };
-        let job = client.train(spec).await?;
-        say!("{}", job.name);
-        output::put("job", output::message(&job));
-        if self.no_wait {
-            return Ok(());
-        }
-        let mut display = ProgressDisplay::new(model.display_name);
-        let previews = self
-            .preview
-            .map(|dir| Previews::start(&client, &model.name, dir));
-        let job = follow_new(&client, &job.name, &mut display, |job| {
-            if let Some(previews) = &previews {
-                previews.look(job);
-            }
-        })
-        .await?;
-        output::put("job", output::message(&job));
-        if let Some(previews) = previews {
-            output::put("previews", output::paths(&previews.finish().await?));
-        }
-        match job.result.and_then(|result| result.kind) {
-            Some(job_result::Kind::Train(result)) => {
-                display.clear();
-                say!("{}", summary(&result));
-                for note in &result.notes {
-                    say!("{note}");
-                }
-            }
-            _ => display.finish("done"),
-        }
-        Ok(())
+        trained(&client, model, spec, self.preview, self.no_wait).await
     }
+}
+
+/// Queues the training `spec` of a model, and unless nobody waits follows it to its end and says what it gave.
+pub(super) async fn trained(
+    client: &YotoClient,
+    model: Model,
+    spec: TrainSpec,
+    preview: Option<PathBuf>,
+    no_wait: bool,
+) -> anyhow::Result<()> {
+    let job = client.train(spec).await?;
+    say!("{}", job.name);
+    output::put("job", output::message(&job));
+    if no_wait {
+        return Ok(());
+    }
+    let mut display = ProgressDisplay::new(model.display_name);
+    let previews = preview.map(|dir| Previews::start(client, &model.name, dir));
+    let job = follow_new(client, &job.name, &mut display, |job| {
+        if let Some(previews) = &previews {
+            previews.look(job);
+        }
+    })
+    .await?;
+    output::put("job", output::message(&job));
+    if let Some(previews) = previews {
+        output::put("previews", output::paths(&previews.finish().await?));
+    }
+    match job.result.and_then(|result| result.kind) {
+        Some(job_result::Kind::Train(result)) => {
+            display.clear();
+            say!("{}", summary(&result));
+            for note in &result.notes {
+                say!("{note}");
+            }
+        }
+        _ => display.finish("done"),
+    }
+    Ok(())
 }
 
 /// `24.12 dB in the box, 32.80 dB whole, on 6 held-out frames of 128 pixels; 2341 steps in 5:00 on

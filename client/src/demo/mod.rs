@@ -137,6 +137,7 @@ async fn drive(
             refine_poses: PoseRefinement::Unspecified.into(),
             exposure: ExposureLearning::Unspecified.into(),
             leave_unseen: false,
+            only: String::new(),
         },
     )
     .await?;

@@ -87,8 +87,12 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
         let message = format!("{} has no people; add one first", model.display_name);
         return Err(RequestError::precondition("NO_IDENTITIES", message));
     }
-    for slot in &model.slots {
-        let shard = require_shard(context, "spec.train.model", &slot.subject).await?;
+    let people: Vec<&str> = match &*train.only {
+        "" => model.slots.iter().map(|slot| &*slot.subject).collect(),
+        only => vec![check_only(context, &model, only).await?],
+    };
+    for subject in people {
+        let shard = require_shard(context, "spec.train.model", subject).await?;
         if shard.frames < MIN_TRAIN_FRAMES {
             let message = format!(
                 "the capture of {} has {} frame: a training sees a person in at least \
@@ -99,6 +103,24 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
         }
     }
     Ok(())
+}
+
+/// Somebody is trained alone in a model whose trunk is trained.
+async fn check_only<'a>(
+    context: &Context,
+    model: &Model,
+    only: &'a str,
+) -> Result<&'a str, RequestError> {
+    require_slot(context, model, only).await?;
+    let id = parse(Collection::Models, "spec.train.model", &model.name)?;
+    if context.store.checkpoints(id, 1).await?.is_empty() {
+        let message = format!(
+            "{} is untrained, and nobody can join it before others have trained it: train it first",
+            model.display_name
+        );
+        return Err(RequestError::precondition("NO_CHECKPOINT", message));
+    }
+    Ok(only)
 }
 
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {

@@ -7,7 +7,7 @@ use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::ops::splat::cpu::Numbers;
 use yoto_avatar::ops::splat::{Sight, draw};
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
@@ -38,6 +38,7 @@ fn trainer() -> (Trainer, Person) {
         refine_poses: None,
         exposure: None,
         leave_unseen: false,
+        learn: Learn::Everything,
         budget: Budget::Steps(STEPS),
         used_seconds: 0.0,
         used_steps: 0,

@@ -4,7 +4,7 @@ use crate::display::{Display, Screen};
 use anyhow::{Context, ensure};
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainProgress, Trainer, Validation};
 use yoto_device::PickedDevice;
 use yoto_proto::v1::Progress;
 
@@ -40,6 +40,7 @@ pub(crate) fn options(
         refine_poses: None,
         exposure: None,
         leave_unseen: false,
+        learn: Learn::Everything,
         budget,
         used_seconds: 0.0,
         used_steps: 0,

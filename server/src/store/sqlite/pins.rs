@@ -109,7 +109,9 @@ pub async fn renew(
 pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
     let everybody = model.slots.iter().map(|it| it.subject.clone());
     match &spec.kind {
-        Some(job_spec::Kind::Train(_)) => everybody.collect(),
+        Some(job_spec::Kind::Train(it)) => everybody
+            .filter(|subject| it.only.is_empty() || it.only == *subject)
+            .collect(),
         Some(job_spec::Kind::Evaluate(it)) => everybody
             .filter(|subject| it.subjects.is_empty() || it.subjects.contains(subject))
             .collect(),

@@ -1,4 +1,5 @@
-//! Identities: pose-conditioned codes and mixtures of two identities.
+//! Identities: whose each parameter is, pose-conditioned codes, and mixtures of two identities.
 
 pub(crate) mod blend;
+pub(crate) mod own;
 pub(crate) mod pose_condition;

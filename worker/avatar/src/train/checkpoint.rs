@@ -13,6 +13,7 @@ use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Bytes, Device};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
@@ -47,6 +48,12 @@ pub struct ModelState {
     /// Whether the current budget goes on with a model that was trained with the same people before.
     #[serde(default)]
     pub goes_on: bool,
+    /// Slots of people from whom nothing was learned but their own parameters: they came to a trained trunk.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub own_only: BTreeSet<usize>,
+    /// Slots of people who were removed.
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub erased: BTreeSet<usize>,
     /// Skeleton of each slot.
     pub slots: Vec<Option<Skeleton>>,
 }
@@ -84,6 +91,8 @@ impl ModelState {
             skipped_steps: 0,
             rollbacks: 0,
             goes_on: false,
+            own_only: BTreeSet::new(),
+            erased: BTreeSet::new(),
             slots,
         }
     }

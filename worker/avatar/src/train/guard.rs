@@ -56,6 +56,15 @@ impl TrainState {
             .expect("the model is absent only during an update")
     }
 
+    /// Replaces the model by what `change` makes of it.
+    ///
+    /// # Panics
+    /// If an earlier update panicked.
+    pub fn change_avatar(&mut self, change: impl FnOnce(Avatar) -> Avatar) {
+        let avatar = self.avatar.take();
+        self.avatar = avatar.map(change);
+    }
+
     /// The model, to change it.
     ///
     /// # Panics

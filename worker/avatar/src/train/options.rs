@@ -1,5 +1,6 @@
 //! Budget and data of a training.
 
+use super::Learn;
 use crate::config::{LearnExposure, Refine};
 use crate::loss::lpips::LpipsWeights;
 use std::collections::BTreeSet;
@@ -41,6 +42,8 @@ impl Validation {
 pub struct TrainOptions {
     /// Length, over which the learning rate decays.
     pub budget: Budget,
+    /// Which parameters change.
+    pub learn: Learn,
     /// Seconds of the budget that are already used.
     pub used_seconds: f64,
     /// Steps of the budget that are already used.
@@ -66,6 +69,7 @@ impl Default for TrainOptions {
     fn default() -> Self {
         Self {
             budget: Budget::Seconds(300.0),
+            learn: Learn::Everything,
             used_seconds: 0.0,
             used_steps: 0,
             seed: 7,

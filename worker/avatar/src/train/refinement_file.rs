@@ -1,8 +1,8 @@
 //! The refined poses of a checkpoint: changes, for a training that goes on, and pose tracks, for
 //! renders.
 
-use super::TrainError;
 use super::refinement::PoseRefinement;
+use super::{Person, TrainError};
 use std::path::Path;
 use yoto_proto::manifest::files;
 use yoto_proto::pose_track::{PoseTrack, describe};
@@ -28,6 +28,29 @@ pub(super) fn save(dir: &Path, poses: &[Option<PoseRefinement>]) -> Result<(), T
 pub(super) fn save_track(dir: &Path, slot: usize, track: &PoseTrack) -> Result<(), TrainError> {
     let path = dir.join(files::refined_poses(slot));
     std::fs::write(&path, track.to_binary()).map_err(|e| failed(&path, e))
+}
+
+/// Slots and files of the refined tracks in `dir` of those who are not among the `people`.
+pub(super) fn others(dir: &Path, people: &[Person]) -> Result<Vec<(usize, Vec<u8>)>, TrainError> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(dir).map_err(|e| failed(dir, e))? {
+        let path = entry.map_err(|e| failed(dir, e))?.path();
+        let slot = path
+            .file_name()
+            .and_then(|name| files::refined_by(name.to_str()?));
+        let Some(slot) = slot.filter(|slot| people.iter().all(|it| it.slot != *slot)) else {
+            continue;
+        };
+        found.push((slot, std::fs::read(&path).map_err(|e| failed(&path, e))?));
+    }
+    found.sort_unstable();
+    Ok(found)
+}
+
+/// Writes the `file` of the refined track of the person in `slot` into `dir`, as [`others`] gave it.
+pub(super) fn keep(dir: &Path, slot: usize, file: &[u8]) -> Result<(), TrainError> {
+    let path = dir.join(files::refined_poses(slot));
+    std::fs::write(&path, file).map_err(|e| failed(&path, e))
 }
 
 /// The refined poses of each slot of a checkpoint in `dir`, for skeletons with `joints` joints; none

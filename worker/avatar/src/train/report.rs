@@ -92,6 +92,8 @@ impl Trainer {
             skipped_steps: self.guard.skipped,
             rollbacks: self.guard.rollbacks,
             goes_on: self.goes_on,
+            own_only: self.own_only.clone(),
+            erased: self.erased.clone(),
             ..ModelState::new(
                 self.config.clone(),
                 self.joints,
@@ -102,6 +104,9 @@ impl Trainer {
         checkpoint::save_occupancy(dir, &self.state.occupancy)?;
         refinement_file::save(dir, &self.state.poses)?;
         exposure::file::save(dir, &self.state.exposures)?;
+        for (slot, file) in &self.kept_tracks {
+            refinement_file::keep(dir, *slot, file)?;
+        }
         for subject in &self.subjects {
             if let Some(track) = self.refined_track(subject)? {
                 refinement_file::save_track(dir, subject.slot, &track)?;

@@ -15,6 +15,7 @@ use super::whole_picture::OBJECTIVE;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
 use crate::config::{ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant};
+use crate::identity::own;
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
 use burn::tensor::Device;
@@ -33,6 +34,7 @@ impl Trainer {
     ) -> Result<Self, TrainError> {
         config.check()?;
         let (slots, joints) = check_people(&people)?;
+        options.learn.check(&people, None)?;
         let device = config.device(&device.clone().inner())?.autodiff();
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
         let saved = ModelState::new(config.clone(), joints, options.seed, vec![None; slots]);
@@ -41,7 +43,8 @@ impl Trainer {
     }
 
     /// Continues from a checkpoint of [`Self::save`] in `dir`, with the checkpoint's seed. People in
-    /// slots that the checkpoint lacks start with new codes, tables, splats and residuals.
+    /// slots that the checkpoint lacks start with new codes, tables, splats and residuals; with
+    /// [`Learn::Own`](super::Learn::Own), such a person joins a model that stays as it is.
     ///
     /// # Errors
     /// If files are missing or damaged, or the people don't fit the model.
@@ -59,21 +62,26 @@ impl Trainer {
                 saved.joints
             )));
         }
+        options.learn.check(&people, Some(&saved))?;
         let device = saved.config.device(&device.clone().inner())?.autodiff();
         let mut state = TrainState::new(
             checkpoint::load_avatar(dir, &saved, slots, &device)?,
             checkpoint::load_optimiser(dir, optimiser(&saved.config))?,
         );
         state.occupancy = checkpoint::load_occupancy(dir, &saved)?;
-        if saved.config.refinement.who != Refine::Never {
+        // What is known of people who do not take part stays known.
+        let alone = options.learn.only().is_some();
+        if alone || saved.config.refinement.who != Refine::Never {
             state.poses = refinement_file::load(dir, saved.joints)?;
         }
-        if saved.config.exposure.who != LearnExposure::Never {
+        if alone || saved.config.exposure.who != LearnExposure::Never {
             state.exposures = exposure::file::load(dir)?;
         }
         state.rate_scale = saved.rate_scale;
         saved.slots.resize(saved.slots.len().max(slots), None);
-        Self::assemble(saved, options, &people, state, device)
+        let mut trainer = Self::assemble(saved, options, &people, state, device)?;
+        trainer.kept_tracks = refinement_file::others(dir, &people)?;
+        Ok(trainer)
     }
 
     /// Replaces the default objective.
@@ -91,13 +99,14 @@ impl Trainer {
         mut state: TrainState,
         device: Device,
     ) -> Result<Self, TrainError> {
-        if let Some(who) = options.refine_poses {
-            saved.config.refinement.who = who;
-            saved.config.check()?;
-        }
-        if let Some(who) = options.exposure {
-            saved.config.exposure.who = who;
-            saved.config.check()?;
+        let mut wanted = saved.config.clone();
+        wanted.refinement.who = options.refine_poses.unwrap_or(wanted.refinement.who);
+        wanted.exposure.who = options.exposure.unwrap_or(wanted.exposure.who);
+        wanted.check()?;
+        let only = options.learn.only();
+        // What is wanted for one person says nothing about the others.
+        if only.is_none() {
+            saved.config = wanted.clone();
         }
         if saved.config.numerics == Numerics::Reference {
             return Err(TrainError::Config(ConfigError::Field {
@@ -106,6 +115,10 @@ impl Trainer {
             }));
         }
         let goes_on = goes_on(&saved, &options, people);
+        options.learn.note(people, &mut saved);
+        if let Some(slot) = only {
+            state.change_avatar(|avatar| own::freeze_all_but(avatar, slot));
+        }
         let mut slots = saved.slots;
         state.occupancy.resize(slots.len(), None);
         state.poses.resize(slots.len(), None);
@@ -124,19 +137,20 @@ impl Trainer {
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
             let known = state.poses[person.slot].take();
-            let decision = whose_poses::decide(saved.config.refinement.who, person)?;
+            let decision = whose_poses::decide(wanted.refinement.who, person)?;
             notes.extend(decision.why);
             if decision.refine {
                 let track = &person.shard.track;
                 // Another film of the same person starts anew.
                 let known = known.filter(|known| known.is_of(track));
-                let late = saved.progress >= saved.config.refinement.end;
+                // The schedule of a model that stays as it is stands still.
+                let late = only.is_some() || saved.progress >= saved.config.refinement.end;
                 let fresh = || PoseRefinement::new(track, late);
                 state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
             }
             let known = state.exposures[person.slot].take();
             let track = &person.shard.track;
-            state.exposures[person.slot] = exposure::begin(&saved.config.exposure, track, known);
+            state.exposures[person.slot] = exposure::begin(&wanted.exposure, track, known);
             let known = match saved.config.variant {
                 Variant::NoIdentity => slots.iter().any(Option::is_some),
                 _ => slots[person.slot].is_some(),
@@ -187,6 +201,9 @@ impl Trainer {
             step: saved.step,
             seconds: saved.train_seconds,
             opened: saved.progress,
+            own_only: saved.own_only,
+            erased: saved.erased,
+            kept_tracks: Vec::new(),
             goes_on,
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,

@@ -17,6 +17,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeSet;
 use std::time::Instant;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
@@ -33,6 +34,12 @@ pub struct Trainer {
     /// Order of the frames.
     pub(super) order: FrameOrder,
     pub(super) slots: Vec<Option<Skeleton>>,
+    /// Slots whose people changed nothing but their own parameters.
+    pub(super) own_only: BTreeSet<usize>,
+    /// Slots of people who were removed.
+    pub(super) erased: BTreeSet<usize>,
+    /// Refined pose tracks of people who do not take part: their slots and files.
+    pub(super) kept_tracks: Vec<(usize, Vec<u8>)>,
     pub(super) joints: usize,
     pub(super) state: TrainState,
     pub(super) guard: Guard,
@@ -59,7 +66,11 @@ pub struct Trainer {
 impl Trainer {
     /// Completed fraction of a run over the model's life, 0 to 1; it never decreases.
     pub(super) fn opened(&self) -> f64 {
-        self.opened.max(self.fraction())
+        match self.options.learn.only() {
+            // More of the trunk would change everybody.
+            Some(_) => self.opened,
+            None => self.opened.max(self.fraction()),
+        }
     }
 
     /// Used share of the budget, 0 to 1.

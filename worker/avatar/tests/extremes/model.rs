@@ -7,7 +7,7 @@ use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::synthetic::SyntheticPerson;
@@ -188,6 +188,7 @@ fn masks_and_rates() {
             refine_poses: None,
             exposure: None,
             leave_unseen: false,
+            learn: Learn::Everything,
             budget: Budget::Steps(60),
             used_seconds: 0.0,
             used_steps: 0,

@@ -15,7 +15,7 @@ use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
@@ -184,6 +184,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
                 refine_poses: None,
                 exposure: None,
                 leave_unseen: false,
+                learn: Learn::Everything,
                 lpips: None,
             };
             let mut trainer =

@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
@@ -46,6 +46,7 @@ pub fn options(steps: u64) -> TrainOptions {
         refine_poses: None,
         exposure: None,
         leave_unseen: false,
+        learn: Learn::Everything,
         budget: Budget::Steps(steps),
         used_seconds: 0.0,
         used_steps: 0,

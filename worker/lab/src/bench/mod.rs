@@ -17,7 +17,7 @@ use std::time::Instant;
 use yoto_avatar::config::{ModelConfig, Precision, Setting};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::synthetic::SyntheticPerson;
 
@@ -222,6 +222,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
         refine_poses: None,
         exposure: None,
         leave_unseen: false,
+        learn: Learn::Everything,
         budget: Budget::Steps(options.settle + options.steps),
         used_seconds: 0.0,
         used_steps: 0,

@@ -4,11 +4,11 @@ use crate::jobs::{JobContext, JobFailure, shard};
 use std::time::Duration;
 use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Validation};
+use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Validation};
 use yoto_proto::{
     checks::train,
     manifest::Manifest,
-    v1::{ExposureLearning, Inputs, Model, PoseRefinement, TrainSpec},
+    v1::{ExposureLearning, IdentitySlot, Inputs, Model, PoseRefinement, TrainSpec},
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
@@ -22,7 +22,11 @@ pub(super) struct Plan {
     pub(super) checkpoint_every: Option<Duration>,
     /// Longest side of the training images, pixels; 0: the captures' own.
     image_size: u32,
-    /// SHA-256 of the shards, in the order of the slots.
+    /// Whose parameters change.
+    learn: Learn,
+    /// The people to train on.
+    slots: Vec<IdentitySlot>,
+    /// SHA-256 of their shards, in the order of the slots.
     pub(super) shards: Vec<String>,
     spec: TrainSpec,
 }
@@ -49,6 +53,7 @@ impl Plan {
                 format!("there are no people in {}", model.name),
             ));
         }
+        let (learn, slots) = who(spec, &model)?;
         let chosen = spec.checkpoint_seconds;
         // A training that goes on keeps its size, unless the request has another.
         let before = inputs.checkpoints.first().map_or(0, |it| it.image_size);
@@ -56,9 +61,11 @@ impl Plan {
             let entry = inputs.shards.iter().find(|it| it.subject == subject)?;
             Some(entry.shard.as_ref()?.sha256.clone())
         };
-        let shards = model.slots.iter().filter_map(|slot| shard(&slot.subject));
+        let shards = slots.iter().filter_map(|slot| shard(&slot.subject));
         Ok(Self {
             shards: shards.collect(),
+            learn,
+            slots,
             model,
             image_size: match spec.image_size {
                 0 => before,
@@ -85,6 +92,7 @@ impl Plan {
                 (0, seconds) => Budget::Seconds(seconds),
                 (steps, _) => Budget::Steps(steps),
             },
+            learn: self.learn,
             seed: self.spec.seed,
             image_size: self.image_size,
             validation: Validation::Every(HOLDOUT_EVERY),
@@ -107,16 +115,16 @@ impl Plan {
         }
     }
 
-    /// All people with a slot, with their frames.
+    /// The people to train on, with their frames.
     pub(super) fn people(
         &self,
         context: &JobContext,
         inputs: &Inputs,
     ) -> Result<Vec<Person>, JobFailure> {
         let mut people = Vec::new();
-        for (done, slot) in self.model.slots.iter().enumerate() {
+        for (done, slot) in self.slots.iter().enumerate() {
             context.check()?;
-            context.report_pieces("loading", done, self.model.slots.len());
+            context.report_pieces("loading", done, self.slots.len());
             let (name, shard) = shard::fetch(context, inputs, &slot.subject)?;
             people.push(Person {
                 slot: slot.slot as usize,
@@ -126,6 +134,20 @@ impl Plan {
         }
         Ok(people)
     }
+}
+
+/// Whose parameters change, and the people to train on.
+fn who(spec: &TrainSpec, model: &Model) -> Result<(Learn, Vec<IdentitySlot>), JobFailure> {
+    if spec.only.is_empty() {
+        return Ok((Learn::Everything, model.slots.clone()));
+    }
+    let own = model.slots.iter().find(|slot| slot.subject == spec.only);
+    let own = own.ok_or_else(|| {
+        let message = format!("{} has no slot in {}", spec.only, model.name);
+        JobFailure::invalid("train", "only", message)
+    })?;
+    let slot = own.slot as usize;
+    Ok((Learn::Own { slot }, vec![own.clone()]))
 }
 
 #[cfg(test)]
