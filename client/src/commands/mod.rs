@@ -46,6 +46,8 @@ mod out_folder;
 #[cfg(feature = "embedded")]
 mod paper_table;
 #[cfg(feature = "embedded")]
+mod people;
+#[cfg(feature = "embedded")]
 mod person_args;
 #[cfg(feature = "embedded")]
 mod quality;
@@ -168,6 +170,8 @@ enum Command {
     #[cfg(feature = "embedded")]
     Bench(bench::Bench),
     #[cfg(feature = "embedded")]
+    People(people::PeopleCommand),
+    #[cfg(feature = "embedded")]
     Tradeoff(Box<tradeoff::TradeoffCommand>),
     Completions(completions::Completions),
 }
@@ -245,6 +249,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Ablation(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Bench(command) => command.run(),
+        #[cfg(feature = "embedded")]
+        Command::People(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
         Command::Completions(command) => command.run(),

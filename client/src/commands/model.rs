@@ -1,5 +1,7 @@
 //! `yoto model`: shared networks and the people in them.
 
+#[cfg(feature = "embedded")]
+mod erase;
 mod keep;
 mod person;
 
@@ -61,6 +63,10 @@ enum Action {
     /// Remove a person with whom a model was not trained yet.
     #[command(name = "remove-person", after_help = person::REMOVE_HELP)]
     RemovePerson(person::Remove),
+    /// Write a checkpoint's folder anew without one of its people.
+    #[cfg(feature = "embedded")]
+    #[command(name = "erase-person", after_help = erase::AFTER_HELP)]
+    ErasePerson(erase::Erase),
     /// List the checkpoints of a model, and why each is kept.
     #[command(after_help = keep::CHECKPOINTS_HELP)]
     Checkpoints(keep::Which),
@@ -139,6 +145,8 @@ impl ModelCommand {
             Action::Show { model, server } => show(&server.connect().await?, &model).await,
             Action::AddPerson(person) => person.run().await,
             Action::RemovePerson(person) => person.run().await,
+            #[cfg(feature = "embedded")]
+            Action::ErasePerson(erase) => erase.run(),
             Action::Checkpoints(which) => which.checkpoints().await,
             Action::Keep(keep) => keep.run().await,
             Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,
@@ -210,7 +218,11 @@ async fn show(client: &YotoClient, name: &str) -> anyhow::Result<()> {
     say!("tier     {}, variant {}", model.tier, model.variant);
     for slot in &model.slots {
         let state = if slot.trained { "trained" } else { "untrained" };
-        say!("person   {}, {state}", titles.name(&slot.subject));
+        say!(
+            "person   {}, {state}, slot {}",
+            titles.name(&slot.subject),
+            slot.slot
+        );
     }
     let rows: Vec<Vec<String>> = checkpoints
         .iter()

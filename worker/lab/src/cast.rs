@@ -26,6 +26,14 @@ pub(crate) fn record(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<R
         .collect()
 }
 
+/// `count` people of all builds and clothes at `size` pixels.
+pub(crate) fn varied(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Recording>> {
+    SyntheticPerson::varied(count, seed)
+        .into_iter()
+        .map(|person| recording(person, size))
+        .collect()
+}
+
 fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
     let (track, film) = person.capture(FRAMES, size);
     let filmed = track.frames.iter().map(Pose::from_frame);

@@ -7,6 +7,7 @@
 //! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
 //! - [`model_dir`]: figures of a trained model in a folder.
 //! - [`bench`]: seconds of a training step, stage by stage.
+//! - [`people`]: many people in one model, and people who join one.
 //! - [`report`], [`split_regions`]: the form of results on disk and in a terminal.
 //! - [`pictures`]: 8-bit pictures on disk.
 //!
@@ -25,6 +26,7 @@ mod memory;
 pub mod model_dir;
 pub mod one_camera;
 mod other_poses;
+pub mod people;
 pub mod pictures;
 pub mod plot;
 pub mod pose_error;

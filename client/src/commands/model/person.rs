@@ -126,7 +126,9 @@ impl Remove {
         let slot = slot.with_context(|| format!("{person} is not in {name}"))?;
         anyhow::ensure!(
             !slot.trained,
-            "{name} was trained with {person}: only a person whom it does not know yet can be removed"
+            "{name} was trained with {person}: only a person whom it does not know yet can be removed; of an \
+             exported checkpoint, `yoto model erase-person DIR --slot {}` removes them",
+            slot.slot
         );
         let model = client.remove_identity(&model.name, &subject.name).await?;
         let name = &model.display_name;

@@ -1,7 +1,7 @@
 //! Whose each parameter is: a model has some for each person, and a trunk that all share.
 
 use crate::avatar::Avatar;
-use burn::module::{Module, ModuleMapper, Param};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
 /// Where the parameters of each person are, one entry per slot.
@@ -21,6 +21,33 @@ pub(crate) fn owner(path: &str) -> Option<usize> {
     let rest = OWN.iter().find_map(within)?;
     let (slot, _) = rest.split_once('.').unwrap_or((rest, ""));
     slot.parse().ok()
+}
+
+/// Paths of all parameters.
+pub(crate) fn paths(avatar: &Avatar) -> Vec<String> {
+    let mut paths = Paths::default();
+    avatar.visit(&mut paths);
+    paths.found
+}
+
+#[derive(Default)]
+struct Paths {
+    path: Vec<String>,
+    found: Vec<String>,
+}
+
+impl ModuleVisitor for Paths {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, _: &Param<Tensor<D>>) {
+        self.found.push(self.path.join("."));
+    }
 }
 
 /// Makes all parameters but those of the person in `slot` constants. They get no gradients, so that an
@@ -56,7 +83,7 @@ impl ModuleMapper for Freeze {
 mod tests {
     use super::*;
     use crate::config::{ModelConfig, MotionForm, Resolution, Sharing};
-    use burn::module::{ModuleVisitor, ParamId};
+    use burn::module::ParamId;
     use burn::tensor::Device;
 
     #[test]

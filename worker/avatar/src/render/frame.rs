@@ -11,6 +11,7 @@ use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
 use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor};
+use std::collections::BTreeSet;
 use std::sync::OnceLock;
 use thiserror::Error;
 use yoto_capture::camera::Pose;
@@ -22,6 +23,9 @@ pub enum RenderError {
     /// The model has no identity in the slot.
     #[error("the model has no identity in slot {0}")]
     NoSuchSlot(usize),
+    /// The identity in the slot was removed.
+    #[error("the person in slot {0} was removed from the model")]
+    Removed(usize),
     /// The pose does not fit the identity's skeleton.
     #[error("pose: {0}")]
     Pose(#[from] SkeletonError),
@@ -119,6 +123,8 @@ pub struct Renderer {
     pub(super) occupancy: Vec<Option<Occupancy>>,
     /// Completed fraction of the run, which determines the active parts of the model.
     pub(super) progress: f64,
+    /// Slots of identities that were removed.
+    removed: BTreeSet<usize>,
     /// What people of splats keep from pose to pose, by slot; as many as bodies.
     pub(super) kept: Vec<OnceLock<Carried>>,
     settings: RenderSettings,
@@ -136,6 +142,7 @@ impl Renderer {
     ) -> Self {
         Self {
             settings: RenderSettings::of(&config),
+            removed: BTreeSet::new(),
             kept: bodies.iter().map(|_| OnceLock::new()).collect(),
             config,
             avatar,
@@ -143,6 +150,12 @@ impl Renderer {
             occupancy,
             progress,
         }
+    }
+
+    /// With the identities of these slots removed.
+    pub(crate) fn without(mut self, removed: BTreeSet<usize>) -> Self {
+        self.removed = removed;
+        self
     }
 
     /// Replaces the numerics of the model's configuration. Splats have sound ones only, and keep them.
@@ -263,7 +276,10 @@ impl Renderer {
     /// The body in `slot`, once `pose` is a pose of it.
     pub(super) fn body_in(&self, slot: usize, pose: &Pose) -> Result<&Body, RenderError> {
         let body = self.bodies.get(slot).and_then(Option::as_ref);
-        let body = body.ok_or(RenderError::NoSuchSlot(slot))?;
+        let body = body.ok_or_else(|| match self.removed.contains(&slot) {
+            true => RenderError::Removed(slot),
+            false => RenderError::NoSuchSlot(slot),
+        })?;
         body.skeleton.check_pose(pose)?;
         Ok(body)
     }

@@ -1,9 +1,10 @@
 //! Checkpoints: weights, optimiser, state and occupancy, each in its own file. Rendering needs
 //! only weights and state.
 
-use super::TrainError;
+use super::{TrainError, exact_numbers};
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
+use crate::identity::own;
 use crate::motion::body::Body;
 use crate::motion::prior::canonical_grid;
 use crate::render::Renderer;
@@ -257,15 +258,28 @@ pub(crate) fn save_model(
         .overwrite(true)
         .clear_metadata()
         .metadata("format", "safetensors");
+    if !state.erased.is_empty() {
+        let gone = |slot: usize| state.erased.contains(&slot);
+        let names = own::paths(avatar).into_iter();
+        let kept = names.filter(|name| !own::owner(name).is_some_and(gone));
+        store = store.with_full_paths(kept);
+    }
     avatar
         .save_into(&mut store)
         .map_err(|e| failed(&weights, e))?;
     let path = dir.join(files::STATE);
-    let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
-    std::fs::write(&path, json).map_err(|e| failed(&path, e))?;
+    save_state(dir, state)?;
     // Burn creates the file as a temporary one, which only its owner may read.
     let permissions = std::fs::metadata(&path).map_err(|e| failed(&path, e))?;
     std::fs::set_permissions(&weights, permissions.permissions()).map_err(|e| failed(&weights, e))
+}
+
+/// Writes `state.json` into `dir`.
+pub(super) fn save_state(dir: &Path, state: &ModelState) -> Result<(), TrainError> {
+    let path = dir.join(files::STATE);
+    let written = exact_numbers::written(state.clone());
+    let json = serde_json::to_vec_pretty(&written).map_err(|e| failed(&path, e))?;
+    std::fs::write(&path, json).map_err(|e| failed(&path, e))
 }
 
 /// The model of a state with the weights in `dir`. If it has fewer than `slots` identities, new
@@ -279,10 +293,16 @@ pub(super) fn load_avatar(
     let path = dir.join(files::WEIGHTS);
     let grown = slots.max(state.slots.len());
     let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
-    // The file may lack tensors only if identities are new.
-    let mut store = SafetensorsStore::from_file(&path).allow_partial(grown > state.slots.len());
-    avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
-    Ok(avatar)
+    let mut store = SafetensorsStore::from_file(&path).allow_partial(true);
+    let found = avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
+    // The file lacks what is of somebody who is new, or who was removed.
+    let absent = |slot: usize| slot >= state.slots.len() || state.erased.contains(&slot);
+    let lacks = |name: &&String| !own::owner(name).is_some_and(absent);
+    let mut missing = found.missing.iter().map(|(name, _)| name);
+    match missing.find(lacks) {
+        Some(name) => Err(failed(&path, format!("missing tensor: {name}"))),
+        None => Ok(avatar),
+    }
 }
 
 /// The optimiser in `dir`. The whole file is read: Burn's `load` reads a tensor at its first use,
@@ -314,12 +334,9 @@ impl Renderer {
         };
         let bodies = state.slots.iter().map(body).collect();
         let occupancy = load_occupancy(dir, &state)?;
-        Ok(Self::new(
-            state.config,
-            avatar,
-            bodies,
-            occupancy,
-            state.progress,
-        ))
+        Ok(
+            Self::new(state.config, avatar, bodies, occupancy, state.progress)
+                .without(state.erased),
+        )
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod batch;
 mod checkpoint;
+mod exact_numbers;
 mod expected_errors;
 mod exposure;
 mod first_splats;
@@ -10,6 +11,7 @@ mod frame_order;
 mod guard;
 mod hull;
 mod learn;
+pub mod leaving;
 mod optimiser;
 mod options;
 mod parts;
@@ -24,6 +26,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod trainer;
+mod trunk;
 mod unseen;
 mod validate;
 mod whole_picture;

@@ -130,6 +130,7 @@ impl Trainer {
             self.state.occupancy.clone(),
             self.opened(),
         )
+        .without(self.erased.clone())
     }
 
     /// Number of parameters that an additional person would add.

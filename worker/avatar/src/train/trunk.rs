@@ -1,0 +1,57 @@
+//! A training that starts with the trunk of another model: what all of its people share.
+
+use super::checkpoint::ModelState;
+use super::{TrainError, Trainer};
+use crate::identity::own;
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use safetensors::SafeTensors;
+use std::path::Path;
+use yoto_proto::manifest::files;
+
+impl Trainer {
+    /// Takes the shared networks, tables and motion weights of the model in the folder `dir` as the start of
+    /// this training; what belongs to its people stays there.
+    ///
+    /// # Errors
+    /// If a step was taken, or the models have not the same parts.
+    pub fn with_trunk_of(mut self, dir: &Path) -> Result<Self, TrainError> {
+        let path = dir.join(files::WEIGHTS);
+        let failed = |message: String| TrainError::File {
+            file: path.display().to_string(),
+            message,
+        };
+        if self.step > 0 {
+            return Err(failed(
+                "a training that has begun has a trunk already".into(),
+            ));
+        }
+        let other = ModelState::read(dir)?;
+        if other.joints != self.joints {
+            return Err(failed(format!(
+                "its skeletons have {} joints, those of this training have {}",
+                other.joints, self.joints
+            )));
+        }
+        let bytes = std::fs::read(&path).map_err(|e| failed(e.to_string()))?;
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| failed(e.to_string()))?;
+        let names = tensors.names().into_iter();
+        let trunk: Vec<&str> = names.filter(|name| own::owner(name).is_none()).collect();
+        let mut store = SafetensorsStore::from_file(&path)
+            .with_full_paths(trunk.iter().copied())
+            .allow_partial(true);
+        let applied = self.state.avatar_mut().load_from(&mut store);
+        let applied = applied.map_err(|e| failed(e.to_string()))?;
+        let (taken, unused) = (applied.applied.len(), applied.unused);
+        let missing = applied.missing.into_iter().map(|(name, _)| name);
+        let mut missing = missing.filter(|name| own::owner(name).is_none());
+        let odd = unused.into_iter().next().or_else(|| missing.next());
+        match odd {
+            Some(name) => Err(failed(format!(
+                "a model of the tier {} has not the same trunk as this one of the tier {}: {name}",
+                other.config.tier, self.config.tier
+            ))),
+            None if taken == 0 => Err(failed("it has no trunk".into())),
+            None => Ok(self),
+        }
+    }
+}
