@@ -50,6 +50,7 @@ pub fn needs(render: &RenderSpec) -> Vec<Need<'_>> {
         Some(What::Views(_) | What::Scene(_)) | None => (),
     }
     found.insert(0, own);
+    found.extend((render.between.iter()).map(|it| shown("between.subject".into(), &it.subject)));
     found.extend(lighting("light.subject".into(), render.light.as_ref()));
     found
 }

@@ -9,6 +9,7 @@ mod ablation;
 mod avatar;
 #[cfg(feature = "embedded")]
 mod bench;
+mod between_two;
 mod capture;
 mod capture_example;
 mod completions;

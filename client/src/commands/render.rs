@@ -1,5 +1,6 @@
 //! `yoto render`: pictures of a person, rendered by a trained model.
 
+use super::between_two::BetweenTwo;
 use super::motion::MotionArgs;
 use super::out_folder::{OutFolder, is_rendered};
 use super::render_choice::{as_they_are, kept, over};
@@ -19,8 +20,8 @@ use std::path::{Path, PathBuf};
 use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
 use yoto_proto::v1::{
-    Layer, Light, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderResult, RenderSpec,
-    job_result, light, render_quality::Want, render_spec,
+    Between, Layer, Light, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderResult,
+    RenderSpec, job_result, light, render_quality::Want, render_spec,
 };
 
 const AFTER_HELP: &str = "\
@@ -37,6 +38,8 @@ Examples:
   yoto render duo --subject ada --orbit 0 --max-seconds-per-frame 0.1 --out out/quick
   yoto render duo --subject ada --view-list views.json --out out/views
   yoto render duo --subject ada --orbit 0 --light none --out out/neutral
+  yoto render duo --between ada,bob:0.5 --orbit 0 --out out/between
+  yoto render duo --between ada,bob:0..1:10 --orbit 0 --views 1 --out out/strip
   yoto render duo --scene scene.json --out scene.mp4    # yoto scene --help";
 
 /// Fastest animation of the service, frames per second.
@@ -69,11 +72,15 @@ pub(super) struct Render {
     /// The person to render, by name.
     #[arg(
         long,
-        required_unless_present = "scene",
-        conflicts_with = "scene",
+        required_unless_present_any = ["scene", "between"],
+        conflicts_with_all = ["scene", "between"],
         value_name = "NAME"
     )]
     subject: Option<String>,
+    /// In place of a person somebody between two of the model: A,B:0.3 is mostly A; A,B:0..1:10 shows ten of
+    /// them, from A to B. Only tiers with a field know any.
+    #[arg(long, value_name = "A,B:SHARE", conflicts_with_all = ["scene", "turntable", "compare", "light"])]
+    between: Option<BetweenTwo>,
     /// Render this frame of the person's own capture from all around.
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
@@ -183,7 +190,14 @@ impl Render {
         let (clip, fps) = self.clip()?;
         let client = self.turn.on(self.server.connect().await?);
         let model = client.find_model(&self.model).await?;
-        let subject = match &self.subject {
+        let other = match &self.between {
+            Some(it) => Some(Between {
+                subject: client.find_subject(&it.other).await?.name,
+                shares: it.shares(),
+            }),
+            None => None,
+        };
+        let subject = match self.person() {
             // A turntable is a scene.
             Some(_) if scene.is_some() => None,
             Some(name) => Some(client.find_subject(name).await?),
@@ -211,6 +225,7 @@ impl Render {
             },
             layer: self.layer().into(),
             compare: self.compare.is_some(),
+            between: other,
         };
         spec.what = Some(match (scene, clip) {
             (Some(scene), _) => {
@@ -223,7 +238,7 @@ impl Render {
         });
         let job = client.create_render(spec).await?;
         output::put("job", output::message(&job));
-        let shown = self.subject.as_deref().unwrap_or("a scene");
+        let shown = self.person().unwrap_or("a scene");
         let mut display = ProgressDisplay::new(format!("{shown} by {}", model.display_name));
         let job = wait_for_new(&client, &job.name, &mut display).await?;
         output::put("job", output::message(&job));
@@ -262,6 +277,12 @@ impl Render {
         }
         self.folder.show(&paths);
         Ok(())
+    }
+
+    /// The person to render, or the first of the two to mix.
+    fn person(&self) -> Option<&str> {
+        let first = self.between.as_ref().map(|it| &*it.one);
+        self.subject.as_deref().or(first)
     }
 
     /// Checks the options of the output, and that nothing of the user's would be replaced.

@@ -3,12 +3,14 @@
 use super::{Fault, Faults, scene};
 use crate::{
     tiers,
-    v1::{Layer, RenderQuality, RenderSpec, render_quality::Want, render_spec::What},
+    v1::{Between, Layer, RenderQuality, RenderSpec, render_quality::Want, render_spec::What},
 };
 use std::ops::RangeInclusive;
 
 /// Frame rates of an animation, per second; 0 leaves it to the worker.
 const RATES: RangeInclusive<f32> = 0.0..=120.0;
+/// Mixtures of two people in one render.
+const MIXTURES: RangeInclusive<usize> = 1..=100;
 
 /// All faults of an order to render.
 pub fn faults(render: &RenderSpec) -> Vec<Fault> {
@@ -21,6 +23,9 @@ pub fn faults(render: &RenderSpec) -> Vec<Fault> {
     check_layer(&mut found, render);
     if let Some(light) = &render.light {
         found.light("light", light);
+    }
+    if let Some(between) = &render.between {
+        check_between(&mut found, render, between);
     }
     match &render.what {
         Some(what) => check_pictures(&mut found, render, what),
@@ -66,6 +71,21 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
             found.within_field("scene", scene::faults(scene));
         }
     }
+}
+
+fn check_between(found: &mut Faults, render: &RenderSpec, between: &Between) {
+    let shares = between.shares.len();
+    let (least, most) = (MIXTURES.start(), MIXTURES.end());
+    found.unless(MIXTURES.contains(&shares), "between.shares", || {
+        format!("{shares} mixtures: {least} to {most} are allowed")
+    });
+    for (i, share) in between.shares.iter().enumerate() {
+        found.between(&format!("between.shares[{i}]"), *share, &(0.0..=1.0));
+    }
+    let alone = !matches!(render.what, Some(What::Scene(_))) && !render.compare;
+    found.unless(alone, "between", || {
+        "not in scenes, and nobody has filmed them to compare with".into()
+    });
 }
 
 fn check_background(found: &mut Faults, render: &RenderSpec) {
@@ -212,6 +232,24 @@ mod tests {
             change(&mut spec);
             assert_eq!(fields(&spec), [field]);
         }
+    }
+
+    #[test]
+    fn people_between_two_are_shares_of_them() {
+        let with = |shares: &[f32], compare| RenderSpec {
+            between: Some(Between {
+                subject: "subjects/b".into(),
+                shares: shares.to_vec(),
+            }),
+            compare,
+            ..orbit(12, 128)
+        };
+        assert_eq!(faults(&with(&[0.0, 0.5, 1.0], false)), []);
+        assert_eq!(fields(&with(&[], false)), ["between.shares"]);
+        assert_eq!(fields(&with(&[0.5; 101], false)), ["between.shares"]);
+        assert_eq!(fields(&with(&[0.5, 1.5], false)), ["between.shares[1]"]);
+        assert_eq!(fields(&with(&[f32::NAN], false)), ["between.shares[0]"]);
+        assert_eq!(fields(&with(&[0.5], true)), ["between"]);
     }
 
     #[test]

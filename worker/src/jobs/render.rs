@@ -1,6 +1,7 @@
 //! Renders pictures of one person (given views, an orbit around one pose, the motion of another
 //! person, or a motion from a file) or of several people in a scene.
 
+mod between;
 mod cast;
 mod clip;
 mod committed;
@@ -55,8 +56,12 @@ pub fn run(
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
+    let mut mixed = Vec::new();
+    if let Some(between) = &spec.between {
+        (renderer, mixed) = between::add(renderer, &request, between)?;
+    }
     let cast = Cast::new(context, &request, &renderer, &found, inputs);
-    let film = expand(&cast)?;
+    let film = expand(&cast, &mixed)?;
     let promise = match &spec.quality {
         Some(quality) => {
             Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?
@@ -96,20 +101,23 @@ struct Film {
 }
 
 /// What the request asks to see.
-fn expand(cast: &Cast<'_>) -> Result<Film, JobFailure> {
+fn expand(cast: &Cast<'_>, mixed: &[usize]) -> Result<Film, JobFailure> {
     match cast.request.what {
         What::Scene(scene) => scene::film(cast, scene),
-        what => of_one(cast, what),
+        what if cast.request.spec.between.is_some() => between::film(cast, what, mixed),
+        what => of_one(cast, what, None),
     }
 }
 
-/// Pictures of the request's subject.
-fn of_one(cast: &Cast<'_>, what: &What) -> Result<Film, JobFailure> {
+/// Pictures of the request's subject, or of the identity in `slot` in their place.
+fn of_one(cast: &Cast<'_>, what: &What, slot: Option<usize>) -> Result<Film, JobFailure> {
     let request = cast.request;
     let subject = &request.spec.subject;
-    let skeleton = cast.body(subject)?;
+    let own = cast.body(subject)?;
+    let skeleton = slot.and_then(|slot| cast.renderer.skeleton(slot));
+    let skeleton = skeleton.unwrap_or(own);
     let stage = views::Stage {
-        slot: cast.slot(subject)?,
+        slot: slot.map_or_else(|| cast.slot(subject), Ok)?,
         background: request.background,
         joints: skeleton.parents.len(),
     };
