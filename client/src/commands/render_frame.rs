@@ -93,7 +93,7 @@ impl RenderFrame {
         }
         let skeleton = renderer
             .skeleton(self.slot)
-            .with_context(|| format!("the model has no identity in slot {}", self.slot))?;
+            .ok_or_else(|| renderer.absence(self.slot))?;
         let frame = renderer.render(&RenderView {
             slot: self.slot,
             pose: view.pose_for(skeleton),

@@ -241,6 +241,14 @@ impl Renderer {
         self.bodies.get(slot)?.as_ref().map(|body| &body.skeleton)
     }
 
+    /// Why nobody is in `slot`.
+    pub fn absence(&self, slot: usize) -> RenderError {
+        match self.removed.contains(&slot) {
+            true => RenderError::Removed(slot),
+            false => RenderError::NoSuchSlot(slot),
+        }
+    }
+
     /// Renders one view.
     ///
     /// # Errors
@@ -276,10 +284,7 @@ impl Renderer {
     /// The body in `slot`, once `pose` is a pose of it.
     pub(super) fn body_in(&self, slot: usize, pose: &Pose) -> Result<&Body, RenderError> {
         let body = self.bodies.get(slot).and_then(Option::as_ref);
-        let body = body.ok_or_else(|| match self.removed.contains(&slot) {
-            true => RenderError::Removed(slot),
-            false => RenderError::NoSuchSlot(slot),
-        })?;
+        let body = body.ok_or_else(|| self.absence(slot))?;
         body.skeleton.check_pose(pose)?;
         Ok(body)
     }

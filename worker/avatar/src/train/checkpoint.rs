@@ -1,7 +1,7 @@
 //! Checkpoints: weights, optimiser, state and occupancy, each in its own file. Rendering needs
 //! only weights and state.
 
-use super::{TrainError, exact_numbers};
+use super::TrainError;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::identity::own;
@@ -277,8 +277,7 @@ pub(crate) fn save_model(
 /// Writes `state.json` into `dir`.
 pub(super) fn save_state(dir: &Path, state: &ModelState) -> Result<(), TrainError> {
     let path = dir.join(files::STATE);
-    let written = exact_numbers::written(state.clone());
-    let json = serde_json::to_vec_pretty(&written).map_err(|e| failed(&path, e))?;
+    let json = serde_json::to_vec_pretty(state).map_err(|e| failed(&path, e))?;
     std::fs::write(&path, json).map_err(|e| failed(&path, e))
 }
 

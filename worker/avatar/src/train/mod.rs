@@ -2,7 +2,6 @@
 
 pub mod batch;
 mod checkpoint;
-mod exact_numbers;
 mod expected_errors;
 mod exposure;
 mod first_splats;
