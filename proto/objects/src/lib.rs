@@ -3,7 +3,7 @@
 //!
 //! What is written gets a checksum, and what is read whole is compared with it. An object appears as a whole
 //! or not at all, and once a write has returned it is on disk. A missing or altered object is an answer, not
-//! a fault of the store: it is reported at once, whoever asks.
+//! a fault of the store: it is reported at once, also by a store that waits faults out.
 
 mod error;
 mod read;
@@ -14,7 +14,7 @@ use bytes::Bytes;
 use object_store::{
     ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key, prefix::PrefixStore,
 };
-use std::{future::Future, path::Path, sync::Arc, time::Duration};
+use std::{future::Future, path::PathBuf, sync::Arc, time::Duration};
 use url::Url;
 use yoto_proto::{backoff::Backoff, sha256_hex, v1::ObjectRef};
 
@@ -122,21 +122,9 @@ impl Objects {
 ///
 /// # Errors
 /// When it names none.
-pub fn folder(url: &Url) -> Result<std::path::PathBuf, ObjectsError> {
+pub fn folder(url: &Url) -> Result<PathBuf, ObjectsError> {
     let path = url.to_file_path();
     path.map_err(|()| ObjectsError::url(url, "names no folder of this machine"))
-}
-
-/// The URL of a folder, which exists.
-///
-/// # Errors
-/// When the path is not absolute.
-pub fn folder_url(folder: &Path) -> Result<Url, ObjectsError> {
-    Url::from_directory_path(folder).map_err(|()| ObjectsError::Disk {
-        action: "opening",
-        path: folder.to_owned(),
-        cause: std::io::ErrorKind::InvalidFilename.into(),
-    })
 }
 
 fn parse(key: &str) -> Result<Key, ObjectsError> {

@@ -1,5 +1,5 @@
-//! Reads. One of a whole object ends with a comparison of checksums, so that an altered object is found by
-//! whoever reads it.
+//! Reads. One of a whole object ends with a comparison of checksums, so that every reader finds an altered
+//! object.
 
 use super::{Objects, ObjectsError, parse, same_size};
 use bytes::Bytes;

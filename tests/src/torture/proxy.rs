@@ -137,14 +137,17 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
+    /// A server's listener, and a proxy in front of it.
+    async fn start() -> (TcpListener, Proxy) {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await;
+        let listener = listener.expect("a port");
+        let proxy = Proxy::start(listener.local_addr().expect("an address")).await;
+        (listener, proxy.expect("a proxy"))
+    }
+
     #[tokio::test]
     async fn a_connection_is_cut_at_the_byte() {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
-            .await
-            .expect("a port");
-        let proxy = Proxy::start(listener.local_addr().expect("an address"))
-            .await
-            .expect("a proxy");
+        let (listener, proxy) = start().await;
         proxy.cut_after(5);
         let mut client = TcpStream::connect(proxy.address()).await.expect("connects");
         client.write_all(b"0123456789").await.expect("sends");
@@ -156,12 +159,7 @@ mod tests {
 
     #[tokio::test]
     async fn what_was_held_back_arrives_later() {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
-            .await
-            .expect("a port");
-        let proxy = Proxy::start(listener.local_addr().expect("an address"))
-            .await
-            .expect("a proxy");
+        let (listener, proxy) = start().await;
         let mut client = TcpStream::connect(proxy.address()).await.expect("connects");
         let (mut server, _) = listener.accept().await.expect("a connection");
         proxy.hold(true);
