@@ -10,8 +10,9 @@ use yoto_avatar::config::Setting;
 use yoto_avatar::train::Budget;
 use yoto_lab::people::People as Whom;
 use yoto_lab::people::joining::{self, Joining, JoiningOptions};
-use yoto_lab::people::prior::{self, PriorOptions, Start};
+use yoto_lab::people::prior::{self, Point, PriorOptions, Start};
 use yoto_lab::people::scale::{self, Row, ScaleOptions};
+use yoto_lab::report::SplitScores;
 
 const JOIN_HELP: &str = "\
 All but the last person are trained together. Then the last one joins, as with `yoto model add-person`,
@@ -23,7 +24,7 @@ Examples:
   yoto people join --synthetic 3 --tier splat --steps 200 --join-steps 300";
 
 const SCALE_HELP: &str = "\
-Made-up people of all builds and clothes, each filmed for 60 frames. OUT/scale.json holds all figures,
+Made-up people of all builds and clothes. OUT/scale.json holds all figures,
 OUT/people-N.png everybody: a held-out picture beside its render.
 
 Example:
@@ -114,9 +115,15 @@ struct Scale {
     /// Numbers of people, separated by commas.
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_values_t = [1, 3, 6, 22], value_parser = value_parser!(u16).range(1..=1000))]
     people: Vec<u16>,
+    /// Frames of the people's films, in turn, separated by commas.
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_values_t = [60], value_parser = value_parser!(u16).range(4..=1000))]
+    frames: Vec<u16>,
     /// Steps for each person.
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = value_parser!(u64).range(1..))]
     steps: u64,
+    /// Also train everybody in a model of their own, with the same steps.
+    #[arg(long)]
+    separate: bool,
     /// Folder for the figures and the sheets.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -135,8 +142,11 @@ struct Prior {
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = value_parser!(u64).range(1..))]
     prior_steps: u64,
     /// Seconds of the trainings that are compared.
-    #[arg(long, value_name = "S", default_value = "60", value_parser = table::seconds)]
+    #[arg(long, value_name = "S", default_value = "60", value_parser = table::seconds, conflicts_with = "steps")]
     seconds: f64,
+    /// Steps of the trainings that are compared, in place of seconds.
+    #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
+    steps: Option<u64>,
     /// Quality that is waited for, dB on held-out views.
     #[arg(long, value_name = "DB", default_value_t = 30.0)]
     target: f64,
@@ -184,7 +194,7 @@ impl Join {
 }
 
 fn joining_table(found: &Joining) -> String {
-    let row = |how: &str, steps: u64, seconds: f64, it: &yoto_lab::report::SplitScores| {
+    let row = |how: &str, steps: u64, seconds: f64, it: &SplitScores| {
         vec![
             how.to_owned(),
             steps.to_string(),
@@ -235,7 +245,9 @@ impl Scale {
             tier: common.tier,
             settings: common.settings,
             size: common.size,
+            frames: self.frames.into_iter().map(usize::from).collect(),
             steps: self.steps,
+            separate: self.separate,
             pictures: common.measure.into(),
             seed: common.seed,
             out: self.out,
@@ -252,6 +264,8 @@ impl Scale {
             "LOWEST",
             "POSES, dB",
             "LOWEST",
+            "SEPARATE VIEWS",
+            "POSES",
         ];
         let rows: Vec<Vec<String>> = rows.iter().map(scale_row).collect();
         say!("{}", table::table(&header, &rows));
@@ -262,6 +276,11 @@ impl Scale {
 fn scale_row(row: &Row) -> Vec<String> {
     let megabytes = |bytes: u64| format!("{:.1}", bytes as f64 / 1e6);
     let (views, poses) = row.worst();
+    let alone = row.mean_alone();
+    let separate = |of: fn(&SplitScores) -> f64| {
+        let alone = alone.as_ref();
+        alone.map_or("-".to_owned(), |mean| format!("{:.2}", of(mean)))
+    };
     vec![
         row.people.to_string(),
         row.steps.to_string(),
@@ -272,6 +291,8 @@ fn scale_row(row: &Row) -> Vec<String> {
         format!("{views:.2}"),
         format!("{:.2}", row.mean.novel_pose.psnr),
         format!("{poses:.2}"),
+        separate(|it| it.novel_view.psnr),
+        separate(|it| it.novel_pose.psnr),
     ]
 }
 
@@ -285,24 +306,32 @@ impl Prior {
             tier: common.tier,
             settings: common.settings,
             size: common.size,
-            seconds: self.seconds,
+            budget: match self.steps {
+                Some(steps) => Budget::Steps(steps),
+                None => Budget::Seconds(self.seconds),
+            },
             pictures: common.measure.into(),
             seed: common.seed,
         };
         let found = prior::run(&options, &Terminal)?;
         output::put("prior", serde_json::to_value(&found)?);
         let row = |name: &str, start: &Start| {
-            let reached = start.seconds_to(self.target);
+            let reached = start.reached(self.target);
             let last = start.points.last();
+            let decibel = |of: fn(&Point) -> f64| {
+                last.map_or("-".to_owned(), |point| format!("{:.2}", of(point)))
+            };
             vec![
                 name.to_owned(),
-                reached.map_or("never".to_owned(), |seconds| format!("{seconds:.1}")),
-                last.map_or("-".to_owned(), |(_, views, _)| format!("{views:.2}")),
-                last.map_or("-".to_owned(), |(.., poses)| format!("{poses:.2}")),
+                reached.map_or("never".to_owned(), |it| it.steps.to_string()),
+                reached.map_or("never".to_owned(), |it| format!("{:.1}", it.seconds)),
+                decibel(|it| it.views),
+                decibel(|it| it.poses),
             ]
         };
-        let until = format!("SECONDS TO {} dB", self.target);
-        let header = ["START", until.as_str(), "VIEWS, dB", "POSES, dB"];
+        let steps = format!("STEPS TO {} dB", self.target);
+        let seconds = format!("SECONDS TO {} dB", self.target);
+        let header = ["START", &steps, &seconds, "VIEWS, dB", "POSES, dB"];
         let rows = [
             row("its own", &found.without),
             row("another's trunk", &found.with),

@@ -7,6 +7,7 @@ mod exposure;
 mod named_tiers;
 mod refinement;
 mod resolution;
+mod sampling;
 mod schedule;
 mod setting;
 mod sharing;
@@ -16,6 +17,7 @@ pub use exposure::{ExposureConfig, LearnExposure};
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};
 pub use resolution::Resolution;
+pub use sampling::{SamplingConfig, Turns};
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
@@ -77,6 +79,9 @@ pub struct ModelConfig {
     pub march: MarchConfig,
     /// Optimisation.
     pub optimise: OptimiseConfig,
+    /// From whom each step learns.
+    #[serde(default)]
+    pub sampling: SamplingConfig,
     /// Start of each part of the model, and learning rates over a run.
     pub schedule: Schedule,
     /// Refinement of the poses of training frames.

@@ -1,12 +1,13 @@
 //! Making a shard, one decoded frame after the other.
 
-use super::shard::{Crop, Header, MAGIC, PREFIX, Rect, Shard};
+use super::cropped::{Bytes, Crop, CroppedFrames, PIXEL, Rect};
+use super::shard::{Header, MAGIC, PREFIX, Shard};
 use super::{CaptureError, FrameImage};
-use crate::mask_box;
 use std::io::Write;
+use std::sync::Arc;
 use yoto_proto::pose_track::{PoseTrack, violation};
 
-/// Bytes of all crops together, at most: a trainer holds them in memory.
+/// Bytes of all crops together, at most: a whole shard is in memory for a moment.
 const MAX_BYTES: usize = 8 << 30;
 
 /// Makes a [`Shard`] frame by frame. Crops go where `W` says: into memory, or into a file when
@@ -35,10 +36,13 @@ impl ShardBuilder {
         let mut bytes = head;
         bytes.extend_from_slice(&pixels);
         Ok(Shard {
+            frames: CroppedFrames {
+                size: track.image_size,
+                crops,
+                bytes: Bytes::Memory(Arc::new(bytes)),
+                pixels_at,
+            },
             track,
-            crops,
-            bytes,
-            pixels_at,
         })
     }
 }
@@ -94,13 +98,8 @@ impl<W: Write> ShardBuilder<W> {
                 frame.index, sizes.0, sizes.1, sizes.2, sizes.3
             )));
         }
-        let rect = mask_box(&image.mask, width, height).map_or(Rect::default(), |found| Rect {
-            x0: found.x0 as u32,
-            y0: found.y0 as u32,
-            width: (found.x1 - found.x0) as u32,
-            height: (found.y1 - found.y0) as u32,
-        });
-        let bytes = 4 * rect.width as usize * rect.height as usize;
+        let rect = Rect::around(image);
+        let bytes = rect.pixels() * PIXEL;
         if *length + bytes > MAX_BYTES {
             let message = format!(
                 "the cropped frames exceed {} GiB; send fewer or smaller ones",
@@ -115,21 +114,8 @@ impl<W: Write> ShardBuilder<W> {
             offset: *length as u64,
         });
         *length += bytes;
-        let mut write = |bytes: &[u8]| {
-            let written = pixels.write_all(bytes);
-            written.map_err(|error| CaptureError::Shard(format!("writing the crops: {error}")))
-        };
-        let rows = rect.y0 as usize..(rect.y0 + rect.height) as usize;
-        let columns = rect.x0 as usize..(rect.x0 + rect.width) as usize;
-        for row in rows.clone() {
-            let at = row * width;
-            write(&image.rgb[(at + columns.start) * 3..(at + columns.end) * 3])?;
-        }
-        for row in rows {
-            let at = row * width;
-            write(&image.mask[at + columns.start..at + columns.end])?;
-        }
-        Ok(())
+        let written = rect.write(image, pixels);
+        written.map_err(|error| CaptureError::Shard(format!("writing the crops: {error}")))
     }
 
     /// Checks that all is there; magic and header, the header's parts, and the crops.

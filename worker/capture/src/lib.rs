@@ -10,6 +10,7 @@ pub mod body_box;
 mod builder;
 pub mod camera;
 pub mod check;
+mod cropped;
 mod files;
 mod folder;
 mod held_out;
@@ -22,11 +23,12 @@ mod view;
 mod view_error;
 
 pub use builder::ShardBuilder;
+pub use cropped::{CroppedFrames, Rect};
 pub use folder::{CaptureFolder, UploadFile};
 pub use held_out::HeldOutView;
 pub use image::FrameImage;
 pub use mask_box::{MaskBox, mask_box};
-pub use shard::{Rect, Shard};
+pub use shard::Shard;
 pub use view::CaptureView;
 pub use view_error::ViewError;
 

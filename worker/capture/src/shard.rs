@@ -1,53 +1,20 @@
 //! The training shard: one capture in one blob, decoded and cropped to the person.
 //!
-//! A person covers a tenth of a frame, so the crops of a whole capture fit in memory where
-//! its frames would not, and training reads pixels without decoding anything. Layout:
+//! A person covers a tenth of a frame, so the crops of a capture are small beside its frames, and
+//! training reads pixels without decoding anything. Layout:
 //! `YOTOSHD1`, the header's length (u32, little-endian), the header as JSON (pose track and
 //! crops), then per frame the crop's RGB bytes and its mask bytes.
 
+use super::cropped::{Bytes, Crop, CroppedFrames, PIXEL, Rect};
 use super::{CaptureError, FrameImage};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
 use yoto_proto::pose_track::{PoseTrack, describe};
 
 pub(super) const MAGIC: &[u8; 8] = b"YOTOSHD1";
 /// Magic and header length.
 pub(super) const PREFIX: usize = MAGIC.len() + 4;
-/// Bytes per pixel: RGB and coverage.
-const PIXEL: usize = 4;
-
-/// A rectangle of pixels inside a frame; empty (all zero) where nobody is to be seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Rect {
-    /// First column.
-    pub x0: u32,
-    /// First row.
-    pub y0: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-impl Rect {
-    fn pixels(&self) -> usize {
-        self.width as usize * self.height as usize
-    }
-
-    fn is_inside(&self, size: [u32; 2]) -> bool {
-        let fits = |from: u32, length: u32, side: u32| {
-            from.checked_add(length).is_some_and(|end| end <= side)
-        };
-        fits(self.x0, self.width, size[0]) && fits(self.y0, self.height, size[1])
-    }
-}
-
-/// Where a frame's person is, in the image and in the shard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Crop {
-    pub(super) rect: Rect,
-    /// Byte offset of the crop after the header.
-    pub(super) offset: u64,
-}
 
 /// What stands before the pixels.
 #[derive(Debug, Serialize, Deserialize)]
@@ -56,15 +23,13 @@ pub(super) struct Header {
     pub(super) crops: Vec<Crop>,
 }
 
-/// A capture in memory, ready to be sampled: a checked view of a shard's bytes.
+/// A capture that is ready to be sampled: a checked view of a shard's bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shard {
     /// Skeleton, poses and cameras; checked. Changing it changes nothing in the bytes.
     pub track: PoseTrack,
-    pub(super) crops: Vec<Crop>,
-    pub(super) bytes: Vec<u8>,
-    /// Where the crops start in `bytes`.
-    pub(super) pixels_at: usize,
+    /// All bytes, and where the crops are in them.
+    pub(super) frames: CroppedFrames,
 }
 
 impl Shard {
@@ -100,34 +65,48 @@ impl Shard {
         }
         check_crops(&header, pixels.len()).map_err(fail)?;
         Ok(Self {
+            frames: CroppedFrames {
+                size: header.track.image_size,
+                crops: header.crops,
+                bytes: Bytes::Memory(Arc::new(bytes)),
+                pixels_at: PREFIX + header_length,
+            },
             track: header.track,
-            crops: header.crops,
-            bytes,
-            pixels_at: PREFIX + header_length,
         })
     }
 
     /// The bytes that [`Shard::from_bytes`] reads back.
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.bytes.clone()
+        self.frames.bytes.to_vec()
+    }
+
+    /// This shard with its bytes in a file without a name in `folder`: memory for other things.
+    ///
+    /// # Errors
+    /// [`CaptureError::Io`] with the folder, if the file can't be written.
+    pub fn kept_in(self, folder: &Path) -> Result<Self, CaptureError> {
+        Ok(Self {
+            frames: self.frames.kept_in(folder)?,
+            ..self
+        })
+    }
+
+    /// The frames without the track.
+    pub fn cropped(&self) -> &CroppedFrames {
+        &self.frames
     }
 
     /// Number of frames; `track.frames` has as many.
     pub fn frames(&self) -> usize {
-        self.crops.len()
+        self.frames.count()
     }
 
-    /// Where the person of a frame is, its colours (`[height, width, 3]`, premultiplied) and
-    /// its mask (`[height, width]`), without copying.
+    /// As [`CroppedFrames::crop`].
     ///
     /// # Panics
     /// As slices do, when `frame` is not under [`Shard::frames`].
     pub fn crop(&self, frame: usize) -> (Rect, &[u8], &[u8]) {
-        let Crop { rect, offset } = self.crops[frame];
-        let start = self.pixels_at + offset as usize;
-        let bytes = &self.bytes[start..start + rect.pixels() * PIXEL];
-        let (rgb, mask) = bytes.split_at(rect.pixels() * 3);
-        (rect, rgb, mask)
+        self.frames.crop(frame)
     }
 
     /// A frame at its full size again, black where nobody is.
@@ -135,22 +114,7 @@ impl Shard {
     /// # Panics
     /// As slices do, when `frame` is not under [`Shard::frames`].
     pub fn image(&self, frame: usize) -> FrameImage {
-        let [width, height] = self.track.image_size.map(|side| side as usize);
-        let mut image = FrameImage::empty(width, height);
-        let (rect, rgb, mask) = self.crop(frame);
-        if rect.pixels() == 0 {
-            return image;
-        }
-        let columns = rect.width as usize;
-        let rows = rgb
-            .chunks_exact(columns * 3)
-            .zip(mask.chunks_exact(columns));
-        for (row, (rgb, mask)) in rows.enumerate() {
-            let at = (rect.y0 as usize + row) * width + rect.x0 as usize;
-            image.rgb[at * 3..][..columns * 3].copy_from_slice(rgb);
-            image.mask[at..][..columns].copy_from_slice(mask);
-        }
-        image
+        self.frames.image(frame)
     }
 }
 
@@ -254,14 +218,14 @@ mod tests {
         let reason = |break_it: &dyn Fn(&mut Header)| {
             let mut header = Header {
                 track: good.track.clone(),
-                crops: good.crops.clone(),
+                crops: good.frames.crops.clone(),
             };
             break_it(&mut header);
             let text = serde_json::to_vec(&header).expect("writes");
             let mut bytes = MAGIC.to_vec();
             bytes.extend_from_slice(&(text.len() as u32).to_le_bytes());
             bytes.extend_from_slice(&text);
-            bytes.extend_from_slice(&good.bytes[good.pixels_at..]);
+            bytes.extend_from_slice(&good.frames.bytes[good.frames.pixels_at..]);
             Shard::from_bytes(bytes).expect_err("forged").to_string()
         };
         for (found, expected) in [

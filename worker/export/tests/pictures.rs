@@ -35,6 +35,7 @@ fn trainer() -> (Trainer, Person) {
     config.splats.as_mut().expect("splats").count = 2000;
     config.refinement.who = Refine::Never;
     let options = TrainOptions {
+        scratch: None,
         refine_poses: None,
         exposure: None,
         leave_unseen: false,

@@ -10,7 +10,7 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
 
 /// Frames of a person's film.
-const FRAMES: usize = 60;
+pub(crate) const FRAMES: usize = 60;
 /// Filmed poses that are looked at from cameras that did not film: every so many-th.
 const VIEWED_EVERY: usize = 10;
 /// Frames of the motion that is not filmed.
@@ -22,20 +22,27 @@ const UNSEEN_EVERY: usize = 3;
 pub(crate) fn record(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Recording>> {
     SyntheticPerson::cast(count, seed)
         .into_iter()
-        .map(|person| recording(person, size))
+        .map(|person| recording(person, FRAMES, size))
         .collect()
 }
 
-/// `count` people of all builds and clothes at `size` pixels.
-pub(crate) fn varied(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Recording>> {
+/// `count` people of all builds and clothes at `size` pixels, with films of so many `frames` in turn.
+pub(crate) fn varied(
+    count: usize,
+    frames: &[usize],
+    size: u32,
+    seed: u64,
+) -> anyhow::Result<Vec<Recording>> {
     SyntheticPerson::varied(count, seed)
         .into_iter()
-        .map(|person| recording(person, size))
+        .zip(frames.iter().cycle())
+        .map(|(person, &frames)| recording(person, frames, size))
         .collect()
 }
 
-fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
-    let (track, film) = person.capture(FRAMES, size);
+/// A person filmed for so many `frames`.
+fn recording(person: SyntheticPerson, frames: usize, size: u32) -> anyhow::Result<Recording> {
+    let (track, film) = person.capture(frames, size);
     let filmed = track.frames.iter().map(Pose::from_frame);
     let filmed = filmed.collect::<Result<Vec<Pose>, _>>()?;
     let mut shard = ShardBuilder::new(track);

@@ -46,6 +46,7 @@ pub(crate) fn options(
         used_steps: 0,
         seed,
         image_size,
+        scratch: None,
         validation: Validation::NONE,
         lpips: lpips.cloned(),
     }

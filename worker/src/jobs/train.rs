@@ -17,6 +17,7 @@ use yoto_avatar::{
     config::ModelConfig,
     train::{TrainError, Trainer},
 };
+use yoto_capture::CaptureError;
 use yoto_proto::{
     manifest::files,
     v1::{Inputs, Progress, TrainResult, TrainSpec},
@@ -75,6 +76,7 @@ fn start<'a>(
         manifest,
         config.schedule.steps,
         context.lpips.clone(),
+        &context.scratch,
     );
     let used = (options.used_seconds, options.used_steps);
     let device = &context.device.device;
@@ -111,9 +113,13 @@ fn start<'a>(
 
 /// The report to the coordinator for an error of the trainer.
 fn failure(doing: &str, error: &TrainError) -> JobFailure {
-    let code = match error {
-        TrainError::Diverged { .. } => "DIVERGED",
-        _ => "TRAINING",
-    };
-    JobFailure::failed(code, doing, error)
+    match error {
+        TrainError::Diverged { .. } => JobFailure::failed("DIVERGED", doing, error),
+        // Films go to this machine's disk.
+        TrainError::Capture {
+            source: CaptureError::Io { .. },
+            ..
+        } => JobFailure::machine(doing, error),
+        _ => JobFailure::failed("TRAINING", doing, error),
+    }
 }

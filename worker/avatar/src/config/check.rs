@@ -165,6 +165,7 @@ impl ModelConfig {
         }
         self.refinement.check()?;
         self.exposure.check()?;
+        self.sampling.check()?;
         self.schedule.check()
     }
 }

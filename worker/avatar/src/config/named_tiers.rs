@@ -4,7 +4,8 @@ use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, ExposureConfig, LayersConfig, LearnExposure, MarchConfig,
     ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig, Precision,
-    Refine, RefinementConfig, Resolution, Schedule, Sharing, SplatConfig, Unposing, Variant,
+    Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, Sharing, SplatConfig, Unposing,
+    Variant,
 };
 
 impl ModelConfig {
@@ -115,6 +116,7 @@ fn grid_tier(
             mask_weight: 0.1,
             backward_share: 0.25,
         },
+        sampling: SamplingConfig::FAIR,
         schedule: Schedule {
             steps: 5000,
             warm_up: 0.02,
@@ -211,6 +213,7 @@ fn paper(variant: Variant) -> ModelConfig {
             mask_weight: 0.0,
             backward_share: 1.0,
         },
+        sampling: SamplingConfig::default(),
         schedule: Schedule::paper(),
         refinement: RefinementConfig::default(),
         exposure: ExposureConfig::default(),

@@ -2,6 +2,7 @@
 //! only weights and state.
 
 use super::TrainError;
+use super::frame_order::Practice;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::identity::own;
@@ -52,6 +53,9 @@ pub struct ModelState {
     /// Slots of people from whom nothing was learned but their own parameters: they came to a trained trunk.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub own_only: BTreeSet<usize>,
+    /// The steps with the person in each slot.
+    #[serde(default)]
+    pub practice: Vec<Practice>,
     /// Slots of people who were removed.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub erased: BTreeSet<usize>,
@@ -93,6 +97,7 @@ impl ModelState {
             rollbacks: 0,
             goes_on: false,
             own_only: BTreeSet::new(),
+            practice: Vec::new(),
             erased: BTreeSet::new(),
             slots,
         }

@@ -90,11 +90,7 @@ fn colours(film: &Film<'_>, shell: &Shell, chosen: &[usize]) -> Vec<f32> {
 }
 
 /// The pixel of a point with a normal, and the cosine to the view, if the frame shows it from the front.
-fn faces(
-    frame: &Seen<'_>,
-    sighting: Sighting,
-    [point, normal]: [[f32; 3]; 2],
-) -> Option<(usize, f32)> {
+fn faces(frame: &Seen, sighting: Sighting, [point, normal]: [[f32; 3]; 2]) -> Option<(usize, f32)> {
     let pixel = sighting
         .pixel
         .filter(|pixel| frame.image.mask[*pixel] >= WHOLE)?;

@@ -38,10 +38,11 @@ impl Trainer {
         let _span = trace_span!("refine").entered();
         let avatar = self.state.avatar().clone().no_grad();
         let fitter = self.fitter(subject, &avatar);
+        let shown = subject.picture(frame);
         let picture = Picture {
-            image: &frame.image,
+            image: &shown.image,
             camera: &frame.camera,
-            covered: &frame.covered,
+            covered: &shown.covered,
         };
         let pose = poses.refined(frame.place, &frame.pose);
         let config = &self.config.refinement;

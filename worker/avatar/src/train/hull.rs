@@ -40,14 +40,14 @@ const BONES_INSIDE: f64 = 0.9;
 const MOST_FORGIVEN: f64 = 0.3;
 
 /// A frame, ready to be asked for canonical points.
-pub(super) struct Seen<'a> {
+pub(super) struct Seen {
     /// `[K, 12]` posed body to canonical.
     transforms: Vec<f32>,
     /// Body frame to homogeneous pixels.
     projection: [[f32; 4]; 3],
     /// Body frame to camera.
     pub camera: [[f32; 4]; 3],
-    pub image: &'a FrameImage,
+    pub image: FrameImage,
 }
 
 /// A person's frames, and what forward skinning needs.
@@ -55,7 +55,7 @@ pub(super) struct Film<'a> {
     subject: &'a TrainSubject,
     /// `[K, V]`, the prior.
     weights: Vec<f32>,
-    pub frames: Vec<Seen<'a>>,
+    pub frames: Vec<Seen>,
 }
 
 /// A canonical point in a frame.
@@ -85,10 +85,10 @@ impl<'a> Film<'a> {
                 transforms: read(posed::transforms(body, &pose).inner())?,
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
                 camera: sight.e,
-                image: &frame.image,
+                image: subject.picture(frame).image,
             })
         };
-        let somebody = |frame: &&TrainFrame| frame.image.mask.iter().any(|m| *m >= COVERED);
+        let somebody = |frame: &&TrainFrame| subject.shows(frame, COVERED);
         let frames = subject.frames.iter().filter(somebody);
         let frames: Vec<_> = frames.filter_map(|it| Some((it, pose(it)?))).collect();
         let stride = frames.len().div_ceil(FRAMES).max(1);
@@ -101,7 +101,7 @@ impl<'a> Film<'a> {
     }
 
     /// Where `points` are in a frame.
-    pub fn sightings(&self, points: &[[f32; 3]], frame: &Seen<'_>) -> Vec<Sighting> {
+    pub fn sightings(&self, points: &[[f32; 3]], frame: &Seen) -> Vec<Sighting> {
         let grid = &self.subject.body.grid;
         let numbers = points.as_flattened();
         let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
@@ -292,7 +292,7 @@ struct Votes {
 
 impl Votes {
     /// Counts a frame. One that does not contain the point says nothing.
-    fn add(&mut self, frame: &Seen<'_>, sighting: Sighting) {
+    fn add(&mut self, frame: &Seen, sighting: Sighting) {
         let coverage = sighting.pixel.map(|pixel| frame.image.mask[pixel]);
         match coverage {
             Some(COVERED..) => self.on += 1,

@@ -4,6 +4,7 @@ use super::Learn;
 use crate::config::{LearnExposure, Refine};
 use crate::loss::lpips::LpipsWeights;
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 /// How long to train.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +53,8 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Longest image side, pixels; 0 keeps the capture's.
     pub image_size: u32,
+    /// The folder for films, in files without names, while they are trained on; `None`: they are in memory.
+    pub scratch: Option<PathBuf>,
     /// The frames of each person that are held out.
     pub validation: Validation,
     /// Whose poses are refined, in place of what the configuration says.
@@ -74,6 +77,7 @@ impl Default for TrainOptions {
             used_steps: 0,
             seed: 7,
             image_size: 0,
+            scratch: None,
             validation: Validation::NONE,
             refine_poses: None,
             exposure: None,

@@ -1,11 +1,11 @@
 //! Random patches of a frame (HumanNeRF, `core/data/human_nerf/train.py`).
 
 use super::batch::Batch;
-use super::people::TrainFrame;
+use super::people::Picture;
 use crate::motion::body::Body;
 use rand::RngExt;
 use yoto_capture::body_box::BodyView;
-use yoto_capture::camera::Pose;
+use yoto_capture::camera::{Camera, Pose};
 
 /// Share of the patches that are centred on the person; the others are in the box around.
 const ON_PERSON: f64 = 0.8;
@@ -16,7 +16,8 @@ const TRIES: usize = 1024;
 /// Draws `count` patches of `size`² pixels inside the image of a body in `pose`, and a random
 /// background, by which the model distinguishes dark cloth from empty space.
 pub(super) fn draw(
-    frame: &TrainFrame,
+    frame: &Picture,
+    camera: &Camera,
     pose: &Pose,
     body: &Body,
     count: usize,
@@ -24,7 +25,7 @@ pub(super) fn draw(
     rng: &mut impl RngExt,
 ) -> Batch {
     let (width, height) = (frame.image.width, frame.image.height);
-    let sight = BodyView::new(&body.skeleton, pose, &frame.camera);
+    let sight = BodyView::new(&body.skeleton, pose, camera);
     let ray = |x: usize, y: usize| sight.ray(x as f64 + 0.5, y as f64 + 0.5);
     let background: [f32; 3] = std::array::from_fn(|_| rng.random());
     let mut batch = Batch {

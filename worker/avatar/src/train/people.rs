@@ -1,6 +1,6 @@
 //! The people that a model is trained on: their bodies and frames.
 
-use super::{TrainError, Validation};
+use super::{TrainError, TrainOptions};
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use burn::tensor::Device;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::readings::Sides;
-use yoto_capture::{FrameImage, Shard};
+use yoto_capture::{CroppedFrames, FrameImage, Shard};
 use yoto_proto::correction::other_sides;
 use yoto_proto::pose_track::PoseTrack;
 
@@ -29,6 +29,10 @@ pub(super) struct TrainFrame {
     pub place: usize,
     pub pose: Pose,
     pub camera: Camera,
+}
+
+/// The picture of a frame.
+pub(super) struct Picture {
     pub image: FrameImage,
     /// Indices of the pixels that show the person.
     pub covered: Vec<u32>,
@@ -44,21 +48,22 @@ pub(super) struct TrainSubject {
     pub track: PoseTrack,
     /// The joints' other sides, if the body is symmetric.
     pub sides: Option<Sides>,
+    /// Pictures of all frames, in the order of the pose track.
+    film: CroppedFrames,
     pub frames: Vec<TrainFrame>,
     /// Frames for validation.
     pub held_out: Vec<TrainFrame>,
 }
 
 impl TrainSubject {
-    /// Prepares `person`: frames are resized to `image_size` (0: as stored), those of `validation`
-    /// are held out.
+    /// Prepares `person`: frames are resized and held out as `options` say.
     pub fn new(
         person: &Person,
         config: &ModelConfig,
-        image_size: u32,
-        validation: &Validation,
+        options: &TrainOptions,
         device: &Device,
     ) -> Result<Self, TrainError> {
+        let image_size = options.image_size;
         let skeleton_error = |source| TrainError::Skeleton {
             name: person.name.clone(),
             source,
@@ -75,15 +80,11 @@ impl TrainSubject {
             let camera = Camera::from_frame(frame, track.image_size)
                 .map_err(view)?
                 .scaled_to(image_size);
-            let image = person.shard.image(i).resized(image_size);
-            let covered = covered(&image);
-            let keep_out = validation.holds_out(i, frame.index);
+            let keep_out = options.validation.holds_out(i, frame.index);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
                 place: i,
                 pose,
                 camera,
-                image,
-                covered,
             });
         }
         if frames.is_empty() {
@@ -92,6 +93,12 @@ impl TrainSubject {
                 person.name
             )));
         }
+        let film = person.shard.cropped();
+        let film = film.resized(image_size, options.scratch.as_deref());
+        let film = film.map_err(|source| TrainError::Capture {
+            name: person.name.clone(),
+            source,
+        })?;
         let other = other_sides(&track.skeleton).ok();
         let sides = other.map(|other| Sides::new(other, &skeleton.parents));
         Ok(Self {
@@ -100,9 +107,28 @@ impl TrainSubject {
             sides,
             body: Body::new(skeleton, config, device),
             track: track.clone(),
+            film,
             frames,
             held_out,
         })
+    }
+
+    /// Width and height of the pictures, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        self.film.size().map(|side| side as usize)
+    }
+
+    /// The picture of `frame`.
+    pub fn picture(&self, frame: &TrainFrame) -> Picture {
+        let image = self.film.image(frame.place);
+        let covered = covered(&image);
+        Picture { image, covered }
+    }
+
+    /// Whether any pixel of `frame` has at least `coverage`.
+    pub fn shows(&self, frame: &TrainFrame, coverage: u8) -> bool {
+        let (_, _, mask) = self.film.crop(frame.place);
+        mask.iter().any(|pixel| *pixel >= coverage)
     }
 }
 

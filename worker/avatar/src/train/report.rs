@@ -93,6 +93,7 @@ impl Trainer {
             rollbacks: self.guard.rollbacks,
             goes_on: self.goes_on,
             own_only: self.own_only.clone(),
+            practice: self.practice.clone(),
             erased: self.erased.clone(),
             ..ModelState::new(
                 self.config.clone(),

@@ -2,7 +2,7 @@
 
 use super::checkpoint::{self, ModelState};
 use super::exposure;
-use super::frame_order::FrameOrder;
+use super::frame_order::{FrameOrder, Practice};
 use super::guard::{Guard, TrainState};
 use super::optimiser::optimiser;
 use super::options::TrainOptions;
@@ -121,18 +121,13 @@ impl Trainer {
         }
         let mut slots = saved.slots;
         state.occupancy.resize(slots.len(), None);
+        saved.practice.resize(slots.len(), Practice::default());
         state.poses.resize(slots.len(), None);
         state.exposures.resize(slots.len(), None);
         let mut subjects = Vec::with_capacity(people.len());
         let mut notes = Vec::new();
         for person in people {
-            let subject = TrainSubject::new(
-                person,
-                &saved.config,
-                options.image_size,
-                &options.validation,
-                &device,
-            )?;
+            let subject = TrainSubject::new(person, &saved.config, &options, &device)?;
             let known = state.occupancy[person.slot].take();
             state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
                 .map(|grid| grid.taught_by(known.as_ref()));
@@ -162,8 +157,7 @@ impl Trainer {
         // Patches are no larger than any frame.
         let patch_size = subjects
             .iter()
-            .flat_map(|subject| &subject.frames)
-            .map(|frame| frame.image.width.min(frame.image.height))
+            .flat_map(TrainSubject::size)
             .fold(saved.config.optimise.patch_size as usize, usize::min);
         let objective = PatchObjective::with_weights(
             options.lpips.as_ref(),
@@ -184,7 +178,7 @@ impl Trainer {
         };
         let counts: Vec<usize> = subjects.iter().map(|it| it.frames.len()).collect();
         Ok(Self {
-            order: FrameOrder::new(saved.seed, &counts),
+            order: FrameOrder::new(saved.config.sampling, saved.seed, &counts),
             options: TrainOptions {
                 seed: saved.seed,
                 ..options
@@ -202,6 +196,7 @@ impl Trainer {
             seconds: saved.train_seconds,
             opened: saved.progress,
             own_only: saved.own_only,
+            practice: saved.practice,
             erased: saved.erased,
             kept_tracks: Vec::new(),
             goes_on,

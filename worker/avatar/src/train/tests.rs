@@ -1,10 +1,10 @@
 //! Properties of training steps: decaying rates, a turn for every person, the person in most
 //! patches, gradients of a share of the samples.
 
-use super::batch::{Scene, outcome};
+use super::batch::{Batch, Scene, outcome};
 use super::options::{Budget, TrainOptions};
 use super::patches;
-use super::people::Person;
+use super::people::{Person, TrainFrame, TrainSubject};
 use super::trainer::Trainer;
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Schedule};
@@ -178,6 +178,27 @@ fn an_epoch_teaches_everybody() {
     }
 }
 
+/// Patches of `frame` in its given pose.
+fn draw(
+    subject: &TrainSubject,
+    frame: &TrainFrame,
+    count: usize,
+    size: usize,
+    rng: &mut ChaCha8Rng,
+) -> Batch {
+    let picture = subject.picture(frame);
+    let camera = &frame.camera;
+    patches::draw(
+        &picture,
+        camera,
+        &frame.pose,
+        &subject.body,
+        count,
+        size,
+        rng,
+    )
+}
+
 #[test]
 fn four_patches_in_five_are_centred_on_the_person() {
     let trainer = trainer(config(), 1, 1);
@@ -185,7 +206,7 @@ fn four_patches_in_five_are_centred_on_the_person() {
     let frame = &subject.frames[1];
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     // Patches of one pixel are their centres; pixels off the person have the background's colour.
-    let batch = patches::draw(frame, &frame.pose, &subject.body, 4000, 1, &mut rng);
+    let batch = draw(subject, frame, 4000, 1, &mut rng);
     let background = batch.background;
     let off = batch
         .truth
@@ -207,7 +228,7 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
         let subject = &trainer.subjects[0];
         let frame = &subject.frames[1];
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let batch = patches::draw(frame, &frame.pose, &subject.body, 2, 12, &mut rng);
+        let batch = draw(subject, frame, 2, 12, &mut rng);
         let avatar = Avatar::new(&config, 1, 24, 3, &device);
         let body = Body::new(subject.body.skeleton.clone(), &config, &device);
         let scene = Scene {

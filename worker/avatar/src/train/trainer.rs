@@ -2,7 +2,7 @@
 
 use super::batch::{Scene, outcome};
 use super::exposure::exposed;
-use super::frame_order::{FrameOrder, FramePlace};
+use super::frame_order::{FrameOrder, FramePlace, Practice};
 use super::guard::{Guard, TrainState, Verdict};
 use super::options::{Budget, TrainOptions};
 use super::patches;
@@ -36,6 +36,8 @@ pub struct Trainer {
     pub(super) slots: Vec<Option<Skeleton>>,
     /// Slots whose people changed nothing but their own parameters.
     pub(super) own_only: BTreeSet<usize>,
+    /// The steps with the person in each slot.
+    pub(super) practice: Vec<Practice>,
     /// Slots of people who were removed.
     pub(super) erased: BTreeSet<usize>,
     /// Refined pose tracks of people who do not take part: their slots and files.
@@ -110,14 +112,15 @@ impl Trainer {
     pub fn step(&mut self) -> Result<(), TrainError> {
         let start = Instant::now();
         let mut rng = step_stream(self.options.seed, self.step);
-        let place = self.order.place(self.step);
+        let place = self.next_place();
         self.fit_pose(place, &mut rng)?;
         self.place_again(place)?;
         let pose = self.pose(place);
-        match self.config.splats {
+        let loss = match self.config.splats {
             Some(_) => self.learn_from_picture(place, &pose)?,
             None => self.learn_from_patches(place, &pose, &mut rng)?,
-        }
+        };
+        self.practice[self.subjects[place.subject].slot].note(loss);
         self.step += 1;
         self.budget_steps += 1;
         let seconds = start.elapsed().as_secs_f64();
@@ -131,6 +134,13 @@ impl Trainer {
             self.guess_unseen()?;
         }
         Ok(())
+    }
+
+    /// The frame of the next step.
+    fn next_place(&mut self) -> FramePlace {
+        let slots = self.subjects.iter().map(|it| it.slot);
+        let practice: Vec<Practice> = slots.map(|slot| self.practice[slot]).collect();
+        self.order.place(self.step, &practice)
     }
 
     /// The frame at `place` in `pose`, and the state of the model.
@@ -147,31 +157,35 @@ impl Trainer {
         }
     }
 
-    /// Learns from the whole frame at `place`.
-    fn learn_from_picture(&mut self, place: FramePlace, pose: &Pose) -> Result<(), TrainError> {
+    /// Learns from the whole frame at `place`. Returns the loss, if the model changed by it.
+    fn learn_from_picture(
+        &mut self,
+        place: FramePlace,
+        pose: &Pose,
+    ) -> Result<Option<f64>, TrainError> {
         let frame = &self.subjects[place.subject].frames[place.frame];
         let scene = self.scene(place, pose);
         let picture = pictured(self.state.avatar(), &scene, &frame.camera);
         let picture = picture.ok_or(TrainError::NoLoss)?;
-        let exposure = self.fit_exposure(place, &picture)?;
-        let frame = &self.subjects[place.subject].frames[place.frame];
-        let (loss, terms) = compared(exposed(picture, &exposure), &frame.image, &self.config);
-        self.descend(scaled(loss, self.weight(place)), &terms)?;
-        Ok(())
+        let image = self.subjects[place.subject].picture(frame).image;
+        let exposure = self.fit_exposure(place, &image, &picture)?;
+        let (loss, terms) = compared(exposed(picture, &exposure), &image, &self.config);
+        self.descend(scaled(loss, self.weight(place)), &terms)
     }
 
-    /// Learns from patches of the frame at `place`, ray by ray.
+    /// Learns from patches of the frame at `place`, ray by ray. Returns the loss, if the model changed by it.
     fn learn_from_patches(
         &mut self,
         place: FramePlace,
         pose: &Pose,
         rng: &mut ChaCha8Rng,
-    ) -> Result<(), TrainError> {
+    ) -> Result<Option<f64>, TrainError> {
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         let batch = trace_span!("draw").in_scope(|| {
             patches::draw(
-                frame,
+                &subject.picture(frame),
+                &frame.camera,
                 pose,
                 &subject.body,
                 self.config.optimise.patches,
@@ -198,20 +212,21 @@ impl Trainer {
             self.progress.step,
         );
         self.progress.samples += counts;
-        if let Some(outcome) = outcome {
-            let loss = scaled(outcome.loss, self.weight(place));
-            let taken = self.descend(loss, &outcome.terms)?;
-            if let (true, Some(seen), Some(grid)) =
-                (taken, outcome.observations, &mut self.state.occupancy[slot])
-            {
-                grid.learn(&seen);
-            }
+        let Some(outcome) = outcome else {
+            return Ok(None);
+        };
+        let loss = scaled(outcome.loss, self.weight(place));
+        let taken = self.descend(loss, &outcome.terms)?;
+        if let (Some(_), Some(seen), Some(grid)) =
+            (taken, outcome.observations, &mut self.state.occupancy[slot])
+        {
+            grid.learn(&seen);
         }
-        Ok(())
+        Ok(taken)
     }
 
-    /// Updates the model, and returns whether the step was taken.
-    fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<bool, TrainError> {
+    /// Updates the model, and returns the loss if the step was taken.
+    fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<Option<f64>, TrainError> {
         // Read together, since each read waits for the device.
         let mut values = vec![loss.clone()];
         values.extend(terms.iter().map(|term| term.value.clone()));
@@ -248,7 +263,7 @@ impl Trainer {
                 });
             }
         }
-        Ok(verdict == Verdict::Taken)
+        Ok((verdict == Verdict::Taken).then_some(f64::from(value)))
     }
 }
 

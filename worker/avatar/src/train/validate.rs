@@ -72,13 +72,14 @@ impl Trainer {
                 })?;
                 let index = subject.track.frames[frame.place].index;
                 (self.exposure_near(subject.slot, index)).expose(&mut rendered);
-                let truth = unit(&frame.image.rgb);
+                let image = subject.picture(frame).image;
+                let truth = unit(&image.rgb);
                 psnr_sum += psnr(&rendered.rgb, &truth).min(EQUAL);
                 let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);
                 ssim_sum = ssim_sum.zip(similarity).map(|(sum, one)| sum + one);
                 images += 1;
                 let (width, height) = (rendered.width, rendered.height);
-                if let Some(region) = mask_box(&frame.image.mask, width, height) {
+                if let Some(region) = mask_box(&image.mask, width, height) {
                     box_sum += psnr_in_box(&rendered.rgb, &truth, width, &region).min(EQUAL);
                     boxes += 1;
                 }
@@ -87,7 +88,7 @@ impl Trainer {
                         slot: subject.slot,
                         width,
                         height,
-                        truth: frame.image.rgb.clone(),
+                        truth: image.rgb,
                         render: rendered.to_rgb8(),
                     });
                 }

@@ -185,6 +185,7 @@ fn masks_and_rates() {
             *group *= rate;
         }
         let options = TrainOptions {
+            scratch: None,
             refine_poses: None,
             exposure: None,
             leave_unseen: false,

@@ -175,6 +175,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
     on_vulkan(LIMIT, |vulkan| {
         let train = |device: &Device| {
             let options = TrainOptions {
+                scratch: None,
                 budget: Budget::Steps(3),
                 used_seconds: 0.0,
                 used_steps: 0,

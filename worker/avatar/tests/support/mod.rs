@@ -52,6 +52,7 @@ pub fn options(steps: u64) -> TrainOptions {
         used_steps: 0,
         seed: 11,
         image_size: 0,
+        scratch: None,
         validation: Validation::NONE,
         lpips: None,
     }

@@ -228,6 +228,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
         used_steps: 0,
         seed: options.seed,
         image_size: 0,
+        scratch: None,
         validation: Validation::NONE,
         lpips: options.lpips.clone(),
     }

@@ -33,7 +33,7 @@ impl People {
                 let protocol = Protocol::named(HELD_OUT)?;
                 captures::read_all(folders, size, protocol, screen)
             }
-            Self::Synthetic(count) => cast::varied(*count, size, CAST_SEED),
+            Self::Synthetic(count) => cast::varied(*count, &[cast::FRAMES], size, CAST_SEED),
         }
     }
 }

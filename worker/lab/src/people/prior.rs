@@ -30,26 +30,38 @@ pub struct PriorOptions {
     pub settings: Vec<Setting>,
     /// Longest side of the pictures, pixels.
     pub size: u32,
-    /// Seconds of both trainings.
-    pub seconds: f64,
+    /// Length of both trainings.
+    pub budget: Budget,
     /// Held-out pictures of each kind and person for each point of the curves.
     pub pictures: usize,
     /// Random seed.
     pub seed: u64,
 }
 
-/// Quality over the seconds of a training.
+/// Quality at some time of a training.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Steps so far.
+    pub steps: u64,
+    /// Seconds of them.
+    pub seconds: f64,
+    /// PSNR of held-out views, dB.
+    pub views: f64,
+    /// PSNR of held-out poses, dB.
+    pub poses: f64,
+}
+
+/// Quality over a training.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Start {
-    /// Seconds, held-out views and held-out poses, dB.
-    pub points: Vec<(f64, f64, f64)>,
+    /// At times that follow each other.
+    pub points: Vec<Point>,
 }
 
 impl Start {
-    /// Seconds until held-out views have `target` dB; `None` if they never do.
-    pub fn seconds_to(&self, target: f64) -> Option<f64> {
-        let reached = self.points.iter().find(|(_, views, _)| *views >= target);
-        reached.map(|(seconds, ..)| *seconds)
+    /// The first point at which held-out views have `target` dB; `None` if they never do.
+    pub fn reached(&self, target: f64) -> Option<&Point> {
+        self.points.iter().find(|point| point.views >= target)
     }
 }
 
@@ -90,7 +102,7 @@ pub fn run(options: &PriorOptions, screen: &dyn Screen) -> anyhow::Result<Prior>
     let start = |trunk: bool| -> anyhow::Result<Start> {
         let people = recordings.iter().enumerate();
         let people = people.map(|(slot, recording)| recording.person(slot));
-        let budget = plain(Budget::Seconds(options.seconds));
+        let budget = plain(options.budget);
         let mut trainer = Trainer::new(config.clone(), budget, people.collect(), &device)?;
         if trunk {
             trainer = trainer.with_trunk_of(folder.path())?;
@@ -108,7 +120,12 @@ pub fn run(options: &PriorOptions, screen: &dyn Screen) -> anyhow::Result<Prior>
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let score = |split| measure::subset(&examiner, &recordings, split, options.pictures);
             let (views, poses) = (score(Split::NovelView)?.psnr, score(Split::NovelPose)?.psnr);
-            start.points.push((progress.train_seconds, views, poses));
+            start.points.push(Point {
+                steps: progress.step,
+                seconds: progress.train_seconds,
+                views,
+                poses,
+            });
             display.progress(&shown(&progress, "training", Some(views)));
         }
         display.finish(&format!("{} steps", trainer.progress().step));

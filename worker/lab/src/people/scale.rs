@@ -1,7 +1,9 @@
 //! Models of more and more people at equal steps per person: what a step and a checkpoint cost, and how good
 //! everybody is.
 
-use super::{People, sheet};
+use super::{CAST_SEED, sheet};
+use crate::captures::Recording;
+use crate::cast;
 use crate::display::Screen;
 use crate::measure;
 use crate::memory;
@@ -12,7 +14,8 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Setting};
 use yoto_avatar::evaluate::{Examiner, Protocol};
-use yoto_avatar::train::{Budget, Trainer};
+use yoto_avatar::train::{Budget, TrainOptions, Trainer};
+use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 
 /// The file with the figures.
@@ -29,8 +32,12 @@ pub struct ScaleOptions {
     pub settings: Vec<Setting>,
     /// Side of the pictures, pixels.
     pub size: u32,
+    /// Frames of the people's films, in turn.
+    pub frames: Vec<usize>,
     /// Steps for each person.
     pub steps: u64,
+    /// Whether everybody is also trained in a model of their own.
+    pub separate: bool,
     /// Held-out pictures of each kind and person that are measured.
     pub pictures: usize,
     /// Random seed of the training.
@@ -59,9 +66,17 @@ pub struct Row {
     pub subjects: Vec<SubjectScore>,
     /// Means over the people.
     pub mean: SplitScores,
+    /// Figures of each person in a model of their own, with as many steps; empty if there are none.
+    #[serde(default)]
+    pub alone: Vec<SubjectScore>,
 }
 
 impl Row {
+    /// Means over the people in models of their own, if there are any.
+    pub fn mean_alone(&self) -> Option<SplitScores> {
+        (!self.alone.is_empty()).then(|| SplitScores::mean(&self.alone))
+    }
+
     /// Mean PSNR of the person who has the lowest, views and poses, dB.
     pub fn worst(&self) -> (f64, f64) {
         let lowest = |of: fn(&SplitScores) -> f64| {
@@ -85,53 +100,45 @@ pub fn run(
     mut on_row: impl FnMut(&Row),
 ) -> anyhow::Result<Vec<Row>> {
     let config = ModelConfig::named(&options.tier, "yoto")?.with(&options.settings)?;
-    let device = pick_device(screen).device;
+    let picked = pick_device(screen);
     std::fs::create_dir_all(&options.out)
         .with_context(|| format!("making the folder {}", options.out.display()))?;
     let mut rows = Vec::new();
     for &count in &options.people {
-        let recordings = People::Synthetic(count).record(options.size, screen)?;
-        let people = recordings.iter().enumerate();
-        let people = people.map(|(slot, recording)| recording.person(slot));
+        let recordings = cast::varied(count, &options.frames, options.size, CAST_SEED)?;
+        let lesson = Lesson {
+            options,
+            config: &config,
+            picked: &picked,
+            screen,
+        };
         // Without the count, only the peak is unknown.
         let is_counted = memory::reset_peak().is_ok();
-        let budget = Budget::Steps(options.steps * count as u64);
-        let train_options = training::options(budget, options.size, options.seed, None);
-        let mut trainer = Trainer::new(config.clone(), train_options, people.collect(), &device)?;
-        let mut display = screen.begin(&format!("{count} people"));
-        to_the_end(&mut trainer, display.as_mut())?;
+        let trainer = lesson.train(&recordings)?;
         let peak_bytes = memory::peak().filter(|_| is_counted);
+        let subjects = lesson.measure(&trainer, &recordings)?;
+        let sheet = options.out.join(format!("people-{count}.png"));
+        sheet::write(&sheet, &trainer.renderer(), &recordings)?;
         let progress = trainer.progress();
-        display.finish(&format!("{} steps", progress.step));
-        let protocol = Protocol::named(HELD_OUT)?;
-        let examiner = Examiner::new(trainer.renderer(), protocol, None);
-        let mut display = screen.begin("evaluating");
-        let mut subjects = Vec::new();
-        for (slot, recording) in recordings.iter().enumerate() {
-            let pictures = options.pictures;
-            subjects.push(measure::subject(
-                &examiner,
-                slot,
-                recording,
-                pictures,
-                display.as_mut(),
-            )?);
+        let checkpoint_bytes = checkpoint_bytes(&trainer)?;
+        let parameters = trainer.parameters();
+        drop(trainer);
+        let mut alone = Vec::new();
+        if options.separate {
+            for recording in recordings.chunks(1) {
+                alone.extend(lesson.measure(&lesson.train(recording)?, recording)?);
+            }
         }
-        display.finish(&format!("{count} people"));
-        sheet::write(
-            &options.out.join(format!("people-{count}.png")),
-            &trainer.renderer(),
-            &recordings,
-        )?;
         let row = Row {
             people: count,
             steps: progress.step,
             step_ms: 1e3 * progress.train_seconds / progress.step.max(1) as f64,
             peak_bytes,
-            checkpoint_bytes: checkpoint_bytes(&trainer)?,
-            parameters: trainer.parameters(),
+            checkpoint_bytes,
+            parameters,
             mean: SplitScores::mean(&subjects),
             subjects,
+            alone,
         };
         on_row(&row);
         rows.push(row);
@@ -140,4 +147,51 @@ pub fn run(
         std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
     }
     Ok(rows)
+}
+
+/// How all models are trained and measured.
+struct Lesson<'a> {
+    options: &'a ScaleOptions,
+    config: &'a ModelConfig,
+    picked: &'a PickedDevice,
+    screen: &'a dyn Screen,
+}
+
+impl Lesson<'_> {
+    /// A model of everybody in `recordings`, after the same number of steps for each.
+    fn train(&self, recordings: &[Recording]) -> anyhow::Result<Trainer> {
+        let options = self.options;
+        let people = recordings.iter().enumerate();
+        let people = people.map(|(slot, recording)| recording.person(slot));
+        let budget = Budget::Steps(options.steps * recordings.len() as u64);
+        let train_options = TrainOptions {
+            scratch: Some(options.out.clone()),
+            ..training::options(budget, options.size, options.seed, None)
+        };
+        let (config, people) = (self.config.clone(), people.collect());
+        let mut trainer = Trainer::new(config, train_options, people, &self.picked.device)?;
+        let mut display = self.screen.begin(&format!("{} people", recordings.len()));
+        to_the_end(&mut trainer, display.as_mut())?;
+        display.finish(&format!("{} steps", trainer.progress().step));
+        Ok(trainer)
+    }
+
+    /// Figures of everybody in `recordings`.
+    fn measure(
+        &self,
+        trainer: &Trainer,
+        recordings: &[Recording],
+    ) -> anyhow::Result<Vec<SubjectScore>> {
+        let protocol = Protocol::named(HELD_OUT)?;
+        let examiner = Examiner::new(trainer.renderer(), protocol, None);
+        let mut display = self.screen.begin("evaluating");
+        let mut subjects = Vec::new();
+        for (slot, recording) in recordings.iter().enumerate() {
+            let pictures = self.options.pictures;
+            let score = measure::subject(&examiner, slot, recording, pictures, display.as_mut())?;
+            subjects.push(score);
+        }
+        display.finish(&format!("{} people", recordings.len()));
+        Ok(subjects)
+    }
 }

@@ -1,6 +1,8 @@
 //! The checked request of a train job, and the people it trains on.
 
 use crate::jobs::{JobContext, JobFailure, shard};
+use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -77,13 +79,14 @@ impl Plan {
     }
 
     /// The options of a training that goes on after `before`, whose budget counts when the
-    /// same job spent it. Without a budget it has `run` steps.
+    /// same job spent it. Without a budget it has `run` steps. Films are in the folder `scratch`.
     pub(super) fn options(
         &self,
         job: &str,
         before: Option<&Manifest>,
         run: u64,
         lpips: Option<LpipsWeights>,
+        scratch: &Path,
     ) -> TrainOptions {
         let own = before.filter(|manifest| manifest.job == job);
         TrainOptions {
@@ -95,6 +98,7 @@ impl Plan {
             learn: self.learn,
             seed: self.spec.seed,
             image_size: self.image_size,
+            scratch: Some(scratch.to_owned()),
             validation: Validation::Every(HOLDOUT_EVERY),
             refine_poses: match self.spec.refine_poses() {
                 PoseRefinement::Unspecified => None,
@@ -126,10 +130,13 @@ impl Plan {
             context.check()?;
             context.report_pieces("loading", done, self.slots.len());
             let (name, shard) = shard::fetch(context, inputs, &slot.subject)?;
+            let shard = Arc::unwrap_or_clone(shard).kept_in(&context.scratch);
+            let shard =
+                shard.map_err(|error| JobFailure::machine("the film of a person", &error))?;
             people.push(Person {
                 slot: slot.slot as usize,
                 name,
-                shard,
+                shard: Arc::new(shard),
             });
         }
         Ok(people)
@@ -191,20 +198,22 @@ mod tests {
             objects: Vec::new(),
         };
         let used = |job, before| {
-            let options = plan.options(job, before, 5000, None);
+            let options = plan.options(job, before, 5000, None, Path::new("scratch"));
             (options.used_seconds, options.used_steps)
         };
         assert_eq!(used("jobs/a", Some(&before)), (20.0, 300));
         assert_eq!(used("jobs/b", Some(&before)), (0.0, 0));
         assert_eq!(used("jobs/a", None), (0.0, 0));
         assert_eq!(
-            plan.options("jobs/a", None, 5000, None).budget,
+            plan.options("jobs/a", None, 5000, None, Path::new("scratch"))
+                .budget,
             Budget::Seconds(60.0)
         );
         let spec = TrainSpec::default();
         let plan = Plan::new(&spec, &inputs).expect("no budget is valid");
         assert_eq!(
-            plan.options("jobs/a", None, 5000, None).budget,
+            plan.options("jobs/a", None, 5000, None, Path::new("scratch"))
+                .budget,
             Budget::Steps(5000)
         );
     }

@@ -9,6 +9,7 @@ use crate::render::FrameExposure;
 use crate::render::frame::read;
 use burn::tensor::Tensor;
 use tracing::trace_span;
+use yoto_capture::FrameImage;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Exposures of the film with `track`, which go on from those `known`; none where they are not learned.
@@ -43,11 +44,12 @@ pub(in crate::train) fn exposed(picture: Tensor<2>, exposure: &FrameExposure) ->
 }
 
 impl Trainer {
-    /// Fits the exposure of the frame at `place` to the model's `picture` of it, `[H W, 4]`, and returns the one
-    /// to compare them in.
+    /// Fits the exposure of the frame at `place`, which shows `image`, to the model's `picture` of it, `[H W, 4]`,
+    /// and returns the one to compare them in.
     pub(in crate::train) fn fit_exposure(
         &mut self,
         place: FramePlace,
+        image: &FrameImage,
         picture: &Tensor<2>,
     ) -> Result<FrameExposure, TrainError> {
         let opened = self.opened();
@@ -61,7 +63,7 @@ impl Trainer {
         if opened >= config.start && film.heeded != Some(false) {
             let _span = trace_span!("exposure").entered();
             let picture = read(picture.clone().detach())?;
-            if let Some(found) = fit::exposure(&picture, &frame.image, config) {
+            if let Some(found) = fit::exposure(&picture, image, config) {
                 film.take(frame.place, &found, config.share);
             }
             if let Some(spread) = film.decide(config, opened, subject.frames.len()) {

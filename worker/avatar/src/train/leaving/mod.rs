@@ -12,6 +12,7 @@ pub use certificate::{Certificate, Removed, Trunk};
 pub use residue::{Finding, Residue};
 
 use super::checkpoint::{ModelState, save_state};
+use super::frame_order::Practice;
 use super::{TrainError, exposure, refinement_file};
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -116,6 +117,9 @@ fn written(
     }
     state.slots[slot] = None;
     state.own_only.remove(&slot);
+    if let Some(practice) = state.practice.get_mut(slot) {
+        *practice = Practice::default();
+    }
     state.erased.insert(slot);
     save_state(to, state)?;
     match residue.search(to)?.into_iter().next() {

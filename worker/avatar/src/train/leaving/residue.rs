@@ -155,6 +155,12 @@ impl Residue {
             .filter_map(|(_, skeleton)| skeleton.as_ref())
             .flat_map(texts)
             .collect();
+        let practice = state.practice.get(slot);
+        if let Some(loss) = practice.and_then(|practice| practice.loss)
+            && let Ok(text) = serde_json::to_string(&loss)
+        {
+            self.add("the loss".to_owned(), text.into_bytes());
+        }
         if let Some(Some(skeleton)) = state.slots.get(slot) {
             for text in texts(skeleton).difference(&others) {
                 self.add(format!("the measure {text}"), text.clone().into_bytes());

@@ -44,7 +44,8 @@ impl Trainer {
             let sight = sight(&subject.body.skeleton, &pose, &frame.camera);
             let probe = Probe::new(splats.numbers(), &sight);
             let mut here = vec![0f32; probe.splats()];
-            let parts = frame.covered.par_iter();
+            let covered = subject.picture(frame).covered;
+            let parts = covered.par_iter();
             let parts: Vec<_> = parts.map(|pixel| probe.parts(*pixel as usize)).collect();
             let facing = facing(&splats.numbers(), &sight);
             for (splat, part) in parts.into_iter().flatten() {

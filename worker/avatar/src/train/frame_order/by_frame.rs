@@ -1,20 +1,12 @@
-//! The order of frames: epochs of shuffled frames, as in HumanNeRF's data loader. Each epoch has
-//! every frame of every person once.
+//! Epochs of shuffled frames, as in HumanNeRF's data loader: each has every frame of every person once.
 
+use super::FramePlace;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-/// A frame of a person, as indices into the trainer's lists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct FramePlace {
-    pub subject: usize,
-    pub frame: usize,
-}
-
-/// The order of all frames, different in each epoch. It depends only on the seed and the number of
-/// the step, so that a resumed training has the same order as an uninterrupted one.
-pub(super) struct FrameOrder {
+/// The order of all frames, different in each epoch.
+pub struct ByFrame {
     seed: u64,
     epoch: u64,
     /// In the order of the current epoch; never empty.
@@ -23,11 +15,8 @@ pub(super) struct FrameOrder {
     sorted: Vec<FramePlace>,
 }
 
-impl FrameOrder {
+impl ByFrame {
     /// The order for subjects with `counts[i]` frames.
-    ///
-    /// # Panics
-    /// In [`Self::place`], if there are no frames.
     pub fn new(seed: u64, counts: &[usize]) -> Self {
         let sorted: Vec<FramePlace> = (0..)
             .zip(counts)
@@ -46,6 +35,9 @@ impl FrameOrder {
     }
 
     /// The frame of a step.
+    ///
+    /// # Panics
+    /// If there are no frames.
     pub fn place(&mut self, step: u64) -> FramePlace {
         let frames = self.sorted.len() as u64;
         let epoch = step / frames;
@@ -71,7 +63,7 @@ mod tests {
 
     #[test]
     fn an_epoch_shows_every_frame_of_everybody_once() {
-        let mut order = FrameOrder::new(3, &[5, 1, 4]);
+        let mut order = ByFrame::new(3, &[5, 1, 4]);
         let mut epoch = |first: u64| -> Vec<FramePlace> {
             (first..first + 10).map(|step| order.place(step)).collect()
         };
@@ -88,7 +80,7 @@ mod tests {
         }
         assert_ne!(one, two, "each epoch has an order of its own");
         assert_eq!(epoch(0), one, "which depends only on the step");
-        let other = FrameOrder::new(4, &[5, 1, 4]).places;
+        let other = ByFrame::new(4, &[5, 1, 4]).places;
         assert_ne!(other, one, "and the seed");
     }
 }
