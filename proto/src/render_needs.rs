@@ -51,6 +51,9 @@ pub fn needs(render: &RenderSpec) -> Vec<Need<'_>> {
     }
     found.insert(0, own);
     found.extend((render.between.iter()).map(|it| shown("between.subject".into(), &it.subject)));
+    if !render.bones.is_empty() {
+        found.push(shown("bones".into(), &render.bones));
+    }
     found.extend(lighting("light.subject".into(), render.light.as_ref()));
     found
 }

@@ -156,6 +156,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         };
         let orbit = shots
             .render(Shot {
+                between: None,
                 label: "orbit".into(),
                 subject: &subject,
                 what: render_spec::What::Orbit(Orbit {
@@ -170,6 +171,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let (clip, fps) = motion::clip(options.motion.as_ref(), options.size)?;
         let moved = shots
             .render(Shot {
+                between: None,
                 label: "motion".into(),
                 subject: &subject,
                 what: render_spec::What::Clip(clip),

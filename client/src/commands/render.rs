@@ -78,9 +78,12 @@ pub(super) struct Render {
     )]
     subject: Option<String>,
     /// In place of a person somebody between two of the model: A,B:0.3 is mostly A; A,B:0..1:10 shows ten of
-    /// them, from A to B. Only tiers with a field know any.
+    /// them, from A to B.
     #[arg(long, value_name = "A,B:SHARE", conflicts_with_all = ["scene", "turntable", "compare", "light"])]
     between: Option<BetweenTwo>,
+    /// Show the person on the bones of this one, by name: as tall, with limbs as long.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scene", "between", "turntable", "compare"])]
+    bones: Option<String>,
     /// Render this frame of the person's own capture from all around.
     #[arg(long, value_name = "FRAME")]
     orbit: Option<u32>,
@@ -197,6 +200,10 @@ impl Render {
             }),
             None => None,
         };
+        let bones = match &self.bones {
+            Some(name) => client.find_subject(name).await?.name,
+            None => String::new(),
+        };
         let subject = match self.person() {
             // A turntable is a scene.
             Some(_) if scene.is_some() => None,
@@ -208,6 +215,7 @@ impl Render {
             .map(|step| names::checkpoint(&model.name, step));
         let mut spec = RenderSpec {
             checkpoint: checkpoint.unwrap_or_default(),
+            bones,
             model: model.name,
             subject: subject
                 .as_ref()

@@ -71,6 +71,10 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
             options.out.join("motion-transfer.png"),
             "the same, moving; open in a browser",
         ));
+        files.push((
+            sheet::between(&options.out),
+            "from person 1 to person 2 in ten steps",
+        ));
     }
     files.push((
         options.out.join("*.html"),
@@ -159,8 +163,10 @@ async fn drive(
         ([driver, ..], [moves, wears, ..]) => {
             let pictures = studio.motion_transfer(moves, wears).await?;
             sheet::write_motion(&options.out, driver, &pictures)?;
+            let pictures = studio.between(moves, wears).await?;
+            sheet::write_between(&options.out, pictures)?;
         }
-        _ => tell!("motion transfer needs two people; with one it is left out"),
+        _ => tell!("motion transfer and mixtures need two people; with one they are left out"),
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
 

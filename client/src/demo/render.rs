@@ -6,7 +6,9 @@ use anyhow::ensure;
 use image::RgbImage;
 use std::path::{Path, PathBuf};
 use yoto_lab::pictures;
-use yoto_proto::v1::{BodyPose, MotionTransfer, Orbit, Subject, View, ViewList, render_spec};
+use yoto_proto::v1::{
+    Between, BodyPose, MotionTransfer, Orbit, Subject, View, ViewList, render_spec,
+};
 
 /// Views of an orbit.
 const ORBIT_VIEWS: u32 = 24;
@@ -16,6 +18,8 @@ const ORBIT_MOMENT: f64 = 0.4;
 /// The motion that is transferred: every other frame of the whole video.
 pub(super) const MOTION_STEP: u32 = 2;
 const MOTION_FRAMES: u32 = 30;
+/// People between two, both included.
+const STEPS_BETWEEN: u32 = 10;
 /// Frames per second of animations: the orbit goes around in two seconds.
 const FPS: f32 = 12.0;
 
@@ -56,6 +60,7 @@ impl Studio<'_> {
                 label: format!("{}, held out", actor.name),
                 subject,
                 what,
+                between: None,
                 folder,
                 animation: None,
             })
@@ -90,6 +95,7 @@ impl Studio<'_> {
                 label: format!("{}, orbit", actor.name),
                 subject,
                 what,
+                between: None,
                 folder: self.out.join(&stem),
                 animation: Some((animation, FPS)),
             })
@@ -118,8 +124,41 @@ impl Studio<'_> {
                 label: format!("{} moves {}", moves.display_name, wears.display_name),
                 subject: wears,
                 what,
+                between: None,
                 folder: self.out.join("motion-transfer"),
                 animation: Some((animation, FPS)),
+            })
+            .await?;
+        read_all(&finished.frames)
+    }
+}
+
+impl Studio<'_> {
+    /// Renders [`STEPS_BETWEEN`] people between two, from one to the other, all in one pose of the first.
+    pub(super) async fn between(
+        &self,
+        one: &Subject,
+        other: &Subject,
+    ) -> anyhow::Result<Vec<RgbImage>> {
+        let what = render_spec::What::Orbit(Orbit {
+            frame: 0,
+            views: 1,
+            size: self.size,
+        });
+        let last = (STEPS_BETWEEN - 1) as f32;
+        let shares = (0..STEPS_BETWEEN).map(|step| step as f32 / last).collect();
+        let finished = self
+            .shots
+            .render(Shot {
+                label: format!("from {} to {}", one.display_name, other.display_name),
+                subject: one,
+                what,
+                between: Some(Between {
+                    subject: other.name.clone(),
+                    shares,
+                }),
+                folder: self.out.join("between"),
+                animation: None,
             })
             .await?;
         read_all(&finished.frames)

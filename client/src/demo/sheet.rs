@@ -69,6 +69,17 @@ pub(super) fn write_motion(out: &Path, driver: &Actor, renders: &[RgbImage]) -> 
     Ok(())
 }
 
+/// Path of the strip of people between two.
+pub(super) fn between(out: &Path) -> PathBuf {
+    out.join("between.png")
+}
+
+/// Writes that strip.
+pub(super) fn write_between(out: &Path, renders: Vec<RgbImage>) -> anyhow::Result<()> {
+    pictures::write(&between(out), &sheet(&[vec![renders]]))?;
+    Ok(())
+}
+
 /// Truth and render of each view, side by side.
 fn pairs(
     views: &[HeldOut],

@@ -4,7 +4,7 @@ use crate::api::YotoClient;
 use crate::progress::ProgressDisplay;
 use anyhow::{Context, bail};
 use std::path::{Path, PathBuf};
-use yoto_proto::v1::{Job, Model, RenderSpec, Subject, job_result, render_spec};
+use yoto_proto::v1::{Between, Job, Model, RenderSpec, Subject, job_result, render_spec};
 
 /// Name of a render job's animation.
 const ANIMATION: &str = "animation.png";
@@ -25,6 +25,8 @@ pub struct Shot<'a> {
     pub label: String,
     /// The person.
     pub subject: &'a Subject,
+    /// Mixtures of the person and another one, in place of the person.
+    pub between: Option<Between>,
     /// The views.
     pub what: render_spec::What,
     /// Folder for the pictures.
@@ -54,6 +56,7 @@ impl Shots<'_> {
             model: self.model.name.clone(),
             subject: shot.subject.name.clone(),
             what: Some(shot.what),
+            between: shot.between,
             animate: shot.animation.is_some(),
             fps: shot.animation.as_ref().map_or(0.0, |(_, fps)| *fps),
             ..RenderSpec::default()

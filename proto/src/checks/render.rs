@@ -27,6 +27,13 @@ pub fn faults(render: &RenderSpec) -> Vec<Fault> {
     if let Some(between) = &render.between {
         check_between(&mut found, render, between);
     }
+    if !render.bones.is_empty() {
+        let alone = !matches!(render.what, Some(What::Scene(_))) && !render.compare;
+        found.unless(alone && render.between.is_none(), "bones", || {
+            "not in scenes, not between two people, and nobody has filmed them to compare with"
+                .into()
+        });
+    }
     match &render.what {
         Some(what) => check_pictures(&mut found, render, what),
         None => found.add("what", "views, an orbit, a motion or a scene is needed"),

@@ -77,6 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     write(&out.join("first.png"), &renderer.render(&view(0, pose))?)?;
     write(&out.join("second.png"), &renderer.render(&view(1, pose))?)?;
     let (renderer, halfway) = renderer.with_blend(0, 1, 0.5)?;
+    let halfway = halfway[0];
     write(
         &out.join("halfway.png"),
         &renderer.render(&view(halfway, pose))?,

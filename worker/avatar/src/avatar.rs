@@ -353,12 +353,22 @@ impl Avatar {
         }
     }
 
-    /// Appends an identity that is the mixture of two others.
+    /// Appends an identity that is the mixture of two others; of splats, it has those of the first.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.codes);
         self.motion.append(blend);
         if let Some(field) = &mut self.canonical {
             field.append(blend);
+        }
+        if let Some(splats) = self.splats.get(blend.from) {
+            self.splats.push(splats.clone());
+        }
+    }
+
+    /// Multiplies the opacity of the splats of the identity in `slot`.
+    pub(crate) fn fade(&mut self, slot: usize, share: f32) {
+        if let Some(splats) = self.splats.get_mut(slot) {
+            splats.fade(share);
         }
     }
 

@@ -31,16 +31,21 @@ fn trainer(slots: &[usize], steps: u64) -> Trainer {
     Trainer::new(config(), options(steps), people, &Device::flex()).expect("starts")
 }
 
-/// Frame `place` of a person's capture, as the renderer sees it.
-fn shown(renderer: &Renderer, person: &Person, place: usize) -> Rendered {
+/// Frame `place` of a person's capture, with the identity in `slot`.
+fn view_of(person: &Person, slot: usize, place: usize) -> RenderView {
     let track = &person.shard.track;
     let frame = &track.frames[place];
-    let view = RenderView {
-        slot: person.slot,
+    RenderView {
+        slot,
         pose: Pose::from_frame(frame).expect("a pose"),
         camera: Camera::from_frame(frame, track.image_size).expect("a camera"),
         background: [0.0; 3],
-    };
+    }
+}
+
+/// Frame `place` of a person's capture, as the renderer sees it.
+fn shown(renderer: &Renderer, person: &Person, place: usize) -> Rendered {
+    let view = view_of(person, person.slot, place);
     renderer.render(&view).expect("renders")
 }
 
@@ -221,13 +226,85 @@ fn somebody_new_starts_from_their_own_hull_and_leaves_the_others_splats_alone() 
     assert!(mean_psnr(&joined.renderer(), &both[1]) > 15.0);
 }
 
+/// Splats of two people do not correspond: somebody between them is both, on the same bones.
+#[test]
+fn somebody_between_two_people_of_splats_is_both() {
+    let trainer = trainer(&[0, 1], 6);
+    let renderer = || trainer.renderer();
+    let people = people(&[0, 1], 12, SIZE);
+    let picture = |renderer: &Renderer, slots: &[usize]| {
+        let mut view = SceneView::from(view_of(&people[0], 0, 0));
+        let actor = view.actors.remove(0);
+        let actors = slots.iter().map(|slot| Actor {
+            slot: *slot,
+            ..actor.clone()
+        });
+        view.actors.extend(actors);
+        renderer
+            .render_scene(&view, &mut |_| true)
+            .expect("renders")
+    };
+    let (none, slots) = renderer().with_blend(0, 1, 0.0).expect("blends");
+    assert_eq!(slots.len(), 1);
+    let own = picture(&none, &[0]);
+    assert_eq!(
+        picture(&none, &slots).rgb,
+        own.rgb,
+        "a share of 0 is the first one"
+    );
+    let (half, slots) = renderer().with_blend(0, 1, 0.5).expect("blends");
+    assert_eq!(slots.len(), 2);
+    let both = picture(&half, &slots);
+    let alone = picture(&half, &slots[..1]);
+    let sum = |alpha: &[f32]| alpha.iter().sum::<f32>();
+    assert!(
+        sum(&alone.alpha) < 0.95 * sum(&both.alpha),
+        "each is half as opaque"
+    );
+    assert!(both.rgb != own.rgb);
+    assert!(renderer().with_blend(0, 1, 1.5).is_err());
+    assert!(renderer().with_blend(0, 2, 0.5).is_err());
+}
+
+#[test]
+fn a_person_on_shorter_bones_is_shorter() {
+    let trainer = trainer(&[0, 1], 6);
+    let renderer = trainer.renderer();
+    let person = &people(&[0], 12, SIZE)[0];
+    let own = renderer.skeleton(0).expect("a skeleton").clone();
+    let mut shorter = own.clone();
+    for value in shorter.rest.iter_mut().flatten() {
+        *value *= 0.75;
+    }
+    let (renderer, same) = renderer.with_bones(0, &own).expect("fits");
+    let (renderer, short) = renderer.with_bones(0, &shorter).expect("fits");
+    let at = |slot| renderer.render(&view_of(person, slot, 0)).expect("renders");
+    assert_eq!(
+        at(same).rgb,
+        at(0).rgb,
+        "on their own bones nothing changes"
+    );
+    let rows = |slot| {
+        let alpha = at(slot).alpha;
+        let rows = alpha.chunks_exact(SIZE as usize);
+        rows.filter(|row| row.iter().any(|a| *a > 0.5)).count() as f64
+    };
+    // What is around the bones, as the head, is as large as before.
+    let ratio = rows(short) / rows(0);
+    assert!((0.7..0.9).contains(&ratio), "{ratio}");
+
+    let mut fewer = own;
+    fewer.rest.pop();
+    fewer.parents.pop();
+    fewer.names.pop();
+    let error = renderer.with_bones(0, &fewer).err().expect("refused");
+    let error = error.to_string();
+    assert!(error.contains("23 joints, the person has 24"), "{error}");
+}
+
 #[test]
 fn what_splats_can_not_do_is_refused_by_name() {
     let trainer = trainer(&[0, 1], 1);
-    let error = trainer.renderer().with_blend(0, 1, 0.5);
-    let error = error.err().expect("refused").to_string();
-    assert!(error.contains("between two people of splats"), "{error}");
-
     let person = &people(&[0], 12, SIZE)[0];
     // Splats have one kind of numerics.
     let sound = shown(&trainer.renderer(), person, 0);

@@ -23,6 +23,7 @@ use crate::media::{
     animation::{Animation, MAX_FPS},
     picture,
 };
+use between::Made;
 use cast::{Cast, bearings};
 use committed::Committed;
 use layers::Shown;
@@ -56,12 +57,14 @@ pub fn run(
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
-    let mut mixed = Vec::new();
+    let mut made = Vec::new();
     if let Some(between) = &spec.between {
-        (renderer, mixed) = between::add(renderer, &request, between)?;
+        (renderer, made) = between::add(renderer, &request, between)?;
+    } else if !spec.bones.is_empty() {
+        (renderer, made) = between::on_bones(renderer, &request, &spec.bones)?;
     }
     let cast = Cast::new(context, &request, &renderer, &found, inputs);
-    let film = expand(&cast, &mixed)?;
+    let film = expand(&cast, &made)?;
     let promise = match &spec.quality {
         Some(quality) => {
             Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?
@@ -100,12 +103,12 @@ struct Film {
     fps: f32,
 }
 
-/// What the request asks to see.
-fn expand(cast: &Cast<'_>, mixed: &[usize]) -> Result<Film, JobFailure> {
+/// What the request asks to see, with those who were `made` for it in place of its subject.
+fn expand(cast: &Cast<'_>, made: &[Made]) -> Result<Film, JobFailure> {
     match cast.request.what {
         What::Scene(scene) => scene::film(cast, scene),
-        what if cast.request.spec.between.is_some() => between::film(cast, what, mixed),
-        what => of_one(cast, what, None),
+        what if made.is_empty() => of_one(cast, what, None),
+        what => between::film(cast, what, made),
     }
 }
 

@@ -5,8 +5,8 @@ use crate::init::Initial;
 use crate::ops::splat::light::LIGHTS;
 use crate::render::RenderError;
 use crate::render::frame::read;
-use burn::module::{Module, Param};
-use burn::tensor::Tensor;
+use burn::module::{Module, Param, ParamId};
+use burn::tensor::{Tensor, activation};
 
 /// Parameters of one person's splats ([`crate::ops::splat::Splats`] has their meaning).
 #[derive(Module, Debug)]
@@ -73,6 +73,15 @@ impl Splats {
         let opacities = read(self.opacities.val().detach())?;
         // Hidden ones never learn, so that they keep theirs exactly.
         Ok(opacities.iter().all(|logit| *logit != HIDDEN))
+    }
+
+    /// Multiplies the opacities by `share`, above 0 and at most 1.
+    pub(crate) fn fade(&mut self, share: f32) {
+        let opacity = activation::sigmoid(self.opacities.val()) * share;
+        // Of an opacity of 1 there is no logit in f32.
+        let clear = (-opacity.clone() + 1.0).clamp_min(f32::EPSILON);
+        let logit = (opacity / clear).log();
+        self.opacities = Param::initialized(ParamId::new(), logit);
     }
 
     /// Replaces the colours `[N, 3]`.

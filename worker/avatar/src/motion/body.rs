@@ -5,7 +5,7 @@ use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
 use crate::ops::hash::HashGrid;
 use crate::ops::warp::WarpGrid;
 use burn::tensor::{Device, Tensor, TensorData};
-use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// Smallest prior weight: the logarithm of 0 is −∞, and a softmax of it has no gradient.
 const MIN_PRIOR: f32 = 1e-12;
@@ -13,8 +13,11 @@ const MIN_PRIOR: f32 = 1e-12;
 /// One identity's body.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Joint tree with rest positions.
+    /// Joint tree with the rest positions that poses move: the person's own, or those of the body that wears
+    /// them.
     pub skeleton: Skeleton,
+    /// Rest positions of the person's own joints, metres, in the canonical box.
+    pub rest: Vec<Vec3>,
     /// Box of the motion weights.
     pub grid: WarpGrid,
     /// Hash grid over the same box, if the encoding is one. Where entries are shared, this is the
@@ -47,11 +50,21 @@ impl Body {
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
         let hash = hash_grid(&config.canonical.encoding, &grid);
         Self {
+            rest: skeleton.rest.clone(),
             skeleton,
             grid,
             hash,
             log_prior,
         }
+    }
+}
+
+impl Body {
+    /// This body on the bones of another skeleton with as many joints: bones are as long and stand as far
+    /// apart as the other's, and what is around each is this person's.
+    pub fn on_bones_of(mut self, skeleton: Skeleton) -> Self {
+        self.skeleton = skeleton;
+        self
     }
 }
 

@@ -49,7 +49,7 @@ pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
 pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
     let globals = body.skeleton.global_transforms(&pose.unrooted());
     let mut values = Vec::with_capacity(globals.len() * 12);
-    for (g, rest) in globals.iter().zip(&body.skeleton.rest) {
+    for (g, rest) in globals.iter().zip(&body.rest) {
         for a in 0..3 {
             // Row a of Rᵀ, and −Rᵀ t + rest.
             let shift: f64 = (0..3).map(|c| g[c][a] * g[c][3]).sum();
@@ -139,13 +139,7 @@ pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
         place[joint] = at as i64;
     }
     let place = Tensor::<1, Int>::from_data(place.as_slice(), &device);
-    let rest: Vec<f32> = body
-        .skeleton
-        .rest
-        .iter()
-        .flatten()
-        .map(|&v| v as f32)
-        .collect();
+    let rest: Vec<f32> = body.rest.iter().flatten().map(|&v| v as f32).collect();
     let rest = Tensor::<3>::from_data(TensorData::new(rest, [joints, 3, 1]), &device);
     let rotation = Tensor::cat(all_rotations, 0).select(0, place.clone());
     let shift = Tensor::cat(all_shifts, 0).select(0, place) + rest;

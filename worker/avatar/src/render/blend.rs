@@ -1,35 +1,79 @@
-//! Rendering somebody between two identities of a model.
+//! Rendering somebody between two identities of a model, and one person on another's bones.
 
 use super::frame::{RenderError, Renderer};
 use crate::config::Variant;
 use crate::identity::blend::Blend;
 use crate::motion::body::Body;
+use yoto_capture::skeleton::Skeleton;
 
 impl Renderer {
-    /// Adds an identity between those in the slots `from` and `to`, and returns the model and the
-    /// new slot. Identity code, motion weights, tables and rest joints are interpolated linearly:
-    /// `share` 0 gives `from`, 1 gives `to`.
+    /// Adds somebody between the identities in the slots `from` and `to`, and returns the model and the
+    /// new slots, all of which belong into the picture. `share` 0 gives `from`, 1 gives `to`.
+    ///
+    /// In models with a field, there is one: identity code, motion weights, tables and rest joints are
+    /// interpolated linearly. Splats of two people do not correspond, so that there are both people, on the
+    /// same bones between theirs, each as opaque as their share.
     ///
     /// # Errors
-    /// If a slot is empty, `share` is not between 0 and 1, or the model consists of splats.
+    /// If a slot is empty, or `share` is not between 0 and 1.
     pub fn with_blend(
-        mut self,
+        self,
         from: usize,
         to: usize,
         share: f32,
-    ) -> Result<(Self, usize), RenderError> {
+    ) -> Result<(Self, Vec<usize>), RenderError> {
         if !(0.0..=1.0).contains(&share) {
             return Err(RenderError::Settings(format!(
                 "share: {share} is not between 0 and 1"
             )));
         }
-        if self.config.splats.is_some() {
-            return Err(RenderError::Settings(
-                "there is nobody between two people of splats: their splats do not correspond"
-                    .into(),
-            ));
+        let bones = self.bones_between(from, to, share)?;
+        // Without identities there is one person's worth of splats, for everybody.
+        if self.config.splats.is_none() || self.config.variant == Variant::NoIdentity {
+            let body = Body::new(bones, &self.config, &self.device());
+            let (renderer, slot) = self.with_person(Blend { from, to, share }, body);
+            return Ok((renderer, vec![slot]));
         }
-        let skeleton = |slot| self.skeleton(slot).ok_or(RenderError::NoSuchSlot(slot));
+        let (mut renderer, mut slots) = (self, Vec::new());
+        for (slot, part) in [(from, 1.0 - share), (to, share)] {
+            if part > 0.0 {
+                let (grown, new) = renderer.with_bones(slot, &bones)?;
+                renderer = grown;
+                if part < 1.0 {
+                    renderer.avatar.fade(new, part);
+                }
+                slots.push(new);
+            }
+        }
+        Ok((renderer, slots))
+    }
+
+    /// Adds the identity in `slot` on other `bones`: as long and as far apart as those of somebody else, and
+    /// with what this person has around theirs. Returns the model and the new slot.
+    ///
+    /// # Errors
+    /// If the slot is empty, or the skeletons have different numbers of joints.
+    pub fn with_bones(self, slot: usize, bones: &Skeleton) -> Result<(Self, usize), RenderError> {
+        let own = self.skeleton(slot).ok_or_else(|| self.absence(slot))?;
+        if own.joints() != bones.joints() {
+            return Err(RenderError::Settings(format!(
+                "bones: {} joints, the person has {}",
+                bones.joints(),
+                own.joints()
+            )));
+        }
+        let body = Body::new(own.clone(), &self.config, &self.device());
+        let itself = Blend {
+            from: slot,
+            to: slot,
+            share: 0.0,
+        };
+        Ok(self.with_person(itself, body.on_bones_of(bones.clone())))
+    }
+
+    /// The bones between those of two people.
+    fn bones_between(&self, from: usize, to: usize, share: f32) -> Result<Skeleton, RenderError> {
+        let skeleton = |slot| self.skeleton(slot).ok_or_else(|| self.absence(slot));
         let (first, second) = (skeleton(from)?, skeleton(to)?);
         let mut mixed = first.clone();
         for (joint, other) in mixed.rest.iter_mut().zip(&second.rest) {
@@ -37,11 +81,15 @@ impl Renderer {
                 *a += f64::from(share) * (b - *a);
             }
         }
+        Ok(mixed)
+    }
+
+    /// Adds the mixture `blend` in `body`.
+    fn with_person(mut self, blend: Blend, body: Body) -> (Self, usize) {
         // Without identities, all people share the same parameters.
         if self.config.variant != Variant::NoIdentity {
-            self.avatar.append(&Blend { from, to, share });
+            self.avatar.append(&blend);
         }
-        let body = Body::new(mixed, &self.config, &self.device());
-        Ok(self.with_body(body))
+        self.with_body(body)
     }
 }

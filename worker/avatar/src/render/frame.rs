@@ -165,7 +165,12 @@ impl Renderer {
             // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {
                 let device = body.log_prior.device();
-                *body = Body::new(body.skeleton.clone(), &self.config, &device);
+                let own = Skeleton {
+                    rest: body.rest.clone(),
+                    ..body.skeleton.clone()
+                };
+                let bones = body.skeleton.clone();
+                *body = Body::new(own, &self.config, &device).on_bones_of(bones);
             }
         }
         self
