@@ -22,9 +22,9 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
         arguments.extend(["--server", &service.address]);
         run(YOTO, &arguments)
     };
-    for (person, name) in SyntheticPerson::cast(3, 7)
+    for (person, name) in SyntheticPerson::cast(4, 7)
         .iter()
-        .zip(["ada", "bob", "cleo"])
+        .zip(["ada", "bob", "cleo", "dora"])
     {
         let capture = dir.path().join(name);
         write_capture(person, 24, SIZE, &capture)?;
@@ -65,6 +65,26 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
     yoto("train duo --only cleo --steps 10", succeed)?;
     ensure!(before[0] == picture("ada", "ada-still")?);
     yoto("train duo --steps 30", succeed)?;
-    ensure!(before[0] != picture("ada", "ada-new")?);
+    let new = picture("ada", "ada-new")?;
+    ensure!(before[0] != new);
+
+    // One person on another's bones.
+    let own = "render duo --subject ada --orbit 3 --views 1 --size 48";
+    let other = dir.path().join("ada-on-bob");
+    yoto(
+        &format!("{own} --bones bob --out {}", folder(&other)?),
+        succeed,
+    )?;
+    ensure!(std::fs::read(other.join("000000.png"))? != new);
+    let said = yoto(
+        &format!("{own} --bones dora --out {}", folder(&other)?),
+        fail,
+    )?;
+    ensure!(said.contains("dora is not in duo"), "{said}");
+
+    // Somebody may join and everybody learn from it.
+    let said = yoto("model add-person duo dora --steps 10 --refine 1", succeed)?;
+    ensure!(said.matches("dB").count() > 1, "{said}");
+    ensure!(new != picture("ada", "ada-refined")?);
     Ok(())
 }

@@ -9,14 +9,15 @@ use std::path::PathBuf;
 use yoto_avatar::config::Setting;
 use yoto_avatar::train::Budget;
 use yoto_lab::people::People as Whom;
-use yoto_lab::people::joining::{self, Joining, JoiningOptions};
+use yoto_lab::people::joining::{self, Joining, JoiningOptions, Stage};
 use yoto_lab::people::prior::{self, Point, PriorOptions, Start};
 use yoto_lab::people::scale::{self, Row, ScaleOptions};
 use yoto_lab::report::SplitScores;
 
 const JOIN_HELP: &str = "\
-All but the last person are trained together. Then the last one joins, as with `yoto model add-person`,
-and last everybody is trained from the start, with as many steps on that person. The captures are laid
+All but the last person are trained together. Then the last one joins, as with `yoto model add-person`;
+with --refine-steps everybody is trained further, and last everybody from the start, with as many steps on
+that person. JSON output has everybody's figures after each training. The captures are laid
 out as `yoto quality --help` says.
 
 Examples:
@@ -106,6 +107,9 @@ struct Join {
     /// Steps of the one who joins, in place of seconds.
     #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
     join_steps: Option<u64>,
+    /// Then also train everybody further, for so many steps each.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    refine_steps: u64,
     #[command(flatten)]
     common: Common,
 }
@@ -177,6 +181,7 @@ impl Join {
                 Some(steps) => Budget::Steps(steps),
                 None => Budget::Seconds(self.seconds),
             },
+            refine: self.refine_steps,
             pictures: common.measure.into(),
             seed: common.seed,
         };
@@ -194,34 +199,33 @@ impl Join {
 }
 
 fn joining_table(found: &Joining) -> String {
-    let row = |how: &str, steps: u64, seconds: f64, it: &SplitScores| {
+    let count = found.others.len();
+    let row = |stage: &Stage| {
+        let [views, poses]: [fn(&SplitScores) -> f64; 2] =
+            [|it| it.novel_view.psnr, |it| it.novel_pose.psnr];
+        let (own, others) = (stage.joined(count), stage.others(count));
+        let own = |of: fn(&SplitScores) -> f64| {
+            let own = own.as_ref();
+            own.map_or("-".to_owned(), |scores| format!("{:.2}", of(scores)))
+        };
         vec![
-            how.to_owned(),
-            steps.to_string(),
-            format!("{seconds:.1}"),
-            format!("{:.2}", it.novel_view.psnr),
-            format!("{:.2}", it.novel_pose.psnr),
+            stage.name.clone(),
+            stage.spent.steps.to_string(),
+            format!("{:.1}", stage.spent.seconds),
+            own(views),
+            own(poses),
+            format!("{:.2}", views(&others)),
+            format!("{:.2}", poses(&others)),
         ]
     };
-    let rows = [
-        row(
-            "joined",
-            found.joining.steps,
-            found.joining.seconds,
-            &found.joined,
-        ),
-        row(
-            "together",
-            found.together.steps,
-            found.together.seconds,
-            &found.jointly,
-        ),
-    ];
+    let rows: Vec<Vec<String>> = found.stages.iter().map(row).collect();
     let header = [
-        found.name.as_str(),
+        "TRAINING",
         "STEPS",
         "SECONDS",
-        "VIEWS, dB",
+        &format!("{}: VIEWS, dB", found.name),
+        "POSES, dB",
+        "OTHERS: VIEWS, dB",
         "POSES, dB",
     ];
     let others = if found.others_equal {

@@ -209,3 +209,43 @@ fn what_can_not_be_joined_says_why() {
     let nobody = Trainer::resume(dir.path(), joining(0), people(&[2]), &device);
     assert!(why(nobody).contains("no-identity"));
 }
+
+/// Everything that all people share comes from the other model, and nothing that is somebody's own.
+#[test]
+fn a_training_may_start_with_another_models_trunk() {
+    let (other, new) = (tempdir(), tempdir());
+    duo("draft", other.path());
+    let fresh = |tier: &str| {
+        let people = people(&[0, 1]);
+        Trainer::new(config(tier), options(STEPS), people, &Device::flex()).expect("starts")
+    };
+    let trainer = fresh("draft").with_trunk_of(other.path());
+    trainer
+        .expect("the same parts")
+        .save(new.path())
+        .expect("saves");
+    let (trained, taken) = (weights(other.path()), weights(new.path()));
+    for (name, own) in [
+        ("motion.base", false),
+        ("canonical.shared", false),
+        ("codes.0", true),
+        ("canonical.tables.1", true),
+        ("motion.residuals.0", true),
+    ] {
+        assert_eq!(trained[name] != taken[name], own, "{name}");
+    }
+
+    let refused = |trainer: Trainer| {
+        let error = trainer.with_trunk_of(other.path());
+        error.err().expect("refused").to_string()
+    };
+    let error = refused(fresh("fast"));
+    assert!(
+        error.contains("the tier draft has not the same trunk"),
+        "{error}"
+    );
+    let mut begun = fresh("draft");
+    run(&mut begun, 1);
+    let error = refused(begun);
+    assert!(error.contains("has begun"), "{error}");
+}

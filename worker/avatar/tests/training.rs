@@ -4,6 +4,7 @@
 mod support;
 
 use burn::tensor::Device;
+use std::path::Path;
 use support::{run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Precision, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
@@ -76,6 +77,38 @@ fn a_resumed_training_ends_bit_for_bit_where_an_uninterrupted_one_does() {
     assert!(poses(&resumed) == poses(&straight));
     assert!(given != poses(&resumed), "ten steps refined nothing");
     assert!(known != occupancy(&resumed), "ten steps taught nothing");
+}
+
+/// Frames smaller than the films' and the films' own, from memory and from files.
+#[test]
+fn films_on_disk_teach_what_films_in_memory_do() {
+    let scratch = tempdir();
+    let trained = |scratch: Option<&Path>, image_size| {
+        let options = TrainOptions {
+            scratch: scratch.map(Path::to_owned),
+            image_size,
+            ..options(3, 0)
+        };
+        let trainer = Trainer::new(config("yoto"), options, people(2), &Device::flex());
+        let mut trainer = trainer.expect("starts");
+        run(&mut trainer, 3);
+        let dir = tempdir();
+        trainer.save(dir.path()).expect("saves");
+        weights(dir.path())
+    };
+    let own = trained(None, 0);
+    assert!(own == trained(Some(scratch.path()), 0));
+    let smaller = trained(None, 24);
+    assert!(smaller == trained(Some(scratch.path()), 24));
+    assert!(own != smaller);
+
+    let nowhere = TrainOptions {
+        scratch: Some("/no/such/folder".into()),
+        ..options(3, 0)
+    };
+    let error = Trainer::new(config("yoto"), nowhere, people(2), &Device::flex());
+    let error = error.err().expect("refused").to_string();
+    assert!(error.contains("/no/such/folder"), "{error}");
 }
 
 #[test]

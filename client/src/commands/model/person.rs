@@ -19,6 +19,7 @@ changes: everybody else renders bit for bit as before. An untrained model gets t
 Examples:
   yoto model add-person duo cleo
   yoto model add-person duo cleo --seconds 30 --size 256
+  yoto model add-person duo cleo --refine 60   then trains everybody for a minute
   yoto model add-person duo cleo --no-train    only gives them a slot";
 
 pub(super) const REMOVE_HELP: &str = "\
@@ -56,8 +57,12 @@ pub(super) struct Add {
     /// Write a picture for each checkpoint: a held-out frame of the person beside its render.
     #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
     preview: Option<PathBuf>,
+    /// Then train everybody further for so many seconds, where what the others taught the model is not
+    /// enough: they change too. Earlier checkpoints keep showing them as they were.
+    #[arg(long, value_parser = table::seconds, value_name = "S")]
+    refine: Option<f64>,
     /// Only give them a slot.
-    #[arg(long, conflicts_with_all = ["seconds", "steps", "preview", "no_wait"])]
+    #[arg(long, conflicts_with_all = ["seconds", "steps", "preview", "no_wait", "refine"])]
     no_train: bool,
     /// Queue the training and return.
     #[arg(long)]
@@ -84,7 +89,7 @@ impl Add {
              further, alone"
         );
         let is_trained = model.slots.iter().any(|slot| slot.trained);
-        let wants = self.seconds.is_some() || self.steps.is_some();
+        let wants = self.seconds.is_some() || self.steps.is_some() || self.refine.is_some();
         anyhow::ensure!(
             is_trained || !wants,
             "{name} is untrained, and nobody can join it before others have trained it: train it first, \
@@ -114,7 +119,19 @@ impl Add {
             image_size: self.size,
             ..TrainSpec::default()
         };
-        train::trained(&client, model, spec, self.preview, self.no_wait).await
+        let Some(seconds) = self.refine else {
+            return train::trained(&client, model, spec, self.preview, self.no_wait).await;
+        };
+        let everybody = TrainSpec {
+            model: model.name.clone(),
+            seconds,
+            image_size: self.size,
+            ..TrainSpec::default()
+        };
+        let (preview, no_wait) = (self.preview.clone(), self.no_wait);
+        train::trained(&client, model.clone(), spec, preview, no_wait).await?;
+        // Trainings of one model run in the order of their orders.
+        train::trained(&client, model, everybody, self.preview, no_wait).await
     }
 }
 

@@ -39,19 +39,20 @@ impl Trainer {
         let mut store = SafetensorsStore::from_file(&path)
             .with_full_paths(trunk.iter().copied())
             .allow_partial(true);
-        let applied = self.state.avatar_mut().load_from(&mut store);
-        let applied = applied.map_err(|e| failed(e.to_string()))?;
-        let (taken, unused) = (applied.applied.len(), applied.unused);
-        let missing = applied.missing.into_iter().map(|(name, _)| name);
-        let mut missing = missing.filter(|name| own::owner(name).is_none());
-        let odd = unused.into_iter().next().or_else(|| missing.next());
-        match odd {
-            Some(name) => Err(failed(format!(
-                "a model of the tier {} has not the same trunk as this one of the tier {}: {name}",
+        let unlike = || {
+            failed(format!(
+                "a model of the tier {} has not the same trunk as this one of the tier {}",
                 other.config.tier, self.config.tier
-            ))),
-            None if taken == 0 => Err(failed("it has no trunk".into())),
-            None => Ok(self),
+            ))
+        };
+        // Of a tensor with another shape the store says no more than that.
+        let applied = self.state.avatar_mut().load_from(&mut store);
+        let applied = applied.map_err(|_| unlike())?;
+        let mut missing = applied.missing.iter();
+        let lacks = missing.any(|(name, _)| own::owner(name).is_none());
+        match !lacks && applied.unused.is_empty() && !applied.applied.is_empty() {
+            true => Ok(self),
+            false => Err(unlike()),
         }
     }
 }

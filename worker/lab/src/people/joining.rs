@@ -1,23 +1,20 @@
 //! Somebody joins a model that others have trained: how long it takes, how near it comes to a joint training,
 //! and whether anything of the others changes.
 
-use super::People;
+use super::{People, scores};
 use crate::captures::{Recording, Split};
 use crate::display::Screen;
-use crate::measure;
-use crate::report::SplitScores;
+use crate::report::{SplitScores, SubjectScore};
 use crate::training::{self, pick_device, to_the_end};
 use anyhow::{Context, ensure};
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
-use yoto_avatar::config::{ModelConfig, Setting};
-use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::config::{ModelConfig, Setting, Turns};
 use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Learn, TrainOptions, Trainer};
 use yoto_proto::manifest::files;
-use yoto_proto::protocols::HELD_OUT;
 
 /// Settings of the experiment.
 #[derive(Debug, Clone)]
@@ -34,6 +31,8 @@ pub struct JoiningOptions {
     pub steps: u64,
     /// Budget of the one who joins.
     pub budget: Budget,
+    /// Steps of everybody, for each of them, in the model that somebody joined; 0: none.
+    pub refine: u64,
     /// Held-out pictures of each kind that are measured.
     pub pictures: usize,
     /// Random seed.
@@ -51,22 +50,38 @@ pub struct Joining {
     pub name: String,
     /// Who is there.
     pub others: Vec<String>,
-    /// Steps and seconds of the others' training.
-    pub before: Spent,
-    /// Steps and seconds of the one who joins.
-    pub joining: Spent,
-    /// Figures of the one who joined.
-    pub joined: SplitScores,
-    /// Steps and seconds of a training of everybody from the start, with as many steps on the same person.
-    pub together: Spent,
-    /// Figures of the same person in it.
-    pub jointly: SplitScores,
-    /// Whether weights and renders of the others are those of before, bit for bit.
+    /// The trainings, in their order; the last one is of everybody from the start, with as many steps on the
+    /// one who joined.
+    pub stages: Vec<Stage>,
+    /// Whether weights and renders of the others are those of before, bit for bit, once somebody joined.
     pub others_equal: bool,
     /// Hash of the others' weights and renders before.
     pub others_before: String,
     /// Hash of the same afterwards.
     pub others_after: String,
+}
+
+/// A training, and everybody's figures after it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// What was trained.
+    pub name: String,
+    /// Steps and seconds.
+    pub spent: Spent,
+    /// Figures of everybody whom the model knows, the one who joins last.
+    pub people: Vec<SubjectScore>,
+}
+
+impl Stage {
+    /// Figures of the one who joins, in a model of `others` more people.
+    pub fn joined(&self, others: usize) -> Option<SplitScores> {
+        self.people.get(others).map(|score| score.scores)
+    }
+
+    /// Means over the `others`.
+    pub fn others(&self, others: usize) -> SplitScores {
+        SplitScores::mean(&self.people[..others.min(self.people.len())])
+    }
 }
 
 /// What a training took.
@@ -78,7 +93,7 @@ pub struct Spent {
     pub seconds: f64,
 }
 
-/// Trains the others, lets the last person join, trains all together, and compares.
+/// Trains the others, lets the last person join, refines everybody, trains all together, and compares.
 ///
 /// # Errors
 /// Fewer than two people, a capture that can't be read, training that diverges.
@@ -107,10 +122,22 @@ pub fn run(options: &JoiningOptions, screen: &dyn Screen) -> anyhow::Result<Join
         Ok(spent)
     };
 
+    let stage = |name: &str, spent: Spent, trainer: &Trainer, people: usize| {
+        let people = scores(trainer, &recordings[..people], options.pictures, screen)?;
+        let name = name.to_owned();
+        anyhow::Ok(Stage {
+            name,
+            spent,
+            people,
+        })
+    };
+    let everybody = || (0..=slot).map(person).collect::<Vec<_>>();
+
     let steps = Budget::Steps(options.steps * slot as u64);
     let others = (0..slot).map(person).collect();
     let mut trainer = Trainer::new(config.clone(), plain(steps), others, &device)?;
-    let before = train("the others", &mut trainer)?;
+    let spent = train("the others", &mut trainer)?;
+    let mut stages = vec![stage("before", spent, &trainer, slot)?];
     trainer.save(folder.path())?;
     let others_before = others_hash(&trainer, folder.path(), &recordings[..slot], options, None)?;
     let known = tensor_names(folder.path())?;
@@ -122,7 +149,7 @@ pub fn run(options: &JoiningOptions, screen: &dyn Screen) -> anyhow::Result<Join
     };
     let mut trainer = Trainer::resume(folder.path(), alone, vec![person(slot)], &device)?;
     let joining = train("joining", &mut trainer)?;
-    let joined = scores(&trainer, slot, &recordings[slot], options, screen)?;
+    stages.push(stage("joined", joining, &trainer, slot + 1)?);
     trainer.save(folder.path())?;
     let others_after = others_hash(
         &trainer,
@@ -133,14 +160,21 @@ pub fn run(options: &JoiningOptions, screen: &dyn Screen) -> anyhow::Result<Join
     )?;
     drop(trainer);
 
-    // An epoch has every frame of everybody once.
-    let frames = |it: &Recording| it.shard.track.frames.len() as u64;
-    let all: u64 = recordings.iter().map(frames).sum();
-    let steps = (joining.steps * all).div_ceil(frames(&recordings[slot]));
-    let everybody = (0..=slot).map(person).collect();
-    let mut trainer = Trainer::new(config, plain(Budget::Steps(steps)), everybody, &device)?;
-    let together = train("everybody together", &mut trainer)?;
-    let jointly = scores(&trainer, slot, &recordings[slot], options, screen)?;
+    if options.refine > 0 {
+        let steps = Budget::Steps(options.refine * recordings.len() as u64);
+        let mut trainer = Trainer::resume(folder.path(), plain(steps), everybody(), &device)?;
+        let spent = train("refining everybody", &mut trainer)?;
+        stages.push(stage("refined", spent, &trainer, slot + 1)?);
+    }
+
+    let steps = Budget::Steps(as_many(
+        &config,
+        joining.steps + options.refine,
+        &recordings,
+    ));
+    let mut trainer = Trainer::new(config, plain(steps), everybody(), &device)?;
+    let spent = train("everybody together", &mut trainer)?;
+    stages.push(stage("together", spent, &trainer, slot + 1)?);
     Ok(Joining {
         tier: options.tier.clone(),
         size: options.size,
@@ -149,30 +183,24 @@ pub fn run(options: &JoiningOptions, screen: &dyn Screen) -> anyhow::Result<Join
             .iter()
             .map(|it| it.name.clone())
             .collect(),
-        before,
-        joining,
-        joined,
-        together,
-        jointly,
+        stages,
         others_equal: others_before == others_after,
         others_before,
         others_after,
     })
 }
 
-fn scores(
-    trainer: &Trainer,
-    slot: usize,
-    recording: &Recording,
-    options: &JoiningOptions,
-    screen: &dyn Screen,
-) -> anyhow::Result<SplitScores> {
-    let examiner = Examiner::new(trainer.renderer(), Protocol::named(HELD_OUT)?, None);
-    let mut display = screen.begin("evaluating");
-    let pictures = options.pictures;
-    let score = measure::subject(&examiner, slot, recording, pictures, display.as_mut())?;
-    display.finish(&recording.name);
-    Ok(score.scores)
+/// Steps of everybody of which the last person gets as many as `own`.
+fn as_many(config: &ModelConfig, own: u64, recordings: &[Recording]) -> u64 {
+    match config.sampling.turns {
+        Turns::Person => own * recordings.len() as u64,
+        Turns::Frame => {
+            let frames = |it: &Recording| it.shard.track.frames.len() as u64;
+            let all: u64 = recordings.iter().map(frames).sum();
+            let last = recordings.last().map_or(1, frames);
+            (own * all).div_ceil(last)
+        }
+    }
 }
 
 /// Hash of the tensors called `known` (all, where `None`) of the checkpoint in `dir`, and of the pictures of

@@ -9,8 +9,11 @@ mod sheet;
 use crate::captures::{self, Recording};
 use crate::cast;
 use crate::display::Screen;
+use crate::measure;
+use crate::report::SubjectScore;
 use std::path::PathBuf;
-use yoto_avatar::evaluate::Protocol;
+use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::train::Trainer;
 use yoto_proto::protocols::HELD_OUT;
 
 /// Seed of made-up people: seeds of a training tell its chance alone.
@@ -36,4 +39,25 @@ impl People {
             Self::Synthetic(count) => cast::varied(*count, &[cast::FRAMES], size, CAST_SEED),
         }
     }
+}
+
+/// Figures of everybody in `recordings`, who are in the first slots.
+fn scores(
+    trainer: &Trainer,
+    recordings: &[Recording],
+    pictures: usize,
+    screen: &dyn Screen,
+) -> anyhow::Result<Vec<SubjectScore>> {
+    let examiner = Examiner::new(trainer.renderer(), Protocol::named(HELD_OUT)?, None);
+    let mut display = screen.begin("evaluating");
+    let score = |(slot, recording)| {
+        measure::subject(&examiner, slot, recording, pictures, display.as_mut())
+    };
+    let scores: Vec<_> = recordings
+        .iter()
+        .enumerate()
+        .map(score)
+        .collect::<anyhow::Result<_>>()?;
+    display.finish(&format!("{} people", scores.len()));
+    Ok(scores)
 }

@@ -1,11 +1,10 @@
 //! Models of more and more people at equal steps per person: what a step and a checkpoint cost, and how good
 //! everybody is.
 
-use super::{CAST_SEED, sheet};
+use super::{CAST_SEED, scores, sheet};
 use crate::captures::Recording;
 use crate::cast;
 use crate::display::Screen;
-use crate::measure;
 use crate::memory;
 use crate::report::{SplitScores, SubjectScore};
 use crate::training::{self, checkpoint_bytes, pick_device, to_the_end};
@@ -13,10 +12,8 @@ use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Setting};
-use yoto_avatar::evaluate::{Examiner, Protocol};
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
 use yoto_device::PickedDevice;
-use yoto_proto::protocols::HELD_OUT;
 
 /// The file with the figures.
 pub const FILE: &str = "scale.json";
@@ -182,16 +179,6 @@ impl Lesson<'_> {
         trainer: &Trainer,
         recordings: &[Recording],
     ) -> anyhow::Result<Vec<SubjectScore>> {
-        let protocol = Protocol::named(HELD_OUT)?;
-        let examiner = Examiner::new(trainer.renderer(), protocol, None);
-        let mut display = self.screen.begin("evaluating");
-        let mut subjects = Vec::new();
-        for (slot, recording) in recordings.iter().enumerate() {
-            let pictures = self.options.pictures;
-            let score = measure::subject(&examiner, slot, recording, pictures, display.as_mut())?;
-            subjects.push(score);
-        }
-        display.finish(&format!("{} people", recordings.len()));
-        Ok(subjects)
+        scores(trainer, recordings, self.options.pictures, self.screen)
     }
 }
