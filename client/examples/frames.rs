@@ -7,6 +7,8 @@
 //! The model is a folder of `yoto model export`. The person stands in the rest pose, and the camera goes
 //! around them. Prints the median milliseconds of a picture: drawing, rounding to 8 bits, and PNG.
 
+#![allow(clippy::disallowed_macros, reason = "its figures go to the terminal")]
+
 use std::path::Path;
 use std::time::Instant;
 use yoto_avatar::render::{RenderView, Renderer};

@@ -142,6 +142,7 @@ async fn a_training_is_leased_reported_and_completed() {
     let request = LeaseJobRequest {
         worker: "workers/none".into(),
         request_id: String::new(),
+        help: false,
     };
     let answer = service.workers().lease_job(request).await;
     assert_refused(answer, Code::NotFound, "NOT_FOUND");

@@ -1,6 +1,7 @@
 //! `yoto distill`: splats that show what a field has learned about one person.
 
 use super::person_args::{ChosenPerson, PersonArgs};
+use crate::capture_dir::{CaptureOptions, DecodedCapture};
 use crate::output;
 use crate::progress::{ProgressDisplay, count};
 use crate::studio::clips::{Source, read_track};
@@ -10,22 +11,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::distill::Lessons;
+use yoto_avatar::distill::{Filmed, Lessons};
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_capture::Shard;
 use yoto_capture::camera::Camera;
 use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::Progress;
 
 const AFTER_HELP: &str = "\
 Renders the person all around in poses of the capture for a third of the time, and trains splats on these
-pictures for the rest. The new model has the person in slot 0, and plays, exports and renders as any model
+pictures for the rest; with --frames, on those of the capture as well. The new model has the person in slot 0, and plays, exports and renders as any model
 of splats; `yoto evaluate --model-dir DIR` compares it with what was filmed. Training splats on the capture
 itself (--tier splat) shows more.
 
 Examples:
   yoto distill fog --subject ada --capture captures/ada --out models/ada
   yoto export models/ada --capture captures/ada --out ada.html
+  yoto distill fog --subject ada --capture captures/ada --frames --out models/ada
   yoto distill checkpoints/000000002000 --slot 1 --capture captures/bob --out models/bob";
 
 /// The share of the time in which the field is rendered.
@@ -51,7 +54,10 @@ pub(super) struct Distill {
     /// Folder of a capture in whose poses the person is rendered.
     #[arg(long, value_name = "DIR")]
     capture: PathBuf,
-    /// Sides of the rendered pictures, pixels.
+    /// Trains on the capture's own frames too.
+    #[arg(long)]
+    frames: bool,
+    /// Longest side of the pictures, pixels. They are square, or have the form of the capture's frames.
     #[arg(long, default_value_t = 256, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=2048))]
     size: u32,
     /// Seconds of rendering and training together.
@@ -74,11 +80,38 @@ impl Distill {
         );
         let track = read_track(&self.capture)?;
         let chosen = self.person.fetch().await?;
-        tokio::task::block_in_place(|| self.distill(&chosen, &track))
+        tokio::task::block_in_place(|| match self.frames {
+            true => {
+                let options = CaptureOptions::default();
+                let decoded = DecodedCapture::open(&self.capture, &options, None)?;
+                let shard = decoded.shard(|_| {})?;
+                self.distill(&chosen, &shard.track, self.filmed(&shard)?)
+            }
+            false => self.distill(&chosen, &track, Vec::new()),
+        })
     }
 
-    /// Films the person and trains splats on the film.
-    fn distill(&self, chosen: &ChosenPerson, track: &PoseTrack) -> anyhow::Result<()> {
+    /// The frames of the capture, at most as large as the film.
+    fn filmed(&self, shard: &Shard) -> anyhow::Result<Vec<Filmed>> {
+        let frames = shard.track.frames.iter().enumerate();
+        let filmed = frames.map(|(place, frame)| {
+            let camera = Camera::from_frame(frame, shard.track.image_size)
+                .with_context(|| format!("{}: frame {}", self.capture.display(), frame.index))?;
+            Ok(Filmed {
+                camera: camera.scaled_to(self.size),
+                image: shard.image(place).resized(self.size),
+            })
+        });
+        filmed.collect()
+    }
+
+    /// Films the person and trains splats on the film, with what was `filmed` before of the track's poses.
+    fn distill(
+        &self,
+        chosen: &ChosenPerson,
+        track: &PoseTrack,
+        filmed: Vec<Filmed>,
+    ) -> anyhow::Result<()> {
         let slot = chosen.slot;
         let model = || format!("the model {}", chosen.model);
         let device = yoto_device::pick().device;
@@ -103,7 +136,11 @@ impl Distill {
             slot,
             poses: &motion.poses,
             up: camera.world_up(),
-            size: self.size,
+            size: match filmed.first() {
+                Some(first) => [first.camera.width, first.camera.height],
+                None => [self.size; 2],
+            },
+            filmed: &filmed,
         };
         let limit = Duration::from_secs_f64(RENDERING * self.seconds);
         let film = lessons.film(|pictures| {
@@ -160,7 +197,12 @@ impl Distill {
         ));
         if let (Some(whole), Some(near)) = (progress.psnr, progress.psnr_mask_box) {
             say!(
-                "{whole:.2} dB to the field on pictures that were held out, {near:.2} dB near the person"
+                "{whole:.2} dB to {} on pictures that were held out, {near:.2} dB near the person",
+                if self.frames {
+                    "the field and the capture"
+                } else {
+                    "the field"
+                }
             );
             output::put("psnr", whole);
             output::put("psnr_mask_box", near);

@@ -30,6 +30,7 @@ fn word(outcome: Outcome) -> &'static str {
         Outcome::Returned => "returned by a worker that shut down",
         Outcome::Postponed => "put back for later",
         Outcome::Lost => "its worker was lost",
+        Outcome::Helped => "helped with pictures",
     }
 }
 

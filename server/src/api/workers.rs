@@ -16,7 +16,8 @@ use yoto_proto::{
         Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
         HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
         PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
-        RegisterWorkerResponse, end_job_request::Outcome, worker_service_server::WorkerService,
+        RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, end_job_request::Outcome,
+        worker_service_server::WorkerService,
     },
 };
 
@@ -92,7 +93,7 @@ impl WorkerService for WorkerApi {
         if self.drain.is_cancelled() {
             return Err(RequestError::ShuttingDown.into());
         }
-        let lease = lease::lease(&self.context, &id, &request.request_id).await?;
+        let lease = lease::lease(&self.context, &id, &request.request_id, request.help).await?;
         Ok(Response::new(LeaseJobResponse { lease }))
     }
 
@@ -133,6 +134,22 @@ impl WorkerService for WorkerApi {
         let file = file.ok_or_else(|| RequestError::invalid("file", "is missing"))?;
         report::commit_output(&self.context, &key, &file).await?;
         Ok(Response::new(CommitOutputResponse {}))
+    }
+
+    async fn take_range(
+        &self,
+        request: Request<TakeRangeRequest>,
+    ) -> Result<Response<TakeRangeResponse>, Status> {
+        let request = request.into_inner();
+        let key = lease_key(request.claim)?;
+        let (pictures, drawn) = (request.pictures, request.drawn);
+        let taken = report::take_range(&self.context, &key, pictures, drawn).await?;
+        Ok(Response::new(TakeRangeResponse {
+            range: taken.range,
+            outputs: taken.outputs,
+            committed: taken.committed,
+            finished: taken.finished,
+        }))
     }
 
     async fn end_job(

@@ -25,7 +25,8 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
     Ok(id)
 }
 
-/// Leases the job whose turn it is at the worker, with its inputs, if there is one. A repeated
+/// Leases the job whose turn it is at the worker, with its inputs, if there is one; otherwise a part of a
+/// running render, if the worker may `help`. A repeated
 /// `request_id` finds its lease again. A job whose inputs can't be found FAILS.
 ///
 /// # Errors
@@ -34,26 +35,40 @@ pub async fn lease(
     context: &Context,
     worker_id: &str,
     request_id: &str,
+    help: bool,
 ) -> Result<Option<Lease>, RequestError> {
     let lease_seconds = context.config.lease_seconds;
     let turn = (context
         .store
-        .lease_job(worker_id, request_id, lease_seconds))
+        .lease_job(worker_id, request_id, help, lease_seconds))
     .await?;
     context.roster.asked(worker_id, SystemTime::now());
     for (job, reason) in &turn.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
         context.changes.announce(job);
     }
-    let Some(LeasedJob { job, token, inputs }) = turn.leased else {
+    let Some(leased) = turn.leased else {
         return Ok(None);
     };
+    let LeasedJob {
+        job,
+        token,
+        inputs,
+        helps,
+    } = leased;
     context.changes.announce(&job.name);
-    tracing::info!(job = job.name, token, worker = worker_id, "job leased");
+    tracing::info!(
+        job = job.name,
+        token,
+        worker = worker_id,
+        helps,
+        "job leased"
+    );
     Ok(Some(Lease {
         job: Some(job),
         token,
         lease_seconds,
         inputs: Some(inputs),
+        helps,
     }))
 }

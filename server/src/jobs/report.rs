@@ -7,7 +7,7 @@ use crate::{
     context::Context,
     error::RequestError,
     objects::upload::is_sha256,
-    store::{Ending, LeaseKey, StoreError},
+    store::{Ending, LeaseKey, StoreError, Taken},
 };
 use yoto_proto::{
     keys,
@@ -112,6 +112,28 @@ pub async fn commit_output(
     context.store.commit_output(lease, file).await?;
     announce(context, lease);
     Ok(())
+}
+
+/// Gives a lease of a render of so many `pictures` the next ones to draw.
+///
+/// # Errors
+/// When the lease is stale, or not of a render.
+pub async fn take_range(
+    context: &Context,
+    lease: &LeaseKey,
+    pictures: u32,
+    drawn: Option<u32>,
+) -> Result<Taken, RequestError> {
+    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(lease).await?.kind else {
+        return Err(RequestError::invalid(
+            "claim.job",
+            "only a render has pictures",
+        ));
+    };
+    if pictures == 0 {
+        return Err(RequestError::invalid("pictures", "there are none"));
+    }
+    Ok(context.store.take_range(lease, pictures, drawn).await?)
 }
 
 /// Ends a lease: with the job's result, without one, or for another worker.

@@ -6,10 +6,12 @@
 //! | whose turn it is: priority, then the owner with the fewest running jobs, then age | `store/sqlite/turn.rs`, since only the database can search |
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
+//! | how a render is divided among workers | [`ranges`] |
 //! | what was deleted is what its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
 
 pub mod etag;
 pub mod losses;
 pub mod outage;
+pub mod ranges;
 pub mod retries;

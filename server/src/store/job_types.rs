@@ -3,7 +3,10 @@
 use super::StoreError;
 use yoto_proto::{
     names::Collection,
-    v1::{self, Inputs, Job, JobError, JobResult, JobSpec, job, job_attempt::Outcome, job_spec},
+    v1::{
+        self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job,
+        job_attempt::Outcome, job_spec,
+    },
 };
 
 /// Kind of a job.
@@ -107,6 +110,21 @@ pub struct LeasedJob {
     pub token: u64,
     /// Its inputs.
     pub inputs: Inputs,
+    /// Whether another worker runs it.
+    pub helps: bool,
+}
+
+/// What a lease of a render draws next.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Taken {
+    /// Its pictures; none if others have the rest, or nothing is left.
+    pub range: Option<PictureRange>,
+    /// The committed files of the range; of a finished render, all of its files.
+    pub outputs: Vec<RenderedFile>,
+    /// Number of files that the render has committed.
+    pub committed: u32,
+    /// Whether all pictures are drawn.
+    pub finished: bool,
 }
 
 /// What came of a worker's request for a job.

@@ -7,7 +7,7 @@ mod job_types;
 mod sqlite;
 mod types;
 
-pub use job_types::{Ending, JobFilter, JobKind, LeaseKey, LeasedJob, NewJob, Reaped, Turn};
+pub use job_types::{Ending, JobFilter, JobKind, LeaseKey, LeasedJob, NewJob, Reaped, Taken, Turn};
 pub use sqlite::SqliteStore;
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
@@ -176,12 +176,13 @@ pub trait Store: Send + Sync + 'static {
         page: Page,
         lease_seconds: f64,
     ) -> Result<Vec<Entry<WorkerStatus>>, StoreError>;
-    /// Leases the job whose turn it is at the worker, with its inputs; a repeated `request_id` finds its
-    /// lease again, as long as it runs.
+    /// Leases the job whose turn it is at the worker, with its inputs, or, if it may `help`, a part of a
+    /// running render; a repeated `request_id` finds its lease again, as long as it runs.
     async fn lease_job(
         &self,
         worker_id: &str,
         request_id: &str,
+        help: bool,
         lease_seconds: f64,
     ) -> Result<Turn, StoreError>;
     /// The order of a leased job.
@@ -203,7 +204,15 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<(), StoreError>;
     /// Commits a file of the leased render, in the place of an earlier one.
     async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError>;
-    /// Ends a lease. In the same transaction, an ingest job's capture becomes READY, REJECTED if its files
+    /// Gives a lease of a render of so many `pictures` the next range of them to draw, and notes the one from
+    /// `drawn` on as drawn. A repeated call finds the same range.
+    async fn take_range(
+        &self,
+        lease: &LeaseKey,
+        pictures: u32,
+        drawn: Option<u32>,
+    ) -> Result<Taken, StoreError>;
+    /// Ends a lease; a helper's end is not the job's. In the same transaction, an ingest job's capture becomes READY, REJECTED if its files
     /// are at fault, or UPLOADED otherwise, and a measured trade-off is stored with its checkpoint. A
     /// repeated call changes nothing.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;

@@ -238,9 +238,15 @@ impl Service {
 
     /// The same in a call that may be repeated.
     pub async fn lease_by(&self, worker: &str, request_id: &str) -> Option<Lease> {
+        self.lease_or_help(worker, request_id, false).await
+    }
+
+    /// The same of a worker that may `help` with a render.
+    pub async fn lease_or_help(&self, worker: &str, request_id: &str, help: bool) -> Option<Lease> {
         let request = LeaseJobRequest {
             worker: worker.into(),
             request_id: request_id.into(),
+            help,
         };
         self.workers()
             .lease_job(request)

@@ -175,6 +175,7 @@ impl Scene {
         let request = LeaseJobRequest {
             worker: worker.to_owned(),
             request_id: String::new(),
+            help: false,
         };
         let answer = self.workers().lease_job(request).await?.into_inner();
         let lease = answer.lease.context("a job waits")?;

@@ -167,6 +167,7 @@ impl Load {
                     let request = LeaseJobRequest {
                         worker: worker.clone(),
                         request_id: format!("{number} {:?}", Instant::now()),
+                        help: true,
                     };
                     let mut client = WorkerServiceClient::new(channel.clone());
                     polls.time(client.lease_job(request)).await?;

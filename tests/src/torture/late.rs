@@ -9,7 +9,8 @@ use tonic::Status;
 use tonic_types::StatusExt;
 use yoto_proto::v1::{
     Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobKind,
-    JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, WorkerDevice,
+    JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, TakeRangeRequest,
+    WorkerDevice,
     end_job_request::{Outcome, Returned},
     job_attempt,
 };
@@ -95,6 +96,16 @@ pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &
             &format!("CommitOutput by {whose}"),
             committed.await,
         )?;
+        let take = TakeRangeRequest {
+            claim: Some(claim.clone()),
+            pictures: 1,
+            drawn: None,
+        };
+        let taken = answered(|| {
+            let (mut service, request) = (calls.workers(), take.clone());
+            async move { service.take_range(request).await }
+        });
+        told(history, job, &format!("TakeRange by {whose}"), taken.await)?;
         for (what, outcome) in [
             ("success", Outcome::Succeeded(JobResult::default())),
             ("return", Outcome::Returned(Returned {})),

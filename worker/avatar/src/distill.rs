@@ -1,7 +1,7 @@
 //! A film of what a model knows about one person, from which another model learns them: splats from a field.
 //!
 //! The other model trains on the film as on a capture. Its poses are those of motions, its cameras stand all
-//! around the person.
+//! around the person. Frames of the person's capture may follow: they have what the field has lost.
 
 use crate::render::{RenderError, RenderView, Rendered, Renderer};
 use std::f64::consts::TAU;
@@ -54,12 +54,23 @@ pub struct Lessons<'a> {
     pub poses: &'a [Pose],
     /// The up axis of the poses' world.
     pub up: Vec3,
-    /// Side of the pictures, pixels.
-    pub size: u32,
+    /// Width and height of the pictures, pixels.
+    pub size: [u32; 2],
+    /// What was filmed of the first poses, for the film to have as well.
+    pub filmed: &'a [Filmed],
+}
+
+/// A frame of a capture, of the size of the film.
+pub struct Filmed {
+    /// The camera that saw it, in the poses' world.
+    pub camera: Camera,
+    /// What it saw.
+    pub image: FrameImage,
 }
 
 impl Lessons<'_> {
-    /// The film, with as many pictures as `wanted` asks for, given the number that there are, and at least one.
+    /// The film, with as many pictures as `wanted` asks for, given the number that there are, and at least one;
+    /// then all that was filmed.
     ///
     /// # Errors
     /// If there is nobody or no pose, or a picture can't be rendered.
@@ -83,14 +94,17 @@ impl Lessons<'_> {
             images.push(picture(&rendered));
             frames.push(camera.to_frame(place as u32, pose));
         }
+        for (filmed, pose) in self.filmed.iter().zip(self.poses) {
+            frames.push(filmed.camera.to_frame(frames.len() as u32, pose));
+        }
         let mut shard = ShardBuilder::new(PoseTrack {
             skeleton: body.to_track(),
-            image_size: [self.size; 2],
+            image_size: self.size,
             fps: 30.0,
             distortion: [0.0; 5],
             frames,
         });
-        for image in &images {
+        for image in images.iter().chain(self.filmed.iter().map(|it| &it.image)) {
             shard.push(image)?;
         }
         Ok(shard.finish()?)
@@ -120,9 +134,10 @@ impl Lessons<'_> {
         let direction = add(level, scale(self.up, elevation.sin()));
         let eye = add(middle, scale(direction, DISTANCE.max(2.0 * radius)));
         let distance = length(sub(eye, middle));
-        // The sphere around the body touches the picture's edges.
-        let focal = 0.5 * f64::from(self.size) / (radius / distance).asin().tan();
-        Camera::look_at(eye, middle, self.up, focal, self.size, self.size)
+        // The sphere around the body touches the picture's nearer edges.
+        let [width, height] = self.size;
+        let focal = 0.5 * f64::from(width.min(height)) / (radius / distance).asin().tan();
+        Camera::look_at(eye, middle, self.up, focal, width, height)
     }
 }
 

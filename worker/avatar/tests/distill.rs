@@ -3,9 +3,9 @@
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::distill::{DistillError, Lessons};
+use yoto_avatar::distill::{DistillError, Filmed, Lessons};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
-use yoto_capture::camera::Pose;
+use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{Shard, ShardBuilder};
 
@@ -39,6 +39,12 @@ fn splats_show_what_a_field_shows() {
         .iter()
         .map(|frame| Pose::from_frame(frame).expect("a pose"))
         .collect();
+    let filmed: Vec<Filmed> = (track.frames.iter().zip(&images))
+        .map(|(frame, image)| Filmed {
+            camera: Camera::from_frame(frame, track.image_size).expect("a camera"),
+            image: image.clone(),
+        })
+        .collect();
     let mut shard = ShardBuilder::new(track);
     for image in &images {
         shard.push(image).expect("fits");
@@ -50,7 +56,8 @@ fn splats_show_what_a_field_shows() {
         slot,
         poses,
         up: [0.0, 1.0, 0.0],
-        size: SIZE,
+        size: [SIZE; 2],
+        filmed: &[],
     };
     let film = lessons(&poses, 0)
         .film(|pictures| pictures < 24)
@@ -74,6 +81,20 @@ fn splats_show_what_a_field_shows() {
     splats.validate().expect("pictures");
     let likeness = splats.progress().psnr.expect("held-out pictures");
     assert!(likeness > 24.0, "{likeness} dB to the field");
+
+    // What was filmed follows, in its own poses and from its own cameras.
+    let both = Lessons {
+        filmed: &filmed,
+        ..lessons(&poses, 0)
+    };
+    let both = both.film(|pictures| pictures < 2).expect("a film");
+    assert_eq!(both.frames(), 2 + 12);
+    for (place, (filmed, pose)) in filmed.iter().zip(&poses).enumerate() {
+        assert_eq!(both.image(2 + place).rgb, filmed.image.rgb);
+        let frame = &both.track.frames[2 + place];
+        assert_eq!(frame.e, filmed.camera.e);
+        assert_eq!(Pose::from_frame(frame).expect("a pose"), *pose);
+    }
 
     assert!(matches!(
         lessons(&[], 0).film(|_| false),

@@ -215,10 +215,10 @@ fn what_can_not_be_joined_says_why() {
 fn a_training_may_start_with_another_models_trunk() {
     let (other, new) = (tempdir(), tempdir());
     duo("draft", other.path());
-    let fresh = |tier: &str| {
-        let people = people(&[0, 1]);
+    let starts = |tier: &str, people| {
         Trainer::new(config(tier), options(STEPS), people, &Device::flex()).expect("starts")
     };
+    let fresh = |tier: &str| starts(tier, people(&[0, 1]));
     let trainer = fresh("draft").with_trunk_of(other.path());
     trainer
         .expect("the same parts")
@@ -235,6 +235,8 @@ fn a_training_may_start_with_another_models_trunk() {
         assert_eq!(trained[name] != taken[name], own, "{name}");
     }
 
+    let fewer = starts("draft", people(&[0])).with_trunk_of(other.path());
+    assert!(fewer.is_ok(), "the other model may have more people");
     let refused = |trainer: Trainer| {
         let error = trainer.with_trunk_of(other.path());
         error.err().expect("refused").to_string()

@@ -292,6 +292,7 @@ impl Worker {
         let request = LeaseJobRequest {
             worker: worker.into(),
             request_id: call.to_string(),
+            help: true,
         };
         Ok(answer(client.lease_job(request)).await?.lease)
     }

@@ -16,7 +16,7 @@ use std::{
 };
 use tempfile::TempDir;
 use tokio::{runtime::Handle, sync::watch, time::timeout};
-use tonic::{Status, transport::Channel};
+use tonic::{Code, Status, transport::Channel};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
@@ -26,7 +26,8 @@ use yoto_proto::{
     names::{Collection, NameError},
     v1::{
         Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
-        RenderedFile, worker_service_client::WorkerServiceClient,
+        RenderedFile, TakeRangeRequest, TakeRangeResponse,
+        worker_service_client::WorkerServiceClient,
     },
 };
 
@@ -165,16 +166,44 @@ impl JobContext {
         })
     }
 
+    /// The next of the `pictures` of a render for this lease to draw, with retries until the coordinator
+    /// answers; `drawn` is the first one of those that it has drawn before. None if the coordinator is of a
+    /// version that knows no ranges.
+    ///
+    /// # Errors
+    /// As [`JobContext::publish`].
+    pub fn take_range(
+        &self,
+        pictures: u32,
+        drawn: Option<u32>,
+    ) -> Result<Option<TakeRangeResponse>, JobFailure> {
+        let request = TakeRangeRequest {
+            claim: Some(self.claim.clone()),
+            pictures,
+            drawn,
+        };
+        self.deliver("asking for pictures to draw", || {
+            let (mut client, request) = (self.client.clone(), request.clone());
+            async move {
+                match client.take_range(request).await {
+                    Ok(answer) => Ok(Some(answer.into_inner())),
+                    Err(status) if status.code() == Code::Unimplemented => Ok(None),
+                    Err(status) => Err(status),
+                }
+            }
+        })
+    }
+
     /// Repeats a call until the coordinator answers.
-    fn deliver<F>(&self, doing: &str, call: impl Fn() -> F) -> Result<(), JobFailure>
+    fn deliver<F, T>(&self, doing: &str, call: impl Fn() -> F) -> Result<T, JobFailure>
     where
-        F: Future<Output = Result<(), Status>>,
+        F: Future<Output = Result<T, Status>>,
     {
         self.unless_lost(async {
             let mut backoff = Backoff::new(Duration::from_millis(200), Duration::from_secs(2));
             loop {
                 match timeout(CALL_TIMEOUT, call()).await {
-                    Ok(Ok(())) => return Ok(()),
+                    Ok(Ok(answer)) => return Ok(answer),
                     Ok(Err(status)) if is_stale_lease(&status) => {
                         self.control.stop(StopReason::LeaseLost);
                         return Err(JobFailure::LeaseLost);

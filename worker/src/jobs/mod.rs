@@ -38,7 +38,7 @@ pub fn run(context: &JobContext, lease: &Lease) -> Result<JobResult, JobFailure>
             job_result::Kind::Train(train::run(context, spec, &inputs)?)
         }
         Some(job_spec::Kind::Render(spec)) => {
-            job_result::Kind::Render(render::run(context, spec, &inputs)?)
+            job_result::Kind::Render(render::run(context, spec, &inputs, lease.helps)?)
         }
         Some(job_spec::Kind::Evaluate(spec)) => {
             job_result::Kind::Evaluate(evaluate::run(context, spec, &inputs)?)

@@ -13,6 +13,7 @@ mod orbit;
 mod quality;
 mod request;
 mod scene;
+mod share;
 mod surroundings;
 mod truth;
 mod views;
@@ -37,7 +38,7 @@ use yoto_avatar::{
     tradeoff::sweep::fidelity,
 };
 use yoto_proto::{
-    names,
+    keys, names,
     v1::{Inputs, Layer, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
@@ -46,7 +47,7 @@ const ANIMATION: &str = "animation.png";
 /// Frames per second of an animation that has no speed of its own.
 const FPS: f32 = 15.0;
 
-/// Renders all views of the request.
+/// Renders all views of the request, or those that are left to a lease that `helps`.
 ///
 /// # Errors
 /// Bad requests, a model without a complete checkpoint, and faults of the store.
@@ -54,6 +55,7 @@ pub fn run(
     context: &JobContext,
     spec: &RenderSpec,
     inputs: &Inputs,
+    helps: bool,
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
     let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
@@ -78,7 +80,14 @@ pub fn run(
     }
     let layer = Layer::try_from(spec.layer).unwrap_or_default();
     let shown = Shown::new(layer, &renderer, &film.views);
-    let drawn = draw(context, &request, &renderer, &film, &shown, inputs)?;
+    let painter = Painter {
+        context,
+        request: &request,
+        renderer: &renderer,
+        film: &film,
+        shown: &shown,
+    };
+    let drawn = draw(&painter, inputs, helps)?;
     let [depth_near, depth_far] = shown.range();
     Ok(RenderResult {
         depth_near,
@@ -178,89 +187,131 @@ struct Drawn {
     psnr: Vec<f64>,
 }
 
-/// Renders and commits each view that no earlier lease has committed, and the animation of all of them if
-/// requested. Seconds and PSNR are of the views of this lease.
-fn draw(
-    context: &JobContext,
-    request: &Request<'_>,
-    renderer: &Renderer,
-    film: &Film,
-    shown: &Shown,
-    inputs: &Inputs,
-) -> Result<Drawn, JobFailure> {
-    let views = &film.views;
-    let mut committed = Committed::new(context, inputs);
-    let kind = match request.spec.transparent {
-        true => Pixels::Rgba,
-        false => Pixels::Rgb,
-    };
-    let compare = request.spec.compare;
-    let size = |view: &SceneView| {
-        let width = view.camera.width * if compare { 2 } else { 1 };
-        (width, view.camera.height)
-    };
+/// Renders and commits the views that this lease gets, and the animation of all of them if requested. Seconds
+/// and PSNR are of the views of this lease.
+fn draw(painter: &Painter<'_>, inputs: &Inputs, helps: bool) -> Result<Drawn, JobFailure> {
+    let context = painter.context;
+    let views = &painter.film.views;
+    let kind = painter.kind();
     let mut animated = Vec::new();
     let mut animation = match views.first() {
-        Some(first) if request.spec.animate => {
+        Some(first) if painter.request.spec.animate && !helps => {
             request::same_size(views)?;
-            let count = views.len() as u32;
-            let size = size(first);
-            Some(Animation::new(&mut animated, kind, size, count, film.fps)?)
+            let (count, fps) = (views.len() as u32, painter.film.fps);
+            let size = painter.size(first);
+            Some(Animation::new(&mut animated, kind, size, count, fps)?)
         }
         _ => None,
     };
-    let mut psnr = Vec::new();
-    let (mut spent, mut drawn) = (Duration::ZERO, 0);
-    for (done, view) in views.iter().enumerate() {
-        context.check()?;
-        context.report_pieces("rendering", done, views.len());
-        let file = format!("{done:06}.png");
+    let mut committed = Committed::new(context, inputs);
+    let (mut psnr, mut spent, mut drawn) = (Vec::new(), Duration::ZERO, 0);
+    // The pixels of a view that an earlier lease has drawn, or this one does.
+    let mut pixels_of = |place: usize, committed: &mut Committed<'_>| -> Result<_, JobFailure> {
+        let file = keys::picture(place as u32);
         if let Some(pixels) = committed.take_over(&file, kind)? {
-            if let Some(animation) = &mut animation {
-                animation.push(&pixels)?;
-            }
+            return Ok(pixels);
+        }
+        let painted = painter.paint(place)?;
+        (spent, drawn) = (spent + painted.time, drawn + 1);
+        psnr.extend(painted.psnr);
+        let (width, height) = painter.size(&views[place]);
+        committed.add(file, picture::png(kind, width, height, &painted.pixels)?)?;
+        Ok(painted.pixels)
+    };
+    share::draw(
+        context,
+        views.len(),
+        helps,
+        &mut committed,
+        &mut |place, files| pixels_of(place, files).map(drop),
+    )?;
+    // All pictures are there, unless the service knows no ranges, or one is damaged.
+    for place in (0..views.len()).filter(|_| !helps) {
+        context.check()?;
+        if animation.is_none() && committed.is_sound(&keys::picture(place as u32)) {
             continue;
         }
-        let filmed = film
-            .truths
-            .picture(done, (view.camera.width, view.camera.height));
-        if compare && filmed.is_none() {
-            return Err(not_filmed(done));
-        }
-        let began = Instant::now();
-        let mut image = frame(context, renderer, view, done)?;
-        if let Some(surroundings) = &film.surroundings {
-            let above = |view: &SceneView| frame(context, renderer, view, done);
-            let shadow = surroundings.shadow(renderer, view, above)?;
-            surroundings.behind(&mut image, shadow.as_ref(), &view.camera);
-        }
-        let mut pixels = match kind {
-            Pixels::Rgb => shown.rgb8(&image),
-            Pixels::Rgba => image.to_rgba8(),
-        };
-        spent += began.elapsed();
-        drawn += 1;
-        if let Some(filmed) = filmed {
-            psnr.push(fidelity(&filmed, &image.to_rgb8()));
-            if compare {
-                pixels = beside(&filmed, &pixels, view.camera.width);
-            }
-        }
+        let pixels = pixels_of(place, &mut committed)?;
         if let Some(animation) = &mut animation {
             animation.push(&pixels)?;
         }
-        let (width, height) = size(view);
-        committed.add(file, picture::png(kind, width, height, &pixels)?)?;
     }
     if animation.map(Animation::finish).transpose()?.is_some() {
         committed.add(ANIMATION.into(), animated)?;
     }
-    context.report_pieces("rendering", views.len(), views.len());
+    if !helps {
+        context.report_pieces("rendering", views.len(), views.len());
+    }
     Ok(Drawn {
         files: committed.into_files(),
         seconds_per_frame: spent.as_secs_f64() / f64::from(drawn.max(1)),
         psnr,
     })
+}
+
+/// Draws views of a film.
+struct Painter<'a> {
+    context: &'a JobContext,
+    request: &'a Request<'a>,
+    renderer: &'a Renderer,
+    film: &'a Film,
+    shown: &'a Shown,
+}
+
+/// A drawn view.
+struct Painted {
+    pixels: Vec<u8>,
+    time: Duration,
+    /// dB, if there is ground truth.
+    psnr: Option<f64>,
+}
+
+impl Painter<'_> {
+    /// What a pixel of the pictures has.
+    fn kind(&self) -> Pixels {
+        match self.request.spec.transparent {
+            true => Pixels::Rgba,
+            false => Pixels::Rgb,
+        }
+    }
+
+    /// Width and height of the picture of `view`.
+    fn size(&self, view: &SceneView) -> (u32, u32) {
+        let pictures = if self.request.spec.compare { 2 } else { 1 };
+        (view.camera.width * pictures, view.camera.height)
+    }
+
+    /// Draws view number `place`.
+    fn paint(&self, place: usize) -> Result<Painted, JobFailure> {
+        let (context, renderer, film) = (self.context, self.renderer, self.film);
+        let view = &film.views[place];
+        let compare = self.request.spec.compare;
+        let size = (view.camera.width, view.camera.height);
+        let filmed = film.truths.picture(place, size);
+        if compare && filmed.is_none() {
+            return Err(not_filmed(place));
+        }
+        let began = Instant::now();
+        let mut image = frame(context, renderer, view, place)?;
+        if let Some(surroundings) = &film.surroundings {
+            let above = |view: &SceneView| frame(context, renderer, view, place);
+            let shadow = surroundings.shadow(renderer, view, above)?;
+            surroundings.behind(&mut image, shadow.as_ref(), &view.camera);
+        }
+        let mut pixels = match self.kind() {
+            Pixels::Rgb => self.shown.rgb8(&image),
+            Pixels::Rgba => image.to_rgba8(),
+        };
+        let time = began.elapsed();
+        let mut psnr = None;
+        if let Some(filmed) = filmed {
+            psnr = Some(fidelity(&filmed, &image.to_rgb8()));
+            if compare {
+                pixels = beside(&filmed, &pixels, view.camera.width);
+            }
+        }
+        Ok(Painted { pixels, time, psnr })
+    }
 }
 
 /// View number `place` has no filmed picture to compare it with.

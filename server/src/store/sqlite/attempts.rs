@@ -1,6 +1,9 @@
 //! The history of a job: each of its leases, and its end.
 
-use super::rows::{Columns, During, state};
+use super::{
+    ranges,
+    rows::{Columns, During, state},
+};
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
 use sqlx::SqliteConnection;
@@ -31,7 +34,8 @@ pub async fn begin(
     Ok(())
 }
 
-/// Ends the attempt of a lease. Leases of earlier versions have none.
+/// Ends the attempt of a lease, which leaves what it has not drawn of a render to others. Leases of earlier
+/// versions have none.
 pub async fn end(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -40,7 +44,7 @@ pub async fn end(
     now: f64,
 ) -> Result<(), StoreError> {
     sqlx::query(
-        "UPDATE job_attempts SET end_time = ?3, outcome = ?4, error = ?5
+        "UPDATE job_attempts SET end_time = ?3, outcome = ?4, error = ?5, lease_deadline = NULL
          WHERE job = ?1 AND lease = ?2 AND end_time IS NULL",
     )
     .bind(&lease.job_id)
@@ -48,10 +52,10 @@ pub async fn end(
     .bind(now)
     .bind(outcome.as_str_name())
     .bind(error.map(Message::encode_to_vec))
-    .execute(conn)
+    .execute(&mut *conn)
     .await
     .during("recording the end of an attempt")?;
-    Ok(())
+    ranges::release(conn, lease).await
 }
 
 /// How the attempt of this very lease ended, if it did.

@@ -165,20 +165,17 @@ async fn named(
     exists(found)
 }
 
-/// Whether the job runs under this very lease.
+/// Whether this very lease of the job lasts.
 async fn runs(conn: &mut SqliteConnection, lease: Option<Lease<'_>>) -> Result<bool, StoreError> {
     let Some(lease) = lease else {
         return Ok(false);
     };
     exists(
-        sqlx::query(
-            "SELECT EXISTS (SELECT 1 FROM jobs
-                 WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING') AS found",
-        )
-        .bind(lease.job)
-        .bind(token(lease))
-        .fetch_one(conn)
-        .await,
+        sqlx::query("SELECT EXISTS (SELECT 1 FROM leases WHERE job = ?1 AND token = ?2) AS found")
+            .bind(lease.job)
+            .bind(token(lease))
+            .fetch_one(conn)
+            .await,
     )
 }
 

@@ -1,10 +1,11 @@
 //! Leases: the right to write to a job, with a deadline.
 //!
 //! The fencing token is the job's `lease` column. A write is guarded by the job's id, the token, the
-//! worker and the state RUNNING; a worker that lost its lease matches no row.
+//! worker and the state RUNNING; a worker that lost its lease matches no row. Workers that help with a render
+//! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::{
-    attempts, checkpoints, inputs, jobs, outcome, outputs, pins,
+    attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, ranges,
     rows::{Columns, During, integer},
     turn,
 };
@@ -35,6 +36,22 @@ macro_rules! guarded {
 }
 pub(super) use guarded;
 
+/// The same for a lease of the worker that runs the job or of one that helps with it.
+macro_rules! held {
+    ($head:literal) => {
+        held!($head, "")
+    };
+    ($head:literal, $tail:literal) => {
+        concat!(
+            $head,
+            " WHERE id = ?1 AND EXISTS (SELECT 1 FROM leases l
+                 WHERE l.job = ?1 AND l.token = ?2 AND l.worker = ?3) ",
+            $tail
+        )
+    };
+}
+pub(super) use held;
+
 /// The guarded `statement`, with the claim of `lease`.
 pub(super) fn bound<'q>(
     statement: &'static str,
@@ -51,12 +68,14 @@ pub struct Ask<'a> {
     pub worker_id: &'a str,
     /// A repeated id finds its lease again; empty: none.
     pub request_id: &'a str,
+    /// Whether it also helps with a render that another worker runs.
+    pub help: bool,
     pub lease_seconds: f64,
     pub now: f64,
 }
 
 /// The lease that an earlier call with the same id got, as long as it runs; else a lease on the job
-/// whose turn it is. A job whose inputs can't be found FAILS, so that it never stands before the others.
+/// whose turn it is, or on a part of a render of a higher priority. A job whose inputs can't be found FAILS, so that it never stands before the others.
 pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, StoreError> {
     let mut failed = Vec::new();
     if let Some(leased) = again(conn, ask).await? {
@@ -65,7 +84,19 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, S
             failed,
         });
     }
-    while let Some(id) = turn::next(conn, ask.worker_id, ask.now).await? {
+    loop {
+        let next = turn::next(conn, ask.worker_id, ask.now).await?;
+        let priority = next.as_ref().map(|it| it.priority);
+        if ask.help
+            && let Some(id) = turn::to_help(conn, ask.worker_id, priority).await?
+        {
+            let key = helpers::begin(conn, ask, &id).await?;
+            let leased = Some(leased(conn, &key).await?);
+            return Ok(Turn { leased, failed });
+        }
+        let Some(turn::Next { id, .. }) = next else {
+            break;
+        };
         let key = begin(conn, ask, &id).await?;
         match inputs_of(conn, &key).await {
             Ok(leased) => {
@@ -101,7 +132,7 @@ async fn begin(
 ) -> Result<LeaseKey, StoreError> {
     look_after(conn, ask.now).await?;
     let row = sqlx::query(
-        "UPDATE jobs SET state = 'RUNNING', lease = lease + 1, worker = ?2, lease_request = ?3,
+        "UPDATE jobs SET state = 'RUNNING', lease = last_token + 1, last_token = last_token + 1, worker = ?2, lease_request = ?3,
              lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
              not_before = NULL, start_time = coalesce(start_time, ?4)
          WHERE id = ?1 RETURNING lease",
@@ -126,7 +157,8 @@ async fn begin(
 /// Chooses the checkpoint of a job that was just leased, and finds its inputs.
 async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
     // A film that has begun goes on with the checkpoint that it began with.
-    if outputs::list(conn, &key.job_id).await?.is_empty() {
+    let begun = !outputs::list(conn, &key.job_id).await?.is_empty();
+    if !begun && !ranges::any(conn, &key.job_id).await? {
         let spec = jobs::spec(conn, &key.job_id).await?;
         pins::renew(conn, &key.job_id, &spec).await?;
     }
@@ -137,7 +169,7 @@ async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<Leased
 async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO lease_clock (id, last_tick)
-         SELECT 1, ?1 WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE state = 'RUNNING')
+         SELECT 1, ?1 WHERE NOT EXISTS (SELECT 1 FROM leases)
          ON CONFLICT (id) DO UPDATE SET last_tick = excluded.last_tick",
     )
     .bind(now)
@@ -154,8 +186,8 @@ pub async fn is_repeat(
     request_id: &str,
 ) -> Result<bool, StoreError> {
     sqlx::query(
-        "SELECT EXISTS (SELECT 1 FROM jobs
-             WHERE worker = ?1 AND state = 'RUNNING' AND lease_request = ?2) AS found",
+        "SELECT EXISTS (SELECT 1 FROM leases
+             WHERE worker = ?1 AND lease_request = ?2) AS found",
     )
     .bind(worker_id)
     .bind(request_id)
@@ -184,13 +216,16 @@ async fn again(
     .fetch_optional(&mut *conn)
     .await
     .during("looking for the lease of an earlier call")?;
-    let Some(row) = row else {
-        return Ok(None);
-    };
-    let key = LeaseKey {
-        job_id: row.text("id")?,
-        worker_id: ask.worker_id.to_owned(),
-        token: row.number("lease")?,
+    let key = match row {
+        Some(row) => LeaseKey {
+            job_id: row.text("id")?,
+            worker_id: ask.worker_id.to_owned(),
+            token: row.number("lease")?,
+        },
+        None => match helpers::again(conn, ask).await? {
+            Some(key) => key,
+            None => return Ok(None),
+        },
     };
     leased(conn, &key).await.map(Some)
 }
@@ -199,11 +234,25 @@ async fn leased(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob
     let job = jobs::get(conn, &key.job_id).await?;
     let spec = jobs::spec(conn, &key.job_id).await?;
     let inputs = inputs::resolve(conn, &key.job_id, &spec).await?;
+    let runs = bound(guarded!("SELECT 1 FROM jobs"), key)?
+        .fetch_optional(conn)
+        .await
+        .during("checking a lease")?;
     Ok(LeasedJob {
         job,
         token: key.token,
         inputs,
+        helps: runs.is_none(),
     })
+}
+
+/// Whether the lease lasts, of the worker that runs the job or of one that helps with it.
+pub async fn is_held(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, StoreError> {
+    let row = bound(held!("SELECT 1 FROM jobs"), lease)?
+        .fetch_optional(conn)
+        .await
+        .during("checking a lease")?;
+    Ok(row.is_some())
 }
 
 /// The reason why a guarded write matched no row: the job does not exist, or the lease is stale.
@@ -216,7 +265,7 @@ pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreErro
 
 /// The order of a leased job.
 pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
-    let row = bound(guarded!("SELECT spec FROM jobs"), lease)?
+    let row = bound(held!("SELECT spec FROM jobs"), lease)?
         .fetch_optional(&mut *conn)
         .await
         .during("reading a leased job")?;
@@ -226,7 +275,7 @@ pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSp
     }
 }
 
-/// Extends the lease and records progress.
+/// Extends the lease and records progress; that of a helper is not the job's.
 pub async fn heartbeat(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -247,7 +296,7 @@ pub async fn heartbeat(
         .during("recording a heartbeat")?;
     match row {
         Some(row) => row.flag("cancel_requested"),
-        None => Err(refusal(conn, lease).await),
+        None => helpers::heartbeat(conn, lease, deadline).await,
     }
 }
 

@@ -20,6 +20,8 @@ pub fn migrations() -> Migrator {
     let storage = include_str!("../../../../migrations/sqlite/0008_storage.sql").into_sql_str();
     let jobs = include_str!("../../../../migrations/sqlite/0009_jobs.sql").into_sql_str();
     let uploads = include_str!("../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
+    let ranges =
+        include_str!("../../../../migrations/sqlite/0011_render_ranges.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -35,5 +37,6 @@ pub fn migrations() -> Migrator {
         step(8, "storage", storage, false),
         step(9, "jobs", jobs, false),
         step(10, "uploads", uploads, true),
+        step(11, "render ranges", ranges, false),
     ])
 }

@@ -8,6 +8,7 @@ mod captures;
 mod checkpoints;
 mod deletion;
 mod garbage;
+mod helpers;
 mod inputs;
 mod jobs;
 mod leases;
@@ -17,6 +18,7 @@ mod outcome;
 mod outputs;
 mod pauses;
 mod pins;
+mod ranges;
 mod reaping;
 mod requests;
 mod rows;
@@ -30,7 +32,7 @@ mod workers;
 use super::{
     CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob,
     NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
-    StoreError, Target, Turn, Upload, UploadedFile,
+    StoreError, Taken, Target, Turn, Upload, UploadedFile,
 };
 use crate::{
     checkpoints::retention::Retention,
@@ -402,12 +404,15 @@ impl Store for SqliteStore {
         &self,
         worker_id: &str,
         request_id: &str,
+        help: bool,
         lease_seconds: f64,
     ) -> Result<Turn, StoreError> {
         let now = self.clock.now();
         let mut reader = self.read().await?;
-        let again = leases::is_repeat(&mut reader, worker_id, request_id).await?;
-        if !again && !turn::any(&mut reader, worker_id, now).await? {
+        let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
+            || turn::any(&mut reader, worker_id, now).await?
+            || help && turn::to_help(&mut reader, worker_id, None).await?.is_some();
+        if !work {
             return Ok(Turn::default());
         }
         drop(reader);
@@ -415,6 +420,7 @@ impl Store for SqliteStore {
         let ask = leases::Ask {
             worker_id,
             request_id,
+            help,
             lease_seconds,
             now: self.clock.now(),
         };
@@ -455,6 +461,18 @@ impl Store for SqliteStore {
         let mut tx = self.write().await?;
         outputs::commit(&mut tx, lease, file).await?;
         commit(tx).await
+    }
+
+    async fn take_range(
+        &self,
+        lease: &LeaseKey,
+        pictures: u32,
+        drawn: Option<u32>,
+    ) -> Result<Taken, StoreError> {
+        let mut tx = self.write().await?;
+        let taken = ranges::take(&mut tx, lease, pictures, drawn).await?;
+        commit(tx).await?;
+        Ok(taken)
     }
 
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {

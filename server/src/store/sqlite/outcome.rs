@@ -4,7 +4,7 @@
 //! checkpoint's trade-off, so that the two never contradict each other.
 
 use super::{
-    attempts, captures, checkpoints, jobs,
+    attempts, captures, checkpoints, helpers, jobs,
     leases::{self, bound, guarded},
     rows::{Columns, During},
 };
@@ -26,6 +26,9 @@ pub async fn end(
     now: f64,
 ) -> Result<(), StoreError> {
     let Some(cancel_requested) = cancel_requested(conn, lease).await? else {
+        if helpers::end(conn, lease, &ending, now).await? {
+            return Ok(());
+        }
         return match attempts::outcome(conn, lease).await? {
             Some(ended) if is_repeat(ended, &ending) => Ok(()),
             _ => Err(leases::refusal(conn, lease).await),
@@ -34,16 +37,21 @@ pub async fn end(
     match ending {
         Ending::Succeeded(result) => complete(conn, lease, result, now).await,
         Ending::Failed(error) => fail(conn, lease, error, now).await,
-        Ending::Cancelled if !cancel_requested => Err(StoreError::Rule {
-            reason: "CANCEL_NOT_REQUESTED",
-            message: "no cancel of this job was requested".into(),
-        }),
+        Ending::Cancelled if !cancel_requested => Err(not_requested()),
         Ending::Cancelled => cancel(conn, lease, now).await,
         Ending::Returned | Ending::Postponed(_) if cancel_requested => {
             cancel(conn, lease, now).await
         }
         Ending::Returned => requeue(conn, lease, Outcome::Returned, now).await,
         Ending::Postponed(error) => postpone(conn, lease, error, now).await,
+    }
+}
+
+/// The refusal of a cancel that nobody asked for.
+pub fn not_requested() -> StoreError {
+    StoreError::Rule {
+        reason: "CANCEL_NOT_REQUESTED",
+        message: "no cancel of this job was requested".into(),
     }
 }
 
@@ -54,6 +62,7 @@ fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
     ended == asked
         || (ended == Outcome::Cancelled && matches!(asked, Outcome::Returned | Outcome::Postponed))
         || (ended == Outcome::Failed && asked == Outcome::Postponed)
+        || (ended == Outcome::Helped && asked == Outcome::Succeeded)
 }
 
 /// Whether a cancel of the leased job was requested; none if the lease is stale.
@@ -252,7 +261,10 @@ pub async fn cancel_queued(
     .await
     .during("cancelling a queued job")?;
     match row {
-        Some(row) => end_ingest(conn, &row, &[]).await,
+        Some(row) => {
+            helpers::dismiss(conn, job_id, job::State::Cancelled, now).await?;
+            end_ingest(conn, &row, &[]).await
+        }
         None => Ok(()),
     }
 }
@@ -303,5 +315,6 @@ async fn finish(
         return Err(leases::refusal(conn, lease).await);
     };
     attempts::end(conn, lease, end.outcome, end.error, now).await?;
+    helpers::dismiss(conn, &lease.job_id, end.state, now).await?;
     Ok(row)
 }

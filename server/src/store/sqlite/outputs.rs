@@ -1,14 +1,14 @@
 //! Files of renders, committed one by one.
 
 use super::{
-    leases::{self, bound, guarded},
+    leases::{self, bound, held},
     rows::{Columns, During, integer},
 };
 use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
 use yoto_proto::v1::RenderedFile;
 
-/// Commits a file of the leased render, in the place of an earlier one, which its worker has found
+/// Commits a file of a render that the worker runs or helps with, in the place of an earlier one, which its worker has found
 /// damaged.
 pub async fn commit(
     conn: &mut SqliteConnection,
@@ -16,7 +16,7 @@ pub async fn commit(
     file: &RenderedFile,
 ) -> Result<(), StoreError> {
     let object = file.object.clone().unwrap_or_default();
-    let statement = guarded!(
+    let statement = held!(
         "UPDATE jobs SET sequence = sequence + 1",
         "AND kind = 'render'"
     );

@@ -1,7 +1,7 @@
 //! Jobs of silent workers.
 
 use super::{
-    outcome,
+    helpers, jobs, outcome,
     rows::{Columns, During},
 };
 use crate::{
@@ -27,7 +27,7 @@ pub async fn is_due(
     now: f64,
 ) -> Result<bool, StoreError> {
     sqlx::query(
-        "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'RUNNING' AND (
+        "SELECT EXISTS (SELECT 1 FROM leases WHERE (
              lease_deadline < ?1
              OR NOT EXISTS (
                  SELECT 1 FROM lease_clock WHERE last_tick BETWEEN ?1 - ?2 AND ?1)))",
@@ -56,7 +56,14 @@ pub async fn tick(
     .fetch_all(&mut *conn)
     .await
     .during("reading jobs with expired leases")?;
-    let reaped = take_back(conn, &rows, cap, now).await?;
+    let mut reaped = take_back(conn, &rows, cap, now).await?;
+    let helpers =
+        sqlx::query("SELECT job, lease, worker FROM job_attempts WHERE lease_deadline < ?1")
+            .bind(now)
+            .fetch_all(&mut *conn)
+            .await
+            .during("reading expired leases of helpers")?;
+    reaped.extend(do_without(conn, &helpers, now).await?);
     sqlx::query(
         "INSERT INTO lease_clock (id, last_tick) VALUES (1, ?1)
          ON CONFLICT (id) DO UPDATE SET last_tick = ?1",
@@ -82,7 +89,7 @@ async fn forgive(
     let Some(shift) = last_tick.and_then(|last| outage::shift(last, now, lease_seconds)) else {
         return Ok(());
     };
-    let rows = sqlx::query("SELECT ord, lease_deadline FROM jobs WHERE state = 'RUNNING'")
+    let rows = sqlx::query("SELECT job, token, lease_deadline FROM leases")
         .fetch_all(&mut *conn)
         .await
         .during("reading the deadlines of leases")?;
@@ -93,12 +100,20 @@ async fn forgive(
     );
     for row in &rows {
         let deadline = row.real("lease_deadline")?.unwrap_or(now);
-        sqlx::query("UPDATE jobs SET lease_deadline = ?2 WHERE ord = ?1")
-            .bind(row.number::<i64>("ord")?)
-            .bind(shift.apply(deadline, now))
-            .execute(&mut *conn)
-            .await
-            .during("extending a lease by an outage")?;
+        for lease in [
+            "UPDATE jobs SET lease_deadline = ?3
+             WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING'",
+            "UPDATE job_attempts SET lease_deadline = ?3
+             WHERE job = ?1 AND lease = ?2 AND lease_deadline IS NOT NULL",
+        ] {
+            sqlx::query(lease)
+                .bind(row.text("job")?)
+                .bind(row.number::<i64>("token")?)
+                .bind(shift.apply(deadline, now))
+                .execute(&mut *conn)
+                .await
+                .during("extending a lease by an outage")?;
+        }
     }
     Ok(())
 }
@@ -116,7 +131,49 @@ pub async fn take_back_embedded(
     .fetch_all(&mut *conn)
     .await
     .during("reading jobs of an earlier process")?;
-    take_back(conn, &rows, cap, now).await
+    let mut reaped = take_back(conn, &rows, cap, now).await?;
+    let helpers = sqlx::query(
+        "SELECT a.job, a.lease, a.worker FROM job_attempts a JOIN workers w ON w.id = a.worker
+         WHERE a.lease_deadline IS NOT NULL AND w.embedded = 1",
+    )
+    .fetch_all(&mut *conn)
+    .await
+    .during("reading helpers of an earlier process")?;
+    reaped.extend(do_without(conn, &helpers, now).await?);
+    Ok(reaped)
+}
+
+/// Ends the leases of helpers that are gone. Their renders go on, and are not charged for it.
+async fn do_without(
+    conn: &mut SqliteConnection,
+    rows: &[SqliteRow],
+    now: f64,
+) -> Result<Vec<Reaped>, StoreError> {
+    let mut reaped = Vec::with_capacity(rows.len());
+    for row in rows {
+        let lease = LeaseKey {
+            job_id: row.text("job")?,
+            worker_id: row.text("worker")?,
+            token: row.number("lease")?,
+        };
+        // Its job may have ended just now, and this lease with it.
+        if !helpers::lose(conn, &lease, now).await? {
+            continue;
+        }
+        let losses = sqlx::query("SELECT losses FROM jobs WHERE id = ?1")
+            .bind(&lease.job_id)
+            .fetch_one(&mut *conn)
+            .await
+            .during("counting a lost worker")?
+            .number("losses")?;
+        reaped.push(Reaped {
+            job: Collection::Jobs.name(&lease.job_id),
+            worker: Collection::Workers.name(&lease.worker_id),
+            losses,
+            state: jobs::get(conn, &lease.job_id).await?.state(),
+        });
+    }
+    Ok(reaped)
 }
 
 async fn take_back(

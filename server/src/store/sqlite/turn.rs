@@ -1,10 +1,24 @@
 //! Whose turn it is: the highest priority, then the owner with the fewest running jobs, then the
-//! oldest job. A model has one trainer at a time, and paused kinds wait.
+//! oldest job. A model has one trainer at a time, and paused kinds wait. A worker for which no job waits helps
+//! with a render.
 
 use super::rows::{Columns, During};
 use crate::store::StoreError;
 use sqlx::SqliteConnection;
 use yoto_proto::names::Collection;
+
+/// Workers lost over a render after which nobody helps with it any more: its pictures may be what ends them,
+/// and only losses of the worker that runs the job count against it.
+const LOSSES: u32 = 4;
+
+/// The job whose turn it is.
+#[derive(Debug)]
+pub struct Next {
+    /// Its id.
+    pub id: String,
+    /// Its priority, 0 to 3.
+    pub priority: i64,
+}
 
 /// Jobs `q` that worker `?1` may have at time `?2`.
 macro_rules! waiting {
@@ -48,11 +62,11 @@ pub async fn next(
     conn: &mut SqliteConnection,
     worker_id: &str,
     now: f64,
-) -> Result<Option<String>, StoreError> {
+) -> Result<Option<Next>, StoreError> {
     let row = sqlx::query(concat!(
         "WITH running AS (
              SELECT owner, count(*) AS jobs FROM jobs WHERE state = 'RUNNING' GROUP BY owner)
-         SELECT j.id FROM jobs j WHERE j.ord = (
+         SELECT j.id, j.priority FROM jobs j WHERE j.ord = (
              SELECT q.ord FROM jobs q LEFT JOIN running r ON r.owner = q.owner WHERE ",
         waiting!(),
         " ORDER BY q.priority DESC, coalesce(r.jobs, 0), q.ord LIMIT 1)"
@@ -62,5 +76,42 @@ pub async fn next(
     .fetch_optional(conn)
     .await
     .during("choosing the next job")?;
+    row.map(|row| {
+        Ok(Next {
+            id: row.text("id")?,
+            priority: row.number("priority")?,
+        })
+    })
+    .transpose()
+}
+
+/// The running render that has pictures for the worker to draw, of a priority `above` that of the job which
+/// waits for it: the highest priority, then the one with the fewest workers, then the oldest one. A worker
+/// that has failed at it, or was lost, does not help with it.
+pub async fn to_help(
+    conn: &mut SqliteConnection,
+    worker_id: &str,
+    above: Option<i64>,
+) -> Result<Option<String>, StoreError> {
+    let row = sqlx::query(
+        "SELECT j.id FROM jobs j
+         WHERE j.state = 'RUNNING' AND j.kind = 'render' AND j.cancel_requested = 0
+             AND j.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
+                            EXCEPT SELECT kind FROM paused_kinds)
+             AND j.priority > coalesce(?2, -1) AND j.lost_workers < ?3
+             AND EXISTS (SELECT 1 FROM render_ranges r
+                         WHERE r.job = j.id AND r.token IS NULL AND r.drawn = 0)
+             AND NOT EXISTS (SELECT 1 FROM job_attempts a
+                             WHERE a.job = j.id AND a.worker = ?1 AND a.outcome <> 'HELPED')
+         ORDER BY j.priority DESC,
+             (SELECT count(*) FROM render_ranges r WHERE r.job = j.id AND r.token IS NOT NULL),
+             j.ord LIMIT 1",
+    )
+    .bind(worker_id)
+    .bind(above)
+    .bind(LOSSES)
+    .fetch_optional(conn)
+    .await
+    .during("looking for a render to help with")?;
     row.map(|row| row.text("id")).transpose()
 }

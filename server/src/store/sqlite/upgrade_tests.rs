@@ -67,12 +67,15 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     let kept = store.kept_checkpoints("m", none).await.expect("are kept");
     // The render does not say which checkpoint it uses.
     assert_eq!(kept[0].kept_for, ["newest", "best", "jobs/looks"]);
-    let row = sqlx::query("SELECT m.published, c.number FROM models m JOIN checkpoints c")
-        .fetch_one(&store.readers)
-        .await
-        .expect("counts");
-    let counted: (i64, i64) = (row.get("published"), row.get("number"));
-    assert_eq!(counted, (1, 1));
+    let row = sqlx::query(
+        "SELECT m.published, c.number, j.last_token
+         FROM models m JOIN checkpoints c JOIN jobs j WHERE j.id = 'trained'",
+    )
+    .fetch_one(&store.readers)
+    .await
+    .expect("counts");
+    let counted: [i64; 3] = ["published", "number", "last_token"].map(|it| row.get(it));
+    assert_eq!(counted, [1, 1, 3]);
     let spec = JobSpec {
         kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
             model: "models/m".into(),
@@ -91,7 +94,10 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         kinds: vec![JobKind::Evaluate],
     };
     let worker = store.register_worker(new).await.expect("registers");
-    let turn = store.lease_job(&worker, "", 60.0).await.expect("answers");
+    let turn = store
+        .lease_job(&worker, "", false, 60.0)
+        .await
+        .expect("answers");
     let leased = turn.leased;
     assert_eq!(leased.map(|it| it.job.name), Some(evaluation.name));
     // References to the recreated tables are still enforced.

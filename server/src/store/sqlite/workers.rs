@@ -44,21 +44,21 @@ pub async fn register(
     Ok(id)
 }
 
-/// Selects workers with the job that each runs, and when it last reported on it: `?1` seconds before its
+/// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds before its
 /// lease ends.
 macro_rules! select_workers {
     ($rest:literal) => {
         concat!(
-            "SELECT w.*, j.id AS job, j.lease_deadline - ?1 AS reported,
+            "SELECT w.*, l.job, l.lease_deadline - ?1 AS reported,
                  (SELECT group_concat(kind, ' ' ORDER BY kind) FROM worker_kinds
                   WHERE worker = w.id) AS kinds
-             FROM workers w LEFT JOIN jobs j ON j.worker = w.id AND j.state = 'RUNNING' ",
+             FROM workers w LEFT JOIN leases l ON l.worker = w.id ",
             $rest
         )
     };
 }
 
-/// The workers with `ids`, and those with a RUNNING job, by their names: two lanes of one process register
+/// The workers with `ids`, and those with a job, by their names: two lanes of one process register
 /// in either order.
 pub async fn active(
     conn: &mut SqliteConnection,
@@ -68,7 +68,7 @@ pub async fn active(
     // Ids are hex digits and dashes: a space separates them.
     let ids = format!(" {} ", ids.join(" "));
     let rows = sqlx::query(select_workers!(
-        "WHERE j.id IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 \
+        "WHERE l.job IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 \
          ORDER BY w.display_name, w.ord"
     ))
     .bind(lease_seconds)

@@ -17,7 +17,7 @@ const PIXELS_PER_BATCH: usize = 8192;
 const FIRST_WAVE: usize = 8;
 
 /// An actor in their pose, for rays to march through.
-struct Staged<'a> {
+pub(super) struct Staged<'a> {
     shown: Shown<'a>,
     posed: Posed,
     weights: Vec<f32>,
@@ -26,10 +26,25 @@ struct Staged<'a> {
 }
 
 /// What a ray meets in one place.
-struct Met {
-    depth: f32,
-    alpha: f32,
-    rgb: [f32; 3],
+pub(super) struct Met {
+    pub depth: f32,
+    pub alpha: f32,
+    pub rgb: [f32; 3],
+}
+
+impl Staged<'_> {
+    /// The ray of pixel number `i` of a picture of this `width`, if it crosses the person's box.
+    fn ray(&self, i: usize, width: usize) -> Option<Ray> {
+        let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        self.sight.ray(u, v)
+    }
+
+    /// The rays of a `batch` of pixels that cross the person's box, with their places in it.
+    pub fn hits(&self, batch: &[usize], width: usize) -> Vec<(usize, Ray)> {
+        let pixels = batch.iter().enumerate();
+        let hits = pixels.filter_map(|(at, i)| Some((at, self.ray(*i, width)?)));
+        hits.collect()
+    }
 }
 
 impl Renderer {
@@ -44,46 +59,40 @@ impl Renderer {
         let staged = shown.iter().map(|shown| self.staged(shown, view));
         let staged = staged.collect::<Result<Vec<_>, _>>()?;
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-        let ray = |staged: &Staged<'_>, i: usize| {
-            let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            staged.sight.ray(u, v)
-        };
         let mut frame = Rendered::empty(view);
         let pixels: Vec<usize> = (0..width * height)
-            .filter(|i| staged.iter().any(|staged| ray(staged, *i).is_some()))
+            .filter(|i| staged.iter().any(|it| it.ray(*i, width).is_some()))
             .collect();
         for (place, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
             if !go_on((place * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
                 return Err(RenderError::Stopped);
             }
-            let hits = |staged: &Staged<'_>| -> Vec<(usize, Ray)> {
-                let pixels = batch.iter().enumerate();
-                let hits = pixels.filter_map(|(at, i)| Some((at, ray(staged, *i)?)));
-                hits.collect()
-            };
             let sums = match staged.as_slice() {
                 // Nothing is merged: every pixel of the batch meets the one box.
-                [one] => self.march_through(one, &hits(one), None, &mut frame.counts)?,
+                [one] => {
+                    self.march_through(one, &one.hits(batch, width), None, &mut frame.counts)?
+                }
                 several => {
                     let mut met: Vec<Vec<Met>> = batch.iter().map(|_| Vec::new()).collect();
                     for one in several {
-                        self.march_through(one, &hits(one), Some(&mut met), &mut frame.counts)?;
+                        let hits = one.hits(batch, width);
+                        self.march_through(one, &hits, Some(&mut met), &mut frame.counts)?;
                     }
                     met.into_iter().map(merged).collect()
                 }
             };
             for (sums, pixel) in sums.iter().zip(batch) {
-                for (c, background) in view.background.iter().enumerate() {
-                    frame.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;
-                }
-                frame.alpha[*pixel] = sums.alpha;
-                frame.depth[*pixel] = sums.depth;
+                frame.put(*pixel, sums, view.background);
             }
         }
         Ok(frame)
     }
 
-    fn staged<'a>(&self, shown: &Shown<'a>, view: &SceneView) -> Result<Staged<'a>, RenderError> {
+    pub(super) fn staged<'a>(
+        &self,
+        shown: &Shown<'a>,
+        view: &SceneView,
+    ) -> Result<Staged<'a>, RenderError> {
         let Shown { actor, body } = *shown;
         let (slot, pose) = (actor.slot, &actor.pose);
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
@@ -98,7 +107,7 @@ impl Renderer {
 
     /// Sums along `hits`, rays with their places in a batch, front to back in waves, so that samples
     /// behind opaque ones are not evaluated. What each place's ray meets is also added to `met`.
-    fn march_through(
+    pub(super) fn march_through(
         &self,
         staged: &Staged<'_>,
         hits: &[(usize, Ray)],
@@ -161,7 +170,7 @@ impl Renderer {
 }
 
 /// Sums over everything that a ray meets, of whichever person.
-fn merged(mut met: Vec<Met>) -> RayAccumulator {
+pub(super) fn merged(mut met: Vec<Met>) -> RayAccumulator {
     met.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let mut sums = RayAccumulator::START;
     for Met { depth, alpha, rgb } in met {

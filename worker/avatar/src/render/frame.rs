@@ -9,6 +9,7 @@ use super::view::{RenderView, SceneView};
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
+use crate::ops::composite::RayAccumulator;
 use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor};
 use std::collections::BTreeSet;
@@ -86,6 +87,15 @@ impl Rendered {
             depth: vec![0.0; width * height],
             counts: SampleCounts::default(),
         }
+    }
+
+    /// What a pixel's ray met, over the background.
+    pub(super) fn put(&mut self, pixel: usize, sums: &RayAccumulator, background: [f32; 3]) {
+        for (c, background) in background.iter().enumerate() {
+            self.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;
+        }
+        self.alpha[pixel] = sums.alpha;
+        self.depth[pixel] = sums.depth;
     }
 
     /// `[H, W, 3]`, rounded to 8 bits.

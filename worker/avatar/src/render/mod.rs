@@ -16,6 +16,7 @@ pub mod samples;
 mod settings;
 mod skinned_splats;
 pub(crate) mod splats;
+mod together;
 mod view;
 pub mod walk;
 
@@ -25,4 +26,5 @@ pub use rest_points::RestPoints;
 pub use samples::SampleCounts;
 pub use settings::RenderSettings;
 pub use skinned_splats::{SkinnedSplat, SkinnedSplats};
+pub use together::{Guest, render_together};
 pub use view::{Actor, Light, RenderView, SceneView};

@@ -104,7 +104,7 @@ impl Renderer {
     }
 
     /// The splats of an actor in the light of the scene, and the camera in their body's frame.
-    fn lit(
+    pub(super) fn lit(
         &self,
         shown: &Shown<'_>,
         view: &SceneView,

@@ -48,11 +48,12 @@ impl Trainer {
         // Of a tensor with another shape the store says no more than that.
         let applied = self.state.avatar_mut().load_from(&mut store);
         let applied = applied.map_err(|_| unlike())?;
-        let mut missing = applied.missing.iter();
-        let lacks = missing.any(|(name, _)| own::owner(name).is_none());
-        match !lacks && applied.unused.is_empty() && !applied.applied.is_empty() {
-            true => Ok(self),
-            false => Err(unlike()),
+        let missing = applied.missing.iter().map(|(name, _)| name);
+        // The other model may have more people.
+        let mut odd = missing.chain(&applied.unused);
+        match odd.any(|name| own::owner(name).is_none()) || applied.applied.is_empty() {
+            true => Err(unlike()),
+            false => Ok(self),
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     jobs::{JobContext, JobFailure},
     media::{Pixels, picture},
 };
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use yoto_proto::{
     keys,
     v1::{Inputs, RenderedFile},
@@ -14,33 +14,59 @@ use yoto_proto::{
 /// The files of a render.
 pub(super) struct Committed<'a> {
     context: &'a JobContext,
-    /// Files of earlier leases, by name.
-    earlier: HashMap<&'a str, &'a RenderedFile>,
-    /// All files, in the order of the views.
-    files: Vec<RenderedFile>,
+    /// Files of the render, by name.
+    files: BTreeMap<String, Known>,
+}
+
+/// A committed file.
+struct Known {
+    file: RenderedFile,
+    /// Whether it was written or read during this lease. One of an earlier lease may be damaged since.
+    sound: bool,
 }
 
 impl<'a> Committed<'a> {
-    pub(super) fn new(context: &'a JobContext, inputs: &'a Inputs) -> Self {
-        let earlier = inputs.outputs.iter().map(|it| (&*it.file, it));
-        Self {
+    pub(super) fn new(context: &'a JobContext, inputs: &Inputs) -> Self {
+        let mut files = Self {
             context,
-            earlier: earlier.collect(),
-            files: Vec::new(),
+            files: BTreeMap::new(),
+        };
+        for file in &inputs.outputs {
+            files.know(file.clone(), false);
+        }
+        files
+    }
+
+    fn know(&mut self, file: RenderedFile, sound: bool) {
+        self.files.insert(file.file.clone(), Known { file, sound });
+    }
+
+    /// Learns of files that were committed meanwhile.
+    pub(super) fn learn(&mut self, files: Vec<RenderedFile>) {
+        for file in files {
+            let known = self.files.get(&file.file);
+            if known.is_none_or(|it| it.file != file) {
+                self.know(file, true);
+            }
         }
     }
 
-    /// Takes over a picture of an earlier lease; its pixels. None if there is none, or it was damaged
-    /// since: then it is made again.
+    /// Whether a file is there, and needs no other look.
+    pub(super) fn is_sound(&self, file: &str) -> bool {
+        self.files.get(file).is_some_and(|it| it.sound)
+    }
+
+    /// Takes over a picture that is there; its pixels. None if there is none, or it was damaged since: then
+    /// it is made again.
     pub(super) fn take_over(
         &mut self,
         file: &str,
         kind: Pixels,
     ) -> Result<Option<Vec<u8>>, JobFailure> {
-        let Some(&earlier) = self.earlier.get(file) else {
+        let Some(known) = self.files.get_mut(file) else {
             return Ok(None);
         };
-        let Some(object) = &earlier.object else {
+        let Some(object) = &known.file.object else {
             return Ok(None);
         };
         let bytes = match self.context.get(object)? {
@@ -52,7 +78,7 @@ impl<'a> Committed<'a> {
             Err(error) => return Err(error.into()),
         };
         let (_, _, pixels) = picture::pixels(kind, &bytes)?;
-        self.files.push(earlier.clone());
+        known.sound = true;
         Ok(Some(pixels))
     }
 
@@ -62,13 +88,13 @@ impl<'a> Committed<'a> {
         let object = Some(self.context.put(&key, bytes)?);
         let file = RenderedFile { file, object };
         self.context.commit(file.clone())?;
-        self.files.push(file);
+        self.know(file, true);
         Ok(())
     }
 
-    /// All files.
+    /// All files: the pictures in the order of the views, then the animation.
     pub(super) fn into_files(self) -> Vec<RenderedFile> {
-        self.files
+        self.files.into_values().map(|it| it.file).collect()
     }
 }
 
@@ -113,7 +139,34 @@ mod tests {
         assert_eq!(take("torn.png"), None);
         assert_eq!(take("lost.png"), None);
         assert_eq!(take("new.png"), None);
+        assert!(files.is_sound("a.png") && !files.is_sound("torn.png"));
         // Under its own key: it is the earlier lease's object.
-        assert_eq!(files.into_files(), [file("a.png", &good)]);
+        assert_eq!(files.into_files()[0], file("a.png", &good));
+    }
+
+    #[test]
+    fn what_others_commit_meanwhile_needs_no_look_and_what_was_there_before_does() {
+        let runtime = tokio::runtime::Runtime::new().expect("a runtime");
+        let _inside = runtime.enter();
+        let context = context();
+        let file = |name: &str, bytes| RenderedFile {
+            file: name.into(),
+            object: Some(ObjectRef {
+                bytes,
+                ..ObjectRef::default()
+            }),
+        };
+        let inputs = Inputs {
+            outputs: vec![file("000000.png", 1), file("000001.png", 1)],
+            ..Inputs::default()
+        };
+        let mut files = Committed::new(&context, &inputs);
+        // The second one was damaged and drawn again by somebody else.
+        let others = [("000000.png", 1), ("000001.png", 2), ("000002.png", 3)];
+        files.learn(others.map(|(name, bytes)| file(name, bytes)).to_vec());
+        let sound = others.map(|(name, _)| files.is_sound(name));
+        assert_eq!(sound, [false, true, true]);
+        let expected = others.map(|(name, bytes)| file(name, bytes));
+        assert_eq!(files.into_files(), expected);
     }
 }

@@ -70,6 +70,14 @@ impl<'a> Probe<'a> {
         sum
     }
 
+    /// Depth, metres, opacity and colour of each splat at a pixel, near to far.
+    pub fn met(&self, pixel: usize) -> impl Iterator<Item = (f32, f32, [f32; 3])> {
+        self.layers(pixel).into_iter().map(move |layer| {
+            let flat = &self.flats[layer.splat];
+            (flat.depth, layer.alpha, flat.colour)
+        })
+    }
+
     /// The splats at a pixel, and the part of it that each has.
     pub fn parts(&self, pixel: usize) -> Vec<(usize, f32)> {
         let layers = self.layers(pixel).into_iter();

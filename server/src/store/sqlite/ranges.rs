@@ -1,0 +1,151 @@
+//! Ranges of a render's pictures, each drawn by one lease at a time.
+
+use super::{
+    leases::{is_held, refusal},
+    outputs,
+    rows::{Columns, During},
+};
+use crate::{
+    rules::ranges::split,
+    store::{LeaseKey, StoreError, Taken},
+};
+use sqlx::SqliteConnection;
+use yoto_proto::{keys, v1::PictureRange};
+
+/// Notes the range from `drawn` on as drawn by the lease, and gives it the next one, or the one that it has
+/// already.
+pub async fn take(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    pictures: u32,
+    drawn: Option<u32>,
+) -> Result<Taken, StoreError> {
+    if !is_held(conn, lease).await? {
+        return Err(refusal(conn, lease).await);
+    }
+    divide(conn, lease, pictures).await?;
+    if let Some(first) = drawn {
+        sqlx::query(
+            "UPDATE render_ranges SET drawn = 1, token = NULL
+             WHERE job = ?1 AND token = ?2 AND first = ?3",
+        )
+        .bind(&lease.job_id)
+        .bind(lease.column()?)
+        .bind(first)
+        .execute(&mut *conn)
+        .await
+        .during("recording drawn pictures")?;
+    }
+    let range = next(conn, lease).await?;
+    let row = sqlx::query("SELECT min(drawn) AS finished FROM render_ranges WHERE job = ?1")
+        .bind(&lease.job_id)
+        .fetch_one(&mut *conn)
+        .await
+        .during("looking for pictures to draw")?;
+    let finished = row.flag("finished")?;
+    let mut outputs = outputs::list(conn, &lease.job_id).await?;
+    let committed = outputs.len() as u32;
+    if !finished {
+        let inside = |file: &str| {
+            let mut places = range.iter().flat_map(|it| it.first..it.first + it.count);
+            places.any(|place| keys::picture(place) == file)
+        };
+        outputs.retain(|it| inside(&it.file));
+    }
+    Ok(Taken {
+        range,
+        outputs,
+        committed,
+        finished,
+    })
+}
+
+/// Divides the render into ranges, unless an earlier lease has. What the worker that runs the job counts
+/// holds: it may be of a later version than the last one.
+async fn divide(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+    pictures: u32,
+) -> Result<(), StoreError> {
+    let row = sqlx::query(
+        "SELECT (SELECT coalesce(sum(pictures), 0) FROM render_ranges WHERE job = ?1) AS pictures,
+             EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'RUNNING') AS runs",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .fetch_one(&mut *conn)
+    .await
+    .during("reading the ranges of a render")?;
+    let known: u32 = row.number("pictures")?;
+    if known == pictures {
+        return Ok(());
+    }
+    if !row.flag("runs")? {
+        let message = format!("the render has {known} pictures, not {pictures}");
+        return Err(StoreError::Rule {
+            reason: "OTHER_PICTURES",
+            message,
+        });
+    }
+    sqlx::query("DELETE FROM render_ranges WHERE job = ?1")
+        .bind(&lease.job_id)
+        .execute(&mut *conn)
+        .await
+        .during("dividing a render")?;
+    for (first, count) in split(pictures) {
+        sqlx::query("INSERT INTO render_ranges (job, first, pictures) VALUES (?1, ?2, ?3)")
+            .bind(&lease.job_id)
+            .bind(first)
+            .bind(count)
+            .execute(&mut *conn)
+            .await
+            .during("dividing a render")?;
+    }
+    Ok(())
+}
+
+/// The range that the lease draws; the first free one if it has none.
+async fn next(
+    conn: &mut SqliteConnection,
+    lease: &LeaseKey,
+) -> Result<Option<PictureRange>, StoreError> {
+    let row = sqlx::query(
+        "UPDATE render_ranges SET token = ?2 WHERE job = ?1 AND first = coalesce(
+             (SELECT min(first) FROM render_ranges WHERE job = ?1 AND token = ?2),
+             (SELECT min(first) FROM render_ranges WHERE job = ?1 AND token IS NULL AND drawn = 0))
+         RETURNING first, pictures",
+    )
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .fetch_optional(conn)
+    .await
+    .during("taking pictures to draw")?;
+    row.map(|row| {
+        Ok(PictureRange {
+            first: row.number("first")?,
+            count: row.number("pictures")?,
+        })
+    })
+    .transpose()
+}
+
+/// Whether a render was divided: somebody has begun to draw it.
+pub async fn any(conn: &mut SqliteConnection, job_id: &str) -> Result<bool, StoreError> {
+    sqlx::query("SELECT EXISTS (SELECT 1 FROM render_ranges WHERE job = ?1) AS found")
+        .bind(job_id)
+        .fetch_one(conn)
+        .await
+        .during("reading the ranges of a render")?
+        .flag("found")
+}
+
+/// Leaves what a lease that ends has not drawn to others.
+pub async fn release(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
+    sqlx::query("UPDATE render_ranges SET token = NULL WHERE job = ?1 AND token = ?2")
+        .bind(&lease.job_id)
+        .bind(lease.column()?)
+        .execute(conn)
+        .await
+        .during("releasing the pictures of a lease")?;
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! Pictures of people of several models, of which some consist of fields and others of splats.
+//!
+//! Both are places along a ray with an opacity and a colour, so that all that a pixel meets is blended in the
+//! order of its depth, whatever it is of.
+
+use super::fields::{Met, merged};
+use super::frame::{RenderError, Rendered, Renderer};
+use super::view::{Actor, SceneView};
+use crate::config::Numerics;
+use crate::ops::splat::probe::Probe;
+use rayon::prelude::*;
+use yoto_capture::camera::Camera;
+
+/// Pixels per batch, which bounds the memory of frames of any size.
+const PIXELS_PER_BATCH: usize = 8192;
+
+/// A person of a model.
+#[derive(Clone, Copy)]
+pub struct Guest<'a> {
+    /// The model.
+    pub model: &'a Renderer,
+    /// The person, in a slot of it.
+    pub actor: &'a Actor,
+}
+
+/// Renders people of any models in one picture, in which they hide each other, as long as `go_on` says so, which
+/// is told the finished share before each batch of rays. The picture has a ray per pixel, whatever the models'
+/// scale.
+///
+/// # Errors
+/// As [`Renderer::render_scene`].
+pub fn render_together(
+    guests: &[Guest<'_>],
+    camera: &Camera,
+    background: [f32; 3],
+    go_on: &mut dyn FnMut(f64) -> bool,
+) -> Result<Rendered, RenderError> {
+    let alone = |guest: &Guest<'_>| SceneView {
+        actors: vec![guest.actor.clone()],
+        camera: camera.clone(),
+        background,
+    };
+    let views: Vec<SceneView> = guests.iter().map(alone).collect();
+    let (mut fields, mut splats) = (Vec::new(), Vec::new());
+    for (Guest { model, .. }, view) in guests.iter().zip(&views) {
+        if model.config().numerics == Numerics::Reference {
+            return Err(RenderError::OnePerson(guests.len()));
+        }
+        for shown in model.shown(view)? {
+            if model.config().splats.is_some() {
+                splats.push(model.lit(&shown, view)?);
+            } else {
+                fields.push((model, model.staged(&shown, view)?));
+            }
+        }
+    }
+    let probes: Vec<Probe<'_>> = (splats.iter())
+        .map(|(splats, sight)| Probe::new(splats.numbers(), sight))
+        .collect();
+    let mut frame = Rendered::empty(&SceneView {
+        actors: Vec::new(),
+        camera: camera.clone(),
+        background,
+    });
+    let pixels: Vec<usize> = (0..frame.alpha.len()).collect();
+    for (place, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
+        if !go_on((place * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
+            return Err(RenderError::Stopped);
+        }
+        let mut met: Vec<Vec<Met>> = batch.iter().map(|_| Vec::new()).collect();
+        for (model, staged) in &fields {
+            let hits = staged.hits(batch, frame.width);
+            model.march_through(staged, &hits, Some(&mut met), &mut frame.counts)?;
+        }
+        let sums: Vec<_> = (met.into_par_iter().zip(batch))
+            .map(|(mut met, pixel)| {
+                for probe in &probes {
+                    let splats = probe.met(*pixel);
+                    met.extend(splats.map(|(depth, alpha, rgb)| Met { depth, alpha, rgb }));
+                }
+                merged(met)
+            })
+            .collect();
+        for (sums, pixel) in sums.iter().zip(batch) {
+            frame.put(*pixel, sums, background);
+        }
+    }
+    Ok(frame)
+}
