@@ -2,6 +2,7 @@
 //! of synthetic people on disk, a browser.
 
 pub mod browser;
+pub mod bvh;
 pub mod film;
 pub mod load;
 pub mod people;

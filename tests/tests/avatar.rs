@@ -104,6 +104,32 @@ fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What SAM 3D Body writes of a clip, with its own joints: they are shown in the clip's own motion.
+#[test]
+fn a_tool_s_own_skeleton_becomes_a_page() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/pose_tools/captures");
+    let line = format!(
+        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --out o",
+        files.join("clip/frames").display(),
+        files.join("sam_3d_body").display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    ensure!(made.status.success(), "{}", said(&made));
+    let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
+    ensure!(page.contains("In the clip's own motion."), "{page}");
+    ensure!(
+        page.contains("the skeleton is the tool's own: 22 joints"),
+        "{page}"
+    );
+    let report: Value = serde_json::from_slice(&std::fs::read(dir.path().join("o/report.json"))?)?;
+    ensure!(
+        report["motion"].as_array().map(Vec::len) == Some(16),
+        "{report:#}"
+    );
+    Ok(())
+}
+
 #[test]
 fn a_video_alone_needs_the_pose_model() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;

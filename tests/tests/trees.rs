@@ -5,6 +5,7 @@ use yoto_capture::skeleton::{Skeleton, transform};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::import::write_images;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_tests::bvh::{UNTURNED, bvh};
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{Service, fail, succeed};
 
@@ -114,5 +115,86 @@ fn a_person_with_another_joint_tree_is_trained_and_rendered_as_they_are() -> any
         said.contains("joint 0 is 'own pelvis' in one and 'pelvis' in the other"),
         "{said}"
     );
+    Ok(())
+}
+
+/// Writes the pictures, masks, BVH file and camera of `person`, as a motion-capture studio has them.
+fn write_studio(person: &SyntheticPerson, dir: &std::path::Path) -> anyhow::Result<()> {
+    let (track, images) = person.capture(FRAMES, SIZE);
+    write_images(&track, &images, dir)?;
+    std::fs::remove_file(dir.join("poses.json"))?;
+    std::fs::write(
+        dir.join("walk.bvh"),
+        bvh(&track, 0.01, &UNTURNED, &UNTURNED),
+    )?;
+    let (mut k, e) = (track.frames[0].k, track.frames[0].e);
+    // OpenCV's files count from the first pixel's centre.
+    k[0][2] -= 0.5;
+    k[1][2] -= 0.5;
+    let matrix = |name: &str, columns: usize, numbers: &[f64]| {
+        let data: Vec<String> = numbers.iter().map(|it| format!("{it:.9}")).collect();
+        format!(
+            "{name}: !!opencv-matrix\n  rows: 3\n  cols: {columns}\n  dt: d\n  data: [{}]\n",
+            data.join(", ")
+        )
+    };
+    let turn: Vec<f64> = e[..3].iter().flat_map(|row| row[..3].to_vec()).collect();
+    let shift: Vec<f64> = e[..3].iter().map(|row| row[3]).collect();
+    let head = "%YAML:1.0\n---\nnames:\n  - \"01\"\n";
+    let intri = format!("{head}{}", matrix("K_01", 3, k.as_flattened()));
+    let extri = matrix("Rot_01", 3, &turn) + &matrix("T_01", 1, &shift);
+    std::fs::write(dir.join("intri.yml"), intri)?;
+    std::fs::write(dir.join("extri.yml"), format!("{head}{extri}"))?;
+    Ok(())
+}
+
+#[test]
+fn people_keep_the_joints_of_their_bvh_files_and_exchange_motions() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let cast = SyntheticPerson::cast(2, 7);
+    let service = Service::start(YOTO, &dir.path().join("data"), true)?;
+    let place = |name: &str| dir.path().join(name).display().to_string();
+    let run = |line: &str| succeed(YOTO, &line.split(' ').collect::<Vec<_>>());
+    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
+        let mut arguments: Vec<&str> = line.split(' ').collect();
+        arguments.extend(["--server", &service.address]);
+        run(YOTO, &arguments)
+    };
+    for (person, name) in cast.iter().zip(["ada", "bruno"]) {
+        let studio = dir.path().join(format!("{name}-studio"));
+        write_studio(person, &studio)?;
+        let (studio, capture) = (studio.display().to_string(), place(name));
+        run(&format!(
+            "import {studio}/frames --poses {studio}/walk.bvh --masks {studio}/masks --keep-skeleton --out {capture}"
+        ))?;
+        let track = std::fs::read(dir.path().join(name).join("poses.json"))?;
+        let track = PoseTrack::from_json(&track).map_err(|found| anyhow::anyhow!("{found:?}"))?;
+        ensure!(track.skeleton.names.len() == 22, "{:?}", track.skeleton);
+        ensure!(track.skeleton.names[0] == "Hips", "{:?}", track.skeleton);
+        let said = run(&format!("capture check {capture} --out {capture}/check"))?;
+        ensure!(!said.contains("fail"), "{said}");
+        yoto(&format!("subject add {name} {capture}"), succeed)?;
+    }
+    let said = yoto(
+        "train both --subjects ada,bruno --tier draft --steps 60",
+        succeed,
+    )?;
+    ensure!(said.contains(" dB in the box"), "{said}");
+    let out = place("out");
+    yoto(
+        &format!("render both --subject ada --motion bruno --out {out}/driven"),
+        succeed,
+    )?;
+    let file = place("bruno-studio/walk.bvh");
+    yoto(
+        &format!("render both --subject ada --motion-file {file} --keep-skeleton --out {out}/file"),
+        succeed,
+    )?;
+    // Without the option, the file moves SMPL's joints, which these people do not have.
+    let said = yoto(
+        &format!("render both --subject ada --motion-file {file} --out {out}/smpl"),
+        fail,
+    )?;
+    ensure!(said.contains("share 0 of 22 joint names"), "{said}");
     Ok(())
 }

@@ -10,6 +10,8 @@ use image::ImageFormat;
 use std::path::Path;
 use std::time::Instant;
 use yoto_capture::check::Report;
+use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::smpl;
 
 /// An imported clip.
 pub(super) struct Captured {
@@ -18,6 +20,8 @@ pub(super) struct Captured {
     pub frames: Vec<u32>,
     pub image_size: [u32; 2],
     pub fps: f64,
+    /// Whether a motion of SMPL's joints moves the person.
+    pub has_smpl_joints: bool,
     pub seconds: f64,
 }
 
@@ -36,9 +40,25 @@ pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<C
         frames: track.frames.iter().map(|frame| frame.index).collect(),
         image_size: track.image_size,
         fps: track.fps,
+        has_smpl_joints: has_smpl_joints(track),
         notes: imported.notes,
         seconds: started.elapsed().as_secs_f64(),
     })
+}
+
+/// Whether at least half of the joints are SMPL's, by the names that ingest gives them.
+fn has_smpl_joints(track: &PoseTrack) -> bool {
+    let mut bare = PoseTrack {
+        skeleton: track.skeleton.clone(),
+        image_size: track.image_size,
+        fps: track.fps,
+        distortion: track.distortion,
+        frames: Vec::new(),
+    };
+    smpl::unify(&mut bare);
+    let is_smpl_s = |name: &&String| smpl::JOINTS.iter().any(|(joint, _)| joint == name);
+    let shared = bare.skeleton.names.iter().filter(is_smpl_s).count();
+    2 * shared >= bare.skeleton.names.len().min(smpl::JOINTS.len())
 }
 
 /// A check with the time that it took.
@@ -70,13 +90,13 @@ pub(super) fn check(
         .save_with_format(&sheet, ImageFormat::Png)
         .with_context(|| format!("writing {}", sheet.display()))?;
     tell!("{}", checked.text().trim_end());
-    tell!("sheet: {}", sheet.display());
     let failed = checked.failed();
     ensure!(
         failed == 0 || despite,
-        "{} of the capture failed: mend what is named above, or train all the same \
+        "{} of the capture failed, which {} shows: mend what is named above, or train all the same \
          (--despite-check)",
-        count(failed, "measure")
+        count(failed, "measure"),
+        sheet.display()
     );
     Ok(Checked {
         report: checked.report,

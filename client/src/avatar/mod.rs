@@ -21,6 +21,7 @@ use crate::studio::trained::{Page, write_pages};
 use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::{Context, ensure};
+use motion::Shown;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_ingest::IngestSettings;
@@ -120,7 +121,17 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     for (made, place) in [("capture", &folder), ("check", &checks)] {
         folder::move_into(&attempt.join(made), place)?;
     }
+    tell!(
+        "the body over the frames: {}",
+        checks.join("sheet.png").display()
+    );
     std::fs::remove_dir_all(&attempt).with_context(|| format!("removing {}", attempt.display()))?;
+    // This program's own motion moves SMPL's joints.
+    let shown = match &options.motion {
+        Some(motion) => Shown::Given(motion),
+        None if captured.has_smpl_joints => Shown::BuiltIn,
+        None => Shown::Clip(captured.frames.clone()),
+    };
     let mut report = Report::new(options, captured, checked);
     let ingest = IngestSettings {
         ffmpeg: options.import.ffmpeg.clone(),
@@ -168,13 +179,13 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 animation: Some((out.join("orbit.png"), ORBIT_FPS)),
             })
             .await?;
-        let (clip, fps) = motion::clip(options.motion.as_ref(), options.size)?;
+        let (what, fps) = shown.what(&subject, options.size, report.fps)?;
         let moved = shots
             .render(Shot {
                 between: None,
                 label: "motion".into(),
                 subject: &subject,
-                what: render_spec::What::Clip(clip),
+                what,
                 folder: pictures.join("motion"),
                 animation: Some((out.join("motion.png"), fps)),
             })
@@ -195,7 +206,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let path = out.join("report.json");
     let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
     std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
-    page::write(&out.join(PAGE), &report)?;
+    page::write(&out.join(PAGE), &report, shown.caption())?;
     tell!("done in {}", duration(report.seconds.total));
     Ok(report)
 }

@@ -1,10 +1,10 @@
 //! The motion that shows an avatar off, when the user has none: a synthetic person's, with raised
-//! arms and turns that few videos have.
+//! arms and turns that few videos have. It moves SMPL's joints; a person with others shows their own.
 
 use crate::import::motion::{Motion, MotionFrame};
 use anyhow::{Context, ensure};
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_proto::v1::MotionClip;
+use yoto_proto::v1::{MotionClip, MotionTransfer, Subject, render_spec::What};
 
 /// Frames of the program's own motion, and how fast they are.
 const FRAMES: usize = 30;
@@ -14,8 +14,56 @@ const SEED: u64 = 7;
 /// Most frames of a user's motion that are rendered, and the animation's frame rate for them.
 const MOST_FRAMES: usize = 120;
 
+/// The motion that is shown.
+pub(super) enum Shown<'a> {
+    /// The user's.
+    Given(&'a Motion),
+    /// This program's own.
+    BuiltIn,
+    /// The clip's own, by the numbers of its frames.
+    Clip(Vec<u32>),
+}
+
+impl Shown<'_> {
+    /// The caption of its pictures.
+    pub fn caption(&self) -> &'static str {
+        match self {
+            Self::Clip(_) => "In the clip's own motion.",
+            Self::Given(_) | Self::BuiltIn => "In a motion that the clip does not have.",
+        }
+    }
+
+    /// What to render of `subject`, whose clip has `fps` frames a second, and the pictures' frames per
+    /// second.
+    pub fn what(&self, subject: &Subject, size: u32, fps: f64) -> anyhow::Result<(What, f32)> {
+        let frames = match self {
+            Self::Given(motion) => return clip(Some(motion), size).map(clip_of),
+            Self::BuiltIn => return clip(None, size).map(clip_of),
+            Self::Clip(frames) => frames,
+        };
+        let step = frames.len().div_ceil(MOST_FRAMES).max(1);
+        let shown: Vec<u32> = frames.iter().copied().step_by(step).collect();
+        let span = shown.last().zip(shown.first());
+        let passed = span.map_or(0, |(last, first)| last.saturating_sub(*first));
+        let fps = (shown.len() as f64 - 1.0) * fps / f64::from(passed.max(1));
+        let transfer = MotionTransfer {
+            driver: subject.name.clone(),
+            first_frame: None,
+            frame_count: 0,
+            frame_step: step as u32,
+            size,
+            follow: true,
+        };
+        Ok((What::Motion(transfer), fps.max(1.0) as f32))
+    }
+}
+
+fn clip_of((clip, fps): (MotionClip, f32)) -> (What, f32) {
+    (What::Clip(clip), fps)
+}
+
 /// The clip to render at `size`, and its frames per second.
-pub(super) fn clip(given: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)> {
+fn clip(given: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)> {
     let own;
     let motion = match given {
         Some(motion) => motion,

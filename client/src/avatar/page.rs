@@ -10,12 +10,14 @@ use yoto_capture::check::Grade;
 /// The page with places for its contents, in braces.
 const PAGE: &str = include_str!("page.html");
 
-/// Writes the page about `report` to `path`, beside which the report's pictures are.
-pub(super) fn write(path: &Path, report: &Report) -> anyhow::Result<()> {
-    std::fs::write(path, page(report)).with_context(|| format!("writing {}", path.display()))
+/// Writes the page about `report` to `path`, beside which the report's pictures are; `caption` says
+/// which motion they show.
+pub(super) fn write(path: &Path, report: &Report, caption: &str) -> anyhow::Result<()> {
+    std::fs::write(path, page(report, caption))
+        .with_context(|| format!("writing {}", path.display()))
 }
 
-fn page(report: &Report) -> String {
+fn page(report: &Report, caption: &str) -> String {
     let pictures: Vec<String> = report
         .orbit
         .iter()
@@ -30,6 +32,7 @@ fn page(report: &Report) -> String {
         .replace("{size}", &report.size.to_string())
         .replace("{first}", &escaped(first))
         .replace("{pictures}", &list)
+        .replace("{caption}", &escaped(caption))
         .replace("{figures}", &figures(report))
         .replace("{check}", &check(report))
         .replace("{notes}", &notes(report))
@@ -140,16 +143,18 @@ mod tests {
             motion: Vec::new(),
             seconds: Seconds::default(),
         };
-        let page = page(&report);
+        let page = page(&report, "In a motion <new>.");
         assert!(
             page.contains("&lt;b&gt;Ada&lt;/b&gt; &#123;notes}"),
             "{page}"
         );
         assert!(page.contains("<li>focal &lt; 5 &amp; &quot;wide&quot;</li>"));
+        assert!(page.contains("<figcaption>In a motion &lt;new&gt;.</figcaption>"));
         assert!(page.contains("[\"pictures/orbit/000000.png\"]"));
         for place in [
             "{name}",
             "{size}",
+            "{caption}",
             "{pictures}",
             "{figures}",
             "{check}",

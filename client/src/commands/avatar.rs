@@ -103,7 +103,9 @@ impl Avatar {
             .out
             .unwrap_or_else(|| PathBuf::from("out").join(&*stem));
         let motion = match &self.motion_file {
-            Some(file) => Some(MotionArgs::of_map(self.joint_map).read(file)?),
+            Some(file) => Some(
+                MotionArgs::of_joints(self.joint_map, self.import.keeps_skeleton()).read(file)?,
+            ),
             None => None,
         };
         let options = AvatarOptions {
@@ -129,7 +131,10 @@ impl Avatar {
         output::put("report", serde_json::to_value(&report)?);
         let training = report.training.iter();
         for (inside, whole) in training.filter_map(|it| it.psnr_box.zip(it.psnr)) {
-            say!("{inside:.2} dB in the box, {whole:.2} dB whole, on held-out frames of the clip");
+            say!(
+                "quality (PSNR on frames held out of training): {inside:.2} dB in the person's box, {whole:.2} dB \
+                 over whole pictures"
+            );
         }
         let pages = ["index.html", "play.html"].map(|name| options.out.join(name));
         output::put("files", output::paths(&pages));

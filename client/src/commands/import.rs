@@ -106,6 +106,9 @@ pub(super) struct ImportOptions {
     /// Height of the person, metres, where nothing else tells sizes.
     #[arg(long, value_name = "M", value_parser = height)]
     height: Option<f64>,
+    /// Keep the tool's own tree of joints, in place of SMPL's 24: SAM 3D Body's (MHR), a BVH file's.
+    #[arg(long)]
+    keep_skeleton: bool,
     /// The pose model: a file, or the folder that deploy/models/get.sh filled.
     #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
     pose_model: Option<PathBuf>,
@@ -165,8 +168,15 @@ impl ImportOptions {
             || self.person.is_some()
             || self.focal.is_some()
             || self.height.is_some()
+            || self.keep_skeleton
             || self.best.is_some()
             || self.matting.model().is_some()
+    }
+
+    /// Whether the tool's own tree of joints is kept.
+    #[cfg(feature = "embedded")]
+    pub(super) fn keeps_skeleton(&self) -> bool {
+        self.keep_skeleton
     }
 
     /// These inputs, `frames` by position and `masks` of the clip, for an importer.
@@ -190,6 +200,7 @@ impl ImportOptions {
             person: self.person.clone(),
             focal: self.focal,
             height: self.height,
+            keep_skeleton: self.keep_skeleton,
             pose_model: self.pose_model.clone(),
             best: self.best,
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),

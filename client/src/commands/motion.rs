@@ -45,12 +45,16 @@ pub(super) struct MotionArgs {
     /// whose spine is upright only then].
     #[arg(long, value_name = "AXIS")]
     up: Option<Up>,
+    /// Move the joints that have the names of a BVH file's own, in place of SMPL's: for people whose captures
+    /// keep that skeleton.
+    #[arg(long)]
+    keep_skeleton: bool,
 }
 
 impl MotionArgs {
     /// Whether any option was given; a body model may come from the environment, for all commands.
     pub(super) fn any(&self) -> bool {
-        self.joint_map.is_some() || self.up.is_some()
+        self.joint_map.is_some() || self.up.is_some() || self.keep_skeleton
     }
 
     /// No options.
@@ -60,16 +64,18 @@ impl MotionArgs {
             joint_map: None,
             smpl: None,
             up: None,
+            keep_skeleton: false,
         }
     }
 
-    /// Options with a joint map alone.
+    /// Options of a joint map, and of whose joints a BVH file moves.
     #[cfg(feature = "embedded")]
-    pub(super) fn of_map(joint_map: Option<PathBuf>) -> Self {
+    pub(super) fn of_joints(joint_map: Option<PathBuf>, keep_skeleton: bool) -> Self {
         Self {
             joint_map,
             smpl: None,
             up: None,
+            keep_skeleton,
         }
     }
 
@@ -79,6 +85,7 @@ impl MotionArgs {
             joint_map: self.joint_map.clone(),
             body_model: self.smpl.clone(),
             up: self.up,
+            keep_skeleton: self.keep_skeleton,
         };
         let motion = read(file, &options)?;
         for note in &motion.notes {

@@ -1,7 +1,7 @@
 //! Recognises the format of a capture by its files.
 
 use super::clip::{PICTURES, fault, is_video, listed};
-use super::{Format, Options, key_points, pose_tools};
+use super::{Format, Options, bvh_clip, key_points, pose_tools};
 use crate::api::ClientError;
 use std::path::Path;
 use yoto_proto::pose_track::{FILES, violation};
@@ -60,6 +60,9 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
     if let Some((format, _, name)) = found {
         return Ok(Recognised::Capture(*format, name));
     }
+    if options.poses.as_deref().is_some_and(bvh_clip::fits) {
+        return Ok(Recognised::Capture(Format::Bvh, "BVH"));
+    }
     if options.poses.as_deref().is_some_and(key_points::has_files) {
         return Ok(Recognised::KeyPoints);
     }
@@ -88,7 +91,7 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
         .collect();
     let message = format!(
         "of no format that is known; looked for a video or pictures, a capture folder ({}), {}, and, with \
-         --poses, the files of {}, or {}",
+         --poses, the files of {}, BVH, or {}",
         FILES.join(", "),
         captures.join(", "),
         tools.join(", "),

@@ -19,3 +19,15 @@ pub(super) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
     let row = |i: usize| [r[i][0], r[i][1], r[i][2], t[i]];
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
+
+/// Most by which entries of a rotation may differ from a rotation's: files hold 32-bit floats.
+const INEXACT: f64 = 1e-3;
+
+/// The exact rotation of `matrix`, whose entries only approach it; `None` where it is no rotation.
+pub(super) fn exact_rotation(matrix: &Mat3) -> Option<Mat3> {
+    let product = mul(matrix, &transpose(matrix));
+    let off = product.as_flattened().iter().zip(IDENTITY.as_flattened());
+    let off = off.fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+    let is_mirror = dot(cross(matrix[0], matrix[1]), matrix[2]) < 0.0;
+    (off <= INEXACT && !is_mirror).then(|| rotation(axis_angle(matrix)))
+}

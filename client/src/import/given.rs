@@ -21,13 +21,23 @@ enum Flag {
     Person,
     Focal,
     Height,
+    KeepSkeleton,
     Fps,
 }
 
-use Flag::{Focal, Fps, Height, Masks, Matting, Person, Poses, RestJoints, View};
+use Flag::{Focal, Fps, Height, KeepSkeleton, Masks, Matting, Person, Poses, RestJoints, View};
 
-const FLAGS: [Flag; 9] = [
-    View, RestJoints, Poses, Masks, Matting, Person, Focal, Height, Fps,
+const FLAGS: [Flag; 10] = [
+    View,
+    RestJoints,
+    Poses,
+    Masks,
+    Matting,
+    Person,
+    Focal,
+    Height,
+    KeepSkeleton,
+    Fps,
 ];
 
 impl Flag {
@@ -41,6 +51,7 @@ impl Flag {
             Person => "--person",
             Focal => "--focal",
             Height => "--height",
+            KeepSkeleton => "--keep-skeleton",
             Fps => "--fps",
         }
     }
@@ -55,6 +66,7 @@ impl Flag {
             Person => options.person.is_some(),
             Focal => options.focal.is_some(),
             Height => options.height.is_some(),
+            KeepSkeleton => options.keep_skeleton,
             Fps => options.fps.is_some(),
         }
     }
@@ -81,7 +93,17 @@ fn read_by(format: Format) -> &'static [Flag] {
         Format::HumanNerf | Format::PeopleSnapshot => &[RestJoints, Fps],
         Format::InstantAvatar => &[RestJoints, Poses, Fps],
         Format::Film => &[Masks, Matting, Focal, Height, Fps],
-        Format::KeyPoints => &[Poses, Masks, Matting, Person, Focal, Height, Fps],
+        Format::KeyPoints => &[
+            Poses,
+            Masks,
+            Matting,
+            Person,
+            Focal,
+            Height,
+            KeepSkeleton,
+            Fps,
+        ],
+        Format::Bvh => &[View, Poses, Masks, Matting, Focal, KeepSkeleton, Fps],
         Format::EasyMocap => &[
             View, RestJoints, Poses, Masks, Matting, Person, Focal, Height, Fps,
         ],
@@ -130,6 +152,13 @@ pub(super) fn ensure_read(
         message += ". In a clip alone the pose model takes the most certain person; to choose among \
                     several, give a pose tool's files or key points (--poses), or cut the clip so that it \
                     shows one";
+    }
+    if flag == KeepSkeleton {
+        message += match format {
+            Format::Film => ". The pose model finds points, which have no tree of joints to keep",
+            Format::Folder => ". A capture keeps its joints",
+            _ => ". Its skeleton is SMPL's own, or SMPL-X's, whose body has SMPL's joints",
+        };
     }
     let file = source.file_name().unwrap_or_default().to_string_lossy();
     let place = source.parent().unwrap_or(Path::new(""));
@@ -224,6 +253,9 @@ mod tests {
             assert!(help.contains(&format!("  {} ", flag.name())), "{help}");
         }
         assert!(help.lines().all(|line| line.len() <= 100), "{help}");
-        assert!(help.contains("--view           zju, easymocap\n"), "{help}");
+        assert!(
+            help.contains("--view           zju, easymocap, bvh\n"),
+            "{help}"
+        );
     }
 }

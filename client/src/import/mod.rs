@@ -15,6 +15,7 @@
 mod auto;
 pub mod best;
 mod body_model;
+mod bvh_clip;
 mod capture_frames;
 mod clip;
 mod film;
@@ -35,6 +36,7 @@ mod rest_joints;
 mod source;
 mod to_folder;
 mod track;
+mod tree;
 mod write;
 mod zju;
 
@@ -42,7 +44,7 @@ pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use given::options_by_format;
 pub use hdf5::MaskStack;
-pub use matting::MattingModel;
+pub use matting::{Levels, MattingModel};
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 pub use to_folder::to_folder;
 pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
@@ -97,6 +99,8 @@ pub enum Format {
     /// EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video.
     #[value(name = "easymocap")]
     EasyMocap,
+    /// BVH: --poses a .bvh, with the clip that it is of; intri.yml and extri.yml beside it for the camera.
+    Bvh,
     /// Key points of OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body: --poses
     /// their files, with the clip; a body is fitted to them.
     KeyPoints,
@@ -131,6 +135,8 @@ pub struct Options {
     pub pose_model: Option<PathBuf>,
     /// Number of frames to keep: those that teach most.
     pub best: Option<NonZeroUsize>,
+    /// Whether the tool's own tree of joints is kept, in place of SMPL's.
+    pub keep_skeleton: bool,
     /// The ffmpeg for videos other than H.264 in MP4 or MOV; the one in PATH if absent.
     pub ffmpeg: Option<PathBuf>,
 }
@@ -230,6 +236,7 @@ pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
         Format::Lhm => tool(Tool::Lhm),
         Format::ExAvatar => tool(Tool::ExAvatar),
         Format::EasyMocap => tool(Tool::EasyMocap),
+        Format::Bvh => bvh_clip::read(dir, options),
         Format::KeyPoints => key_points::read(dir, options),
     }?;
     checked(&source, imported, options)

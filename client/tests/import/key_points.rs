@@ -185,6 +185,43 @@ fn a_range_a_focal_length_and_a_height_are_kept() {
     assert!((1.2..1.6).contains(&span), "{span}");
 }
 
+#[test]
+fn masks_of_somebody_else_are_refused_and_gaps_are_said() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for frame in 0..16 {
+        let aside = |x: u32, y: u32| image::Luma([if x > 54 && y < 30 { 255 } else { 0 }]);
+        let mask = image::GrayImage::from_fn(64, 96, aside);
+        let path = dir.path().join(format!("{frame:06}.png"));
+        mask.save(path).expect("writes");
+    }
+    for (path, name, has_both) in DETECTORS {
+        let others = Options {
+            masks: Some(dir.path().to_owned()),
+            ..options(files(path))
+        };
+        let refused = read(Format::KeyPoints, &files("clip/frames"), &others);
+        let message = refused
+            .map(|found| found.notes)
+            .expect_err(name)
+            .to_string();
+        assert!(
+            message.contains("most of the key points lie outside the masks"),
+            "{path}: {message}"
+        );
+        if has_both {
+            let second = Options {
+                person: Some(if path.contains("alphapose") { "2" } else { "1" }.into()),
+                ..options(files(path))
+            };
+            let notes = import(&second).notes.join("\n");
+            assert!(
+                notes.contains("7 frames without key points of the person (0–2, 12–15)"),
+                "{path}: {notes}"
+            );
+        }
+    }
+}
+
 /// AlphaPose's list, spoiled.
 fn spoiled(dir: &Path, spoil: impl FnOnce(&mut Value)) -> PathBuf {
     let text = std::fs::read(files("alphapose/alphapose-results.json")).expect("a file");

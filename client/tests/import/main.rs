@@ -2,21 +2,29 @@
 //! joint of each frame must land where the script that wrote them says.
 
 mod bad;
+#[path = "../../../tests/src/bvh.rs"]
+mod bvh;
+mod bvh_clip;
 mod captures;
 mod dialects;
 mod ffmpeg;
 mod film;
 mod key_points;
+#[cfg(feature = "matting")]
 mod matting;
 mod motions;
 mod moving_camera;
+#[cfg(feature = "matting")]
 #[path = "../../../worker/matting/tests/networks/mod.rs"]
 mod networks;
+mod npz;
+mod own_skeleton;
 mod pickled;
 mod pose_tools;
 mod pose_tools_bad;
 mod pose_tools_bodies;
 mod projected;
+mod traps;
 mod written;
 
 use std::path::PathBuf;

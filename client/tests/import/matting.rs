@@ -4,8 +4,7 @@ use crate::film::{film, model};
 use crate::networks::{Network, bright};
 use crate::pose_tools::{files, indices, options};
 use std::path::{Path, PathBuf};
-use yoto_client::import::{Format, MattingModel, Options, TrackForm, read, write};
-use yoto_matting::Levels;
+use yoto_client::import::{Format, Levels, MattingModel, Options, TrackForm, read, write};
 
 /// `network` as a file in `folder`, whose pictures want `levels`.
 fn matting(folder: &Path, network: Network, levels: Option<Levels>) -> Option<MattingModel> {

@@ -5,10 +5,23 @@ use std::path::Path;
 
 /// Writes `value` as a pickle of protocol 2: dictionaries, lists, texts and floats; `null` is NaN.
 pub(crate) fn write(path: &Path, value: &Value) {
+    std::fs::write(path, bytes(value)).expect("writes");
+}
+
+/// The same as numpy's array of one object.
+pub(crate) fn write_npy(path: &Path, value: &Value) {
+    let text = "{'descr': '|O', 'fortran_order': False, 'shape': (), }";
+    let mut file = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    file.extend(format!("{text:<117}\n").as_bytes());
+    file.extend(bytes(value));
+    std::fs::write(path, file).expect("writes");
+}
+
+fn bytes(value: &Value) -> Vec<u8> {
     let mut bytes = vec![0x80, 2];
     push(&mut bytes, value);
     bytes.push(b'.');
-    std::fs::write(path, bytes).expect("writes");
+    bytes
 }
 
 fn push(bytes: &mut Vec<u8>, value: &Value) {

@@ -1,7 +1,8 @@
 //! The fit itself: from key points to a pose track.
 
 use crate::check::check;
-use crate::parameters::Shared;
+use crate::colours;
+use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
 use crate::solve::{Guess, improve};
 use crate::{KeyPoints, PoseError, initial, report};
@@ -79,6 +80,7 @@ pub fn fit(
     let found = improve(&problem, guess, STEPS, &mut |step| {
         progress(GUESS + step, all);
     });
+    let (found, round) = face_the_other_way(points, &mut problem, found);
     progress(all, all);
     let mut fitted = report::fitted(points, options, &problem, &found);
     if relabelled > 0 {
@@ -86,5 +88,39 @@ pub fn fit(
             "left and right were taken for each other in {relabelled} frames, by how the body turns"
         ));
     }
+    if round > 0 {
+        fitted.notes.push(format!(
+            "the back was taken for the front in {round} frames, by the colours of head and trunk"
+        ));
+    }
     Ok(fitted)
+}
+
+/// The fit with those frames turned round that colours say are; their number.
+fn face_the_other_way(points: &KeyPoints, problem: &mut Problem, found: Guess) -> (Guess, usize) {
+    if !problem.has_space() {
+        return (found, 0);
+    }
+    let heading = |stance: &Stance| {
+        // The body's z, ahead, in the camera's axes.
+        let ahead = [0, 1, 2].map(|i: usize| stance.rotations[0][i][2]);
+        let level = ahead[0].hypot(ahead[2]).max(1e-9);
+        [-ahead[2] / level, ahead[0] / level]
+    };
+    let headings: Vec<[f64; 2]> = found.stances.iter().map(heading).collect();
+    let colours: Vec<Vec<[f64; 3]>> = points.frames.iter().map(|it| it.colours.clone()).collect();
+    let times: Vec<f64> = problem.frames.iter().map(|frame| frame.time).collect();
+    let wrong = colours::wrong(&headings, &colours, &times);
+    let count = wrong.iter().filter(|it| **it).count();
+    if count == 0 {
+        return (found, 0);
+    }
+    let mirror = problem.markers.mirror.clone();
+    let mut stances = found.stances.clone();
+    for (at, _) in wrong.iter().enumerate().filter(|(_, wrong)| **wrong) {
+        problem.frames[at] = problem.frames[at].turned_round(&mirror);
+        stances[at] = initial::read(problem, &problem.frames[at], &found.shared);
+    }
+    let guess = Guess::new(problem, stances, found.shared);
+    (improve(problem, guess, STEPS, &mut |_| ()), count)
 }

@@ -50,6 +50,11 @@ pub(crate) fn cheapest_run(
     run
 }
 
+/// What a turn by an angle, radians, in `span` seconds costs.
+pub(crate) fn jump(turn: f64, span: f64) -> f64 {
+    JUMP * (turn - FASTEST * span).max(0.0).powi(2)
+}
+
 /// Whether the root turns faster than people do between any two frames.
 pub(crate) fn has_jumps(stances: &[(Stance, f64)], times: &[f64]) -> bool {
     let mut pairs = stances.windows(2).zip(times.windows(2));
@@ -74,7 +79,7 @@ pub(crate) fn steadiest(
     ) {
         (Some([before, after]), Some([start, end])) => {
             let turn = turn(&before[from].0, &after[to].0);
-            JUMP * (turn - FASTEST * (end - start)).max(0.0).powi(2)
+            jump(turn, end - start)
         }
         _ => 0.0,
     };

@@ -37,6 +37,8 @@ pub struct FrameKeyPoints {
     /// `[N, 3]`, metres from any origin, in the camera's axes (x right, y down, z forward), if the
     /// detector guesses depth. Empty otherwise.
     pub space: Vec<[f64; 3]>,
+    /// Colours of the body's patches ([`patches`](crate::patches)), 0 to 1; empty without the pictures.
+    pub colours: Vec<[f64; 3]>,
 }
 
 /// Key points of one person in a clip.

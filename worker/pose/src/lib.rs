@@ -9,6 +9,7 @@
 
 mod banded;
 mod check;
+mod colours;
 mod error;
 mod fit;
 mod flips;
@@ -27,6 +28,7 @@ mod skeleton;
 mod solve;
 mod world;
 
+pub use colours::patches;
 pub use error::PoseError;
 pub use fit::{FitOptions, Fitted, MAX_FRAMES, fit};
 pub use key_points::{FrameKeyPoints, KeyPointSet, KeyPoints};

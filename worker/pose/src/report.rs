@@ -85,12 +85,13 @@ fn notes(
     }
     if options.focal.is_none() {
         notes.push(format!(
-            "focal length: {focal:.0} px, found by the fit: give the camera's own if it is known"
+            "focal length: {focal:.0} px, found by the fit; the camera's own is better, if it is known (--focal)"
         ));
     }
     if options.height.is_none() {
         notes.push(format!(
-            "height: {ASSUMED_HEIGHT} m, as nothing tells it: sizes and distances follow it"
+            "height: taken to be {ASSUMED_HEIGHT} m, which one camera can't tell; sizes and distances scale with it \
+             (--height)"
         ));
     }
     if !problem.has_space() {
@@ -99,7 +100,7 @@ fn notes(
     if options.upright {
         let way = if down < 0.0 { "up" } else { "down" };
         notes.push(format!(
-            "the camera looks {way} by {:.0}°, so that the person stands upright on the whole",
+            "the camera is taken to look {way} by {:.0}°, with which the person stands upright on the whole",
             down.abs()
         ));
     }

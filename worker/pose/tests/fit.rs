@@ -274,6 +274,7 @@ fn points_of_no_body_end_in_a_track_or_an_error() {
         let mut row = |by: f64| [by * number(), by * number(), number()];
         let frames = (0..6).map(|index| FrameKeyPoints {
             index: 7 * index,
+            colours: Vec::new(),
             picture: (0..set.points()).map(|_| row(400.0)).collect(),
             space: (0..set.points()).map(|_| row(1.0)).collect(),
         });

@@ -1,5 +1,5 @@
 //! Stretches of frames in which a detector takes the back for the front: how many are found by how the
-//! body turns, and how often that turns a body that was right.
+//! body turns and by its colours, and how often that turns a body that was right.
 
 #[allow(dead_code, reason = "other tests use the rest")]
 mod people;
@@ -7,7 +7,7 @@ mod people;
 use people::{Clip, Errors, camera, clip, joints};
 use yoto_capture::skeleton::transform::{dot, sub};
 use yoto_capture::synthetic::SyntheticPerson;
-use yoto_pose::{FitOptions, KeyPointSet, fit};
+use yoto_pose::{FitOptions, KeyPointSet, fit, patches};
 
 const FRAMES: usize = 60;
 /// Shoulders, in the fitted tree.
@@ -85,5 +85,47 @@ fn flips_of_many_frames_are_found_and_no_others() {
                 assert_eq!(wrong, 0, "{name}: {how:?}, {count} frames from {start} on");
             }
         }
+    }
+}
+
+/// The same walk in small pictures before a grey wall, with the colours of the body.
+fn filmed(person: &SyntheticPerson) -> Clip {
+    const SIZE: [u32; 2] = [180, 320];
+    const WALL: f64 = 120.0;
+    let mut poses = person.motion(2 * FRAMES);
+    poses.truncate(FRAMES);
+    let errors = Errors {
+        picture: 0.005,
+        space: Some(0.04),
+    };
+    let camera = camera(3.0, SIZE, 375.0);
+    let mut clip = clip(person, &poses, &camera, KeyPointSet::BlazePose33, errors, 1);
+    for (pose, frame) in poses.iter().zip(&mut clip.points.frames) {
+        let mut image = person.render(pose, &camera);
+        let pixels = image.rgb.as_chunks_mut::<3>().0.iter_mut();
+        for (pixel, coverage) in pixels.zip(&image.mask) {
+            let wall = WALL * (1.0 - f64::from(*coverage) / 255.0);
+            *pixel = pixel.map(|level| level.saturating_add(wall as u8));
+        }
+        let size = SIZE.map(|side| side as usize);
+        frame.colours = patches(KeyPointSet::BlazePose33, frame, &image.rgb, size);
+    }
+    clip
+}
+
+#[test]
+fn colours_find_stretches_that_begin_or_end_in_profile() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let walk = filmed(person);
+    assert_eq!(wrong(&walk), 0, "without flips");
+    for (start, count) in [(0, 10), (45, 15)] {
+        let mut clip = walk.clone();
+        flip(&mut clip, Flip::Depths, start, count);
+        assert_eq!(wrong(&clip), 0, "{count} frames from {start} on");
+        // Motion alone does not tell.
+        for frame in &mut clip.points.frames {
+            frame.colours.clear();
+        }
+        assert!(wrong(&clip) > 0, "{count} frames from {start} on");
     }
 }

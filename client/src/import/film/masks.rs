@@ -36,8 +36,11 @@ pub(super) fn of(
                 expected: Some(own.into_raw()),
             });
         }
-        let masks = model.masks(clip, &wanted, notes)?;
-        return Ok(with(&masks, watched, notes));
+        let made = MasksByFrame {
+            words: format!("the masks of {}", model.name()),
+            frames: model.masks(clip, &wanted, notes)?,
+        };
+        return made_of_the_person(made, &model.path, clip, watched, notes);
     }
     let own = watched.iter().map(|it| vec![Mask::Packed(it.mask.clone())]);
     let own = own.collect();
@@ -47,6 +50,30 @@ pub(super) fn of(
             .into(),
     );
     Ok((watched, own))
+}
+
+/// The masks that the model in `path` has made, if they show the person whom the pose model found: a file that
+/// this program's runtime computes wrongly, or other levels of its pictures, give spots.
+fn made_of_the_person(
+    made: MasksByFrame,
+    path: &Path,
+    clip: &Clip,
+    watched: Vec<Watched>,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
+    let [found, needed] = [overlap(&made, clip, &watched)?, SAME_PERSON].map(|it| 100.0 * it);
+    if found < needed {
+        let message = format!(
+            "its masks overlap the pose model's by only {found:.0} %, {needed:.0} % are needed: are the levels of its \
+             pictures others (--matting-levels), or is it in 8-bit integers?"
+        );
+        return Err(fault(path, "MISMATCH", message));
+    }
+    notes.push(format!(
+        "{} overlap the pose model's by {found:.0} %",
+        made.words
+    ));
+    Ok(with(&made.frames, watched, notes))
 }
 
 /// The masks in `path` that show the person whom the pose model found.
@@ -66,8 +93,10 @@ fn given(
     let (overlap, masks) = best.ok_or_else(|| fault(path, "MISSING", "there are no masks"))?;
     if overlap < SAME_PERSON {
         let message = format!(
-            "no masks here show the person that the pose model found: the best overlap by {:.0} %",
-            100.0 * overlap
+            "no masks here show the person that the pose model found: the best overlap with the model's by {:.0} %, \
+             {:.0} % are needed",
+            100.0 * overlap,
+            100.0 * SAME_PERSON
         );
         return Err(fault(path, "MISMATCH", message));
     }
@@ -196,6 +225,34 @@ mod tests {
         let taken = given(&path, &clip, watched, &mut Vec::new());
         let error = taken.err().expect("somebody else").to_string();
         assert!(error.contains("overlap"), "{error}");
+    }
+
+    #[test]
+    fn made_masks_that_miss_the_person_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let made = |left: u32| MasksByFrame {
+            words: "the masks of net.onnx".into(),
+            frames: (0..4)
+                .map(|frame| (frame, Mask::Packed(Arc::from(square(left)))))
+                .collect(),
+        };
+        let (clip, watched) = clip(folder.path());
+        let mut notes = Vec::new();
+        let path = Path::new("net.onnx");
+        let taken = made_of_the_person(made(5), path, &clip, watched, &mut notes);
+        assert_eq!(taken.expect("masks").0.len(), 4);
+        assert_eq!(
+            notes,
+            ["the masks of net.onnx overlap the pose model's by 78 %"]
+        );
+        let watched = (0..4).map(|index| Watched {
+            index,
+            points: FrameKeyPoints::default(),
+            mask: Arc::from(square(4)),
+        });
+        let taken = made_of_the_person(made(10), path, &clip, watched.collect(), &mut notes);
+        let error = taken.err().expect("spots").to_string();
+        assert!(error.contains("by only 14 %"), "{error}");
     }
 
     #[test]

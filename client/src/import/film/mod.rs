@@ -14,6 +14,7 @@ mod frames;
 mod masks;
 mod watch;
 
+#[cfg(feature = "matting")]
 pub(super) use frames::for_each;
 
 use super::clip::{Clip, fault};

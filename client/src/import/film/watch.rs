@@ -7,7 +7,7 @@ use crate::import::matting::png;
 use crate::progress::ProgressDisplay;
 use std::sync::Arc;
 use yoto_landmarks::{PoseModel, Seen, Watcher};
-use yoto_pose::FrameKeyPoints;
+use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 
 /// Visibility from which on a point counts as seen.
 const VISIBLE: f32 = 0.5;
@@ -40,9 +40,11 @@ pub(super) fn watch(
         let seen = watcher.look(rgb, size);
         let seen = seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))?;
         if let Some(seen) = seen.filter(is_seen) {
+            let mut points = key_points(index as u32, &seen);
+            points.colours = patches(KeyPointSet::BlazePose33, &points, rgb, size);
             watched.push(Watched {
                 index,
-                points: key_points(index as u32, &seen),
+                points,
                 mask: png(&seen.mask, clip)?,
             });
         }
@@ -68,6 +70,7 @@ fn key_points(index: u32, seen: &Seen) -> FrameKeyPoints {
         space: space
             .map(|&[x, y, z, _]| [x, y, z].map(f64::from))
             .collect(),
+        colours: Vec::new(),
     }
 }
 

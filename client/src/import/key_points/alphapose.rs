@@ -35,6 +35,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
         };
         let detection = Detection {
             mask: None,
+            own: None,
             person,
             picture: flat(&part.get("keypoints")?, KeyPointSet::Coco17.points())?,
             space: Vec::new(),

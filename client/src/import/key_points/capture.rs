@@ -1,10 +1,10 @@
 //! A capture of the chosen person: a body fitted to the key points of all frames.
 
 use super::detections::{Detection, Detections};
-use super::{mask, people};
+use super::{mask, own_skeleton, people};
 use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
-use crate::import::pose_tools::runs;
+use crate::import::pose_tools::{left_out, prove};
 use crate::import::{Imported, Options};
 use std::path::Path;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
@@ -50,22 +50,29 @@ pub(super) fn read(
         (None, Some(model)) => Some(mask::made(model, clip, &seen, options, &mut notes)?),
         (None, None) => mask::own(&seen, &mut notes),
     };
-    let fitted = fit(
-        &key_points(clip, found, &seen, options, &mut notes),
-        &FitOptions {
-            focal: options.focal.or(found.focal),
-            height: options.height,
-            upright: true,
-        },
-        &mut |_, _| (),
-    )
-    .map_err(|error| fault(at, "UNSUITABLE", error.to_string()))?;
-    notes.extend(fitted.notes);
-    let mut track = fitted.track;
+    let fps = fps(clip, options, &mut notes);
+    let mut track = match options.keep_skeleton {
+        true => own_skeleton::track(found, &seen, clip.size, fps, options, at, &mut notes)?,
+        false => {
+            let points = key_points(clip, found, &seen, fps, options, &mut notes);
+            let options = FitOptions {
+                focal: options.focal.or(found.focal),
+                height: options.height,
+                upright: true,
+            };
+            let fitted = fit(&points, &options, &mut |_, _| ());
+            let fitted = fitted.map_err(|error| fault(at, "UNSUITABLE", error.to_string()))?;
+            notes.extend(fitted.notes);
+            fitted.track
+        }
+    };
+    if let (true, Some(masks)) = (options.keep_skeleton, &masks) {
+        prove(&track, masks, at, &mut notes)?;
+    }
     if let Some(masks) = &masks {
         let frames: Vec<usize> = seen.iter().map(|(frame, _)| *frame).collect();
         let has_mask = |frame: &usize| masks.contains_key(frame);
-        left_out(&frames, "mask", has_mask, &mut notes);
+        left_out(&frames, "a mask", has_mask, &mut notes);
         track
             .frames
             .retain(|frame| has_mask(&(frame.index as usize)));
@@ -87,32 +94,25 @@ pub(super) fn read(
     })
 }
 
-/// Tells which of `frames` lack something.
-fn left_out(frames: &[usize], what: &str, has: impl Fn(&usize) -> bool, notes: &mut Vec<String>) {
-    let without: Vec<usize> = frames.iter().copied().filter(|frame| !has(frame)).collect();
-    if !without.is_empty() {
+/// Frames per second of the clip.
+fn fps(clip: &Clip, options: &Options, notes: &mut Vec<String>) -> f64 {
+    let fps = options.fps.or(clip.fps.filter(|fps| fps.is_finite()));
+    fps.unwrap_or_else(|| {
         notes.push(format!(
-            "{} frames without {what} are left out: {}",
-            without.len(),
-            runs(&without)
+            "no file says how fast the frames are: {FPS} a second (--fps)"
         ));
-    }
+        FPS
+    })
 }
 
 fn key_points(
     clip: &Clip,
     found: &Detections,
     seen: &[(usize, &Detection)],
+    fps: f64,
     options: &Options,
     notes: &mut Vec<String>,
 ) -> KeyPoints {
-    let fps = options.fps.or(clip.fps.filter(|fps| fps.is_finite()));
-    let fps = fps.unwrap_or_else(|| {
-        notes.push(format!(
-            "no file says how fast the frames are: {FPS} a second (--fps)"
-        ));
-        FPS
-    });
     if options.focal.is_none()
         && let Some(focal) = found.focal
     {
@@ -125,6 +125,7 @@ fn key_points(
         index: *frame as u32,
         picture: detection.picture.clone(),
         space: detection.space.clone(),
+        colours: Vec::new(),
     });
     KeyPoints {
         set: found.set,

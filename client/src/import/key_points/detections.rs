@@ -4,6 +4,7 @@ use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
 use crate::import::geometry::Vec3;
 use crate::import::source::Part;
+use crate::import::tree::{Placed, Tree};
 use std::path::Path;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
@@ -25,6 +26,17 @@ pub(super) struct Detection {
     pub space: Vec<Vec3>,
     /// The person's mask, if the detector wrote one.
     pub mask: Option<Arc<RunLengths>>,
+    /// The detector's own skeleton, if it has one.
+    pub own: Option<OwnPose>,
+}
+
+/// A skeleton of the detector's own in one frame.
+#[derive(Clone, Debug)]
+pub(super) struct OwnPose {
+    /// In the camera's axes, metres; the joints of [`Detections::tree`].
+    pub placed: Placed,
+    /// Focal length of the frame's camera, pixels; its axis is in the middle of the picture.
+    pub focal: f64,
 }
 
 impl Detection {
@@ -60,6 +72,8 @@ pub(super) struct Detections {
     pub first: Option<usize>,
     /// Focal length that the points in space belong to, pixels.
     pub focal: Option<f64>,
+    /// The joints of the detector's own skeleton, if it has one.
+    pub tree: Option<Tree>,
 }
 
 impl Detections {
@@ -72,6 +86,7 @@ impl Detections {
             frames,
             first: Some(0),
             focal: None,
+            tree: None,
         }
     }
 

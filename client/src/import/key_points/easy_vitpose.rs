@@ -84,6 +84,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             })?;
             people.push(Detection {
                 mask: None,
+                own: None,
                 person: Some(person),
                 picture,
                 space: Vec::new(),

@@ -132,6 +132,7 @@ pub(super) fn detections(
     };
     let person = |(points, space): (Vec<[f64; 3]>, Vec<Vec3>)| Detection {
         mask: None,
+        own: None,
         person: None,
         picture: points
             .iter()

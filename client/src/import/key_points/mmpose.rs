@@ -72,6 +72,7 @@ fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
     let picture = places.iter().zip(&sure).take(KeyPointSet::Coco17.points());
     Ok(Detection {
         mask: None,
+        own: None,
         person,
         picture: picture.map(point).collect(),
         space: Vec::new(),

@@ -3,7 +3,7 @@
 //! One file per detector reads its files to [`Detections`](detections::Detections): people, frames and
 //! points. The rest is common: which of the people ([`people`]), which frame of the clip
 //! ([`detections`]), whose mask ([`mask`]), and the fit of a body to the points of all frames
-//! ([`capture`], by `yoto-pose`).
+//! ([`capture`], by `yoto-pose`), or the detector's own skeleton ([`own_skeleton`]).
 //!
 //! ```text
 //! detector's files → recognise → Detections → people ┐
@@ -18,8 +18,10 @@ mod mask;
 mod mediapipe;
 mod mediapipe_json;
 mod mediapipe_table;
+mod mhr;
 mod mmpose;
 mod openpose;
+mod own_skeleton;
 mod people;
 mod recognise;
 mod sam_3d_body;

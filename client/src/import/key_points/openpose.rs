@@ -48,6 +48,7 @@ fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
     };
     Ok(Detection {
         mask: None,
+        own: None,
         person: number.map(|number| number.to_string()),
         picture: flat(&points, POINTS)?,
         space: Vec::new(),

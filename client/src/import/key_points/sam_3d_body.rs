@@ -5,7 +5,8 @@
 //!
 //! Of MHR's 127 joints 22 are where SMPL has one; its hands have no like.
 
-use super::detections::{Detection, Detections, Seen, numbers_in};
+use super::detections::{Detection, Detections, OwnPose, Seen, numbers_in};
+use super::mhr;
 use crate::api::ClientError;
 use crate::import::geometry::{Vec3, add};
 use crate::import::source::{Part, Source};
@@ -77,6 +78,7 @@ pub(super) fn read(source: &Source, size: [u32; 2]) -> Result<Detections, Client
     });
     let mut found = Detections::new("SAM 3D Body", KeyPointSet::Joints24, frames.collect());
     found.first = None;
+    found.tree = Some(mhr::tree());
     focals.sort_by(f64::total_cmp);
     found.focal = focals.get(focals.len() / 2).copied();
     Ok(found)
@@ -111,16 +113,34 @@ fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
     Ok((mask.area() > 0).then(|| Arc::new(mask)))
 }
 
+/// The kept joints of MHR, moved by `shift` to their places before the camera.
+fn own(
+    root: &Part<'_>,
+    joints: &[Vec3],
+    shift: Vec3,
+    focal: f64,
+) -> Result<Option<OwnPose>, ClientError> {
+    let placed = mhr::placed(root, joints)?;
+    Ok(placed.map(|mut placed| {
+        for place in &mut placed.places {
+            *place = add(*place, shift);
+        }
+        OwnPose { placed, focal }
+    }))
+}
+
 fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, ClientError> {
     let coords = root.get("pred_joint_coords")?;
     let joints = coords.rows::<3>()?;
     let shift = root.get("pred_cam_t")?.fixed::<3>()?;
-    let centre = size.map(|side| 0.5 * f64::from(side));
+    // The middle as the tool counts it, from the first pixel's centre.
+    let centre = size.map(|side| 0.5 * f64::from(side) + 0.5);
     let mut person = Detection {
         person: None,
         picture: Vec::new(),
         space: Vec::new(),
         mask: mask(root)?,
+        own: own(root, &joints, shift, focal)?,
     };
     for (joint, place) in JOINTS.iter().enumerate() {
         let Some(place) = place else {

@@ -1,6 +1,7 @@
 //! The levels that a matting model's pictures want, of which its file says nothing.
 
-use super::{MattingModel, Wanted, failed_at};
+use super::run::failed_at;
+use super::{MattingModel, Wanted};
 use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
 use crate::import::film;

@@ -1,22 +1,36 @@
 //! Masks that a matting model makes of the frames of a clip.
 //!
-//! What a network takes and gives is [`yoto_matting`]'s business; here it is found which levels its
-//! pictures want ([`levels`]), and it is given the frames in order.
+//! What a network takes and gives is `yoto_matting`'s business; here it is found which levels its
+//! pictures want ([`levels`]), and it is given the frames in order ([`run`]). A client without the
+//! feature `matting` has no runtime for networks, and says so.
 
+#[cfg(feature = "matting")]
 mod levels;
+#[cfg(feature = "matting")]
+mod run;
 
 use super::clip::{Clip, fault};
-use super::film;
 use super::pictures::Mask;
 use crate::api::ClientError;
-use crate::progress::{ProgressDisplay, count};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
-use yoto_matting::{Form, Levels, Matter, MattingError};
+
+/// Levels of pictures, for networks: a file does not say which it was trained with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Levels {
+    /// 0 to 1: RVM.
+    Unit,
+    /// -1 to 1: MODNet.
+    Signed,
+    /// -0.5 to 0.5: IS-Net, RMBG 1.4.
+    Centred,
+    /// Less ImageNet's mean, by its deviation: U²-Net, BiRefNet, RMBG 2.0.
+    #[value(name = "imagenet")]
+    ImageNet,
+}
 
 /// A matting model that the user names.
 #[derive(Clone, Debug)]
@@ -28,6 +42,10 @@ pub struct MattingModel {
 }
 
 /// A frame to make a mask of.
+#[cfg_attr(
+    not(feature = "matting"),
+    expect(dead_code, reason = "no network is given them")
+)]
 pub(super) struct Wanted {
     /// Its number.
     pub frame: usize,
@@ -45,64 +63,27 @@ impl MattingModel {
     /// The person's masks in the frames `wanted`, which rise: frames without anybody have none.
     ///
     /// # Errors
-    /// A file that is no matting model; levels that nobody can tell; a network that fails.
+    /// A file that is no matting model; levels that nobody can tell; a network that fails; a client
+    /// without a runtime for networks.
     pub(super) fn masks(
         &self,
         clip: &Clip,
         wanted: &[Wanted],
         notes: &mut Vec<String>,
     ) -> Result<BTreeMap<usize, Mask>, ClientError> {
-        let mut matter = Matter::open(&self.path, Levels::Unit).map_err(failed)?;
-        let levels = match (self.levels, matter.form()) {
-            (Some(levels), _) => levels,
-            (None, Form::Recurrent) => Levels::Unit,
-            (None, Form::Single) => levels::find(self, &mut matter, clip, wanted, notes)?,
-        };
-        matter.set_levels(levels);
-        let frames: Vec<usize> = wanted.iter().map(|it| it.frame).collect();
-        let mut display = ProgressDisplay::new("masks");
-        let mut masks = BTreeMap::new();
-        let mut seconds = 0.0;
-        let mut next = wanted.iter();
-        film::for_each(clip, &frames, |frame, rgb| {
-            display.count("frame", frames.len() - next.len(), frames.len());
-            let expected = next.next().and_then(|it| it.expected.as_deref());
-            let started = Instant::now();
-            let matte = matter.look(rgb, clip.size.map(|side| side as usize), expected);
-            seconds += started.elapsed().as_secs_f64();
-            let matte = matte.map_err(|error| failed_at(frame, &error))?;
-            if matte.is_somebody {
-                masks.insert(frame, Mask::Packed(png(&matte.coverage, clip)?));
-            }
-            Ok(())
-        })?;
-        display.clear();
-        notes.push(format!(
-            "masks by {} (levels {}): {}, {:.1} a second",
-            self.name(),
-            levels.name(),
-            count(frames.len(), "frame"),
-            frames.len() as f64 / seconds.max(1e-9)
-        ));
-        if masks.is_empty() {
-            let message = format!(
-                "finds nobody in {}: are the levels of its pictures others (--matting-levels)?",
-                count(frames.len(), "frame")
-            );
-            return Err(fault(&self.path, "EMPTY", message));
+        #[cfg(feature = "matting")]
+        {
+            run::masks(self, clip, wanted, notes)
         }
-        Ok(masks)
+        #[cfg(not(feature = "matting"))]
+        {
+            let _ = (clip, wanted, notes);
+            let message = "this client was built without matting models (cargo build -p yoto-client \
+                           --no-default-features): build it with --features matting, or make the masks \
+                           elsewhere and name them with --masks";
+            Err(fault(&self.path, "UNSUPPORTED", message))
+        }
     }
-}
-
-/// An error of a matting model, which names its file.
-fn failed(error: MattingError) -> ClientError {
-    ClientError::Name(error.to_string())
-}
-
-/// The same, of a frame.
-fn failed_at(frame: usize, error: &MattingError) -> ClientError {
-    ClientError::Name(format!("frame {frame} of the clip: {error}"))
 }
 
 /// Coverage of a frame as a grey PNG.

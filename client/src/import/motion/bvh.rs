@@ -1,42 +1,36 @@
 //! BVH motions on the skeletons of people.
 //!
 //! Joints are matched by name ([`JointMap`]); those between matched ones are folded into them, so
-//! that no motion is lost. A BVH file's rest pose is arbitrary, while a person's is a T-pose facing
-//! +z: rotations are converted so that limbs have the file's directions. With global rotations G of
-//! the file from a pose that stands ([`standing`]), and D the rotation that takes a limb of a T-pose to
-//! the limb of that pose, G' = G · D, and the local rotation is (G'_parent)ᵀ · G'.
+//! that no motion is lost. Or the file's own joints are kept, of which those below the wrists and the head
+//! are folded into these: fingers and faces are too small for a person in a whole picture. A BVH
+//! file's rest pose is arbitrary, while a person's is a T-pose facing +z: rotations are converted
+//! ([`tree`](crate::import::tree)) by means of a pose that stands ([`standing`]).
 
-use super::super::geometry::{
-    IDENTITY, Mat3, Vec3, about_axis, add, apply, axis_angle, between, mul, sub, transpose,
-};
+use super::super::geometry::{IDENTITY, Mat3, Vec3, about_axis, add, apply, mul};
 use super::super::source::Source;
+use super::super::tree::{self, Placed, Tree};
 use super::standing::{self, Fallen, Reference};
 use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
 use crate::api::ClientError;
-use yoto_formats::bvh::{self, Bvh, Channel, Joint};
-use yoto_proto::pose_track::Skeleton;
+use yoto_formats::bvh::{self, Bvh, Channel, Joint as FileJoint};
 
-/// Limbs, from one joint to the next, and their directions in a T-pose.
-const LIMBS: [(&str, &str, Vec3); 8] = [
-    ("l_shoulder", "l_elbow", [1.0, 0.0, 0.0]),
-    ("l_elbow", "l_wrist", [1.0, 0.0, 0.0]),
-    ("r_shoulder", "r_elbow", [-1.0, 0.0, 0.0]),
-    ("r_elbow", "r_wrist", [-1.0, 0.0, 0.0]),
-    ("l_hip", "l_knee", [0.0, -1.0, 0.0]),
-    ("l_knee", "l_ankle", [0.0, -1.0, 0.0]),
-    ("r_hip", "r_knee", [0.0, -1.0, 0.0]),
-    ("r_knee", "r_ankle", [0.0, -1.0, 0.0]),
-];
-/// Joints without a limb, which continue the direction of the previous one.
-const FOLLOW: [&str; 4] = ["l_wrist", "r_wrist", "l_hand", "r_hand"];
-/// Pairs that define left.
-const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder")];
+/// Joints of SMPL below which none of a file's own is kept.
+const LAST: [&str; 3] = ["l_wrist", "r_wrist", "head"];
 
 pub(super) fn read(
     source: &Source,
     name: &str,
     options: &MotionOptions,
 ) -> Result<Motion, ClientError> {
+    read_up(source, name, options).map(|(motion, _)| motion)
+}
+
+/// The motion, and the axis of the file that is up.
+pub(in crate::import) fn read_up(
+    source: &Source,
+    name: &str,
+    options: &MotionOptions,
+) -> Result<(Motion, Up), ClientError> {
     let bytes = source.bytes(name, None)?;
     let file = bvh::read(&String::from_utf8_lossy(&bytes)).map_err(|error| {
         let field = format!("line {}", error.line);
@@ -44,7 +38,11 @@ pub(super) fn read(
     })?;
     let names: Vec<String> = file.joints.iter().map(|joint| joint.name.clone()).collect();
     let map = JointMap::open(options.joint_map.as_deref())?;
-    let kept = Kept::new(&file, map.matches(&names));
+    let matches = map.matches(&names);
+    let kept = match options.keep_skeleton {
+        true => Kept::own(&file, matches),
+        false => Kept::matched(&file, matches),
+    };
     if !kept.is_one_tree() {
         let message = format!(
             "its root '{}' matches no joint of a person, nor is there a joint that matches the pelvis \
@@ -66,203 +64,118 @@ pub(super) fn read(
         source.fault("NOT_STANDING", name, None, "MOTION", message)
     })?;
     let upright = reference.up.to_y();
-    let rest = kept.places(&reference.placed, &upright);
-    let facing = facing(&kept, &rest);
-    let rest: Vec<Vec3> = rest.iter().map(|place| apply(&facing, *place)).collect();
-    let turns = kept.turns(&rest);
+    let standing = kept.tree.standing(&reference.placed.turned(&upright));
     let frames = file.frames.iter().map(|row| {
-        let placed = Placed::of(&file, &kept, row);
-        // From the turned reference to the upright world.
-        let turned = |at: &usize| {
-            let of = |placed: &Placed| placed.rotations.get(*at).copied().unwrap_or(IDENTITY);
-            let rotation = mul(&of(&placed), &transpose(&of(&reference.placed)));
-            let standing = mul(&mul(&upright, &rotation), &transpose(&upright));
-            mul(&standing, &transpose(&facing))
-        };
-        let global: Vec<Mat3> = kept
-            .source
-            .iter()
-            .zip(&turns)
-            .map(|(at, turn)| mul(&turned(at), turn))
-            .collect();
+        let placed = kept.frame(&file, row).turned(&upright);
         MotionFrame {
-            rotations: kept.local(&global),
-            root: apply(&upright, kept.root(&placed)),
+            rotations: standing.local(&placed.rotations),
+            root: placed.places.first().copied().unwrap_or_default(),
         }
     });
-    let pair = |(joint, at): (&String, &usize)| {
+    let pair = |(joint, at): (&tree::Joint, &usize)| {
         let name = names.get(*at).cloned();
-        (joint.clone(), name.unwrap_or_default())
+        (joint.name.clone(), name.unwrap_or_default())
     };
     let unmatched = names.iter().enumerate();
     let unmatched = unmatched.filter(|(at, _)| !kept.source.contains(at));
-    Ok(Motion {
+    let motion = Motion {
         frames: frames.collect(),
         fps: 1.0 / file.frame_time,
-        matched: kept.names.iter().zip(&kept.source).map(pair).collect(),
+        matched: kept.tree.0.iter().zip(&kept.source).map(pair).collect(),
         unmatched: unmatched.map(|(_, name)| name.clone()).collect(),
         notes: notes(&reference, options.up),
-        skeleton: Skeleton {
-            rest_joints: kept.t_pose(&rest, &turns),
-            parents: kept
-                .parents
-                .iter()
-                .map(|p| p.map_or(-1, |p| p as i32))
-                .collect(),
-            names: kept.names,
-        },
-    })
+        skeleton: standing.skeleton(1.0),
+    };
+    Ok((motion, reference.up))
 }
 
-/// The matched joints of a file, in the file's order.
+/// The joints of a file that are kept, in the file's order.
 pub(super) struct Kept {
-    names: Vec<String>,
+    pub tree: Tree,
     /// Indices in the file.
-    pub source: Vec<usize>,
-    /// Nearest matched ancestor, as an index among the kept joints.
-    parents: Vec<Option<usize>>,
+    source: Vec<usize>,
     /// Joints of the file from its root to the first kept one, whose positions move the person.
     /// Those of others only stretch the person.
     moving: Vec<usize>,
 }
 
 impl Kept {
-    fn new(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
+    /// The joints that match SMPL's, called as those.
+    fn matched(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
         matches.sort_by_key(|(_, at)| *at);
-        let (names, source): (Vec<String>, Vec<usize>) = matches.into_iter().unzip();
-        let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
-        let parent = |&at: &usize| {
-            let mut next = above(at);
-            while let Some(place) = next {
-                if let Some(found) = source.iter().position(|other| *other == place) {
-                    return Some(found);
-                }
-                next = above(place);
-            }
-            None
-        };
-        let first = source.first().copied();
-        Self {
-            moving: std::iter::successors(first, |at| above(*at)).collect(),
-            parents: source.iter().map(parent).collect(),
-            names,
-            source,
-        }
+        let joint = |(role, at): (String, usize)| (at, role.clone(), Some(role));
+        Self::new(file, matches.into_iter().map(joint).collect())
     }
 
-    /// Place of the first kept joint.
-    fn root(&self, placed: &Placed) -> Vec3 {
-        let place = self.source.first().and_then(|at| placed.places.get(*at));
-        place.copied().unwrap_or_default()
+    /// The file's own joints from the one that matches the pelvis down, without those below [`LAST`].
+    fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
+        let role = |at: usize| {
+            let found = matches.iter().find(|(_, place)| *place == at);
+            found.map(|(role, _)| role.clone())
+        };
+        let place = |role: &str| matches.iter().find(|(of, _)| of == role).map(|(_, at)| *at);
+        let first = place("pelvis").unwrap_or(0);
+        let last: Vec<usize> = LAST.iter().filter_map(|role| place(role)).collect();
+        let mut is_kept: Vec<bool> = Vec::with_capacity(file.joints.len());
+        for (at, joint) in file.joints.iter().enumerate() {
+            let above = joint.parent;
+            let goes_on = above.is_some_and(|above| is_kept.get(above) == Some(&true));
+            is_kept.push(at == first || goes_on && above.is_some_and(|it| !last.contains(&it)));
+        }
+        let kept = file.joints.iter().enumerate().zip(is_kept);
+        let kept = kept.filter(|(_, is_kept)| *is_kept);
+        let joint =
+            |((at, joint), _): ((usize, &FileJoint), bool)| (at, joint.name.clone(), role(at));
+        Self::new(file, kept.map(joint).collect())
+    }
+
+    /// Of joints with their places in the file, which rise, their names and roles.
+    fn new(file: &Bvh, joints: Vec<(usize, String, Option<String>)>) -> Self {
+        let source: Vec<usize> = joints.iter().map(|(at, ..)| *at).collect();
+        let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
+        // The nearest kept ancestor.
+        let parent = |at: usize| {
+            let mut ancestors = std::iter::successors(above(at), |at| above(*at));
+            ancestors.find_map(|above| source.iter().position(|other| *other == above))
+        };
+        let joint = |(at, name, role)| tree::Joint {
+            name,
+            role,
+            parent: parent(at),
+        };
+        let tree = Tree(joints.into_iter().map(joint).collect());
+        let moving = std::iter::successors(source.first().copied(), |at| above(*at)).collect();
+        Self {
+            tree,
+            source,
+            moving,
+        }
     }
 
     /// Whether all kept joints are below the first one, and that one is the file's root or the
     /// pelvis. Some files have a root on the ground, above the hips.
     fn is_one_tree(&self) -> bool {
-        let roots = self.parents.iter().filter(|parent| parent.is_none());
+        let roots = self.tree.0.iter().filter(|joint| joint.parent.is_none());
         let is_root = self.source.first() == Some(&0);
-        let is_pelvis = self.names.first().is_some_and(|name| name == "pelvis");
-        roots.count() == 1 && (is_root || is_pelvis)
+        roots.count() == 1 && (is_root || self.tree.find("pelvis") == Some(0))
     }
 
-    pub fn find(&self, name: &str) -> Option<usize> {
-        self.names.iter().position(|other| other == name)
-    }
-
-    /// Positions of the joints, y up.
-    fn places(&self, placed: &Placed, upright: &Mat3) -> Vec<Vec3> {
-        let place = |at: &usize| placed.places.get(*at).copied().unwrap_or_default();
-        self.source
-            .iter()
-            .map(|at| apply(upright, place(at)))
-            .collect()
-    }
-
-    /// D of each joint.
-    fn turns(&self, rest: &[Vec3]) -> Vec<Mat3> {
-        let mut turns: Vec<Mat3> = Vec::with_capacity(self.names.len());
-        for (at, name) in self.names.iter().enumerate() {
-            let limb = LIMBS.iter().find(|(from, ..)| from == name);
-            let limb = limb.and_then(|(_, to, direction)| {
-                let end = rest.get(self.find(to)?).copied()?;
-                between(*direction, sub(end, rest.get(at).copied()?))
-            });
-            let above = self.parents.get(at).copied().flatten();
-            let before = above.and_then(|above| turns.get(above)).copied();
-            turns.push(match limb {
-                Some(turn) => turn,
-                None if FOLLOW.contains(&name.as_str()) => before.unwrap_or(IDENTITY),
-                None => IDENTITY,
-            });
-        }
-        turns
-    }
-
-    /// Rest positions with the limbs in a T-pose.
-    fn t_pose(&self, rest: &[Vec3], turns: &[Mat3]) -> Vec<Vec3> {
-        let mut places: Vec<Vec3> = Vec::with_capacity(rest.len());
-        for (at, place) in rest.iter().enumerate() {
-            let Some(parent) = self.parents.get(at).copied().flatten() else {
-                places.push(*place);
-                continue;
-            };
-            let bone = sub(*place, rest.get(parent).copied().unwrap_or_default());
-            let turn = transpose(&turns.get(parent).copied().unwrap_or(IDENTITY));
-            let from = places.get(parent).copied().unwrap_or_default();
-            places.push(add(from, apply(&turn, bone)));
-        }
-        places
-    }
-
-    fn local(&self, global: &[Mat3]) -> Vec<Vec3> {
-        let parent = |at: usize| self.parents.get(at).copied().flatten();
-        let local = |(at, rotation): (usize, &Mat3)| {
-            let above = parent(at).and_then(|above| global.get(above));
-            let above = above.copied().unwrap_or(IDENTITY);
-            axis_angle(&mul(&transpose(&above), rotation))
-        };
-        global.iter().enumerate().map(local).collect()
-    }
-}
-
-/// The rotation about the vertical that turns the rest pose's left to +x.
-fn facing(kept: &Kept, rest: &[Vec3]) -> Mat3 {
-    let left = SIDES.iter().find_map(|(left, right)| {
-        let place = |name: &str| rest.get(kept.find(name)?).copied();
-        let mut across = sub(place(left)?, place(right)?);
-        across[1] = 0.0;
-        (across[0].hypot(across[2]) > 1e-6).then_some(across)
-    });
-    match left {
-        Some(left) => about_axis(1, left[2].atan2(left[0])),
-        None => IDENTITY,
-    }
-}
-
-/// A file's joints in a pose, in the file's axes.
-#[derive(Clone, Debug)]
-pub(super) struct Placed {
-    /// Global rotations.
-    pub rotations: Vec<Mat3>,
-    pub places: Vec<Vec3>,
-}
-
-impl Placed {
-    /// The rest pose: all rotations zero, each joint where its offset says.
-    pub fn rest(file: &Bvh) -> Self {
-        Self::with(file, |_, joint| (joint.offset, IDENTITY))
+    /// The rest pose: all rotations zero, each joint where its offset says; in the file's axes, as all
+    /// poses.
+    pub fn rest(&self, file: &Bvh) -> Placed {
+        self.posed(file, |_, joint| (joint.offset, IDENTITY))
     }
 
     /// The frame with the channel values `row`.
-    pub fn of(file: &Bvh, kept: &Kept, row: &[f64]) -> Self {
+    pub fn frame(&self, file: &Bvh, row: &[f64]) -> Placed {
         let mut values = row.iter().copied();
-        Self::with(file, |at, joint| {
+        self.posed(file, |at, joint| {
             let (mut place, mut local) = (joint.offset, IDENTITY);
             for channel in &joint.channels {
                 let value = values.next().unwrap_or_default();
                 match channel {
                     Channel::Rotation(axis) => local = mul(&local, &about_axis(*axis, value)),
-                    Channel::Position(axis) if kept.moving.contains(&at) => place[*axis] = value,
+                    Channel::Position(axis) if self.moving.contains(&at) => place[*axis] = value,
                     Channel::Position(_) => {}
                 }
             }
@@ -270,8 +183,13 @@ impl Placed {
         })
     }
 
-    /// Every joint with the position and rotation from its parent that `local` gives.
-    fn with(file: &Bvh, mut local: impl FnMut(usize, &Joint) -> (Vec3, Mat3)) -> Self {
+    /// The kept joints, where every joint of the file has the position and rotation from its parent that
+    /// `local` gives.
+    fn posed(
+        &self,
+        file: &Bvh,
+        mut local: impl FnMut(usize, &FileJoint) -> (Vec3, Mat3),
+    ) -> Placed {
         let count = file.joints.len();
         let (mut rotations, mut places) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (at, joint) in file.joints.iter().enumerate() {
@@ -281,7 +199,10 @@ impl Placed {
             places.push(add(from, apply(&turn, place)));
             rotations.push(mul(&turn, &rotation));
         }
-        Self { rotations, places }
+        Placed {
+            rotations: self.source.iter().map(|at| rotations[*at]).collect(),
+            places: self.source.iter().map(|at| places[*at]).collect(),
+        }
     }
 }
 

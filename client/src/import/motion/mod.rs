@@ -9,6 +9,7 @@ mod joint_map;
 mod smpl;
 mod standing;
 
+pub(super) use bvh::read_up as read_bvh;
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 
 use super::BodyModel;
@@ -31,7 +32,7 @@ pub enum Up {
 
 impl Up {
     /// The rotation of positions with this axis up to those with y up.
-    fn to_y(self) -> Mat3 {
+    pub(super) fn to_y(self) -> Mat3 {
         match self {
             Self::Y => IDENTITY,
             Self::Z => about_axis(0, -FRAC_PI_2),
@@ -48,6 +49,8 @@ pub struct MotionOptions {
     pub body_model: Option<PathBuf>,
     /// The up axis, if it is not the format's default.
     pub up: Option<Up>,
+    /// Whether a BVH file's own joints are kept, in place of those that match SMPL's, under SMPL's names.
+    pub keep_skeleton: bool,
 }
 
 /// A motion.
@@ -103,6 +106,11 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
     };
     let motion = match ending.unwrap_or_default().to_ascii_lowercase().as_str() {
         "bvh" => bvh::read(&source, &name, options),
+        "npz" if options.keep_skeleton => {
+            let message = "SMPL's parameters: their skeleton is SMPL's, and there is no other to keep \
+                           (--keep-skeleton is for BVH)";
+            Err(source.fault("UNREAD_OPTION", &name, None, "--keep-skeleton", message))
+        }
         "npz" => smpl::read(&source, &name, options),
         "json" | "pb" => track(&source, &name),
         other => {

@@ -6,8 +6,9 @@
 //! that frame is lost.
 
 use super::super::geometry::{Mat3, Vec3, apply, dot, sub};
+use super::super::tree::Placed;
 use super::Up;
-use super::bvh::{Kept, Placed};
+use super::bvh::Kept;
 use yoto_formats::bvh::Bvh;
 
 /// Cosine of the largest angle, 37°, between the vertical and the spine of somebody who stands.
@@ -53,9 +54,9 @@ pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Refer
     let step = file.frames.len().div_ceil(LOOKED_AT).max(1);
     let frames = file.frames.iter().enumerate().step_by(step);
     let frames: Vec<(usize, Placed)> = frames
-        .map(|(at, row)| (at, Placed::of(file, kept, row)))
+        .map(|(at, row)| (at, kept.frame(file, row)))
         .collect();
-    let rest = Placed::rest(file);
+    let rest = kept.rest(file);
     let view = |up: Up| View::new(kept, up, &rest, &frames);
     let view = match up {
         // An axis that was asked for is believed: the motion may be of somebody who lies.
@@ -128,10 +129,8 @@ struct Stance {
 
 impl Stance {
     fn of(kept: &Kept, placed: &Placed, to_y: &Mat3) -> Self {
-        let place = |name: &str| -> Option<Vec3> {
-            let at = kept.source.get(kept.find(name)?)?;
-            Some(apply(to_y, *placed.places.get(*at)?))
-        };
+        let place =
+            |name: &str| -> Option<Vec3> { Some(apply(to_y, kept.tree.place(placed, name)?)) };
         let rise = |from: &str, to: &[&str]| {
             let bone = sub(to.iter().find_map(|to| place(to))?, place(from)?);
             let length = dot(bone, bone).sqrt();

@@ -14,7 +14,7 @@ use std::path::Path;
 /// People that are held against masks, those seen most often first.
 const MOST_PEOPLE: usize = 6;
 /// Figure of a reading that agrees well.
-const GOOD: f64 = 0.7;
+pub(super) const GOOD: f64 = 0.7;
 /// How nearly two people must agree with the same masks, as a share of the better figure, for both to be
 /// in them: a tracker may give one person several numbers.
 const ALIKE: f64 = 0.8;

@@ -24,7 +24,7 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 
 pub(super) fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
-    let camera = camera(source, folder, options)?;
+    let camera = calibration(source, folder, options)?;
     if camera.is_none() && options.focal.is_none() {
         let message = "there is no intri.yml beside the poses or above them, nor a --focal";
         return Err(source.fault("MISSING", "intri.yml", None, "", message));
@@ -76,14 +76,19 @@ fn person(part: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
 }
 
 /// A camera of OpenCV's files.
-struct Camera {
-    intrinsics: Intrinsics,
-    distortion: [f64; 5],
-    e: Option<[[f64; 4]; 4]>,
+pub(in crate::import) struct Calibration {
+    pub intrinsics: Intrinsics,
+    pub distortion: [f64; 5],
+    /// World to camera; `None` where the world is the camera's.
+    pub e: Option<[[f64; 4]; 4]>,
 }
 
 /// The camera of `--view`, from OpenCV's files near the folder.
-fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Camera>, ClientError> {
+pub(in crate::import) fn calibration(
+    source: &Source,
+    folder: &str,
+    options: &Options,
+) -> Result<Option<Calibration>, ClientError> {
     let places = [
         format!("{folder}/"),
         format!("{folder}/../"),
@@ -125,7 +130,7 @@ fn camera(source: &Source, folder: &str, options: &Options) -> Result<Option<Cam
         })?,
         None => NO_DISTORTION,
     };
-    let mut camera = Camera {
+    let mut camera = Calibration {
         intrinsics,
         distortion,
         e: None,

@@ -3,6 +3,7 @@
 use super::tool::{Found, Seen};
 use crate::api::ClientError;
 use crate::import::clip::{Clip, fault};
+use crate::progress::count;
 use std::path::Path;
 
 /// Frames by which a tool's count may differ from the clip's: decoders disagree about the last ones.
@@ -111,7 +112,7 @@ impl Numbers {
 }
 
 /// Runs of numbers for people: `3, 7–9`.
-pub(in crate::import) fn runs(numbers: &[usize]) -> String {
+fn runs(numbers: &[usize]) -> String {
     let mut runs: Vec<(usize, usize)> = Vec::new();
     for &number in numbers {
         match runs.last_mut() {
@@ -131,6 +132,23 @@ pub(in crate::import) fn runs(numbers: &[usize]) -> String {
         text += ", …";
     }
     text
+}
+
+/// Tells which of `frames` lack something.
+pub(in crate::import) fn left_out(
+    frames: &[usize],
+    what: &str,
+    has: impl Fn(&usize) -> bool,
+    notes: &mut Vec<String>,
+) {
+    let without: Vec<usize> = frames.iter().copied().filter(|frame| !has(frame)).collect();
+    if !without.is_empty() {
+        notes.push(format!(
+            "left out: {} without {what} ({})",
+            count(without.len(), "frame"),
+            runs(&without)
+        ));
+    }
 }
 
 #[cfg(test)]

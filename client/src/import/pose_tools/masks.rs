@@ -57,6 +57,17 @@ impl Masks {
         matches!(self.from, From::Poses)
     }
 
+    /// The masks by frame, if they belong to frames.
+    pub fn by_frame(self) -> Option<MasksByFrame> {
+        match self.from {
+            From::Poses => None,
+            From::Frames(frames) => Some(MasksByFrame {
+                words: self.words,
+                frames,
+            }),
+        }
+    }
+
     /// All masks that there are to choose from.
     ///
     /// # Errors
@@ -122,14 +133,7 @@ pub(in crate::import) fn masks_given(
     clip: &Clip,
 ) -> Result<Vec<MasksByFrame>, ClientError> {
     let masks = Masks::find(Some(path), &Found::of(Vec::new()), clip)?;
-    let by_frame = |masks: Masks| match masks.from {
-        From::Poses => None,
-        From::Frames(frames) => Some(MasksByFrame {
-            words: masks.words,
-            frames,
-        }),
-    };
-    Ok(masks.into_iter().filter_map(by_frame).collect())
+    Ok(masks.into_iter().filter_map(Masks::by_frame).collect())
 }
 
 /// The masks in the tool's files.

@@ -26,13 +26,18 @@ mod rest;
 mod romp;
 mod to_world;
 mod tool;
+mod track_proof;
 mod tram;
 mod wham;
 
-pub(super) use frames::runs;
+pub(super) use easymocap::{Calibration, calibration};
+pub(super) use frames::left_out;
 pub(super) use masks::{Masks, MasksByFrame, masks_given};
+pub(super) use proof::LEAST;
+pub(super) use reading::Focal;
 pub(super) use recognise::has_files;
 pub(super) use tool::{Found, Seen, Tool};
+pub(super) use track_proof::{agreement, prove, said_agreement};
 
 use super::clip::{Clip, fault, listed};
 use super::geometry::{Mat3, Vec3, add, apply, sub, transpose};
@@ -200,17 +205,8 @@ fn imported(
         .filter(|frame| !frames.contains_key(frame))
         .filter(|frame| !unmasked.contains(frame))
         .collect();
-    for (left_out, what) in [(absent, "pose of the person"), (unmasked, "mask")] {
-        let count = match left_out.len() {
-            0 => continue,
-            1 => "1 frame".to_owned(),
-            many => format!("{many} frames"),
-        };
-        notes.push(format!(
-            "left out: {count} without a {what} ({})",
-            runs(&left_out)
-        ));
-    }
+    left_out(&absent, "a pose of the person", |_| false, &mut notes);
+    left_out(&unmasked, "a mask", |_| false, &mut notes);
     if frames.is_empty() {
         let message = "no frame is left that has a pose and, if there are masks, a mask";
         return Err(fault(at, "EMPTY", message));

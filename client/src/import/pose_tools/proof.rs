@@ -13,24 +13,25 @@ use crate::api::ClientError;
 use crate::import::clip::Clip;
 use crate::import::geometry::{Vec3, add, scale};
 use crate::import::pictures::read_masks;
+use crate::import::track::Camera;
 use std::collections::HashMap;
 use yoto_proto::smpl::JOINTS;
 
 /// Frames that a proof looks at.
-const FRAMES: usize = 24;
+pub(super) const FRAMES: usize = 24;
 /// Longest side of a mask in a proof, pixels: larger ones are thinned out.
 const SIDE: usize = 480;
 /// By how much a reading must be better for each assumption in which it differs from the documented one.
 const BETTER: f64 = 0.05;
 /// Least figure of a reading that is believed.
-pub(super) const LEAST: f64 = 0.45;
+pub(in crate::import) const LEAST: f64 = 0.45;
 /// What flesh adds to the box around joints: above, below and at the sides, shares of its longer side.
 const FLESH: [f64; 3] = [0.1, 0.03, 0.03];
 /// Points along each bone.
 const POINTS: usize = 3;
 
 /// A mask, thinned out.
-struct Silhouette {
+pub(super) struct Silhouette {
     width: usize,
     height: usize,
     /// Pixels of the clip between two of these.
@@ -41,7 +42,8 @@ struct Silhouette {
 }
 
 impl Silhouette {
-    fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
+    /// Of the levels of a mask; `None` where nobody is.
+    pub fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
         let (across, down) = (width as usize, height as usize);
         let step = across.max(down).div_ceil(SIDE).max(1);
         let (width, height) = (across.div_ceil(step), down.div_ceil(step));
@@ -211,6 +213,18 @@ fn agreement(
     };
     let placed = reading.placed(seen, rest.pelvis(seen));
     let joints = posed(&rest.joints, &placed.pose, placed.root);
+    let parents = JOINTS.iter().map(|(_, parent)| *parent);
+    agreement_of(&joints, parents, &camera, mask, size)
+}
+
+/// How well `joints`, with the joint above each, agree with a mask, 0 to 1.
+pub(super) fn agreement_of(
+    joints: &[Vec3],
+    parents: impl Iterator<Item = Option<usize>>,
+    camera: &Camera,
+    mask: &Silhouette,
+    size: [u32; 2],
+) -> f64 {
     let project = |p: Vec3| {
         let e = camera.e;
         let [x, y, z] = [0, 1, 2].map(|i: usize| {
@@ -221,7 +235,7 @@ fn agreement(
         (z > 0.05).then(|| [k[0][0] * x / z + k[0][2], k[1][1] * y / z + k[1][2]])
     };
     let mut points = Vec::new();
-    for ((_, parent), joint) in JOINTS.iter().zip(&joints) {
+    for (parent, joint) in parents.zip(joints) {
         let Some(above) = parent.and_then(|parent| joints.get(parent)) else {
             continue;
         };

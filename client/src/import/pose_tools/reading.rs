@@ -41,7 +41,8 @@ impl Focal {
         }
     }
 
-    fn pixels(self, [width, height]: [f64; 2]) -> Option<f64> {
+    /// Pixels; `None` for the file's own.
+    pub fn pixels(self, [width, height]: [f64; 2]) -> Option<f64> {
         let longer = width.max(height);
         match self {
             Self::Own => None,

@@ -7,14 +7,11 @@
 use super::tool::Person;
 use crate::api::ClientError;
 use crate::import::geometry::{
-    IDENTITY, Mat3, Vec3, add, apply, axis_angle, cross, dot, extrinsics, mul, rotation, scale,
-    transpose,
+    Mat3, Vec3, add, apply, axis_angle, exact_rotation, extrinsics, mul, rotation, scale, transpose,
 };
 use crate::import::source::Part;
 use crate::import::track::{Camera, Placed};
 
-/// Most by which entries of a rotation may differ from a rotation's: files hold 32-bit floats.
-const INEXACT: f64 = 1e-3;
 /// Least turn (of an entry of the matrix) and shift, metres, of a camera that moves.
 const MOVED: [f64; 2] = [1e-4, 1e-3];
 
@@ -87,17 +84,8 @@ impl ToWorld {
 
 /// `matrix`, if it is a rotation; `part` is where it is from.
 fn rotation_of(matrix: Mat3, part: &Part<'_>) -> Result<Mat3, ClientError> {
-    let product = mul(&matrix, &transpose(&matrix));
-    let off = product.as_flattened().iter().zip(IDENTITY.as_flattened());
-    let off = off.fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
-    let across = cross(matrix[0], matrix[1]);
-    let is_mirror = dot(across, matrix[2]) < 0.0;
-    if off > INEXACT || is_mirror {
-        let message = "the camera's matrix is no rotation";
-        return Err(part.fault("NOT_A_ROTATION", message));
-    }
-    // Its exact rotation, which entries of 32 bits only approach.
-    Ok(rotation(axis_angle(&matrix)))
+    exact_rotation(&matrix)
+        .ok_or_else(|| part.fault("NOT_A_ROTATION", "the camera's matrix is no rotation"))
 }
 
 /// Whether the cameras of a clip's frames are in different places.
@@ -136,6 +124,7 @@ pub(super) fn follow(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::import::geometry::IDENTITY;
 
     fn at(x: f64) -> ToWorld {
         ToWorld {

@@ -17,17 +17,25 @@ use rayon::prelude::*;
 /// Steps that mend each frame's first guess by itself.
 const STEPS: usize = 6;
 
+/// The stance of a frame that its points in space tell.
+pub(crate) fn read(problem: &Problem, seen: &Observed, shared: &Shared) -> Stance {
+    with_cost(problem, seen, shared).0
+}
+
+/// The same, and what it costs.
+fn with_cost(problem: &Problem, seen: &Observed, shared: &Shared) -> (Stance, f64) {
+    let rotations = figure::rotations(problem, seen);
+    let stance = place::placed(problem, seen, shared, rotations);
+    improve_frame(problem, seen, &stance, shared, STEPS)
+}
+
 /// A stance for every frame, and in how many of them the detector took the body the wrong way round,
 /// which is mended in `problem`.
 pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, usize) {
     if !problem.has_space() {
         return (turns::stances(problem, shared), 0);
     }
-    let read = |seen: &Observed| {
-        let rotations = figure::rotations(problem, seen);
-        let stance = place::placed(problem, seen, shared, rotations);
-        improve_frame(problem, seen, &stance, shared, STEPS)
-    };
+    let read = |seen: &Observed| with_cost(problem, seen, shared);
     let stances: Vec<(Stance, f64)> = problem.frames.par_iter().map(read).collect();
     let times: Vec<f64> = problem.frames.iter().map(|frame| frame.time).collect();
     if !has_jumps(&stances, &times) {

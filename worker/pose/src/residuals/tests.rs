@@ -37,6 +37,7 @@ fn problem() -> Problem {
         space: (0..33)
             .map(|at| [wave(at), wave(at + 7), wave(at + 13)])
             .collect(),
+        colours: Vec::new(),
     };
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,

@@ -163,6 +163,7 @@ pub fn clip(
                 let noisy = |p: &Vec3| sub(*p, hips).map(|v| v + error * normal(&mut rng));
                 points.iter().map(noisy).collect()
             }),
+            colours: Vec::new(),
         });
         joints.push(truth);
     }

@@ -1,0 +1,184 @@
+//! Trees of joints of other programs, whose rest pose is a person's: standing, arms in a T, y up, facing +z.
+//!
+//! What a program calls its rest pose is arbitrary, and its joints' axes are too. The person's is made from a
+//! pose in which somebody stands: with global rotations G of a frame, S of the standing pose (turned
+//! to face +z, y up), and D the rotation that takes a limb of a T-pose to the limb of the standing one,
+//! the joint's global rotation from the rest pose is `G Sᵀ D`.
+//!
+//! ```text
+//! BVH: rest pose or most upright frame ┐
+//! posed joints: their mean (measured) ─┴→ Standing → rest joints; rotations of each frame
+//! ```
+
+mod measured;
+
+pub(super) use measured::{Measured, measure};
+
+use super::geometry::{
+    IDENTITY, Mat3, Vec3, about_axis, add, apply, axis_angle, between, mul, sub, transpose,
+};
+use yoto_proto::pose_track::Skeleton;
+
+/// Limbs, from one joint to the next, and their directions in a T-pose.
+const LIMBS: [(&str, &str, Vec3); 8] = [
+    ("l_shoulder", "l_elbow", [1.0, 0.0, 0.0]),
+    ("l_elbow", "l_wrist", [1.0, 0.0, 0.0]),
+    ("r_shoulder", "r_elbow", [-1.0, 0.0, 0.0]),
+    ("r_elbow", "r_wrist", [-1.0, 0.0, 0.0]),
+    ("l_hip", "l_knee", [0.0, -1.0, 0.0]),
+    ("l_knee", "l_ankle", [0.0, -1.0, 0.0]),
+    ("r_hip", "r_knee", [0.0, -1.0, 0.0]),
+    ("r_knee", "r_ankle", [0.0, -1.0, 0.0]),
+];
+/// Joints without a limb, which continue the direction of the previous one; so do those that are none of
+/// SMPL's.
+const FOLLOW: [&str; 4] = ["l_wrist", "r_wrist", "l_hand", "r_hand"];
+/// Pairs that define left.
+const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder")];
+
+/// A joint of a tree.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Joint {
+    /// Its name in the capture.
+    pub name: String,
+    /// The joint of SMPL in the same place, if there is one.
+    pub role: Option<String>,
+    /// Index of the joint above, which comes before.
+    pub parent: Option<usize>,
+}
+
+/// The joints of a program, or some of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Tree(pub Vec<Joint>);
+
+/// The joints of a tree in a pose, in whatever axes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Placed {
+    /// Global rotations.
+    pub rotations: Vec<Mat3>,
+    pub places: Vec<Vec3>,
+}
+
+impl Placed {
+    /// The pose turned as a whole.
+    pub fn turned(&self, by: &Mat3) -> Self {
+        Self {
+            rotations: self.rotations.iter().map(|it| mul(by, it)).collect(),
+            places: self.places.iter().map(|it| apply(by, *it)).collect(),
+        }
+    }
+}
+
+impl Tree {
+    /// The joint in the place of SMPL's `role`.
+    pub fn find(&self, role: &str) -> Option<usize> {
+        self.0
+            .iter()
+            .position(|joint| joint.role.as_deref() == Some(role))
+    }
+
+    /// The place of SMPL's `role` in a pose.
+    pub fn place(&self, placed: &Placed, role: &str) -> Option<Vec3> {
+        placed.places.get(self.find(role)?).copied()
+    }
+
+    /// Of SMPL's places those on the left and the right that both are known in a pose, one minus the other.
+    pub fn leftward(&self, placed: &Placed) -> Option<Vec3> {
+        SIDES.iter().find_map(|(left, right)| {
+            Some(sub(self.place(placed, left)?, self.place(placed, right)?))
+        })
+    }
+
+    /// The rest pose made of `pose`, in which somebody stands with y up.
+    pub fn standing(&self, pose: &Placed) -> Standing<'_> {
+        let pose = pose.turned(&self.facing(pose));
+        let limbs = self.limbs(&pose.places);
+        Standing {
+            rest: self.t_pose(&pose.places, &limbs),
+            tree: self,
+            pose,
+            limbs,
+        }
+    }
+
+    /// The rotation about the vertical that turns the left of `pose` to +x.
+    fn facing(&self, pose: &Placed) -> Mat3 {
+        match self.leftward(pose) {
+            Some(left) if left[0].hypot(left[2]) > 1e-6 => about_axis(1, left[2].atan2(left[0])),
+            _ => IDENTITY,
+        }
+    }
+
+    /// D of each joint, of limbs that stand as `places`.
+    fn limbs(&self, places: &[Vec3]) -> Vec<Mat3> {
+        let mut limbs: Vec<Mat3> = Vec::with_capacity(self.0.len());
+        for (at, joint) in self.0.iter().enumerate() {
+            let role = joint.role.as_deref();
+            let limb = LIMBS.iter().find(|(from, ..)| role == Some(*from));
+            let limb = limb.and_then(|(_, to, direction)| {
+                let end = places.get(self.find(to)?).copied()?;
+                between(*direction, sub(end, places.get(at).copied()?))
+            });
+            let before = joint.parent.and_then(|above| limbs.get(above)).copied();
+            limbs.push(match (limb, role) {
+                (Some(turn), _) => turn,
+                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY,
+                (None, _) => before.unwrap_or(IDENTITY),
+            });
+        }
+        limbs
+    }
+
+    /// Rest positions with the limbs in a T-pose.
+    fn t_pose(&self, places: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
+        let mut rest: Vec<Vec3> = Vec::with_capacity(places.len());
+        for (joint, place) in self.0.iter().zip(places) {
+            let Some(parent) = joint.parent else {
+                rest.push(*place);
+                continue;
+            };
+            let bone = sub(*place, places.get(parent).copied().unwrap_or_default());
+            let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY));
+            let from = rest.get(parent).copied().unwrap_or_default();
+            rest.push(add(from, apply(&turn, bone)));
+        }
+        rest
+    }
+}
+
+/// A tree with a rest pose.
+pub(super) struct Standing<'a> {
+    tree: &'a Tree,
+    /// The pose that stands, facing +z.
+    pose: Placed,
+    /// D of each joint.
+    limbs: Vec<Mat3>,
+    /// Rest joints.
+    pub rest: Vec<Vec3>,
+}
+
+impl Standing<'_> {
+    /// Axis-angle of each joint, local to its parent, of the global rotations of a pose.
+    pub fn local(&self, rotations: &[Mat3]) -> Vec<Vec3> {
+        let global = rotations.iter().zip(&self.pose.rotations).zip(&self.limbs);
+        let global: Vec<Mat3> = global
+            .map(|((turned, standing), limb)| mul(&mul(turned, &transpose(standing)), limb))
+            .collect();
+        let local = |(joint, rotation): (&Joint, &Mat3)| {
+            let above = joint.parent.and_then(|above| global.get(above));
+            let above = above.copied().unwrap_or(IDENTITY);
+            axis_angle(&mul(&transpose(&above), rotation))
+        };
+        self.tree.0.iter().zip(&global).map(local).collect()
+    }
+
+    /// The skeleton, with rest joints times `scale`.
+    pub fn skeleton(&self, scale: f64) -> Skeleton {
+        let parent = |joint: &Joint| joint.parent.map_or(-1, |above| above as i32);
+        Skeleton {
+            names: self.tree.0.iter().map(|it| it.name.clone()).collect(),
+            parents: self.tree.0.iter().map(parent).collect(),
+            rest_joints: self.rest.iter().map(|it| it.map(|v| v * scale)).collect(),
+        }
+    }
+}

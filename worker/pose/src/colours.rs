@@ -1,0 +1,243 @@
+//! Bodies that face the wrong way, by the colours of the head and the trunk.
+//!
+//! A stretch of frames that begins or ends in profile looks like a body that turns the other way. What is
+//! seen of a person changes with the way they face: with h the angle from the camera, each colour
+//! is about `a + b cos h + d sin h` (front and back; light from a side). A body that is taken the
+//! wrong way round has cos h of the wrong sign, and its colours do not fit those of the other frames.
+
+use crate::flips::{cheapest_run, jump};
+use crate::markers::Figure;
+use crate::markers::Markers;
+use crate::{FrameKeyPoints, KeyPointSet};
+use faer::prelude::Solve;
+use faer::{Mat, Side};
+
+/// Places on the body whose colours are looked at: the head, the chest, the belly.
+pub const PATCHES: usize = 3;
+/// Their radii, as shares of the person's extent in the picture.
+const RADII: [f64; PATCHES] = [0.035, 0.045, 0.045];
+/// How far from the shoulders to the hips the trunk's places are.
+const ALONG: [f64; 2] = [0.3, 0.75];
+/// Fewest frames that tell front from back.
+const FEWEST: usize = 12;
+/// Least error of a colour, 0 to 1.
+const ERROR: f64 = 0.02;
+/// Largest error that counts, in standard deviations: hands before the body are no backs.
+const MOST: f64 = 3.0;
+/// What one change from right to wrong costs.
+const CHANGE: f64 = 8.0;
+/// Largest share of wrong frames that is believed.
+const LARGEST: f64 = 1.0 / 3.0;
+/// How often the frames are read anew.
+const ROUNDS: usize = 6;
+
+/// Mean colours of the body's patches in a picture `rgb` of `size` (width, height), 0 to 1; nothing where
+/// a patch is not seen.
+pub fn patches(
+    set: KeyPointSet,
+    frame: &FrameKeyPoints,
+    rgb: &[u8],
+    size: [usize; 2],
+) -> Vec<[f64; 3]> {
+    let figure = Markers::of(set).figure;
+    let found = centres(&figure, frame).and_then(|centres| {
+        let extent = crate::check::extent(frame);
+        let patch = |(centre, share): ([f64; 2], f64)| mean(rgb, size, centre, share * extent);
+        centres.into_iter().zip(RADII).map(patch).collect()
+    });
+    found.unwrap_or_default()
+}
+
+fn centres(figure: &Figure, frame: &FrameKeyPoints) -> Option<[[f64; 2]; PATCHES]> {
+    let at = |point: usize| frame.picture.get(point).filter(|it| it[2] > 0.0);
+    let middle = |[left, right]: [usize; 2]| {
+        let (a, b) = (at(left)?, at(right)?);
+        Some([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])])
+    };
+    let (top, bottom) = (middle(figure.shoulders)?, middle(figure.hips)?);
+    let head = figure.ears.and_then(middle)?;
+    let along = |share: f64| [0, 1].map(|i: usize| top[i] + share * (bottom[i] - top[i]));
+    Some([head, along(ALONG[0]), along(ALONG[1])])
+}
+
+fn mean(
+    rgb: &[u8],
+    [width, height]: [usize; 2],
+    [x, y]: [f64; 2],
+    radius: f64,
+) -> Option<[f64; 3]> {
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    let radius = radius.max(1.0);
+    let rows = (y - radius).max(0.0) as usize..=((y + radius).max(0.0) as usize).min(height - 1);
+    for row in rows {
+        let columns =
+            (x - radius).max(0.0) as usize..=((x + radius).max(0.0) as usize).min(width - 1);
+        for column in columns {
+            let (dx, dy) = (column as f64 + 0.5 - x, row as f64 + 0.5 - y);
+            if dx.hypot(dy) > radius {
+                continue;
+            }
+            let at = 3 * (row * width + column);
+            if let Some(pixel) = rgb.get(at..at + 3) {
+                for (sum, level) in sum.iter_mut().zip(pixel) {
+                    *sum += f64::from(*level) / 255.0;
+                }
+                count += 1.0;
+            }
+        }
+    }
+    (count > 0.0).then(|| sum.map(|it| it / count))
+}
+
+/// Which of the frames are taken the wrong way round: `headings` are cosine and sine of the angle from
+/// facing the camera, `colours` those of [`patches`] (frames without any tell nothing), `times` seconds.
+pub(crate) fn wrong(headings: &[[f64; 2]], colours: &[Vec<[f64; 3]>], times: &[f64]) -> Vec<bool> {
+    let mut wrong = vec![false; headings.len()];
+    let known: Vec<usize> = (0..headings.len())
+        .filter(|at| colours.get(*at).is_some_and(|it| it.len() == PATCHES))
+        .collect();
+    if known.len() < FEWEST {
+        return wrong;
+    }
+    for _ in 0..ROUNDS {
+        let costs = costs(headings, colours, &known, &wrong);
+        let change = |step: usize, from: usize, to: usize| {
+            let facing = |at: usize, state: usize| {
+                let [cos, sin] = headings[at];
+                if state == 1 { [-cos, sin] } else { [cos, sin] }
+            };
+            let (a, b) = (facing(step, from), facing(step + 1, to));
+            let turn = (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos();
+            let own = {
+                let (a, b) = (facing(step, 0), facing(step + 1, 0));
+                (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos()
+            };
+            let span = times[step + 1] - times[step];
+            let switch = if from == to { 0.0 } else { CHANGE };
+            switch + jump(turn, span) - jump(own, span).min(jump(turn, span))
+        };
+        let run = cheapest_run(&costs, change);
+        let next: Vec<bool> = run.iter().map(|state| *state == 1).collect();
+        if next == wrong {
+            break;
+        }
+        wrong = next;
+    }
+    // Which side is the front is not for colours to say: it is the one that most frames say.
+    let count = wrong.iter().filter(|it| **it).count();
+    if count as f64 > LARGEST * wrong.len() as f64 {
+        return vec![false; wrong.len()];
+    }
+    wrong
+}
+
+/// What each frame costs as it is and turned round.
+fn costs(
+    headings: &[[f64; 2]],
+    colours: &[Vec<[f64; 3]>],
+    known: &[usize],
+    wrong: &[bool],
+) -> Vec<Vec<f64>> {
+    let row = |at: usize, turned: bool| {
+        let [cos, sin] = headings[at];
+        [1.0, if turned { -cos } else { cos }, sin]
+    };
+    let mut costs = vec![vec![0.0; 2]; headings.len()];
+    for channel in 0..3 * PATCHES {
+        let value = |at: usize| colours[at][channel / 3][channel % 3];
+        let squares = Mat::from_fn(3, 3, |i, j| {
+            let sum: f64 = known
+                .iter()
+                .map(|at| row(*at, wrong[*at])[i] * row(*at, wrong[*at])[j])
+                .sum();
+            sum + if i == j { 1e-6 } else { 0.0 }
+        });
+        let right = Mat::from_fn(3, 1, |i, _| {
+            known
+                .iter()
+                .map(|at| row(*at, wrong[*at])[i] * value(*at))
+                .sum::<f64>()
+        });
+        let Ok(factored) = squares.llt(Side::Lower) else {
+            continue;
+        };
+        let found = factored.solve(&right);
+        let error = |at: usize, turned: bool| {
+            let row = row(at, turned);
+            value(at) - (0..3).map(|i| row[i] * found[(i, 0)]).sum::<f64>()
+        };
+        let mut all: Vec<f64> = known
+            .iter()
+            .map(|at| error(*at, wrong[*at]).abs())
+            .collect();
+        let spread = (1.48 * crate::problem::quantile(&mut all, 0.5)).max(ERROR);
+        for &at in known {
+            for (state, cost) in costs[at].iter_mut().enumerate() {
+                let off = (error(at, state == 1) / spread).abs().min(MOST);
+                // Channels of a patch are alike, and so are frames that follow each other.
+                *cost += off * off / 3.0;
+            }
+        }
+    }
+    costs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// Headings of somebody who turns once in 40 frames, and colours of a red front and a blue back.
+    fn turning() -> (Vec<[f64; 2]>, Vec<Vec<[f64; 3]>>, Vec<f64>) {
+        let angle = |at: usize| TAU * at as f64 / 40.0;
+        let headings: Vec<[f64; 2]> = (0..40)
+            .map(|at| [angle(at).cos(), angle(at).sin()])
+            .collect();
+        let colour = |[cos, _]: &[f64; 2]| vec![[0.5 + 0.3 * cos, 0.4, 0.5 - 0.3 * cos]; PATCHES];
+        let colours = headings.iter().map(colour).collect();
+        (
+            headings,
+            colours,
+            (0..40).map(|at| at as f64 / 10.0).collect(),
+        )
+    }
+
+    #[test]
+    fn frames_whose_colours_are_the_other_side_s_are_wrong() {
+        let (mut headings, colours, times) = turning();
+        assert!(!wrong(&headings, &colours, &times).contains(&true));
+        for heading in &mut headings[30..] {
+            heading[0] = -heading[0];
+        }
+        let found = wrong(&headings, &colours, &times);
+        // In profile itself there is nothing to tell.
+        assert!(
+            found[31..].iter().all(|it| *it) && !found[..30].contains(&true),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn colours_that_are_alike_or_missing_turn_nobody() {
+        let (mut headings, mut colours, times) = turning();
+        for heading in &mut headings[30..] {
+            heading[0] = -heading[0];
+        }
+        for colour in &mut colours {
+            colour.fill([0.3; 3]);
+        }
+        assert!(!wrong(&headings, &colours, &times).contains(&true));
+        colours.iter_mut().for_each(Vec::clear);
+        assert!(!wrong(&headings, &colours, &times).contains(&true));
+    }
+
+    #[test]
+    fn a_patch_is_the_mean_of_its_pixels() {
+        let mut rgb = vec![0; 3 * 16];
+        rgb[3 * 5] = 255;
+        let colour = mean(&rgb, [4, 4], [1.5, 1.5], 0.5);
+        // With its four neighbours: no radius is less than a pixel.
+        assert_eq!(colour, Some([0.2, 0.0, 0.0]));
+        assert_eq!(mean(&rgb, [4, 4], [9.0, 9.0], 0.5), None);
+    }
+}
