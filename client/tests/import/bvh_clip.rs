@@ -202,8 +202,8 @@ fn the_camera_is_opencv_s_beside_the_file() {
     // The camera's axes to the world's, about the camera's place.
     let mut moved = track(0..16);
     for frame in &mut moved.frames {
-        for axis in 0..3 {
-            frame.translation[axis] -= shift[axis];
+        for (value, shift) in frame.translation.iter_mut().zip(shift) {
+            *value -= shift;
         }
     }
     let text = bvh(&moved, 0.01, &back, &Z_UP);

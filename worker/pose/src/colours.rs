@@ -6,8 +6,7 @@
 //! wrong way round has cos h of the wrong sign, and its colours do not fit those of the other frames.
 
 use crate::flips::{cheapest_run, jump};
-use crate::markers::Figure;
-use crate::markers::Markers;
+use crate::markers::{Figure, Markers};
 use crate::{FrameKeyPoints, KeyPointSet};
 use faer::prelude::Solve;
 use faer::{Mat, Side};
@@ -187,8 +186,10 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
+    type Colours = Vec<Vec<[f64; 3]>>;
+
     /// Headings of somebody who turns once in 40 frames, and colours of a red front and a blue back.
-    fn turning() -> (Vec<[f64; 2]>, Vec<Vec<[f64; 3]>>, Vec<f64>) {
+    fn turning() -> (Vec<[f64; 2]>, Colours, Vec<f64>) {
         let angle = |at: usize| TAU * at as f64 / 40.0;
         let headings: Vec<[f64; 2]> = (0..40)
             .map(|at| [angle(at).cos(), angle(at).sin()])
