@@ -101,7 +101,7 @@ fn grid_tier(
             epsilon: 1e-3,
             min_transmittance: 1e-3,
             occupancy_cells: 64,
-            // What is left out changes no colour of a picture by more than 0.002 (docs/quality.md).
+            // What is left out changes no colour of a picture by more than 0.004 (docs/quality.md).
             occupancy_alpha: 1e-3,
         },
         optimise: OptimiseConfig {
