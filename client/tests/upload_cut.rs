@@ -216,6 +216,7 @@ async fn an_upload_survives_200_cuts_and_a_restart_and_sends_nothing_committed_t
     let opened = opened(&direct, &subject).await;
     let observed = tokio::spawn(observe(Arc::clone(&address), opened));
     while proxy.cuts.load(Ordering::SeqCst) < RESTART_AFTER {
+        assert!(!upload.is_finished(), "the upload has failed");
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     service.stop().await;
@@ -288,7 +289,7 @@ async fn another_process_goes_on_with_the_upload_of_one_that_has_ended() {
     let way = stuck_after(VIDEO_BYTES as u64 / 2, service.address).await;
     // A runtime of its own ends with everything in it, as a process would.
     let process = tokio::runtime::Runtime::new().expect("starts");
-    process.spawn({
+    let first = process.spawn({
         let (subject, server) = (subject.clone(), format!("http://{way}"));
         async move {
             let client = YotoClient::connect(&server).await.expect("connects");
@@ -309,6 +310,7 @@ async fn another_process_goes_on_with_the_upload_of_one_that_has_ended() {
         if known.into_inner().committed_bytes > VIDEO_BYTES as u64 / 4 {
             break;
         }
+        assert!(!first.is_finished(), "the upload has failed");
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     process.shutdown_background();

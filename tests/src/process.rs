@@ -149,6 +149,8 @@ pub struct Service {
     pub address: String,
     /// `file:///…`.
     pub objects: String,
+    /// Folder for files of its workers: a worker that is killed leaves some.
+    scratch: String,
 }
 
 impl Service {
@@ -174,6 +176,7 @@ impl Service {
             process,
             address,
             objects,
+            scratch: format!("{data}/scratch-of-workers"),
         })
     }
 
@@ -192,6 +195,8 @@ impl Service {
                 &self.objects,
                 "--name",
                 name,
+                "--scratch",
+                &self.scratch,
             ],
         )
     }

@@ -76,8 +76,9 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
         succeed,
     )?;
     ensure!(std::fs::read(other.join("000000.png"))? != new);
+    let nobody = dir.path().join("ada-on-dora");
     let said = yoto(
-        &format!("{own} --bones dora --out {}", folder(&other)?),
+        &format!("{own} --bones dora --out {}", folder(&nobody)?),
         fail,
     )?;
     ensure!(said.contains("dora is not in duo"), "{said}");
