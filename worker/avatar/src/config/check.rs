@@ -4,24 +4,28 @@ use super::{
     ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Sharing, Variant,
 };
 use crate::ops::mlp::check_device;
-use crate::ops::on_cpu;
 use burn::tensor::Device;
 
 impl ModelConfig {
-    /// The device that a model of this configuration runs on, of those that a machine has: `device`, or
-    /// the CPU for splats.
+    /// Checks that a model of this configuration can run on `device`.
     ///
     /// # Errors
     /// Names the first field that the device does not support.
-    pub(crate) fn device(&self, device: &Device) -> Result<Device, ConfigError> {
+    pub(crate) fn check_device(&self, device: &Device) -> Result<(), ConfigError> {
+        check_device(self.precision, device)
+    }
+
+    /// The device that pictures of this model are rendered on, of those that a machine has: `device`, or
+    /// the CPU for splats, whose pictures are drawn in host memory.
+    ///
+    /// # Errors
+    /// Names the first field that the device does not support.
+    pub(crate) fn render_device(&self, device: &Device) -> Result<Device, ConfigError> {
         let device = match self.splats {
-            Some(_) if !on_cpu(device) => {
-                tracing::warn!("splats run on the CPU: the GPU stays idle");
-                Device::flex()
-            }
-            _ => device.clone(),
+            Some(_) => Device::flex(),
+            None => device.clone(),
         };
-        check_device(self.precision, &device)?;
+        self.check_device(&device)?;
         Ok(device)
     }
 

@@ -6,7 +6,7 @@
 //!   the tests compare the other forms with it;
 //! - `cpu.rs` or `cpu/`: the form for CPU threads, as slices and as an operation of the Flex
 //!   backend;
-//! - `cube.rs`: the form for GPUs, with the feature `gpu`;
+//! - `cube.rs` or `cube/`: the form for GPUs, with the feature `gpu`;
 //! - `autodiff.rs`: the backward pass as a part of Burn's automatic differentiation.
 //!
 //! An operation has only the parts that it needs. What they share stands beside the folders.

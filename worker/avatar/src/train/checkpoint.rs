@@ -329,7 +329,7 @@ impl Renderer {
     /// If weights or state are missing, or they do not belong together.
     pub fn load(dir: &Path, device: &Device) -> Result<Self, TrainError> {
         let state = ModelState::read(dir)?;
-        let device = state.config.device(&device.clone().inner())?;
+        let device = state.config.render_device(&device.clone().inner())?;
         let avatar = load_avatar(dir, &state, 0, &device)?;
         let body = |skeleton: &Option<Skeleton>| {
             skeleton

@@ -35,7 +35,9 @@ impl Trainer {
         config.check()?;
         let (slots, joints) = check_people(&people)?;
         options.learn.check(&people, None)?;
-        let device = config.device(&device.clone().inner())?.autodiff();
+        let device = device.clone().inner();
+        config.check_device(&device)?;
+        let device = device.autodiff();
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
         let saved = ModelState::new(config.clone(), joints, options.seed, vec![None; slots]);
         let state = TrainState::new(avatar, optimiser(&config));
@@ -63,7 +65,9 @@ impl Trainer {
             )));
         }
         options.learn.check(&people, Some(&saved))?;
-        let device = saved.config.device(&device.clone().inner())?.autodiff();
+        let device = device.clone().inner();
+        saved.config.check_device(&device)?;
+        let device = device.autodiff();
         let mut state = TrainState::new(
             checkpoint::load_avatar(dir, &saved, slots, &device)?,
             checkpoint::load_optimiser(dir, optimiser(&saved.config))?,

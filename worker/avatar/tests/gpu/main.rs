@@ -13,4 +13,5 @@
 mod compare;
 mod device;
 mod operations;
+mod splats;
 mod step;

@@ -1,4 +1,4 @@
-//! A training step and a frame of the smallest tier, on the Vulkan device and on the CPU.
+//! Training steps and frames of the smallest tier and of splats, on the Vulkan device and on the CPU.
 
 use crate::compare::{relative_error, values};
 use crate::device::on_vulkan;
@@ -10,10 +10,10 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
-use yoto_avatar::render::{RenderView, Renderer};
+use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
@@ -170,63 +170,88 @@ fn a_training_steps_loss_and_gradients_are_the_cpus() {
     });
 }
 
+/// A training after some steps, on exact poses.
+fn trained(config: ModelConfig, steps: u64, device: &Device) -> Trainer {
+    let options = TrainOptions {
+        scratch: None,
+        budget: Budget::Steps(steps),
+        used_seconds: 0.0,
+        used_steps: 0,
+        seed: 11,
+        image_size: 0,
+        validation: Validation::Every(steps as usize),
+        refine_poses: Some(Refine::Never),
+        exposure: None,
+        leave_unseen: false,
+        learn: Learn::Everything,
+        lpips: None,
+    };
+    let mut trainer = Trainer::new(config, options, vec![person()], device).expect("starts");
+    for _ in 0..steps {
+        trainer.step().expect("a step");
+    }
+    trainer
+}
+
+/// Asserts that a training goes the same way on both devices, and that its checkpoint of the Vulkan
+/// device renders the same on both. Returns what the two trainings show.
+fn assert_trains_and_renders_alike(
+    config: &ModelConfig,
+    steps: u64,
+    vulkan: &Device,
+) -> [Rendered; 2] {
+    let ours = trained(config.clone(), steps, vulkan);
+    let reference = trained(config.clone(), steps, &Device::flex());
+    let (loss, expected) = (ours.progress().loss, reference.progress().loss);
+    println!("loss: {loss} for {expected}");
+    assert!((loss - expected).abs() < 1e-3 * expected.abs());
+    assert_eq!(ours.progress().skipped_steps, 0);
+
+    let dir = tempfile::tempdir().expect("a folder");
+    ours.save(dir.path()).expect("saves");
+    let view = RenderView {
+        slot: 0,
+        pose: SyntheticPerson::cast(1, 7)[0].motion(6)[0].clone(),
+        camera: SyntheticPerson::train_camera(2 * SIDE),
+        background: [0.1, 0.2, 0.3],
+    };
+    let render = |device: &Device| {
+        let renderer = Renderer::load(dir.path(), device).expect("loads");
+        renderer.render(&view).expect("renders")
+    };
+    assert_same_picture(&render(vulkan), &render(&Device::flex()), 1e-4);
+    [ours, reference].map(|trainer| trainer.renderer().render(&view).expect("renders"))
+}
+
+fn assert_same_picture(ours: &Rendered, reference: &Rendered, bound: f32) {
+    assert!(
+        reference.alpha.iter().any(|a| *a > 0.01),
+        "somebody is seen"
+    );
+    for (part, a, b) in [
+        ("rgb", &ours.rgb, &reference.rgb),
+        ("alpha", &ours.alpha, &reference.alpha),
+        ("depth", &ours.depth, &reference.depth),
+    ] {
+        let error = relative_error(a, b);
+        println!("{part}: {error:e}");
+        assert!(error < bound, "{part}: {error:e}");
+    }
+}
+
 #[test]
 fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
     on_vulkan(LIMIT, |vulkan| {
-        let train = |device: &Device| {
-            let options = TrainOptions {
-                scratch: None,
-                budget: Budget::Steps(3),
-                used_seconds: 0.0,
-                used_steps: 0,
-                seed: 11,
-                image_size: 0,
-                validation: Validation::Every(3),
-                refine_poses: None,
-                exposure: None,
-                leave_unseen: false,
-                learn: Learn::Everything,
-                lpips: None,
-            };
-            let mut trainer =
-                Trainer::new(config(), options, vec![person()], device).expect("starts");
-            for _ in 0..3 {
-                trainer.step().expect("a step");
-            }
-            trainer
-        };
-        let ours = train(&vulkan);
-        let reference = train(&Device::flex());
-        let (loss, expected) = (ours.progress().loss, reference.progress().loss);
-        println!("loss: {loss} for {expected}");
-        assert!((loss - expected).abs() < 1e-3 * expected.abs());
-        assert_eq!(ours.progress().skipped_steps, 0);
+        assert_trains_and_renders_alike(&config(), 3, &vulkan);
+    });
+}
 
-        let dir = tempfile::tempdir().expect("a folder");
-        ours.save(dir.path()).expect("saves");
-        let view = RenderView {
-            slot: 0,
-            pose: SyntheticPerson::cast(1, 7)[0].motion(6)[0].clone(),
-            camera: SyntheticPerson::train_camera(2 * SIDE),
-            background: [0.1, 0.2, 0.3],
-        };
-        let render = |device: &Device| {
-            let renderer = Renderer::load(dir.path(), device).expect("loads");
-            renderer.render(&view).expect("renders")
-        };
-        let (ours, reference) = (render(&vulkan), render(&Device::flex()));
-        assert!(
-            reference.alpha.iter().any(|a| *a > 0.01),
-            "somebody is seen"
-        );
-        for (part, a, b) in [
-            ("rgb", &ours.rgb, &reference.rgb),
-            ("alpha", &ours.alpha, &reference.alpha),
-            ("depth", &ours.depth, &reference.depth),
-        ] {
-            let error = relative_error(a, b);
-            println!("{part}: {error:e}");
-            assert!(error < 1e-4, "{part}: {error:e}");
-        }
+#[test]
+fn a_training_of_splats_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
+    on_vulkan(LIMIT, |vulkan| {
+        let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+        config.splats.as_mut().expect("splats").count = 600;
+        let [ours, reference] = assert_trains_and_renders_alike(&config, 12, &vulkan);
+        assert_same_picture(&ours, &reference, 1e-4);
     });
 }

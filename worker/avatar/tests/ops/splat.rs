@@ -111,6 +111,23 @@ fn splats_behind_the_camera_or_not_finite_neither_show_nor_learn() {
 }
 
 #[test]
+fn a_picture_without_pixels_has_no_result() {
+    let device = Device::flex().autodiff();
+    let some = splats(3, [3.0, 4.0], &device);
+    for (width, height) in [(0, 29), (37, 0)] {
+        let none = Sight {
+            width,
+            height,
+            ..sight()
+        };
+        let found = run(splat, &some, &none, &device);
+        assert!(found[0].1.is_empty());
+        let mut gradients = found[1..].iter().flat_map(|(_, values)| values);
+        assert!(gradients.all(|value| *value == 0.0));
+    }
+}
+
+#[test]
 fn gradients_do_not_depend_on_the_number_of_threads() {
     let device = Device::flex().autodiff();
     let some = splats(40, [-2.0, 4.0], &device);

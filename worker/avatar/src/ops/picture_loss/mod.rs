@@ -5,10 +5,12 @@
 
 mod autodiff;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+mod cube;
 pub mod reference;
 mod window;
 
-use super::on_cpu;
+use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use std::sync::Arc;
@@ -84,20 +86,31 @@ impl Target {
     }
 }
 
-/// The comparison as a backend implements it; other devices have the reference. Call
-/// [`picture_loss`] instead.
-#[backend_extension(Autodiff, Flex)]
+/// The comparison as a backend implements it. Call [`picture_loss`] instead: it chooses the form for
+/// the tensors' device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait PictureLossOps: Backend {
     /// [`picture_loss`], and its gradient to the picture `[H W, 4]`.
+    #[fusion(meta = |picture, _| (terms(picture), picture.clone()))]
     fn picture_loss(
         picture: FloatTensor<Self>,
         target: Target,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
     /// The first of the numbers `grad` `[4]` times `slope` `[H W, 4]`.
+    #[fusion(dtype = slope, shape = slope)]
     fn picture_loss_backward(
         slope: FloatTensor<Self>,
         grad: FloatTensor<Self>,
     ) -> FloatTensor<Self>;
+}
+
+/// What the result of [`picture_loss`] looks like, of a picture that looks like this.
+#[cfg(feature = "gpu")]
+fn terms(
+    picture: &burn::backend::fusion::custom::TensorSpec,
+) -> burn::backend::fusion::custom::TensorSpec {
+    let shape = burn::tensor::Shape::new([4]);
+    burn::backend::fusion::custom::TensorSpec::new(shape, picture.dtype)
 }
 
 /// `[4]`: the weighted sum, the mean absolute difference, 1 − SSIM, and the mask's term, of a
@@ -108,7 +121,7 @@ pub trait PictureLossOps: Backend {
 pub fn picture_loss(picture: Tensor<2>, target: &Target) -> Tensor<1> {
     target.check();
     assert_eq!(picture.dims(), [target.width * target.height, 4]);
-    if on_cpu(&picture.device()) {
+    if has_own_form(&picture.device()) {
         let (terms, _) = Dispatch::picture_loss(picture.into_dispatch(), target.clone());
         Tensor::from_dispatch(terms)
     } else {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 /// Side length, pixels (Wang and others, 2004, as in evaluation).
 pub(super) const TAPS: usize = 11;
 /// Pixels on each side of the middle.
-const HALF: usize = TAPS / 2;
+pub(super) const HALF: usize = TAPS / 2;
 /// Standard deviation, pixels.
 const STD: f64 = 1.5;
 

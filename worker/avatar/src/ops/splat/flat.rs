@@ -7,7 +7,7 @@ type Vec3 = [f32; 3];
 type Mat3 = [[f32; 3]; 3];
 
 /// Smallest determinant of a covariance, pixels⁴.
-const MIN_DETERMINANT: f32 = 1e-8;
+pub(super) const MIN_DETERMINANT: f32 = 1e-8;
 
 /// A splat's numbers.
 #[derive(Clone, Copy)]

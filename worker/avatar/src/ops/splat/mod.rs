@@ -9,6 +9,8 @@
 
 mod autodiff;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+mod cube;
 mod flat;
 pub mod light;
 pub(crate) mod probe;
@@ -18,7 +20,7 @@ mod tiles;
 
 pub use cpu::{Drawn, draw};
 
-use super::on_cpu;
+use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use light::LIGHTS;
@@ -95,11 +97,13 @@ impl Splats {
     }
 }
 
-/// Splatting as a backend implements it; other devices have the reference. Call [`splat`] instead.
-#[backend_extension(Autodiff, Flex)]
+/// Splatting as a backend implements it. Call [`splat`] instead: it chooses the form for the tensors'
+/// device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait SplatOps: Backend {
     /// Forward of [`splat`], from the transforms `[N, 12]`, the splats' rows `[N, 14]` and the light
     /// `[3, 8]`.
+    #[fusion(dtype = rows, shape = output_shape(sight))]
     fn splat(
         transforms: FloatTensor<Self>,
         rows: FloatTensor<Self>,
@@ -107,6 +111,9 @@ pub trait SplatOps: Backend {
         sight: Sight,
     ) -> FloatTensor<Self>;
     /// Gradients of [`splat`] to its inputs, from its result and the gradient to it.
+    #[fusion(meta = |transforms, rows, light, _, _, _| {
+        (transforms.clone(), rows.clone(), light.clone())
+    })]
     fn splat_backward(
         transforms: FloatTensor<Self>,
         rows: FloatTensor<Self>,
@@ -117,13 +124,19 @@ pub trait SplatOps: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
+/// Shape of the result of [`splat`].
+#[cfg(feature = "gpu")]
+fn output_shape(sight: &Sight) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([sight.width * sight.height, 4])
+}
+
 /// The picture `[H W, 4]` of `splats`: colour over black, and opacity. Gradients flow to all tensors.
 ///
 /// # Panics
 /// If the shapes do not belong together.
 pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
     splats.check();
-    if on_cpu(&splats.means.device()) {
+    if has_own_form(&splats.means.device()) {
         let rows = splats.rows();
         Tensor::from_dispatch(Dispatch::splat(
             splats.transforms.into_dispatch(),

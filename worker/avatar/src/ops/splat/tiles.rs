@@ -21,7 +21,7 @@ pub(super) struct Tiles {
 impl Tiles {
     /// The tiles of a picture of `width` x `height` pixels.
     pub fn new(flats: &[Flat], width: usize, height: usize) -> Self {
-        let (across, down) = (width.div_ceil(SIDE), height.div_ceil(SIDE));
+        let (across, down) = Self::sides(width, height);
         // Depths are positive, so their bits have their order; the number settles ties.
         let mut order: Vec<(u32, u32)> = (0..)
             .zip(flats)
@@ -53,6 +53,11 @@ impl Tiles {
         }
     }
 
+    /// Tiles per row and per column of a picture of `width` x `height` pixels.
+    pub fn sides(width: usize, height: usize) -> (usize, usize) {
+        (width.div_ceil(SIDE), height.div_ceil(SIDE))
+    }
+
     /// Number of tiles.
     pub fn count(&self) -> usize {
         self.starts.len() - 1
@@ -76,7 +81,7 @@ fn touched(flat: &Flat, across: usize, down: usize) -> impl Iterator<Item = usiz
         let last = ((flat.centre[a] + flat.reach[a]) / SIDE as f32).floor();
         // Comparisons are false for a NaN, which touches nothing.
         if first < count as f32 && last >= 0.0 {
-            first.max(0.0) as usize..(last as usize).min(count - 1) + 1
+            first.max(0.0) as usize..(last as usize).saturating_add(1).min(count)
         } else {
             0..0
         }

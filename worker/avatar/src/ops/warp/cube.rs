@@ -2,7 +2,7 @@
 //! each bone and run of points, so that the twelve sums of a bone's transform are computed in the
 //! group before they are added to those of other groups.
 
-use super::lattice::{Lattice, LatticeLaunch, place, tap, voxels};
+use super::lattice::{Lattice, lattice, place, tap, voxels};
 use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::ops::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::ops::cube::tensors::{each, empty, rows, zeros};
@@ -115,12 +115,6 @@ fn backward(
         );
     }
     (to_weights, to_transforms)
-}
-
-fn lattice(grid: &WarpGrid) -> LatticeLaunch {
-    let ([x, y, z], [sx, sy, sz]) = (grid.min, grid.scale());
-    let [across, down, deep] = grid.nodes.map(|count| count as u32);
-    LatticeLaunch::new(x, y, z, sx, sy, sz, across, down, deep)
 }
 
 /// The lowest and highest nodes where each bone has a weight above the floor, on the device:

@@ -1,6 +1,7 @@
 //! Inside a kernel: the position to which a bone carries a point, and the nodes of the grid around
 //! it. The counterpart of `grid`.
 
+use super::WarpGrid;
 use cubecl::prelude::*;
 
 /// The grid of motion weights.
@@ -20,10 +21,17 @@ pub(super) struct Lattice {
     pub nodes_z: u32,
 }
 
-/// A point as a bone carries it.
+/// `grid` as a kernel's argument.
+pub(super) fn lattice(grid: &WarpGrid) -> LatticeLaunch {
+    let ([x, y, z], [sx, sy, sz]) = (grid.min, grid.scale());
+    let [across, down, deep] = grid.nodes.map(|count| count as u32);
+    LatticeLaunch::new(x, y, z, sx, sy, sz, across, down, deep)
+}
+
+/// A point as a bone carries it, or where it is.
 #[derive(CubeType, Clone, Copy)]
 pub(super) struct Place {
-    /// Whether the point is in the bone's support. The rest is meaningful only then.
+    /// Whether the point is in the bone's support, or in the box. The rest is meaningful only then.
     pub inside: bool,
     /// Metres.
     pub x: f32,
@@ -68,6 +76,41 @@ fn near(g: f32, low: u32, high: u32) -> bool {
     g > f32::cast_from(low) - 1.0 && g < f32::cast_from(high) + 1.0
 }
 
+/// The place x, y, z, inside if it is less than a cell from the nodes from `low` to `high`.
+#[cube]
+#[allow(clippy::too_many_arguments)]
+fn cell(
+    x: f32,
+    y: f32,
+    z: f32,
+    low_i: u32,
+    low_j: u32,
+    low_k: u32,
+    high_i: u32,
+    high_j: u32,
+    high_k: u32,
+    lattice: &Lattice,
+) -> Place {
+    let gx = (x - lattice.min_x) * lattice.scale_x;
+    let gy = (y - lattice.min_y) * lattice.scale_y;
+    let gz = (z - lattice.min_z) * lattice.scale_z;
+    let low_x = f32::floor(gx);
+    let low_y = f32::floor(gy);
+    let low_z = f32::floor(gz);
+    Place {
+        inside: near(gx, low_i, high_i) && near(gy, low_j, high_j) && near(gz, low_k, high_k),
+        x,
+        y,
+        z,
+        i: i32::cast_from(low_x),
+        j: i32::cast_from(low_y),
+        k: i32::cast_from(low_z),
+        u: gx - low_x,
+        v: gy - low_y,
+        w: gz - low_z,
+    }
+}
+
 /// Point number `point` as bone number `bone` carries it. `supports` `[K, 6]` are the lowest and
 /// highest nodes that the bones have weights at.
 #[cube]
@@ -85,27 +128,36 @@ pub(super) fn place(
     let x = carried(transforms, 12 * bone, px, py, pz);
     let y = carried(transforms, 12 * bone + 4, px, py, pz);
     let z = carried(transforms, 12 * bone + 8, px, py, pz);
-    let gx = (x - lattice.min_x) * lattice.scale_x;
-    let gy = (y - lattice.min_y) * lattice.scale_y;
-    let gz = (z - lattice.min_z) * lattice.scale_z;
-    let low_x = f32::floor(gx);
-    let low_y = f32::floor(gy);
-    let low_z = f32::floor(gz);
     let s = 6 * bone;
-    Place {
-        inside: near(gx, supports[s], supports[s + 3])
-            && near(gy, supports[s + 1], supports[s + 4])
-            && near(gz, supports[s + 2], supports[s + 5]),
+    cell(
         x,
         y,
         z,
-        i: i32::cast_from(low_x),
-        j: i32::cast_from(low_y),
-        k: i32::cast_from(low_z),
-        u: gx - low_x,
-        v: gy - low_y,
-        w: gz - low_z,
-    }
+        supports[s],
+        supports[s + 1],
+        supports[s + 2],
+        supports[s + 3],
+        supports[s + 4],
+        supports[s + 5],
+        lattice,
+    )
+}
+
+/// Point number `point` where it is, inside if it is less than a cell from the box.
+#[cube]
+pub(super) fn standing(points: &[f32], point: usize, lattice: &Lattice) -> Place {
+    cell(
+        points[3 * point],
+        points[3 * point + 1],
+        points[3 * point + 2],
+        0u32,
+        0u32,
+        0u32,
+        lattice.nodes_x - 1,
+        lattice.nodes_y - 1,
+        lattice.nodes_z - 1,
+        lattice,
+    )
 }
 
 /// Number of the grid's nodes.

@@ -4,19 +4,22 @@
 
 mod autodiff;
 pub mod cpu;
+#[cfg(feature = "gpu")]
+mod cube;
 pub mod reference;
 pub(crate) mod shares;
 
 use super::WarpGrid;
-use crate::ops::on_cpu;
+use crate::ops::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// Forward skinning as a backend implements it; other devices have the reference. Call [`skin`]
-/// instead.
-#[backend_extension(Autodiff, Flex)]
+/// Forward skinning as a backend implements it. Call [`skin`] instead: it chooses the form for the
+/// tensors' device.
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait SkinOps: Backend {
     /// Forward of [`skin`].
+    #[fusion(dtype = points, shape = output_shape(points))]
     fn skin(
         weights: FloatTensor<Self>,
         transforms: FloatTensor<Self>,
@@ -24,6 +27,9 @@ pub trait SkinOps: Backend {
         grid: WarpGrid,
     ) -> FloatTensor<Self>;
     /// Gradients of [`skin`] to weights, transforms and points, from `grad` `[N, 12]`.
+    #[fusion(meta = |weights, transforms, points, _, _| {
+        (weights.clone(), transforms.clone(), points.clone())
+    })]
     fn skin_backward(
         weights: FloatTensor<Self>,
         transforms: FloatTensor<Self>,
@@ -31,6 +37,12 @@ pub trait SkinOps: Backend {
         grad: FloatTensor<Self>,
         grid: WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
+}
+
+/// Shape of the result of [`skin`] at `points` of this shape.
+#[cfg(feature = "gpu")]
+fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([points[0], 12])
 }
 
 /// Canonical to posed `[N, 12]`, row-major 3x4, of canonical `points` `[N, 3]`, metres. `weights` and
@@ -42,7 +54,7 @@ pub fn skin(
     points: Tensor<2>,
     grid: &WarpGrid,
 ) -> Tensor<2> {
-    if on_cpu(&points.device()) {
+    if has_own_form(&points.device()) {
         Tensor::from_dispatch(Dispatch::skin(
             weights.into_dispatch(),
             transforms.into_dispatch(),
