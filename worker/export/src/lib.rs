@@ -9,3 +9,4 @@ pub mod clip;
 pub mod gaussians;
 pub mod mesh;
 pub mod page;
+mod shine;

@@ -184,6 +184,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
                 validation: Validation::Every(3),
                 refine_poses: None,
                 exposure: None,
+                harmonics: None,
                 leave_unseen: false,
                 learn: Learn::Everything,
                 lpips: None,
