@@ -13,7 +13,7 @@ use crate::{
 use yoto_proto::{
     checks,
     names::Collection,
-    render_needs::needs,
+    render_needs::{needs, other_models},
     tiers,
     v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
 };
@@ -124,46 +124,78 @@ async fn check_only<'a>(
 }
 
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
-    let model = model(context, "spec.render.model", &render.model).await?;
-    let needs = needs(render);
+    let own = model(context, "spec.render.model", &render.model).await?;
+    let used = check_shown(context, render, &own, "").await?;
+    for (field, name) in other_models(render) {
+        let path = format!("spec.render.{field}");
+        let id = parse(Collection::Models, &path, name)?;
+        let other = context.store.model(id).await.map_err(|error| match error {
+            StoreError::NotFound { .. } => RequestError::invalid(path, error.to_string()),
+            error => error.into(),
+        })?;
+        check_shown(context, render, &other, &field).await?;
+    }
+    let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+    if measured && used.tradeoff.is_none() {
+        let message = format!(
+            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
+             tradeoff {} --checkpoint {} --out DIR",
+            used.name, own.display_name, used.step
+        );
+        return Err(RequestError::precondition("NO_TRADEOFF", message));
+    }
+    Ok(())
+}
+
+/// Checks what a render needs of one of its models: its own, or one that the field `actor` of its scene names.
+/// Returns the checkpoint that it uses.
+async fn check_shown(
+    context: &Context,
+    render: &RenderSpec,
+    model: &Model,
+    actor: &str,
+) -> Result<Checkpoint, RequestError> {
     let mut shown = Vec::new();
-    for need in &needs {
+    for need in needs(render)
+        .into_iter()
+        .filter(|it| it.model == model.name)
+    {
         let field = |name: &str| format!("spec.render.{name}");
         let shard = require_shard(context, &field(&need.field), need.subject).await?;
         if need.slot {
-            shown.push((
-                require_slot(context, &model, need.subject).await?,
-                shard.clone(),
-            ));
+            let slot = require_slot(context, model, need.subject).await;
+            let slot = slot.map_err(|error| error.of(&need.field))?;
+            shown.push((slot, need.field.clone(), shard.display_name.clone()));
         }
         if let Some((name, frame)) = &need.frame {
             check_frame(&shard, &field(name), *frame)?;
         }
     }
-    let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
-    let unknown = shown.iter().find(|(slot, _)| !used.slots.contains(slot));
-    if let Some((_, shard)) = unknown
+    let wanted = if actor.is_empty() {
+        &*render.checkpoint
+    } else {
+        ""
+    };
+    let used = require_checkpoint(context, "spec.render", model, wanted).await;
+    let used = used.map_err(|error| error.of(actor))?;
+    let unknown = shown.iter().find(|(slot, ..)| !used.slots.contains(slot));
+    if let Some((_, field, person)) = unknown
         && !used.slots.is_empty()
     {
         let message = format!(
-            "step {} of {} was trained before {} joined the model: train it again",
-            used.step, model.display_name, shard.display_name
+            "step {} of {} was trained before {person} joined the model: train it again",
+            used.step, model.display_name
         );
-        return Err(RequestError::precondition("NOT_TRAINED", message));
+        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
     }
-    let quality = render.quality.as_ref();
-    if let Some(message) = quality.and_then(|it| tiers::refusal(it, &model.tier)) {
-        return Err(RequestError::invalid("spec.render.quality", message));
+    let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
+    match refusal {
+        Some(message) => {
+            let message = format!("{}: {message}", model.display_name);
+            Err(RequestError::invalid("spec.render.quality", message))
+        }
+        None => Ok(used),
     }
-    if quality.is_some_and(tiers::needs_tradeoff) && used.tradeoff.is_none() {
-        let message = format!(
-            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
-             tradeoff {} --checkpoint {} --out DIR",
-            used.name, model.display_name, used.step
-        );
-        return Err(RequestError::precondition("NO_TRADEOFF", message));
-    }
-    Ok(())
 }
 
 async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {

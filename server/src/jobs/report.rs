@@ -12,6 +12,7 @@ use crate::{
 use yoto_proto::{
     keys,
     names::{self, Collection},
+    render_needs::other_models,
     tiers,
     v1::{
         Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
@@ -328,6 +329,7 @@ async fn check_render(
         let message = "is present if and only if the spec had a quality that is measured";
         return Err(RequestError::invalid("result.render.choice", message));
     }
+    check_others(spec, result)?;
     let committed = context.store.outputs(&lease.job_id).await?;
     for (i, file) in result.files.iter().enumerate() {
         // Of an earlier lease, perhaps.
@@ -339,6 +341,24 @@ async fn check_render(
         require(context, &field, file.object.as_ref(), |key| key == expected).await?;
     }
     Ok(())
+}
+
+/// Checks that the result has a checkpoint of each other model of a scene: a worker of a version that knows one
+/// model per scene draws everybody by that one.
+fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestError> {
+    let used = result.other_checkpoints.iter();
+    let used = used.map(|name| names::parse_checkpoint(name).ok().map(|(id, _)| id));
+    let wanted = other_models(spec).into_iter();
+    let wanted = wanted.map(|(_, name)| Collection::Models.parse(name).ok());
+    if wanted.eq(used) {
+        return Ok(());
+    }
+    let message =
+        "are not of the scene's other models: does the worker know scenes of several models?";
+    Err(RequestError::invalid(
+        "result.render.other_checkpoints",
+        message,
+    ))
 }
 
 /// Checks that the object is named, may be written under this lease, and exists.

@@ -149,6 +149,7 @@ pub async fn insert(
     .execute(&mut *conn)
     .await
     .during("queueing a job")?;
+    pins::pin_others(conn, &id, spec).await?;
     for subject in people {
         let subject = Collection::Subjects.parse(&subject);
         let subject = subject.map_err(|error| unreadable(error.to_string()))?;

@@ -56,6 +56,31 @@ impl HostSplats<'_> {
     }
 }
 
+/// The splats of `people` over the background of `view`, in one pass.
+pub(super) fn blended(people: &[(HostSplats<'_>, Sight)], view: &SceneView) -> Rendered {
+    let parts: Vec<_> = people
+        .iter()
+        .map(|(it, sight)| (it.numbers(), sight))
+        .collect();
+    let mut frame = Rendered::empty(view);
+    let Some(mut drawn) = draw(&parts) else {
+        return frame;
+    };
+    let pixels = drawn.rgb.as_chunks_mut::<3>().0;
+    let rows = pixels.par_chunks_mut(ROW).zip(drawn.alpha.par_chunks(ROW));
+    rows.for_each(|(pixels, alphas)| {
+        for (rgb, alpha) in pixels.iter_mut().zip(alphas) {
+            for (value, background) in rgb.iter_mut().zip(view.background) {
+                *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
+            }
+        }
+    });
+    frame.rgb = drawn.rgb;
+    frame.alpha = drawn.alpha;
+    frame.depth = drawn.depth;
+    frame
+}
+
 impl Renderer {
     /// Renders a view of people that consist of splats, all in one pass, so that they hide each other.
     pub(super) fn render_splats(
@@ -64,28 +89,7 @@ impl Renderer {
         view: &SceneView,
     ) -> Result<Rendered, RenderError> {
         let people = shown.iter().map(|shown| self.lit(shown, view));
-        let people = people.collect::<Result<Vec<_>, _>>()?;
-        let parts: Vec<_> = people
-            .iter()
-            .map(|(it, sight)| (it.numbers(), sight))
-            .collect();
-        let mut frame = Rendered::empty(view);
-        let Some(mut drawn) = draw(&parts) else {
-            return Ok(frame);
-        };
-        let pixels = drawn.rgb.as_chunks_mut::<3>().0;
-        let rows = pixels.par_chunks_mut(ROW).zip(drawn.alpha.par_chunks(ROW));
-        rows.for_each(|(pixels, alphas)| {
-            for (rgb, alpha) in pixels.iter_mut().zip(alphas) {
-                for (value, background) in rgb.iter_mut().zip(view.background) {
-                    *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
-                }
-            }
-        });
-        frame.rgb = drawn.rgb;
-        frame.alpha = drawn.alpha;
-        frame.depth = drawn.depth;
-        Ok(frame)
+        Ok(blended(&people.collect::<Result<Vec<_>, _>>()?, view))
     }
 
     /// The splats of the identity in `slot` in a pose, as the camera sees them.
