@@ -11,11 +11,14 @@ use crate::{
     store::{JobKind, NewJob, RequestKey, StoreError},
 };
 use yoto_proto::{
-    checks,
+    checks, exports,
     names::Collection,
-    render_needs::needs,
+    render_needs::{Need, needs},
     tiers,
-    v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
+    v1::{
+        Checkpoint, EvaluateSpec, ExportSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec,
+        job_spec,
+    },
 };
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
@@ -41,6 +44,7 @@ pub async fn create(
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
         Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await?,
+        Some(job_spec::Kind::Export(export)) => check_export(context, export).await?,
         Some(job_spec::Kind::Ingest(_)) => {
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
@@ -125,32 +129,9 @@ async fn check_only<'a>(
 
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
     let model = model(context, "spec.render.model", &render.model).await?;
-    let needs = needs(render);
-    let mut shown = Vec::new();
-    for need in &needs {
-        let field = |name: &str| format!("spec.render.{name}");
-        let shard = require_shard(context, &field(&need.field), need.subject).await?;
-        if need.slot {
-            shown.push((
-                require_slot(context, &model, need.subject).await?,
-                shard.clone(),
-            ));
-        }
-        if let Some((name, frame)) = &need.frame {
-            check_frame(&shard, &field(name), *frame)?;
-        }
-    }
+    let shown = check_needs(context, "spec.render", &model, &needs(render)).await?;
     let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
-    let unknown = shown.iter().find(|(slot, _)| !used.slots.contains(slot));
-    if let Some((_, shard)) = unknown
-        && !used.slots.is_empty()
-    {
-        let message = format!(
-            "step {} of {} was trained before {} joined the model: train it again",
-            used.step, model.display_name, shard.display_name
-        );
-        return Err(RequestError::precondition("NOT_TRAINED", message));
-    }
+    check_known(&used, &model, &shown)?;
     let quality = render.quality.as_ref();
     if let Some(message) = quality.and_then(|it| tiers::refusal(it, &model.tier)) {
         return Err(RequestError::invalid("spec.render.quality", message));
@@ -162,6 +143,64 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
             used.name, model.display_name, used.step
         );
         return Err(RequestError::precondition("NO_TRADEOFF", message));
+    }
+    Ok(())
+}
+
+async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), RequestError> {
+    let model = model(context, "spec.export.model", &export.model).await?;
+    let needs = exports::needs(export);
+    let shown = check_needs(context, "spec.export", &model, &needs).await?;
+    let used = require_checkpoint(context, "spec.export", &model, &export.checkpoint).await?;
+    check_known(&used, &model, &shown)?;
+    if export.distillation.is_some() && model.tier == tiers::SPLATS {
+        let message = format!(
+            "{} has the tier {}: there is nothing to distill",
+            model.display_name, model.tier
+        );
+        return Err(RequestError::invalid("spec.export.distillation", message));
+    }
+    Ok(())
+}
+
+/// Everybody whom the specification at `field` needs has a capture with the frame that is asked of it; those who
+/// have a slot in the model, with the slot.
+async fn check_needs(
+    context: &Context,
+    field: &str,
+    model: &Model,
+    needs: &[Need<'_>],
+) -> Result<Vec<(u32, SubjectShard)>, RequestError> {
+    let mut shown = Vec::new();
+    for need in needs {
+        let field = |name: &str| format!("{field}.{name}");
+        let shard = require_shard(context, &field(&need.field), need.subject).await?;
+        if need.slot {
+            let slot = require_slot(context, model, need.subject).await?;
+            shown.push((slot, shard.clone()));
+        }
+        if let Some((name, frame)) = &need.frame {
+            check_frame(&shard, &field(name), *frame)?;
+        }
+    }
+    Ok(shown)
+}
+
+/// The checkpoint `used` knows everybody who is `shown`.
+fn check_known(
+    used: &Checkpoint,
+    model: &Model,
+    shown: &[(u32, SubjectShard)],
+) -> Result<(), RequestError> {
+    let unknown = shown.iter().find(|(slot, _)| !used.slots.contains(slot));
+    if let Some((_, shard)) = unknown
+        && !used.slots.is_empty()
+    {
+        let message = format!(
+            "step {} of {} was trained before {} joined the model: train it again",
+            used.step, model.display_name, shard.display_name
+        );
+        return Err(RequestError::precondition("NOT_TRAINED", message));
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! Each person whom a job needs is pinned to their newest capture when the job is queued, so that its
 //! result does not depend on when a worker comes.
 //!
-//! A render or an evaluation uses one checkpoint: the one that its order names, or the best one. It is
+//! A render, an evaluation or an export uses one checkpoint: the one that its order names, or the best one. It is
 //! chosen when the job is queued, and again when it is leased, since a better one may have come; in
 //! between, the one that the order was checked with stays.
 
@@ -17,8 +17,9 @@ use crate::{
 };
 use sqlx::SqliteConnection;
 use yoto_proto::{
+    exports,
     names::Collection,
-    render_needs::needs,
+    render_needs::{Need, needs},
     tiers,
     v1::{JobSpec, Model, job_spec},
 };
@@ -37,7 +38,7 @@ pub async fn of_job(conn: &mut SqliteConnection, job_id: &str) -> Result<Option<
 pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pins, StoreError> {
     let rows = sqlx::query(
         "SELECT id, pinned_step FROM jobs
-         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate')
+         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate', 'export')
          ORDER BY ord",
     )
     .bind(model_id)
@@ -67,6 +68,7 @@ pub async fn chosen(
             (&it.model, &it.checkpoint, tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, &it.checkpoint, false),
+        Some(job_spec::Kind::Export(it)) => (&it.model, &it.checkpoint, false),
         Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
     };
     let model_id = Collection::Models.parse(model);
@@ -115,17 +117,21 @@ pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
         Some(job_spec::Kind::Evaluate(it)) => everybody
             .filter(|subject| it.subjects.is_empty() || it.subjects.contains(subject))
             .collect(),
-        Some(job_spec::Kind::Render(render)) => {
-            let mut people: Vec<String> = Vec::new();
-            for need in needs(render) {
-                if !people.iter().any(|it| it == need.subject) {
-                    people.push(need.subject.to_owned());
-                }
-            }
-            people
-        }
+        Some(job_spec::Kind::Render(render)) => each_once(needs(render)),
+        Some(job_spec::Kind::Export(export)) => each_once(exports::needs(export)),
         Some(job_spec::Kind::Ingest(_)) | None => Vec::new(),
     }
+}
+
+/// The subjects of `needs`, each once.
+fn each_once(needs: Vec<Need<'_>>) -> Vec<String> {
+    let mut people: Vec<String> = Vec::new();
+    for need in needs {
+        if !people.iter().any(|it| it == need.subject) {
+            people.push(need.subject.to_owned());
+        }
+    }
+    people
 }
 
 /// Pins the newest capture of a person to a job; the capture's id.
