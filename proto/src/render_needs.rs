@@ -2,7 +2,7 @@
 
 use crate::v1::{Actor, Light, RenderSpec, actor::Motion, light, render_spec::What};
 
-/// A subject whose capture a render needs.
+/// A subject whose capture a render or an export needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Need<'a> {
     /// Field of the specification, e.g. `scene.actors[1].subject`.

@@ -27,7 +27,7 @@ const LONGEST: f64 = 10_000.0;
 /// Speeds of a motion, where 1 is its own.
 const SPEEDS: RangeInclusive<f64> = 0.01..=100.0;
 /// Frame rates of a motion.
-const RATES: RangeInclusive<f64> = 0.01..=1000.0;
+pub(super) const RATES: RangeInclusive<f64> = 0.01..=1000.0;
 /// Fields of view, degrees.
 const FOVS: RangeInclusive<f64> = 1.0..=150.0;
 /// Angles that a camera passes in one film, degrees.

@@ -11,11 +11,14 @@ use crate::{
     store::{JobKind, NewJob, RequestKey, StoreError},
 };
 use yoto_proto::{
-    checks,
+    checks, exports,
     names::Collection,
-    render_needs::{needs, other_models},
+    render_needs::{Need, needs, other_models},
     tiers,
-    v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
+    v1::{
+        Checkpoint, EvaluateSpec, ExportSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec,
+        job_spec,
+    },
 };
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
@@ -41,6 +44,7 @@ pub async fn create(
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
         Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await?,
+        Some(job_spec::Kind::Export(export)) => check_export(context, export).await?,
         Some(job_spec::Kind::Ingest(_)) => {
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
@@ -155,22 +159,9 @@ async fn check_shown(
     model: &Model,
     actor: &str,
 ) -> Result<Checkpoint, RequestError> {
-    let mut shown = Vec::new();
-    for need in needs(render)
-        .into_iter()
-        .filter(|it| it.model == model.name)
-    {
-        let field = |name: &str| format!("spec.render.{name}");
-        let shard = require_shard(context, &field(&need.field), need.subject).await?;
-        if need.slot {
-            let slot = require_slot(context, model, need.subject).await;
-            let slot = slot.map_err(|error| error.of(&need.field))?;
-            shown.push((slot, need.field.clone(), shard.display_name.clone()));
-        }
-        if let Some((name, frame)) = &need.frame {
-            check_frame(&shard, &field(name), *frame)?;
-        }
-    }
+    let needs = needs(render).into_iter();
+    let needs: Vec<Need<'_>> = needs.filter(|it| it.model == model.name).collect();
+    let shown = check_needs(context, "spec.render", model, &needs).await?;
     let wanted = if actor.is_empty() {
         &*render.checkpoint
     } else {
@@ -178,16 +169,7 @@ async fn check_shown(
     };
     let used = require_checkpoint(context, "spec.render", model, wanted).await;
     let used = used.map_err(|error| error.of(actor))?;
-    let unknown = shown.iter().find(|(slot, ..)| !used.slots.contains(slot));
-    if let Some((_, field, person)) = unknown
-        && !used.slots.is_empty()
-    {
-        let message = format!(
-            "step {} of {} was trained before {person} joined the model: train it again",
-            used.step, model.display_name
-        );
-        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
-    }
+    check_known(&used, model, &shown)?;
     let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
     match refusal {
         Some(message) => {
@@ -196,6 +178,72 @@ async fn check_shown(
         }
         None => Ok(used),
     }
+}
+
+async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), RequestError> {
+    let model = model(context, "spec.export.model", &export.model).await?;
+    let needs = exports::needs(export);
+    let shown = check_needs(context, "spec.export", &model, &needs).await?;
+    let used = require_checkpoint(context, "spec.export", &model, &export.checkpoint).await?;
+    check_known(&used, &model, &shown)?;
+    if export.distillation.is_some() && model.tier == tiers::SPLATS {
+        let message = format!(
+            "{} has the tier {}: there is nothing to distill",
+            model.display_name, model.tier
+        );
+        return Err(RequestError::invalid("spec.export.distillation", message));
+    }
+    Ok(())
+}
+
+/// Somebody who has a slot in a model.
+struct Shown {
+    slot: u32,
+    /// Who asks for them, e.g. `scene.actors[1].subject`.
+    field: String,
+    person: String,
+}
+
+/// Everybody whom the specification at `field` needs has a capture with the frame that is asked of it. Returns those who
+/// must have a slot in the model.
+async fn check_needs(
+    context: &Context,
+    field: &str,
+    model: &Model,
+    needs: &[Need<'_>],
+) -> Result<Vec<Shown>, RequestError> {
+    let mut shown = Vec::new();
+    for need in needs {
+        let field = |name: &str| format!("{field}.{name}");
+        let shard = require_shard(context, &field(&need.field), need.subject).await?;
+        if need.slot {
+            let slot = require_slot(context, model, need.subject).await;
+            shown.push(Shown {
+                slot: slot.map_err(|error| error.of(&need.field))?,
+                field: need.field.clone(),
+                person: shard.display_name.clone(),
+            });
+        }
+        if let Some((name, frame)) = &need.frame {
+            check_frame(&shard, &field(name), *frame)?;
+        }
+    }
+    Ok(shown)
+}
+
+/// The checkpoint `used` knows everybody who is `shown`.
+fn check_known(used: &Checkpoint, model: &Model, shown: &[Shown]) -> Result<(), RequestError> {
+    let unknown = shown.iter().find(|it| !used.slots.contains(&it.slot));
+    if let Some(Shown { field, person, .. }) = unknown
+        && !used.slots.is_empty()
+    {
+        let message = format!(
+            "step {} of {} was trained before {person} joined the model: train it again",
+            used.step, model.display_name
+        );
+        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
+    }
+    Ok(())
 }
 
 async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {

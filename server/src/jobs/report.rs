@@ -15,8 +15,9 @@ use yoto_proto::{
     render_needs::other_models,
     tiers,
     v1::{
-        Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
-        Progress, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
+        Checkpoint, EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile,
+        IngestResult, JobResult, JobSpec, ObjectRef, Progress, RenderResult, RenderSpec,
+        RenderedFile, Scores, job_result, job_spec,
     },
 };
 
@@ -92,7 +93,7 @@ pub async fn publish(
     Ok(())
 }
 
-/// Commits a file of a render.
+/// Commits a file of a render or an export.
 ///
 /// # Errors
 /// When the lease is stale, or the file is not one of this job and lease.
@@ -101,12 +102,17 @@ pub async fn commit_output(
     lease: &LeaseKey,
     file: &RenderedFile,
 ) -> Result<(), RequestError> {
-    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(lease).await?.kind else {
+    let kind = context.store.leased_spec(lease).await?.kind;
+    let commits = matches!(
+        kind,
+        Some(job_spec::Kind::Render(_) | job_spec::Kind::Export(_))
+    );
+    if !commits {
         return Err(RequestError::invalid(
             "claim.job",
-            "only a render commits files",
+            "only a render or an export commits files",
         ));
-    };
+    }
     let expected = keys::render(&lease.job_id, lease.token, &file.file);
     let is_expected = |key: &str| key == expected;
     require(context, "file.object", file.object.as_ref(), is_expected).await?;
@@ -189,6 +195,9 @@ async fn check_result(
         (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
             check_evaluate(context, spec, result).await?;
             check_tradeoff(context, lease, spec, result).await
+        }
+        (Some(job_spec::Kind::Export(spec)), Some(job_result::Kind::Export(result))) => {
+            check_export(context, lease, spec, result).await
         }
         _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
@@ -359,6 +368,46 @@ fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestE
         "result.render.other_checkpoints",
         message,
     ))
+}
+
+/// Checks that the files are those of the form, and the figures finite.
+async fn check_export(
+    context: &Context,
+    lease: &LeaseKey,
+    spec: &ExportSpec,
+    result: &ExportResult,
+) -> Result<(), RequestError> {
+    let field = "result.export.checkpoint";
+    check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
+    let extensions = spec.form().extensions();
+    let has = |it: &ExportedFile, extension: &str| {
+        it.file.rsplit_once('.').map(|(_, end)| end) == Some(extension)
+    };
+    let complete = result.files.len() == extensions.len()
+        && result
+            .files
+            .iter()
+            .zip(extensions)
+            .all(|(it, end)| has(it, end));
+    if !complete {
+        let message = format!("are not one each of .{}", extensions.join(", ."));
+        return Err(RequestError::invalid("result.export.files", message));
+    }
+    for (i, file) in result.files.iter().enumerate() {
+        let expected = keys::render(&lease.job_id, lease.token, &file.file);
+        let field = format!("result.export.files[{i}].object");
+        require(context, &field, file.object.as_ref(), |key| key == expected).await?;
+    }
+    let distilled = result.distilled.as_ref();
+    let figures = distilled.map(|it| [Some(it.seconds), it.psnr, it.psnr_mask_box]);
+    let figures = figures.into_iter().flatten().flatten();
+    for figure in figures {
+        if !figure.is_finite() {
+            let message = "holds figures that are not finite";
+            return Err(RequestError::invalid("result.export.distilled", message));
+        }
+    }
+    Ok(())
 }
 
 /// Checks that the object is named, may be written under this lease, and exists.

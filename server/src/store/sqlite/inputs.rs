@@ -34,6 +34,7 @@ pub async fn resolve(
             (&it.model, Some(&*it.checkpoint), tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, Some(&*it.checkpoint), false),
+        Some(job_spec::Kind::Export(it)) => (&it.model, Some(&*it.checkpoint), false),
         None => return Err(unreadable("the job has no kind")),
     };
     let id = parse(Collection::Models, model)?.to_owned();

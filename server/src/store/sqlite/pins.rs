@@ -3,7 +3,7 @@
 //! Each person whom a job needs is pinned to their newest capture when the job is queued, so that its
 //! result does not depend on when a worker comes.
 //!
-//! A render or an evaluation uses one checkpoint: the one that its order names, or the best one. It is
+//! A render, an evaluation or an export uses one checkpoint: the one that its order names, or the best one. It is
 //! chosen when the job is queued, and again when it is leased, since a better one may have come; in
 //! between, the one that the order was checked with stays. A scene with people of other models uses the best
 //! one of each of these as well, which is chosen and kept in the same way.
@@ -18,8 +18,9 @@ use crate::{
 };
 use sqlx::SqliteConnection;
 use yoto_proto::{
+    exports,
     names::Collection,
-    render_needs::{needs, other_models},
+    render_needs::{Need, needs, other_models},
     tiers,
     v1::{JobSpec, Model, job_spec},
 };
@@ -53,7 +54,7 @@ pub async fn of_other(
 pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pins, StoreError> {
     let rows = sqlx::query(
         "SELECT ord, id, pinned_step FROM jobs
-         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate')
+         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate', 'export')
          UNION ALL
          SELECT j.ord, j.id, m.step FROM job_models m JOIN jobs j ON j.id = m.job
          WHERE m.model = ?1 AND j.state IN ('QUEUED', 'RUNNING')
@@ -86,6 +87,7 @@ pub async fn chosen(
             (&it.model, &it.checkpoint, tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, &it.checkpoint, false),
+        Some(job_spec::Kind::Export(it)) => (&it.model, &it.checkpoint, false),
         Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
     };
     step_of(conn, model, wanted, tradeoff).await.map(Some)
@@ -180,17 +182,21 @@ pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
         Some(job_spec::Kind::Evaluate(it)) => everybody
             .filter(|subject| it.subjects.is_empty() || it.subjects.contains(subject))
             .collect(),
-        Some(job_spec::Kind::Render(render)) => {
-            let mut people: Vec<String> = Vec::new();
-            for need in needs(render) {
-                if !people.iter().any(|it| it == need.subject) {
-                    people.push(need.subject.to_owned());
-                }
-            }
-            people
-        }
+        Some(job_spec::Kind::Render(render)) => each_once(needs(render)),
+        Some(job_spec::Kind::Export(export)) => each_once(exports::needs(export)),
         Some(job_spec::Kind::Ingest(_)) | None => Vec::new(),
     }
+}
+
+/// The subjects of `needs`, each once.
+fn each_once(needs: Vec<Need<'_>>) -> Vec<String> {
+    let mut people: Vec<String> = Vec::new();
+    for need in needs {
+        if !people.iter().any(|it| it == need.subject) {
+            people.push(need.subject.to_owned());
+        }
+    }
+    people
 }
 
 /// Pins the newest capture of a person to a job; the capture's id.
