@@ -175,7 +175,12 @@ impl Embedded {
             };
             let trainer = config("embedded trainer", &[JobKind::Train]);
             embedded.trainer = Some(embedded.lane(picked.clone(), trainer)?);
-            let others = [JobKind::Ingest, JobKind::Render, JobKind::Evaluate];
+            let others = [
+                JobKind::Ingest,
+                JobKind::Render,
+                JobKind::Evaluate,
+                JobKind::Export,
+            ];
             let others = config("embedded", &others);
             embedded.worker = Some(embedded.lane(picked, others)?);
         }

@@ -33,7 +33,7 @@ pub fn tradeoff(model_id: &str, job_id: &str, token: u64, step: u64) -> String {
     )
 }
 
-/// A file of a render job.
+/// A file of a render or export job.
 pub fn render(job_id: &str, token: u64, file: &str) -> String {
     format!("renders/{job_id}/{token}/{file}")
 }
@@ -74,7 +74,7 @@ pub enum Folder<'a> {
         /// The job.
         by: Lease<'a>,
     },
-    /// The files of a render job.
+    /// The files of a render or export job.
     Render {
         /// The job.
         by: Lease<'a>,

@@ -3,11 +3,13 @@
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! checks of orders, pauses between attempts, and the names of tiers, variants and evaluation protocols.
+//! files of an export, the checks of orders, pauses between attempts, and the names of tiers, variants and
+//! evaluation protocols.
 
 pub mod backoff;
 pub mod checks;
 pub mod correction;
+pub mod exports;
 pub mod keys;
 pub mod limits;
 pub mod manifest;

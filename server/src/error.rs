@@ -122,4 +122,15 @@ impl RequestError {
             message: message.into(),
         }
     }
+
+    /// What is not possible because of this `field` of the request; empty: of none in particular.
+    pub fn of(self, field: &str) -> Self {
+        match self {
+            Self::Precondition { reason, message } if !field.is_empty() => Self::Precondition {
+                reason,
+                message: format!("{field}: {message}"),
+            },
+            other => other,
+        }
+    }
 }

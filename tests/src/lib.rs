@@ -5,6 +5,7 @@ pub mod browser;
 pub mod bvh;
 pub mod film;
 pub mod load;
+pub mod page;
 pub mod people;
 pub mod process;
 pub mod torture;

@@ -4,9 +4,9 @@ use super::{ClientError, JobWatch, YotoClient, request_id, retry::repeat};
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, GetJobRequest,
-    IngestSpec, Job, JobKind, JobSpec, JobView, ListJobsRequest, PauseJobsRequest, RenderSpec,
-    ResumeJobsRequest, TrainSpec, job, job_spec,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, ExportSpec,
+    GetJobRequest, IngestSpec, Job, JobKind, JobSpec, JobView, ListJobsRequest, PauseJobsRequest,
+    RenderSpec, ResumeJobsRequest, TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -47,6 +47,14 @@ impl YotoClient {
     /// As [`create_job`](Self::create_job); e.g. for a model without a checkpoint.
     pub async fn evaluate(&self, spec: EvaluateSpec) -> Result<Job, ClientError> {
         self.create_job(job_spec::Kind::Evaluate(spec)).await
+    }
+
+    /// Queues an export.
+    ///
+    /// # Errors
+    /// As [`create_job`](Self::create_job); e.g. for a person whom the model does not have.
+    pub async fn export(&self, spec: ExportSpec) -> Result<Job, ClientError> {
+        self.create_job(job_spec::Kind::Export(spec)).await
     }
 
     /// The current state of the job `name`.
@@ -213,5 +221,6 @@ fn kind_with_article(kind: &job_spec::Kind) -> &'static str {
         job_spec::Kind::Train(TrainSpec { .. }) => "a train",
         job_spec::Kind::Render(RenderSpec { .. }) => "a render",
         job_spec::Kind::Evaluate(EvaluateSpec { .. }) => "an evaluate",
+        job_spec::Kind::Export(ExportSpec { .. }) => "an export",
     }
 }

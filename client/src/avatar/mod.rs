@@ -65,6 +65,8 @@ pub struct AvatarOptions {
     pub refine_poses: PoseRefinement,
     /// Whether the exposure of each frame is learned.
     pub exposure: ExposureLearning,
+    /// Degree of the harmonics by which colours depend on the view.
+    pub harmonics: Option<u32>,
     /// Whether what no frame shows keeps the colours that training left there.
     pub leave_unseen: bool,
     /// Motion to render, in place of one of this program's own.
@@ -153,6 +155,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 checkpoint_seconds: 0.0,
                 refine_poses: options.refine_poses.into(),
                 exposure: options.exposure.into(),
+                harmonics: options.harmonics,
                 leave_unseen: options.leave_unseen,
                 only: String::new(),
             },

@@ -20,9 +20,11 @@
 mod decoded;
 mod listing;
 mod options;
+mod track;
 
 pub use decoded::DecodedCapture;
 pub use options::{CaptureOptions, Prefer};
+pub use track::{named, read_track};
 
 use crate::api::{ClientError, FileSource, UploadFile};
 use listing::Listing;

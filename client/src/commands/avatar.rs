@@ -72,6 +72,9 @@ pub(super) struct Avatar {
     /// differently [default: auto].
     #[arg(long, value_enum, value_name = "WHEN")]
     exposure: Option<Exposure>,
+    /// Let colours depend on the view, by spherical harmonics of this degree, 0 to 2: for what shines [default: 0].
+    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=2))]
+    harmonics: Option<u32>,
     /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
     #[arg(long)]
     leave_unseen: bool,
@@ -123,6 +126,7 @@ impl Avatar {
             exposure: self
                 .exposure
                 .map_or(ExposureLearning::Unspecified, Exposure::message),
+            harmonics: self.harmonics,
             leave_unseen: self.leave_unseen,
             motion,
             despite_check: self.despite_check,

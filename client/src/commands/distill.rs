@@ -1,21 +1,19 @@
 //! `yoto distill`: splats that show what a field has learned about one person.
 
 use super::person_args::{ChosenPerson, PersonArgs};
-use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use super::table::{distillation_seconds, distillation_sizes};
+use crate::capture_dir::{CaptureOptions, DecodedCapture, named, read_track};
 use crate::output;
 use crate::progress::{ProgressDisplay, count};
-use crate::studio::clips::{Source, read_track};
 use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-use yoto_avatar::config::ModelConfig;
-use yoto_avatar::distill::{Filmed, Lessons};
+use yoto_avatar::distill::{Course, Distilled, Filmed, Lessons, Stage};
 use yoto_avatar::render::Renderer;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::Shard;
 use yoto_capture::camera::Camera;
+use yoto_export::source::Source;
+use yoto_proto::exports;
 use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::Progress;
 
@@ -31,20 +29,6 @@ Examples:
   yoto distill fog --subject ada --capture captures/ada --frames --out models/ada
   yoto distill checkpoints/000000002000 --slot 1 --capture captures/bob --out models/bob";
 
-/// The share of the time in which the field is rendered.
-const RENDERING: f64 = 1.0 / 3.0;
-/// Every so many pictures, one is held out, for the comparison at the end.
-const HELD_OUT: usize = 10;
-/// Fewest pictures, whatever the time.
-const FEWEST: usize = 12;
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (1.0..=86_400.0).contains(&seconds) => Ok(seconds),
-        _ => Err("a number of seconds from 1 to 86400".into()),
-    }
-}
-
 /// Turn one person of a model of fields into splats, which viewers and browsers play.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
@@ -58,10 +42,10 @@ pub(super) struct Distill {
     #[arg(long)]
     frames: bool,
     /// Longest side of the pictures, pixels. They are square, or have the form of the capture's frames.
-    #[arg(long, default_value_t = 256, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=2048))]
+    #[arg(long, default_value_t = exports::SIZE, value_name = "PX", value_parser = distillation_sizes())]
     size: u32,
     /// Seconds of rendering and training together.
-    #[arg(long, default_value_t = 60.0, value_name = "S", value_parser = seconds)]
+    #[arg(long, default_value_t = exports::SECONDS, value_name = "S", value_parser = distillation_seconds)]
     seconds: f64,
     /// Seed of the training.
     #[arg(long, default_value_t = 7, value_name = "N")]
@@ -124,66 +108,32 @@ impl Distill {
         );
         let body = renderer.skeleton(slot);
         let body = body.with_context(|| format!("{} has no slot {slot}", model()))?;
-        let motion = Source::track(&self.capture, track)?.on(body)?;
-        let first = track.frames.first().context("the capture has no frames")?;
-        let camera = Camera::from_frame(first, track.image_size)
-            .with_context(|| self.capture.display().to_string())?;
-
-        let began = Instant::now();
-        let mut display = ProgressDisplay::new(format!("{} of {}", chosen.name, model()));
+        let source = Source::track(&named(&self.capture), track)?;
+        let motion = source.on(body)?;
         let lessons = Lessons {
             renderer: &renderer,
             slot,
             poses: &motion.poses,
-            up: camera.world_up(),
+            up: source.up(),
             size: match filmed.first() {
                 Some(first) => [first.camera.width, first.camera.height],
                 None => [self.size; 2],
             },
             filmed: &filmed,
         };
-        let limit = Duration::from_secs_f64(RENDERING * self.seconds);
-        let film = lessons.film(|pictures| {
-            let passed = began.elapsed();
-            display.progress(&Progress {
-                phase: format!("{} rendered", count(pictures, "picture")),
-                fraction: passed.as_secs_f64() / self.seconds,
-                ..Progress::default()
-            });
-            pictures < FEWEST || passed < limit
-        })?;
-        let pictures = film.frames();
-        let rendering = began.elapsed().as_secs_f64();
-        let options = TrainOptions {
-            budget: Budget::Seconds((self.seconds - rendering).max(1.0)),
-            seed: self.seed,
-            image_size: self.size,
-            validation: Validation::Every(HELD_OUT),
-            ..TrainOptions::default()
-        };
-        let person = Person {
-            slot: 0,
+        let course = Course {
             name: motion.name.clone(),
-            shard: Arc::new(film),
+            seconds: self.seconds,
+            seed: self.seed,
+            scratch: None,
         };
-        let config = ModelConfig::named("splat", "yoto")?;
-        let mut trainer = Trainer::new(config, options, vec![person], &device)?;
-        while !trainer.finished() {
-            trainer.step().context("a training step")?;
-            let progress = trainer.progress();
-            display.progress(&Progress {
-                phase: "training".into(),
-                step: progress.step,
-                fraction: began.elapsed().as_secs_f64() / self.seconds,
-                steps_per_second: progress.steps_per_second,
-                loss: progress.loss,
-                seconds_left: progress.seconds_left,
-                ..Progress::default()
-            });
-        }
-        trainer
-            .validate()
-            .context("the comparison with the field")?;
+        let mut display = ProgressDisplay::new(format!("{} of {}", chosen.name, model()));
+        let tell = &mut |stage: Stage, fraction: f64| display.progress(&shown(stage, fraction));
+        let Distilled {
+            trainer,
+            pictures,
+            time,
+        } = course.run(&lessons, &device, tell, &mut || true)?;
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         trainer.save(&self.out).context("writing the new model")?;
@@ -193,7 +143,7 @@ impl Distill {
         display.finish(&format!(
             "{splats} splats from {}, {:.0} s",
             count(pictures, "picture"),
-            began.elapsed().as_secs_f64()
+            time.as_secs_f64()
         ));
         if let (Some(whole), Some(near)) = (progress.psnr, progress.psnr_mask_box) {
             say!(
@@ -211,5 +161,25 @@ impl Distill {
         output::put("splats", splats);
         output::put("pictures", pictures);
         Ok(())
+    }
+}
+
+/// What is shown of a `stage`, when so much is done.
+fn shown(stage: Stage, fraction: f64) -> Progress {
+    match stage {
+        Stage::Filming(pictures) => Progress {
+            phase: format!("{} rendered", count(pictures, "picture")),
+            fraction,
+            ..Progress::default()
+        },
+        Stage::Training(now) => Progress {
+            phase: "training".into(),
+            step: now.step,
+            fraction,
+            steps_per_second: now.steps_per_second,
+            loss: now.loss,
+            seconds_left: now.seconds_left,
+            ..Progress::default()
+        },
     }
 }

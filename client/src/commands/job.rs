@@ -5,7 +5,7 @@ use super::kind_name::KindName;
 use super::out_folder::OutFolder;
 use super::titles::{Titles, kind};
 use super::waiting::wait;
-use super::{Server, evaluate, job_attempts, job_fetch, table, train};
+use super::{Server, evaluate, export, job_attempts, job_fetch, table, train};
 use crate::api::{ClientError, YotoClient};
 use crate::output;
 use crate::progress::{ProgressDisplay, describe};
@@ -261,6 +261,7 @@ fn outcome(job: &Job) -> String {
             )
         }
         Some(job_result::Kind::Evaluate(it)) => evaluate::summary(it),
+        Some(job_result::Kind::Export(it)) => export::summary(it),
         None => job.state().as_str_name().to_owned(),
     }
 }

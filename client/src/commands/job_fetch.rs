@@ -25,7 +25,9 @@ pub(super) async fn fetch(
     display.clear();
     output::put("job", output::message(&job));
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(job_result::Kind::Render(_)) => objects(client, name, folder).await,
+        Some(job_result::Kind::Render(_) | job_result::Kind::Export(_)) => {
+            objects(client, name, folder).await
+        }
         Some(job_result::Kind::Train(result)) => objects(client, &result.checkpoint, folder).await,
         Some(job_result::Kind::Evaluate(result)) => measured(client, &job, result, folder).await,
         Some(job_result::Kind::Ingest(_)) => {

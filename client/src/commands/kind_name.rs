@@ -11,6 +11,7 @@ pub(super) enum KindName {
     Train,
     Render,
     Evaluate,
+    Export,
 }
 
 impl KindName {
@@ -27,6 +28,7 @@ impl From<KindName> for JobKind {
             KindName::Train => Self::Train,
             KindName::Render => Self::Render,
             KindName::Evaluate => Self::Evaluate,
+            KindName::Export => Self::Export,
         }
     }
 }

@@ -19,7 +19,6 @@ mod demo;
 #[cfg(feature = "embedded")]
 mod distill;
 mod evaluate;
-#[cfg(feature = "embedded")]
 mod export;
 mod exposure;
 mod ffmpeg_arg;
@@ -48,7 +47,6 @@ mod out_folder;
 mod paper_table;
 #[cfg(feature = "embedded")]
 mod people;
-#[cfg(feature = "embedded")]
 mod person_args;
 #[cfg(feature = "embedded")]
 mod quality;
@@ -161,8 +159,7 @@ enum Command {
     RenderFrame(render_frame::RenderFrame),
     #[cfg(feature = "embedded")]
     Distill(distill::Distill),
-    #[cfg(feature = "embedded")]
-    Export(export::Export),
+    Export(Box<export::Export>),
     Evaluate(evaluate::Evaluate),
     #[cfg(feature = "embedded")]
     Quality(quality::Quality),
@@ -241,7 +238,6 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::RenderFrame(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Distill(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

@@ -1,11 +1,11 @@
-//! The person of a command that works on a model's files: of a model of the service, or of a folder.
+//! The person of a command that works on a model of the service, or on the folder of a checkpoint.
 
 use super::Server;
-use crate::studio::trained;
 use anyhow::{Context, ensure};
 use clap::Args;
-use std::path::{Path, PathBuf};
-use tempfile::TempDir;
+use std::path::PathBuf;
+#[cfg(feature = "embedded")]
+use {crate::studio::trained, std::path::Path, tempfile::TempDir};
 
 /// Which person of which model.
 #[derive(Debug, Args)]
@@ -29,12 +29,58 @@ pub(super) struct PersonArgs {
     slot: Option<usize>,
     /// Step of the checkpoint, in a model of the service [default: the best one by held-out PSNR].
     #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    pub checkpoint: Option<u64>,
     #[command(flatten)]
-    server: Server,
+    pub server: Server,
+}
+
+/// Where the model of a person is.
+pub(super) enum Place<'a> {
+    /// The folder of a checkpoint.
+    Folder(PathBuf),
+    /// A model of the service.
+    Service {
+        /// Its name.
+        model: &'a str,
+        /// The person's name.
+        subject: &'a str,
+    },
+}
+
+impl PersonArgs {
+    /// Where the model is.
+    ///
+    /// # Errors
+    /// Options that do not belong together.
+    pub fn place(&self) -> anyhow::Result<Place<'_>> {
+        if let Some(folder) = &self.model_dir {
+            return Ok(Place::Folder(folder.clone()));
+        }
+        // Clap has seen to it.
+        let model = self.model.as_deref().context("no model is given")?;
+        let folder = PathBuf::from(model);
+        if folder.is_dir() {
+            ensure!(
+                self.subject.is_none() && self.checkpoint.is_none(),
+                "{model} is a folder: --subject and --checkpoint belong to a model of the service; --slot \
+                 chooses the person"
+            );
+            return Ok(Place::Folder(folder));
+        }
+        ensure!(
+            self.slot.is_none(),
+            "--slot belongs to the folder of a checkpoint, which {model} is not: --subject chooses the \
+             person of a model of the service"
+        );
+        let subject = self.subject.as_deref().with_context(|| {
+            format!("--subject is needed: the person, by name, as {model} is not a folder")
+        })?;
+        Ok(Place::Service { model, subject })
+    }
 }
 
 /// A person of a model whose files are on this disk.
+#[cfg(feature = "embedded")]
 pub(super) struct ChosenPerson {
     files: Files,
     /// Identity slot.
@@ -46,11 +92,13 @@ pub(super) struct ChosenPerson {
 }
 
 /// A folder with a model's files.
+#[cfg(feature = "embedded")]
 enum Files {
     Own(PathBuf),
     Fetched(TempDir),
 }
 
+#[cfg(feature = "embedded")]
 impl ChosenPerson {
     /// The folder of the model, which may go with `self`.
     pub fn folder(&self) -> &Path {
@@ -61,38 +109,21 @@ impl ChosenPerson {
     }
 }
 
+#[cfg(feature = "embedded")]
 impl PersonArgs {
     /// Fetches the model's files, unless it is a folder.
     ///
     /// # Errors
     /// Options that do not belong together, and whatever the service lacks.
     pub async fn fetch(&self) -> anyhow::Result<ChosenPerson> {
-        if let Some(folder) = &self.model_dir {
-            return Ok(self.in_folder(folder.clone()));
+        match self.place()? {
+            Place::Folder(folder) => Ok(self.in_folder(folder)),
+            Place::Service { model, subject } => self.of_service(model, subject).await,
         }
-        // Clap has seen to it.
-        let model = self.model.as_deref().context("no model is given")?;
-        let folder = PathBuf::from(model);
-        if folder.is_dir() {
-            ensure!(
-                self.subject.is_none() && self.checkpoint.is_none(),
-                "{model} is a folder: --subject and --checkpoint belong to a model of the service; --slot \
-                 chooses the person"
-            );
-            return Ok(self.in_folder(folder));
-        }
-        ensure!(
-            self.slot.is_none(),
-            "--slot belongs to the folder of a checkpoint, which {model} is not: --subject chooses the \
-             person of a model of the service"
-        );
-        let subject = self.subject.as_deref().with_context(|| {
-            format!("--subject is needed: the person, by name, as {model} is not a folder")
-        })?;
-        self.of_service(model, subject).await
     }
 
-    fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
+    /// The person in a folder.
+    pub fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
         let slot = self.slot.unwrap_or(0);
         ChosenPerson {
             model: folder.display().to_string(),

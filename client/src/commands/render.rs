@@ -6,7 +6,7 @@ use super::out_folder::{OutFolder, is_rendered};
 use super::render_choice::{as_they_are, kept, over};
 use super::render_film;
 use super::render_what::{FrameRange, read_views};
-use super::scene::{FileLight, SceneFile};
+use super::scene::{FileLight, Names, SceneFile};
 use super::turn_args::TurnArgs;
 use super::waiting::wait_for_new;
 use super::{Server, table};
@@ -15,7 +15,6 @@ use crate::output;
 use crate::progress::{ProgressDisplay, count};
 use anyhow::Context;
 use clap::{ArgGroup, Args};
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use yoto_proto::names;
 use yoto_proto::tiers::RENDER_TIERS;
@@ -114,8 +113,8 @@ pub(super) struct Render {
     /// Go around the person once while they move as in their capture.
     #[arg(long)]
     turntable: bool,
-    /// Several people in one picture, from a JSON file, which has size and background too; `yoto scene
-    /// example` writes one to start from.
+    /// Several people in one picture, of this model or others, from a JSON file, which has size and background
+    /// too; `yoto scene example` writes one to start from.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Light on the person: `own`, as filmed; `none`, for colours without light and shade; or that of the
@@ -360,12 +359,17 @@ impl Render {
         client: &YotoClient,
         scene: &SceneFile,
     ) -> anyhow::Result<render_spec::What> {
-        let mut names = HashMap::new();
+        let path = self.scene.as_deref().unwrap_or(Path::new("--turntable"));
+        let mut names = Names::default();
         for person in scene.people() {
             let subject = client.find_subject(person).await?;
-            names.insert(person.to_owned(), subject.name);
+            names.people.insert(person.to_owned(), subject.name);
         }
-        let path = self.scene.as_deref().unwrap_or(Path::new("--turntable"));
+        for (field, model) in scene.models() {
+            let place = || format!("{}: {field}", path.display());
+            let found = client.find_model(model).await.with_context(place)?;
+            names.models.insert(model.to_owned(), found.name);
+        }
         let scene = scene.to_message(path, &names, &self.reading)?;
         Ok(render_spec::What::Scene(scene))
     }

@@ -2,7 +2,8 @@
 
 use crate::output;
 use crate::progress::count;
-use yoto_proto::{protocols, tiers, v1::Deleted};
+use clap::builder::RangedU64ValueParser;
+use yoto_proto::{checks::export, protocols, tiers, v1::Deleted};
 
 /// Rows of equal length as aligned columns under a header.
 pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -92,6 +93,23 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("a number of seconds above 0".to_owned()),
     }
+}
+
+/// Parses the length of a distillation, seconds.
+pub(super) fn distillation_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if export::SECONDS.contains(&seconds) => Ok(seconds),
+        _ => {
+            let (least, most) = (export::SECONDS.start(), export::SECONDS.end());
+            Err(format!("a number of seconds from {least} to {most}"))
+        }
+    }
+}
+
+/// A parser of the side of a distillation's pictures, pixels.
+pub(super) fn distillation_sizes() -> RangedU64ValueParser<u32> {
+    let (least, most) = (*export::SIZES.start(), *export::SIZES.end());
+    RangedU64ValueParser::new().range(u64::from(least)..=u64::from(most))
 }
 
 /// Parses a PSNR in dB above 0.

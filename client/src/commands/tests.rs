@@ -50,7 +50,6 @@ fn what_a_newcomer_types_parses() {
         "yoto people prior --synthetic 2 --target 28",
         "yoto model import-humannerf c.tar --canonical-joints j.pkl --out m",
         "yoto render-frame --model m --capture a --camera cam00 --frame 3 --numerics reference --out f.npz",
-        "yoto export duo --subject ada --capture a --capture b --out ada.html",
         "yoto export checkpoints/5 --slot 1 --capture a --frame 3 --out ada.ply --force",
         "yoto evaluate --model-dir d --capture a --capture b --protocol zju-step30 --table",
         "yoto evaluate --model-dir d --capture a --size 64 --pictures 6",
@@ -103,6 +102,11 @@ fn what_a_newcomer_types_parses() {
         "yoto job cancel 1",
         "yoto job fetch 1 --out o --force",
         "yoto model export duo --checkpoint 200 --out o",
+        "yoto export duo --subject ada --capture a --capture b --out ada.html",
+        "yoto export duo --subject ada --motion ada --motion bob --range 0..60:2 --out ada.glb",
+        "yoto export fog --subject ada --seconds 90 --size 128 --frame 3 --out ada.spz",
+        "yoto export duo --subject ada --no-motion --priority high --owner me --out ada.html",
+        "yoto job pause export --reason why",
         "yoto evaluate duo",
         "yoto evaluate duo --subjects ada,bob --protocol held-out --size 128",
         "yoto evaluate duo --checkpoint 40",
@@ -176,6 +180,9 @@ fn contradictions_are_refused() {
         "yoto render duo --subject ada --orbit 3 --animate --fps 0 --out o",
         "yoto render duo --subject ada --orbit 3 --min-psnr 30 --quality fast --out o",
         "yoto ablation --capture a --out o --seconds 5 --steps 5",
+        "yoto export duo --subject ada --no-motion --motion bob --out ada.html",
+        "yoto export duo --subject ada --seconds 0.5 --out ada.html",
+        "yoto export duo --subject ada --triangles 99 --out ada.obj",
     ] {
         assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
     }

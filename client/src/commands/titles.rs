@@ -54,6 +54,9 @@ impl Titles {
                 format!("{} by {}", self.name(&spec.subject), self.name(&spec.model))
             }
             Some(job_spec::Kind::Evaluate(spec)) => self.name(&spec.model).to_owned(),
+            Some(job_spec::Kind::Export(spec)) => {
+                format!("{} by {}", self.name(&spec.subject), self.name(&spec.model))
+            }
             None => String::new(),
         }
     }
@@ -66,6 +69,7 @@ pub(super) fn kind_word(kind: JobKind) -> &'static str {
         JobKind::Train => "train",
         JobKind::Render => "render",
         JobKind::Evaluate => "evaluate",
+        JobKind::Export => "export",
         JobKind::Unspecified => "unknown",
     }
 }
@@ -78,6 +82,7 @@ pub(super) fn kind(job: &Job) -> &'static str {
         Some(job_spec::Kind::Render(_)) => "render",
         Some(job_spec::Kind::Evaluate(it)) if it.tradeoff.is_some() => "trade-off",
         Some(job_spec::Kind::Evaluate(_)) => "evaluate",
+        Some(job_spec::Kind::Export(_)) => "export",
         None => "unknown",
     }
 }

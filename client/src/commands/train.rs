@@ -79,6 +79,10 @@ pub(super) struct Train {
     /// frames are exposed differently [default: as before, or by the tier: auto for splat, else never].
     #[arg(long, value_enum, value_name = "WHEN")]
     exposure: Option<Exposure>,
+    /// Let the colours of splats depend on the view, by spherical harmonics of this degree, 0 to 2: for what shines [default: as
+    /// before, or 0].
+    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=2))]
+    harmonics: Option<u32>,
     /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
     #[arg(long)]
     leave_unseen: bool,
@@ -124,6 +128,7 @@ impl Train {
             checkpoint_seconds: self.checkpoint_seconds.unwrap_or(0.0),
             refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
             exposure: self.exposure.map_or(0, |when| when.message().into()),
+            harmonics: self.harmonics,
             leave_unseen: self.leave_unseen,
         };
         trained(&client, model, spec, self.preview, self.no_wait).await

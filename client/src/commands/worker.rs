@@ -39,7 +39,7 @@ pub(super) struct WorkerCommand {
         value_enum,
         value_delimiter = ',',
         value_name = "KIND",
-        default_value = "ingest,train,render,evaluate"
+        default_value = "ingest,train,render,evaluate,export"
     )]
     kinds: Vec<KindName>,
     /// Folder for the files of running jobs: uploads to read, checkpoints to load and save; created if

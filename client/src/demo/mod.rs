@@ -140,6 +140,7 @@ async fn drive(
             checkpoint_seconds: 0.0,
             refine_poses: PoseRefinement::Unspecified.into(),
             exposure: ExposureLearning::Unspecified.into(),
+            harmonics: None,
             leave_unseen: false,
             only: String::new(),
         },

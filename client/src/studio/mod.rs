@@ -7,7 +7,6 @@
 //!                                           → trained (a checkpoint's files, pages that play)
 //! ```
 
-pub(crate) mod clips;
 pub mod folder;
 pub mod person;
 pub mod service;

@@ -1,12 +1,13 @@
 //! What a training has made, outside of the service.
 
-use super::clips::{Source, clips};
 use crate::api::YotoClient;
+use crate::capture_dir::{named, read_track};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use yoto_avatar::render::{Renderer, SkinnedSplats};
 use yoto_export::page;
+use yoto_export::source::{Source, clips};
 use yoto_proto::v1::{Model, Subject};
 
 /// The files of a checkpoint of `model` at a `step`, or of the best one.
@@ -66,7 +67,10 @@ pub(crate) async fn write_pages(
 ) -> anyhow::Result<()> {
     let model = client.find_model(&model.display_name).await?;
     let files = fetch(client, &model, None).await?;
-    let motions = pages.iter().map(|page| Source::capture(page.own));
+    let motion = |page: &Page<'_>| -> anyhow::Result<Source> {
+        Ok(Source::track(&named(page.own), &read_track(page.own)?)?)
+    };
+    let motions = pages.iter().map(motion);
     let motions: Vec<Source> = motions.collect::<anyhow::Result<_>>()?;
     for (place, page) in pages.iter().enumerate() {
         let name = &page.subject.display_name;

@@ -1,14 +1,13 @@
 //! Splats in `.glb` files, by glTF's extension `KHR_gaussian_splatting`.
 
-use super::Gaussian;
+use super::{Gaussian, harmonics};
 use crate::glb::{Numbers, Target};
 use serde_json::json;
 use std::io::{self, Write};
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
 
-/// Writes `splats`, with colours that do not depend on the view. Programs that do not know the extension
-/// show coloured points.
+/// Writes `splats`. Programs that do not know the extension show coloured points.
 ///
 /// # Errors
 /// If writing fails, or the file has 4 GiB or more.
@@ -40,6 +39,20 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         .collect();
     let opacities = numbers.rows(&opacities, Target::Vertices);
     let named = |name: &str| format!("{EXTENSION}:{name}");
+    let mut attributes = json!({
+        "POSITION": means,
+        "COLOR_0": points,
+        (named("ROTATION")): turns,
+        (named("SCALE")): deviations,
+        (named("OPACITY")): opacities,
+        (named("SH_DEGREE_0_COEF_0")): colours,
+    });
+    for k in 0..harmonics(splats) {
+        let (degree, place) = if k < 3 { (1, k) } else { (2, k - 3) };
+        let rows: Vec<[f32; 3]> = splats.iter().map(|splat| splat.harmonics[k]).collect();
+        let rows = numbers.rows(&rows, Target::Vertices);
+        attributes[named(&format!("SH_DEGREE_{degree}_COEF_{place}"))] = json!(rows);
+    }
     let scene = json!({
         "extensionsUsed": [EXTENSION],
         "scene": 0,
@@ -47,14 +60,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         "nodes": [{ "mesh": 0 }],
         "meshes": [{ "primitives": [{
             "mode": 0,
-            "attributes": {
-                "POSITION": means,
-                "COLOR_0": points,
-                (named("ROTATION")): turns,
-                (named("SCALE")): deviations,
-                (named("OPACITY")): opacities,
-                (named("SH_DEGREE_0_COEF_0")): colours,
-            },
+            "attributes": attributes,
             "extensions": { EXTENSION: {
                 "kernel": "ellipse",
                 "colorSpace": "srgb_rec709_display",

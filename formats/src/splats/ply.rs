@@ -1,16 +1,17 @@
 //! `.ply` files of Gaussian splats, as the program of 3D Gaussian splatting (Kerbl and others, 2023) writes
 //! them and every viewer of splats reads them.
 
-use super::Gaussian;
+use super::{Gaussian, HARMONICS};
 use std::io::{self, Write};
 
-/// Coefficients of the degrees 1 to 3. Some readers refuse files without them.
-const REST: usize = 45;
+/// Harmonics of the degrees 1 to 3. Some readers refuse files without them.
+const REST: usize = 15;
+/// Signs of those of degree 1 and 2 after a half turn about x.
+const SIGNS: [f32; HARMONICS] = [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0];
 /// Opacities are this far from 0 and 1, whose logits are infinite.
 const CLEAR: f32 = 1e-6;
 
-/// Writes `splats`. The file has x to the right, y down and z forward, as viewers expect of it, and colours
-/// that do not depend on the view.
+/// Writes `splats`. The file has x to the right, y down and z forward, as viewers expect of it.
 ///
 /// # Errors
 /// If writing fails.
@@ -24,7 +25,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2",
     ];
     let mut fields: Vec<String> = fields.map(str::to_owned).to_vec();
-    fields.extend((0..REST).map(|i| format!("f_rest_{i}")));
+    fields.extend((0..3 * REST).map(|i| format!("f_rest_{i}")));
     fields.push("opacity".into());
     fields.extend((0..3).map(|i| format!("scale_{i}")));
     fields.extend((0..4).map(|i| format!("rot_{i}")));
@@ -41,7 +42,12 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         row.extend([x, -y, -z]);
         row.extend([0.0; 3]);
         row.extend(splat.harmonic());
-        row.extend([0.0; REST]);
+        // Channel by channel.
+        for channel in 0..3 {
+            let own = splat.harmonics.iter().zip(SIGNS);
+            row.extend(own.map(|(harmonic, sign)| sign * harmonic[channel]));
+            row.extend([0.0; REST - HARMONICS]);
+        }
         row.push((opacity / (1.0 - opacity)).ln());
         row.extend(splat.deviations.map(f32::ln));
         // After a half turn about x.
@@ -66,6 +72,7 @@ mod tests {
             deviations: [0.01, 0.02, 0.03],
             opacity: 0.9,
             colour: [0.5, 0.25, 1.0],
+            harmonics: std::array::from_fn(|k| [0.0, 1.0 + k as f32, -1.0]),
         };
         let mut bytes = Vec::new();
         write(&mut bytes, &[splat, splat]).expect("writes");
@@ -92,7 +99,13 @@ mod tests {
             ["rot_0", "rot_1", "rot_2", "rot_3"].map(value),
             [-0.5, 0.5, -0.5, -0.5]
         );
-        assert_eq!(value("f_rest_44"), 0.0);
+        // Green, of which the harmonics of y and z of degree 1, xy and xz change sign.
+        let green: [f32; 8] = std::array::from_fn(|k| value(&format!("f_rest_{}", 15 + k)));
+        assert_eq!(green, [-1.0, -2.0, 3.0, -4.0, 5.0, 6.0, -7.0, 8.0]);
+        assert_eq!(
+            ["f_rest_2", "f_rest_32", "f_rest_44"].map(value),
+            [0.0, -1.0, 0.0]
+        );
     }
 
     #[test]
@@ -104,6 +117,7 @@ mod tests {
                 deviations: [0.01; 3],
                 opacity,
                 colour: [0.0; 3],
+                harmonics: [[0.0; 3]; HARMONICS],
             };
             let mut bytes = Vec::new();
             write(&mut bytes, &[splat]).expect("writes");

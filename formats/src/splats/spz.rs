@@ -1,6 +1,7 @@
-//! `.spz` files: splats in 20 bytes each, compressed (Niantic's `spz`, version 3).
+//! `.spz` files: splats in 20 bytes each, and 9 or 24 more with colours that depend on the view, compressed
+//! (Niantic's `spz`, version 3).
 
-use super::Gaussian;
+use super::{Gaussian, harmonics};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::f32::consts::SQRT_2;
@@ -14,12 +15,14 @@ const VERSION: u32 = 3;
 const FRACTION: u8 = 16;
 /// Largest whole number of a coordinate, which has 24 bits.
 const FARTHEST: f32 = 8_388_607.0;
+/// Number of harmonics of degree 1.
+const FIRST: usize = 3;
 /// Units of a coefficient of degree 0, of 255.
 const COLOURS: f32 = 0.15;
 /// Largest whole number of the three small parts of a quaternion, which are at most √½.
 const PART: f32 = 511.0;
 
-/// Writes `splats`: y up, z towards the viewer, colours that do not depend on the view.
+/// Writes `splats`: y up, z towards the viewer.
 ///
 /// # Errors
 /// If writing fails, or there are 2³² splats or more.
@@ -29,8 +32,14 @@ pub fn write(to: impl Write, splats: &[Gaussian]) -> io::Result<()> {
     for number in [MAGIC, VERSION, count] {
         to.write_all(&number.to_le_bytes())?;
     }
-    // No degree above 0, no flags.
-    to.write_all(&[0, FRACTION, 0, 0])?;
+    let harmonics = harmonics(splats);
+    let degree = match harmonics {
+        0 => 0,
+        FIRST => 1,
+        _ => 2,
+    };
+    // No flags.
+    to.write_all(&[degree, FRACTION, 0, 0])?;
     for splat in splats {
         for value in splat.mean {
             let fixed = (value * f32::from(2u8).powi(FRACTION.into())).round();
@@ -57,12 +66,24 @@ pub fn write(to: impl Write, splats: &[Gaussian]) -> io::Result<()> {
     for splat in splats {
         to.write_all(&smallest_three(splat.turn).to_le_bytes())?;
     }
+    for splat in splats {
+        for (k, harmonic) in splat.harmonics[..harmonics].iter().enumerate() {
+            let bits = if k < FIRST { 5 } else { 4 };
+            to.write_all(&harmonic.map(|value| coarse(value, bits)))?;
+        }
+    }
     to.finish()?.flush()
 }
 
 /// The nearest whole number from 0 to 255.
 fn byte(value: f32) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
+}
+
+/// A coefficient of -1 to 1 in the first `bits` of a byte, of which 128 is 0.
+fn coarse(value: f32, bits: u32) -> u8 {
+    let step = f32::from(1u8 << (8 - bits));
+    byte(step * ((128.0 * value + 128.0) / step).round())
 }
 
 /// A unit quaternion without its largest part: the place of that part in 2 bits, then the sign and 9 bits
@@ -129,6 +150,40 @@ mod tests {
     }
 
     #[test]
+    fn harmonics_follow_as_far_as_any_splat_has_them() {
+        let plain = Gaussian {
+            mean: [0.0; 3],
+            turn: [1.0, 0.0, 0.0, 0.0],
+            deviations: [0.1; 3],
+            opacity: 0.6,
+            colour: [0.5; 3],
+            harmonics: [[0.0; 3]; 8],
+        };
+        let (mut first, mut second) = (plain, plain);
+        first.harmonics[2] = [0.5, -0.25, 0.02];
+        second.harmonics[7] = [-1.0, 0.11, 3.0];
+        for (splats, bytes, degree) in [
+            ([plain, plain], 20, 0),
+            ([plain, first], 29, 1),
+            ([first, second], 44, 2),
+        ] {
+            let mut file = Vec::new();
+            write(&mut file, &splats).expect("writes");
+            let mut out = Vec::new();
+            let mut reader = GzDecoder::new(file.as_slice());
+            reader.read_to_end(&mut out).expect("gzip");
+            assert_eq!(out.len(), 16 + 2 * bytes);
+            assert_eq!(out[12], degree);
+            let own = &out[out.len() - bytes + 20..];
+            match degree {
+                1 => assert_eq!(own, [128, 128, 128, 128, 128, 128, 192, 96, 128]),
+                2 => assert_eq!(own[21..], [0, 144, 255]),
+                _ => (),
+            }
+        }
+    }
+
+    #[test]
     fn parts_stand_in_their_order() {
         let splat = Gaussian {
             mean: [1.0, -2.0, 0.5],
@@ -136,6 +191,7 @@ mod tests {
             deviations: [1.0, 0.1, 0.01],
             opacity: 0.6,
             colour: [0.5, 1.0, 0.0],
+            harmonics: [[0.0; 3]; 8],
         };
         let mut file = Vec::new();
         write(&mut file, &[splat, splat]).expect("writes");

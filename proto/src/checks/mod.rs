@@ -5,6 +5,7 @@
 //! Every check gives all faults it finds, with paths of fields that begin in the order's own message.
 
 pub mod evaluate;
+pub mod export;
 mod geometry;
 pub mod render;
 pub mod scene;
@@ -40,6 +41,7 @@ pub fn job(spec: &JobSpec) -> Vec<Fault> {
         Some(Kind::Evaluate(evaluate)) => {
             found.within_field("evaluate", evaluate::faults(evaluate));
         }
+        Some(Kind::Export(export)) => found.within_field("export", export::faults(export)),
         Some(Kind::Ingest(_)) => {}
         None => found.add("", "has no kind of job"),
     }

@@ -2,8 +2,11 @@
 
 use super::{Fault, Faults, scene};
 use crate::{
+    render_needs::{model_of, other_models},
     tiers,
-    v1::{Between, Layer, RenderQuality, RenderSpec, render_quality::Want, render_spec::What},
+    v1::{
+        Between, Layer, RenderQuality, RenderSpec, Scene, render_quality::Want, render_spec::What,
+    },
 };
 use std::ops::RangeInclusive;
 
@@ -76,8 +79,28 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
                 "a scene has actors instead".into()
             });
             found.within_field("scene", scene::faults(scene));
+            check_models(found, render, scene);
         }
     }
+}
+
+/// The models of a scene, of which one is the render's.
+fn check_models(found: &mut Faults, render: &RenderSpec, scene: &Scene) {
+    let mut models = scene.actors.iter().map(|actor| model_of(render, actor));
+    let own = scene.actors.is_empty() || models.any(|model| model == render.model);
+    found.unless(own, "scene.actors", || {
+        format!(
+            "nobody is of {}: render the scene with the model of an actor",
+            render.model
+        )
+    });
+    let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+    let several = !other_models(render).is_empty();
+    found.unless(!measured || !several, "quality", || {
+        "people of several models have no trade-off that was measured together: leave the goal out, \
+         and each model has its own settings"
+            .into()
+    });
 }
 
 fn check_between(found: &mut Faults, render: &RenderSpec, between: &Between) {
@@ -359,17 +382,47 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_scene_has_actors_instead_of_a_subject() {
-        let mut spec = with(What::Scene(Scene {
-            actors: vec![Actor {
-                motion: Some(Motion::Capture(CaptureMotion::default())),
-                ..Actor::default()
-            }],
+    /// A scene by the model duo with an actor of each of `models`.
+    fn scene_of(models: &[&str]) -> RenderSpec {
+        let actor = |model: &&str| Actor {
+            motion: Some(Motion::Capture(CaptureMotion::default())),
+            model: (*model).into(),
+            ..Actor::default()
+        };
+        let scene = Scene {
+            actors: models.iter().map(actor).collect(),
             width: 64,
             height: 64,
             ..Scene::default()
-        }));
+        };
+        RenderSpec {
+            model: "models/duo".into(),
+            ..with(What::Scene(scene))
+        }
+    }
+
+    #[test]
+    fn people_of_several_models_have_their_models_own_settings() {
+        assert_eq!(faults(&scene_of(&["", "models/fog"])), []);
+        assert_eq!(faults(&scene_of(&["models/fog", "models/duo"])), []);
+        assert_eq!(fields(&scene_of(&["models/fog"])), ["scene.actors"]);
+        let names = fields(&scene_of(&["", "fog"]));
+        assert_eq!(names, ["scene.actors[1].model"]);
+        let goal = |models: &[&str], tier: &str| {
+            let want = Some(Want::Tier(tier.into()));
+            fields(&RenderSpec {
+                quality: Some(RenderQuality { want }),
+                ..scene_of(models)
+            })
+        };
+        assert_eq!(goal(&["", "models/fog"], "fast"), ["quality"]);
+        assert_eq!(goal(&["", "models/fog"], "realtime"), [""; 0]);
+        assert_eq!(goal(&["", "models/duo"], "fast"), [""; 0]);
+    }
+
+    #[test]
+    fn a_scene_has_actors_instead_of_a_subject() {
+        let mut spec = scene_of(&[""]);
         assert_eq!(faults(&spec), []);
         spec.subject = "subjects/a".into();
         assert_eq!(fields(&spec), ["subject"]);

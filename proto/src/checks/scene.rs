@@ -1,6 +1,7 @@
 //! Scenes, and the limits of pictures.
 
 use super::{Fault, Faults};
+use crate::names::Collection;
 use crate::v1::{
     Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
     scene_camera::Path,
@@ -26,7 +27,7 @@ const LONGEST: f64 = 10_000.0;
 /// Speeds of a motion, where 1 is its own.
 const SPEEDS: RangeInclusive<f64> = 0.01..=100.0;
 /// Frame rates of a motion.
-const RATES: RangeInclusive<f64> = 0.01..=1000.0;
+pub(super) const RATES: RangeInclusive<f64> = 0.01..=1000.0;
 /// Fields of view, degrees.
 const FOVS: RangeInclusive<f64> = 1.0..=150.0;
 /// Angles that a camera passes in one film, degrees.
@@ -109,6 +110,11 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
     }
     if !actor.at.is_empty() {
         found.place::<2>(&field("at"), &actor.at);
+    }
+    if !actor.model.is_empty()
+        && let Err(error) = Collection::Models.parse(&actor.model)
+    {
+        found.add(&field("model"), error.to_string());
     }
     found.between(&field("heading"), actor.heading, &(-SWEEP..=SWEEP));
     found.between(&field("start"), actor.start, &(0.0..=LONGEST));
@@ -227,12 +233,14 @@ mod tests {
         assert_eq!(faults(&scene), []);
         scene.camera = by(Path::Capture(CaptureCamera { actor: 0 }));
         assert_eq!(faults(&scene), []);
+        scene.actors[0].model = "models/fog".into();
+        assert_eq!(faults(&scene), []);
     }
 
     #[test]
     fn each_fault_is_named_by_its_field() {
         type Break = fn(&mut Scene);
-        let cases: [(Break, &str); 19] = [
+        let cases: [(Break, &str); 21] = [
             (|it| it.actors.clear(), "actors"),
             (|it| it.actors[0].motion = None, "actors[0].motion"),
             (|it| it.actors[0].at = vec![1.0], "actors[0].at"),
@@ -240,6 +248,11 @@ mod tests {
             (
                 |it| it.actors[0].heading = f64::INFINITY,
                 "actors[0].heading",
+            ),
+            (|it| it.actors[0].model = "fog".into(), "actors[0].model"),
+            (
+                |it| it.actors[0].model = "subjects/fog".into(),
+                "actors[0].model",
             ),
             (|it| it.actors[0].start = -1.0, "actors[0].start"),
             (|it| it.actors[0].speed = -1.0, "actors[0].speed"),

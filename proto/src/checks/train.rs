@@ -14,6 +14,9 @@ const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 /// Time between two checkpoints of a training, seconds: each is written in full.
 const CHECKPOINT_SECONDS: RangeInclusive<f64> = 0.1..=90.0 * 86_400.0;
 
+/// Degrees of harmonics.
+const DEGREES: RangeInclusive<u32> = 0..=2;
+
 /// All faults of an order to train.
 pub fn faults(train: &TrainSpec) -> Vec<Fault> {
     let mut found = Faults::default();
@@ -33,6 +36,11 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
             train.checkpoint_seconds,
             &CHECKPOINT_SECONDS,
         );
+    }
+    if let Some(degree) = train.harmonics {
+        found.unless(DEGREES.contains(&degree), "harmonics", || {
+            format!("degree {degree}: 0, 1 or 2")
+        });
     }
     for (field, number, known, name) in [
         (
@@ -75,7 +83,7 @@ mod tests {
     #[test]
     fn each_bad_number_is_named() {
         type Change = fn(&mut TrainSpec);
-        let cases: [(Change, &str); 10] = [
+        let cases: [(Change, &str); 11] = [
             (|it| it.seconds = f64::NAN, "seconds"),
             (|it| it.seconds = f64::INFINITY, "seconds"),
             (|it| it.seconds = -1.0, "seconds"),
@@ -89,6 +97,7 @@ mod tests {
             (|it| it.checkpoint_seconds = 0.01, "checkpoint_seconds"),
             (|it| it.refine_poses = 9, "refine_poses"),
             (|it| it.exposure = 9, "exposure"),
+            (|it| it.harmonics = Some(3), "harmonics"),
         ];
         for (change, field) in cases {
             assert_eq!(fields(change), [field]);

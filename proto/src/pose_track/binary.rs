@@ -32,11 +32,7 @@ impl FileTrack {
             extrinsics: flat(frame.e.filter(|_| e.is_none())),
         };
         v1::PoseTrack {
-            skeleton: Some(v1::Skeleton {
-                names: self.skeleton.names.clone(),
-                parents: self.skeleton.parents.clone(),
-                rest_joints: self.skeleton.rest_joints.as_flattened().to_vec(),
-            }),
+            skeleton: Some(self.skeleton.to_proto()),
             width: self.image_size[0],
             height: self.image_size[1],
             fps: self.fps,
@@ -55,6 +51,15 @@ impl FileTrack {
 }
 
 impl Skeleton {
+    /// The message that [`Skeleton::from_proto`] reads back.
+    pub fn to_proto(&self) -> v1::Skeleton {
+        v1::Skeleton {
+            names: self.names.clone(),
+            parents: self.parents.clone(),
+            rest_joints: self.rest_joints.as_flattened().to_vec(),
+        }
+    }
+
     /// The skeleton of a message, not yet checked.
     ///
     /// # Errors

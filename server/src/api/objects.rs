@@ -113,7 +113,8 @@ impl ObjectApi {
             return Err(RequestError::invalid(field, message));
         };
         let job = self.context.store.job(&id).await?;
-        if job.kind() == JobKind::Render && job.state() != job::State::Succeeded {
+        let commits = matches!(job.kind(), JobKind::Render | JobKind::Export);
+        if commits && job.state() != job::State::Succeeded {
             let committed = self.context.store.outputs(&id).await?.into_iter();
             let committed = committed.filter_map(|it| Some((it.file, it.object?)));
             return Ok(committed.collect());
@@ -149,7 +150,7 @@ impl ObjectApi {
     }
 }
 
-/// The files of a job that has ended; those of a render that goes on are committed one by one.
+/// The files of a job that has ended; those of a render or an export that goes on are committed one by one.
 fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
     if job.state() != job::State::Succeeded {
         let message = format!("{} is {}", job.name, job.state().as_str_name());
@@ -167,6 +168,11 @@ fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
             tradeoff
                 .map(|it| (TRADEOFF.to_owned(), it.clone()))
                 .collect()
+        }
+        Some(job_result::Kind::Export(export)) => {
+            let files = export.files.iter();
+            let files = files.filter_map(|it| Some((it.file.clone(), it.object.clone()?)));
+            files.collect()
         }
         // Its files are those of the checkpoint that the result names.
         Some(job_result::Kind::Train(_)) => Vec::new(),

@@ -11,11 +11,14 @@ use crate::{
     store::{JobKind, NewJob, RequestKey, StoreError},
 };
 use yoto_proto::{
-    checks,
+    checks, exports,
     names::Collection,
-    render_needs::needs,
+    render_needs::{Need, needs, other_models},
     tiers,
-    v1::{Checkpoint, EvaluateSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec},
+    v1::{
+        Checkpoint, EvaluateSpec, ExportSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec,
+        job_spec,
+    },
 };
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
@@ -41,6 +44,7 @@ pub async fn create(
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await?,
         Some(job_spec::Kind::Render(render)) => check_render(context, render).await?,
         Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await?,
+        Some(job_spec::Kind::Export(export)) => check_export(context, export).await?,
         Some(job_spec::Kind::Ingest(_)) => {
             let message = "ingest jobs are started by uploading a capture";
             return Err(RequestError::invalid("spec.ingest", message));
@@ -124,44 +128,120 @@ async fn check_only<'a>(
 }
 
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
-    let model = model(context, "spec.render.model", &render.model).await?;
-    let needs = needs(render);
+    let own = model(context, "spec.render.model", &render.model).await?;
+    let used = check_shown(context, render, &own, "").await?;
+    for (field, name) in other_models(render) {
+        let path = format!("spec.render.{field}");
+        let id = parse(Collection::Models, &path, name)?;
+        let other = context.store.model(id).await.map_err(|error| match error {
+            StoreError::NotFound { .. } => RequestError::invalid(path, error.to_string()),
+            error => error.into(),
+        })?;
+        check_shown(context, render, &other, &field).await?;
+    }
+    let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+    if measured && used.tradeoff.is_none() {
+        let message = format!(
+            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
+             tradeoff {} --checkpoint {} --out DIR",
+            used.name, own.display_name, used.step
+        );
+        return Err(RequestError::precondition("NO_TRADEOFF", message));
+    }
+    Ok(())
+}
+
+/// Checks what a render needs of one of its models: its own, or one that the field `actor` of its scene names.
+/// Returns the checkpoint that it uses.
+async fn check_shown(
+    context: &Context,
+    render: &RenderSpec,
+    model: &Model,
+    actor: &str,
+) -> Result<Checkpoint, RequestError> {
+    let needs = needs(render).into_iter();
+    let needs: Vec<Need<'_>> = needs.filter(|it| it.model == model.name).collect();
+    let shown = check_needs(context, "spec.render", model, &needs).await?;
+    let wanted = if actor.is_empty() {
+        &*render.checkpoint
+    } else {
+        ""
+    };
+    let used = require_checkpoint(context, "spec.render", model, wanted).await;
+    let used = used.map_err(|error| error.of(actor))?;
+    check_known(&used, model, &shown)?;
+    let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
+    match refusal {
+        Some(message) => {
+            let message = format!("{}: {message}", model.display_name);
+            Err(RequestError::invalid("spec.render.quality", message))
+        }
+        None => Ok(used),
+    }
+}
+
+async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), RequestError> {
+    let model = model(context, "spec.export.model", &export.model).await?;
+    let needs = exports::needs(export);
+    let shown = check_needs(context, "spec.export", &model, &needs).await?;
+    let used = require_checkpoint(context, "spec.export", &model, &export.checkpoint).await?;
+    check_known(&used, &model, &shown)?;
+    if export.distillation.is_some() && model.tier == tiers::SPLATS {
+        let message = format!(
+            "{} has the tier {}: there is nothing to distill",
+            model.display_name, model.tier
+        );
+        return Err(RequestError::invalid("spec.export.distillation", message));
+    }
+    Ok(())
+}
+
+/// Somebody who has a slot in a model.
+struct Shown {
+    slot: u32,
+    /// Who asks for them, e.g. `scene.actors[1].subject`.
+    field: String,
+    person: String,
+}
+
+/// Everybody whom the specification at `field` needs has a capture with the frame that is asked of it. Returns those who
+/// must have a slot in the model.
+async fn check_needs(
+    context: &Context,
+    field: &str,
+    model: &Model,
+    needs: &[Need<'_>],
+) -> Result<Vec<Shown>, RequestError> {
     let mut shown = Vec::new();
-    for need in &needs {
-        let field = |name: &str| format!("spec.render.{name}");
+    for need in needs {
+        let field = |name: &str| format!("{field}.{name}");
         let shard = require_shard(context, &field(&need.field), need.subject).await?;
         if need.slot {
-            shown.push((
-                require_slot(context, &model, need.subject).await?,
-                shard.clone(),
-            ));
+            let slot = require_slot(context, model, need.subject).await;
+            shown.push(Shown {
+                slot: slot.map_err(|error| error.of(&need.field))?,
+                field: need.field.clone(),
+                person: shard.display_name.clone(),
+            });
         }
         if let Some((name, frame)) = &need.frame {
             check_frame(&shard, &field(name), *frame)?;
         }
     }
-    let used = require_checkpoint(context, "spec.render", &model, &render.checkpoint).await?;
-    let unknown = shown.iter().find(|(slot, _)| !used.slots.contains(slot));
-    if let Some((_, shard)) = unknown
+    Ok(shown)
+}
+
+/// The checkpoint `used` knows everybody who is `shown`.
+fn check_known(used: &Checkpoint, model: &Model, shown: &[Shown]) -> Result<(), RequestError> {
+    let unknown = shown.iter().find(|it| !used.slots.contains(&it.slot));
+    if let Some(Shown { field, person, .. }) = unknown
         && !used.slots.is_empty()
     {
         let message = format!(
-            "step {} of {} was trained before {} joined the model: train it again",
-            used.step, model.display_name, shard.display_name
+            "step {} of {} was trained before {person} joined the model: train it again",
+            used.step, model.display_name
         );
-        return Err(RequestError::precondition("NOT_TRAINED", message));
-    }
-    let quality = render.quality.as_ref();
-    if let Some(message) = quality.and_then(|it| tiers::refusal(it, &model.tier)) {
-        return Err(RequestError::invalid("spec.render.quality", message));
-    }
-    if quality.is_some_and(tiers::needs_tradeoff) && used.tradeoff.is_none() {
-        let message = format!(
-            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
-             tradeoff {} --checkpoint {} --out DIR",
-            used.name, model.display_name, used.step
-        );
-        return Err(RequestError::precondition("NO_TRADEOFF", message));
+        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
     }
     Ok(())
 }

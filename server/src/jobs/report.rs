@@ -12,10 +12,12 @@ use crate::{
 use yoto_proto::{
     keys,
     names::{self, Collection},
+    render_needs::other_models,
     tiers,
     v1::{
-        Checkpoint, EvaluateResult, EvaluateSpec, IngestResult, JobResult, JobSpec, ObjectRef,
-        Progress, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
+        Checkpoint, EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile,
+        IngestResult, JobResult, JobSpec, ObjectRef, Progress, RenderResult, RenderSpec,
+        RenderedFile, Scores, job_result, job_spec,
     },
 };
 
@@ -91,7 +93,7 @@ pub async fn publish(
     Ok(())
 }
 
-/// Commits a file of a render.
+/// Commits a file of a render or an export.
 ///
 /// # Errors
 /// When the lease is stale, or the file is not one of this job and lease.
@@ -100,12 +102,17 @@ pub async fn commit_output(
     lease: &LeaseKey,
     file: &RenderedFile,
 ) -> Result<(), RequestError> {
-    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(lease).await?.kind else {
+    let kind = context.store.leased_spec(lease).await?.kind;
+    let commits = matches!(
+        kind,
+        Some(job_spec::Kind::Render(_) | job_spec::Kind::Export(_))
+    );
+    if !commits {
         return Err(RequestError::invalid(
             "claim.job",
-            "only a render commits files",
+            "only a render or an export commits files",
         ));
-    };
+    }
     let expected = keys::render(&lease.job_id, lease.token, &file.file);
     let is_expected = |key: &str| key == expected;
     require(context, "file.object", file.object.as_ref(), is_expected).await?;
@@ -188,6 +195,9 @@ async fn check_result(
         (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
             check_evaluate(context, spec, result).await?;
             check_tradeoff(context, lease, spec, result).await
+        }
+        (Some(job_spec::Kind::Export(spec)), Some(job_result::Kind::Export(result))) => {
+            check_export(context, lease, spec, result).await
         }
         _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
@@ -328,6 +338,7 @@ async fn check_render(
         let message = "is present if and only if the spec had a quality that is measured";
         return Err(RequestError::invalid("result.render.choice", message));
     }
+    check_others(spec, result)?;
     let committed = context.store.outputs(&lease.job_id).await?;
     for (i, file) in result.files.iter().enumerate() {
         // Of an earlier lease, perhaps.
@@ -337,6 +348,64 @@ async fn check_render(
         let expected = keys::render(&lease.job_id, lease.token, &file.file);
         let field = format!("result.render.files[{i}].object");
         require(context, &field, file.object.as_ref(), |key| key == expected).await?;
+    }
+    Ok(())
+}
+
+/// Checks that the result has a checkpoint of each other model of a scene: a worker of a version that knows one
+/// model per scene draws everybody by that one.
+fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestError> {
+    let used = result.other_checkpoints.iter();
+    let used = used.map(|name| names::parse_checkpoint(name).ok().map(|(id, _)| id));
+    let wanted = other_models(spec).into_iter();
+    let wanted = wanted.map(|(_, name)| Collection::Models.parse(name).ok());
+    if wanted.eq(used) {
+        return Ok(());
+    }
+    let message =
+        "are not of the scene's other models: does the worker know scenes of several models?";
+    Err(RequestError::invalid(
+        "result.render.other_checkpoints",
+        message,
+    ))
+}
+
+/// Checks that the files are those of the form, and the figures finite.
+async fn check_export(
+    context: &Context,
+    lease: &LeaseKey,
+    spec: &ExportSpec,
+    result: &ExportResult,
+) -> Result<(), RequestError> {
+    let field = "result.export.checkpoint";
+    check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
+    let extensions = spec.form().extensions();
+    let has = |it: &ExportedFile, extension: &str| {
+        it.file.rsplit_once('.').map(|(_, end)| end) == Some(extension)
+    };
+    let complete = result.files.len() == extensions.len()
+        && result
+            .files
+            .iter()
+            .zip(extensions)
+            .all(|(it, end)| has(it, end));
+    if !complete {
+        let message = format!("are not one each of .{}", extensions.join(", ."));
+        return Err(RequestError::invalid("result.export.files", message));
+    }
+    for (i, file) in result.files.iter().enumerate() {
+        let expected = keys::render(&lease.job_id, lease.token, &file.file);
+        let field = format!("result.export.files[{i}].object");
+        require(context, &field, file.object.as_ref(), |key| key == expected).await?;
+    }
+    let distilled = result.distilled.as_ref();
+    let figures = distilled.map(|it| [Some(it.seconds), it.psnr, it.psnr_mask_box]);
+    let figures = figures.into_iter().flatten().flatten();
+    for figure in figures {
+        if !figure.is_finite() {
+            let message = "holds figures that are not finite";
+            return Err(RequestError::invalid("result.export.distilled", message));
+        }
     }
     Ok(())
 }

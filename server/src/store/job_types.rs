@@ -20,6 +20,8 @@ pub enum JobKind {
     Render,
     /// Measures a model.
     Evaluate,
+    /// Writes a person to files.
+    Export,
 }
 
 impl JobKind {
@@ -30,12 +32,19 @@ impl JobKind {
             Self::Train => "train",
             Self::Render => "render",
             Self::Evaluate => "evaluate",
+            Self::Export => "export",
         }
     }
 
     /// The kind in a column of the database.
     pub fn of_column(name: &str) -> Result<Self, StoreError> {
-        let kinds = [Self::Ingest, Self::Train, Self::Render, Self::Evaluate];
+        let kinds = [
+            Self::Ingest,
+            Self::Train,
+            Self::Render,
+            Self::Evaluate,
+            Self::Export,
+        ];
         let found = kinds.into_iter().find(|kind| kind.as_str() == name);
         found.ok_or_else(|| StoreError::Corrupt {
             what: "kind",
@@ -50,6 +59,7 @@ impl JobKind {
             Self::Train => v1::JobKind::Train,
             Self::Render => v1::JobKind::Render,
             Self::Evaluate => v1::JobKind::Evaluate,
+            Self::Export => v1::JobKind::Export,
         }
     }
 
@@ -60,6 +70,7 @@ impl JobKind {
             v1::JobKind::Train => Some(Self::Train),
             v1::JobKind::Render => Some(Self::Render),
             v1::JobKind::Evaluate => Some(Self::Evaluate),
+            v1::JobKind::Export => Some(Self::Export),
             v1::JobKind::Unspecified => None,
         }
     }
@@ -71,6 +82,7 @@ impl JobKind {
             job_spec::Kind::Train(_) => Self::Train,
             job_spec::Kind::Render(_) => Self::Render,
             job_spec::Kind::Evaluate(_) => Self::Evaluate,
+            job_spec::Kind::Export(_) => Self::Export,
         })
     }
 }

@@ -558,6 +558,7 @@ fn job_kind(name: &str) -> JobKind {
         "train" => JobKind::Train,
         "render" => JobKind::Render,
         "evaluate" => JobKind::Evaluate,
+        "export" => JobKind::Export,
         other => panic!("{other} is not a kind of job"),
     }
 }

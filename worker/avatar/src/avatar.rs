@@ -119,7 +119,7 @@ impl Avatar {
             splats: match &config.splats {
                 Some(splats) => {
                     let nobody = FirstSplats::of_nobody(splats.count);
-                    let of = |slot| Splats::new(&init, slot, &nobody);
+                    let of = |slot| Splats::new(&init, slot, &nobody, splats.harmonics);
                     (0..identities).map(of).collect()
                 }
                 None => Vec::new(),
@@ -320,6 +320,7 @@ impl Avatar {
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
             colours: splats.colours.val(),
+            harmonics: splats.harmonics.as_ref().map(Param::val),
             light: splats.light.val(),
         })
     }
@@ -339,18 +340,36 @@ impl Avatar {
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);
         if let Some(splats) = self.splats.get_mut(slot) {
-            *splats = Splats::new(&init, slot, first);
+            *splats = Splats::new(&init, slot, first, splats.degree());
         }
     }
 
-    /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`.
-    pub(crate) fn paint_splats(&mut self, slot: usize, colours: &[f32]) {
+    /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`. Those that are `anew` `[N]` no longer
+    /// depend on the view.
+    pub(crate) fn paint_splats(
+        &mut self,
+        slot: usize,
+        colours: &[f32],
+        anew: &[bool],
+    ) -> Result<(), RenderError> {
         let device = self.device();
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);
         if let Some(splats) = self.splats.get_mut(slot) {
-            splats.paint(&init, slot, colours);
+            splats.paint(&init, slot, colours, anew)?;
         }
+        Ok(())
+    }
+
+    /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
+    pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), RenderError> {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        for (slot, splats) in self.splats.iter_mut().enumerate() {
+            splats.reach(&init, slot, degree)?;
+        }
+        Ok(())
     }
 
     /// Appends an identity that is the mixture of two others; of splats, it has those of the first.

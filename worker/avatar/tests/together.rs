@@ -109,6 +109,17 @@ fn a_field_and_splats_hide_each_other() {
     });
     assert!(merged.count() > 20);
 
+    // Splats of two models are drawn as those of one.
+    let view = SceneView {
+        actors: vec![back.clone(), front.clone()],
+        camera: camera.clone(),
+        background: [0.0; 3],
+    };
+    let one = splats.render_scene(&view, &mut |_| true).expect("renders");
+    let two = together(&[(&splats, &back), (&splats, &front)], &camera);
+    assert_eq!((one.rgb, one.alpha), (two.rgb, two.alpha));
+    assert_eq!(one.depth, two.depth);
+
     let stopped = render_together(
         &[Guest {
             model: &field,

@@ -1,5 +1,6 @@
 //! A person in one pose, as Gaussians in space: for programs that know neither bones nor light.
 
+use crate::shine;
 use faer::{Mat, Side};
 use yoto_avatar::ops::splat::light::terms;
 use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
@@ -39,7 +40,8 @@ pub(crate) fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
         .collect()
 }
 
-/// The splats' colours under the mean light of `poses`, or that of the rest pose without any. `[N, 3]`
+/// The splats' colours, seen from straight before each, under the mean light of `poses`, or that of the rest pose without
+/// any. `[N, 3]`
 ///
 /// # Errors
 /// If a pose is not of the person's skeleton.
@@ -49,36 +51,42 @@ pub(crate) fn mean_colours(
 ) -> Result<Vec<[f32; 3]>, SkeletonError> {
     let rest = [Pose::rest(person.skeleton.joints())];
     let poses = if poses.is_empty() { &rest } else { poses };
-    let mut colours = vec![[0.0; 3]; person.splats.len()];
+    let mut shades = vec![[0.0f32; 3]; person.splats.len()];
     for pose in poses {
         person.skeleton.check_pose(pose)?;
         let bones = bones(&person.skeleton, pose);
-        for (sum, splat) in colours.iter_mut().zip(&person.splats) {
-            let colour = lit(
-                splat,
-                &turned(splat, &blend(&splat.bones, &bones)),
-                &person.light,
-            );
-            *sum = std::array::from_fn(|c| sum[c] + colour[c] / poses.len() as f32);
+        for (sum, splat) in shades.iter_mut().zip(&person.splats) {
+            let shade = shade(&turned(splat, &blend(&splat.bones, &bones)), &person.light);
+            let part = 1.0 / poses.len() as f32;
+            *sum = std::array::from_fn(|c| sum[c] + part * shade[c]);
         }
     }
-    Ok(colours)
+    let colours = shades.iter().zip(&person.splats).map(|(shade, splat)| {
+        let inward = rotation(splat.turn.map(f64::from)).map(|row| -row[2]);
+        let gained = shine::gained(&splat.harmonics, inward);
+        std::array::from_fn(|c| shade[c] * (splat.colour[c] + gained[c]))
+    });
+    Ok(colours.collect())
 }
 
 /// A splat where its bones carry it.
 fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Mat34) -> Gaussian {
     let transform = blend(&splat.bones, bones);
     let axes = turned(splat, &transform);
-    let colour = lit(splat, &axes, light);
-    let moved = |r: usize, c: usize| (0..3).map(|k| to[r][k] * axes[k][c]).sum::<f64>();
-    let axes: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| moved(r, c)));
-    let (turn, deviations) = ellipsoid(&axes, splat.deviations.map(f64::from));
+    let shade = shade(&axes, light);
+    let moved = |by: &dyn Fn(usize, usize) -> f64| -> Mat3 {
+        let entry = |r: usize, c: usize| (0..3).map(|k| to[r][k] * by(k, c)).sum::<f64>();
+        std::array::from_fn(|r| std::array::from_fn(|c| entry(r, c)))
+    };
+    let (turn, deviations) = ellipsoid(&moved(&|k, c| axes[k][c]), splat.deviations.map(f64::from));
+    let harmonics = shine::turned(&splat.harmonics, &moved(&|k, c| transform[k][c]));
     Gaussian {
         mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
         turn: quaternion(&turn).map(|v| v as f32),
         deviations: deviations.map(|v| v as f32),
         opacity: splat.opacity,
-        colour: colour.map(|value| value.clamp(0.0, 1.0)),
+        colour: std::array::from_fn(|c| (splat.colour[c] * shade[c]).clamp(0.0, 1.0)),
+        harmonics: harmonics.map(|own| std::array::from_fn(|c| own[c] * shade[c])),
     }
 }
 
@@ -102,8 +110,8 @@ fn turned(splat: &SkinnedSplat, transform: &Mat34) -> Mat3 {
     std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)))
 }
 
-/// The colour of a splat whose third axis is its normal.
-fn lit(splat: &SkinnedSplat, axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
+/// The light on a splat whose third axis is its normal, by channel.
+fn shade(axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
     let length = axes
         .iter()
         .map(|row| row[2] * row[2])
@@ -111,14 +119,7 @@ fn lit(splat: &SkinnedSplat, axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
         .sqrt()
         .max(THINNEST);
     let terms = terms(axes.map(|row| (row[2] / length) as f32));
-    let shade = |channel: usize| {
-        let sum = light[channel]
-            .iter()
-            .zip(&terms)
-            .map(|(light, term)| light * term);
-        1.0 + sum.sum::<f32>()
-    };
-    std::array::from_fn(|c| splat.colour[c] * shade(c))
+    light.map(|own| 1.0 + own.iter().zip(&terms).map(|(a, b)| a * b).sum::<f32>())
 }
 
 /// The turn and the standard deviations of the Gaussian with the covariance (A S)(A S)ᵀ.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::ops::splat::cpu::Numbers;
+use yoto_avatar::ops::splat::harmonics::terms;
 use yoto_avatar::ops::splat::{Sight, draw};
 use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
@@ -32,12 +33,16 @@ fn trainer() -> (Trainer, Person) {
         shard: Arc::new(builder.finish().expect("all frames are there")),
     };
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    config.splats.as_mut().expect("splats").count = 2000;
+    let splats = config.splats.as_mut().expect("splats");
+    splats.count = 2000;
+    // Fast enough to be seen after so few steps.
+    (splats.harmonics, splats.harmonic_rate) = (2, 2e-2);
     config.refinement.who = Refine::Never;
     let options = TrainOptions {
         scratch: None,
         refine_poses: None,
         exposure: None,
+        harmonics: None,
         leave_unseen: false,
         learn: Learn::Everything,
         budget: Budget::Steps(STEPS),
@@ -59,12 +64,21 @@ fn trainer() -> (Trainer, Person) {
 /// The picture of Gaussians that no bone carries and no light changes.
 fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     let whole = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let eye = camera.centre();
     let row = |splat: &Gaussian| {
+        let view: [f32; 3] = std::array::from_fn(|a| splat.mean[a] - eye[a] as f32);
+        let length = view.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let terms = terms(view.map(|v| v / length));
+        let gained = |c: usize| -> f32 {
+            (splat.harmonics.iter().zip(&terms))
+                .map(|(own, term)| own[c] * term)
+                .sum()
+        };
         let mut row = splat.mean.to_vec();
         row.extend(splat.turn);
         row.extend(splat.deviations.map(f32::ln));
         row.push((splat.opacity / (1.0 - splat.opacity)).ln());
-        row.extend(splat.colour);
+        row.extend((0..3).map(|c| splat.colour[c] + gained(c)));
         row
     };
     let rows: Vec<f32> = splats.iter().flat_map(row).collect();
@@ -110,6 +124,15 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
         // Four bones in place of all, and colours within what a screen shows.
         let alike = psnr(&drawn, &rendered);
         assert!(alike > 40.0, "frame {place}: {alike:.1} dB");
+        // A viewer that leaves out what colours gain by the view shows another picture.
+        let plain: Vec<Gaussian> = (splats.iter())
+            .map(|splat| Gaussian {
+                harmonics: [[0.0; 3]; 8],
+                ..*splat
+            })
+            .collect();
+        let plain = psnr(&picture(&plain, &camera), &rendered);
+        assert!(plain < alike - 3.0, "frame {place}: {plain:.1} dB without");
         // A picture of the wrong pose is far from it.
         let other = Pose::from_frame(&track.frames[place + 3]).expect("a pose");
         let other = posed(&exported, &other, &IDENTITY).expect("a pose of hers");

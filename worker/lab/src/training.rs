@@ -39,6 +39,7 @@ pub(crate) fn options(
     TrainOptions {
         refine_poses: None,
         exposure: None,
+        harmonics: None,
         leave_unseen: false,
         learn: Learn::Everything,
         budget,

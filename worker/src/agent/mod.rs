@@ -39,6 +39,7 @@ pub const KINDS: &[JobKind] = &[
     JobKind::Train,
     JobKind::Render,
     JobKind::Evaluate,
+    JobKind::Export,
 ];
 /// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);

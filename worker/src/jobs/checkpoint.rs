@@ -74,14 +74,20 @@ pub(crate) fn load_renderer(
     purpose: &str,
 ) -> Result<(Renderer, Downloaded), JobFailure> {
     context.report_pieces("loading", 0, 1);
-    let wanted = [files::WEIGHTS, files::STATE];
-    let found = first_whole(context, &inputs.checkpoints, &wanted)?;
+    load(context, shard::model(inputs), &inputs.checkpoints, purpose)
+}
+
+/// The first complete one of the `checkpoints` of the model that people call `model`, as [`load_renderer`].
+pub(crate) fn load(
+    context: &JobContext,
+    model: &str,
+    checkpoints: &[Checkpoint],
+    purpose: &str,
+) -> Result<(Renderer, Downloaded), JobFailure> {
+    let found = first_whole(context, checkpoints, &[files::WEIGHTS, files::STATE])?;
     let found = found.ok_or_else(|| JobFailure::Failed {
         code: "NO_CHECKPOINT",
-        message: format!(
-            "{} has no whole checkpoint to {purpose}: train it first",
-            shard::model(inputs)
-        ),
+        message: format!("{model} has no whole checkpoint to {purpose}: train it first"),
     })?;
     let renderer = Renderer::load(found.folder.path(), &context.device.device)
         .map_err(|error| JobFailure::failed("INTERNAL", "loading the checkpoint", &error))?;

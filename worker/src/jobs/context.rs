@@ -11,7 +11,10 @@ use std::{
     convert::Infallible,
     future::Future,
     path::PathBuf,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{self, RecvTimeoutError},
+    },
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
@@ -33,6 +36,8 @@ use yoto_proto::{
 
 /// Longest wait for an answer of the coordinator before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// Longest computation without signs of life of its own: a job that takes longer is thought to hang.
+const LONGEST_WORK: Duration = Duration::from_secs(1800);
 
 /// A leased job's access to coordinator, objects and device; clones share it.
 #[derive(Clone)]
@@ -151,7 +156,7 @@ impl JobContext {
         })
     }
 
-    /// Commits a file of a render, with retries until the coordinator answers.
+    /// Commits a file of a render or an export, with retries until the coordinator answers.
     ///
     /// # Errors
     /// As [`JobContext::publish`].
@@ -231,6 +236,45 @@ impl JobContext {
         self.check()
     }
 
+    /// Does a computation that can't be stopped on a thread of its own, and shows signs of life beside it, for
+    /// [`LONGEST_WORK`] at most. If the job must stop first, what comes of it is dropped.
+    ///
+    /// # Errors
+    /// The failure for the reason to stop; a panic, or a thread that can't be started.
+    pub(crate) fn beside<T: Send + 'static>(
+        &self,
+        doing: &str,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, JobFailure> {
+        let (answer, done) = mpsc::channel();
+        let thread = std::thread::Builder::new()
+            .name(format!("{}: {doing}", self.claim.job))
+            // If the job has stopped, there is no receiver.
+            .spawn(move || drop(answer.send(work())))
+            .map_err(|error| JobFailure::machine(doing, &error))?;
+        let began = Instant::now();
+        loop {
+            match done.recv_timeout(Duration::from_millis(200)) {
+                Ok(done) => return Ok(done),
+                Err(RecvTimeoutError::Timeout) => match self.control.stopped() {
+                    Some(reason) => return Err(reason.into()),
+                    None if began.elapsed() < LONGEST_WORK => self.control.sign(),
+                    None => {}
+                },
+                Err(RecvTimeoutError::Disconnected) => {
+                    // The job's own thread makes a failure of it.
+                    if let Err(panic) = thread.join() {
+                        std::panic::resume_unwind(panic);
+                    }
+                    return Err(JobFailure::Failed {
+                        code: "INTERNAL",
+                        message: format!("{doing}: the thread ended without an answer"),
+                    });
+                }
+            }
+        }
+    }
+
     /// Waits for `work`, but not beyond the lease.
     fn unless_lost<T>(&self, work: impl Future<Output = T>) -> Result<T, JobFailure> {
         self.runtime.block_on(async {
@@ -258,4 +302,44 @@ pub(crate) fn id(collection: Collection, name: &str) -> Result<&str, JobFailure>
     collection.parse(name).map_err(|error: NameError| {
         JobFailure::failed("INTERNAL", "the coordinator's answer", &error)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::test_context::context;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    #[test]
+    fn work_beside_a_job_shows_signs_of_life_and_does_not_hold_up_its_end() {
+        let runtime = tokio::runtime::Runtime::new().expect("a runtime");
+        let _inside = runtime.enter();
+        let context = context();
+        assert_eq!(context.beside("adding", || 1 + 1).expect("is done"), 2);
+        let panicked = catch_unwind(AssertUnwindSafe(|| {
+            context.beside("failing", || -> u32 { panic!("no such mesh") })
+        }));
+        let panic = panicked.expect_err("comes through");
+        assert_eq!(panic.downcast_ref(), Some(&"no such mesh"));
+
+        let control = context.control.clone();
+        let (begin, begun) = mpsc::channel();
+        let (release, released) = mpsc::channel::<()>();
+        let job = std::thread::spawn(move || {
+            context.beside("waiting", move || {
+                begin.send(()).expect("the test waits");
+                // Until the test lets it go.
+                let _ = released.recv();
+            })
+        });
+        begun.recv().expect("begins");
+        let before = control.signs();
+        while control.signs() == before {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        control.stop(StopReason::Cancelled);
+        let ended = job.join().expect("no panic");
+        assert!(matches!(ended, Err(JobFailure::Cancelled)), "{ended:?}");
+        drop(release);
+    }
 }

@@ -5,6 +5,7 @@
 pub(crate) mod checkpoint;
 mod context;
 pub mod evaluate;
+pub mod export;
 mod failure;
 pub mod ingest;
 mod pace;
@@ -42,6 +43,9 @@ pub fn run(context: &JobContext, lease: &Lease) -> Result<JobResult, JobFailure>
         }
         Some(job_spec::Kind::Evaluate(spec)) => {
             job_result::Kind::Evaluate(evaluate::run(context, spec, &inputs)?)
+        }
+        Some(job_spec::Kind::Export(spec)) => {
+            job_result::Kind::Export(export::run(context, spec, &inputs)?)
         }
         None => {
             return Err(JobFailure::invalid(

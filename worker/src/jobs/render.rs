@@ -8,6 +8,7 @@ mod committed;
 mod follow;
 mod layers;
 mod level;
+mod models;
 mod motion;
 mod orbit;
 mod quality;
@@ -18,7 +19,7 @@ mod surroundings;
 mod truth;
 mod views;
 
-use super::{JobContext, JobFailure, checkpoint};
+use super::{JobContext, JobFailure};
 use crate::media::{
     Pixels,
     animation::{Animation, MAX_FPS},
@@ -28,17 +29,18 @@ use between::Made;
 use cast::{Cast, bearings};
 use committed::Committed;
 use layers::Shown;
+use models::{Loaded, Models, PaintedBy, Troupe};
 use quality::Promise;
 use request::Request;
 use std::time::{Duration, Instant};
 use surroundings::Surroundings;
 use truth::{Truths, beside};
 use yoto_avatar::{
-    render::{Light, RenderError, RenderView, Rendered, Renderer, SceneView},
+    render::{Light, RenderError, RenderView, Rendered, SceneView},
     tradeoff::sweep::fidelity,
 };
 use yoto_proto::{
-    keys, names,
+    keys,
     v1::{Inputs, Layer, RenderResult, RenderSpec, RenderedFile, render_spec::What},
 };
 
@@ -58,32 +60,37 @@ pub fn run(
     helps: bool,
 ) -> Result<RenderResult, JobFailure> {
     let request = Request::new(spec, inputs)?;
-    let (mut renderer, found) = checkpoint::load_renderer(context, inputs, "render")?;
+    let mut models = Models::load(context, spec, inputs)?;
     let mut made = Vec::new();
     if let Some(between) = &spec.between {
-        (renderer, made) = between::add(renderer, &request, between)?;
+        (models.own.renderer, made) = between::add(models.own.renderer, &request, between)?;
     } else if !spec.bones.is_empty() {
-        (renderer, made) = between::on_bones(renderer, &request, &spec.bones)?;
+        (models.own.renderer, made) =
+            between::on_bones(models.own.renderer, &request, &spec.bones)?;
     }
-    let cast = Cast::new(context, &request, &renderer, &found, inputs);
-    let film = expand(&cast, &made)?;
+    let film = {
+        let cast = |model| Cast::new(context, &request, model, inputs);
+        let others: Vec<Cast<'_>> = models.others.iter().map(cast).collect();
+        expand(&cast(&models.own), &others, &made)?
+    };
     let promise = match &spec.quality {
-        Some(quality) => {
-            Promise::make(context, quality, &found.checkpoint, &renderer, &film.views)?
-        }
+        Some(quality) => Promise::make(context, quality, &models, &film.views)?,
         None => None,
     };
     if let Some(promise) = &promise {
-        renderer
-            .set(promise.settings())
+        (models.own.renderer.set(promise.settings()))
             .map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))?;
     }
+    let troupe = Troupe {
+        models: &models,
+        by: &film.models,
+    };
     let layer = Layer::try_from(spec.layer).unwrap_or_default();
-    let shown = Shown::new(layer, &renderer, &film.views);
+    let shown = Shown::new(layer, troupe, &film.views);
     let painter = Painter {
         context,
         request: &request,
-        renderer: &renderer,
+        troupe,
         film: &film,
         shown: &shown,
     };
@@ -96,7 +103,8 @@ pub fn run(
         files: drawn.files,
         seconds_per_frame: drawn.seconds_per_frame,
         device: context.device.info.adapter.clone(),
-        checkpoint: names::checkpoint(&spec.model, found.manifest.step),
+        checkpoint: models.own.checkpoint(),
+        other_checkpoints: models.others.iter().map(Loaded::checkpoint).collect(),
         fps: film.fps,
     })
 }
@@ -104,6 +112,8 @@ pub fn run(
 /// Everything that a request asks to see.
 struct Film {
     views: Vec<SceneView>,
+    /// As [`Troupe::by`].
+    models: PaintedBy,
     /// What is behind the people, other than the views' own colour.
     surroundings: Option<Surroundings>,
     /// The ground truth, if known.
@@ -112,10 +122,11 @@ struct Film {
     fps: f32,
 }
 
-/// What the request asks to see, with those who were `made` for it in place of its subject.
-fn expand(cast: &Cast<'_>, made: &[Made]) -> Result<Film, JobFailure> {
+/// What the request asks to see, by its own model's `cast` and those of `others`, with those who were `made` for
+/// it in place of its subject.
+fn expand(cast: &Cast<'_>, others: &[Cast<'_>], made: &[Made]) -> Result<Film, JobFailure> {
     match cast.request.what {
-        What::Scene(scene) => scene::film(cast, scene),
+        What::Scene(scene) => scene::film(cast, others, scene),
         what if made.is_empty() => of_one(cast, what, None),
         what => between::film(cast, what, made),
     }
@@ -165,6 +176,7 @@ fn of_one(cast: &Cast<'_>, what: &What, slot: Option<usize>) -> Result<Film, Job
     };
     Ok(Film {
         views: views.into_iter().map(|view| lit(view, light)).collect(),
+        models: Vec::new(),
         surroundings: None,
         truths,
         fps,
@@ -253,7 +265,7 @@ fn draw(painter: &Painter<'_>, inputs: &Inputs, helps: bool) -> Result<Drawn, Jo
 struct Painter<'a> {
     context: &'a JobContext,
     request: &'a Request<'a>,
-    renderer: &'a Renderer,
+    troupe: Troupe<'a>,
     film: &'a Film,
     shown: &'a Shown,
 }
@@ -283,7 +295,7 @@ impl Painter<'_> {
 
     /// Draws view number `place`.
     fn paint(&self, place: usize) -> Result<Painted, JobFailure> {
-        let (context, renderer, film) = (self.context, self.renderer, self.film);
+        let (context, troupe, film) = (self.context, self.troupe, self.film);
         let view = &film.views[place];
         let compare = self.request.spec.compare;
         let size = (view.camera.width, view.camera.height);
@@ -292,10 +304,10 @@ impl Painter<'_> {
             return Err(not_filmed(place));
         }
         let began = Instant::now();
-        let mut image = frame(context, renderer, view, place)?;
+        let mut image = frame(context, troupe, view, place)?;
         if let Some(surroundings) = &film.surroundings {
-            let above = |view: &SceneView| frame(context, renderer, view, place);
-            let shadow = surroundings.shadow(renderer, view, above)?;
+            let above = |view: &SceneView| frame(context, troupe, view, place);
+            let shadow = surroundings.shadow(troupe, view, above)?;
             surroundings.behind(&mut image, shadow.as_ref(), &view.camera);
         }
         let mut pixels = match self.kind() {
@@ -326,11 +338,11 @@ fn not_filmed(place: usize) -> JobFailure {
 /// View number `place`, unless the job must stop before it is finished.
 fn frame(
     context: &JobContext,
-    renderer: &Renderer,
+    troupe: Troupe<'_>,
     view: &SceneView,
     place: usize,
 ) -> Result<Rendered, JobFailure> {
-    let rendered = renderer.render_scene(view, &mut |_| context.check().is_ok());
+    let rendered = troupe.draw(view, &mut |_| context.check().is_ok());
     rendered.or_else(|error| {
         if matches!(error, RenderError::Stopped) {
             context.check()?;

@@ -5,7 +5,8 @@ use super::{JobContext, JobFailure};
 use std::sync::Arc;
 use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
-use yoto_proto::v1::{Inputs, SubjectShard};
+use yoto_proto::names;
+use yoto_proto::v1::{Checkpoint, Inputs, Model, SubjectShard};
 
 /// The shard of `subject`, with its display name.
 pub(crate) fn fetch(
@@ -43,8 +44,8 @@ pub(crate) fn with_refined_poses(
     subject: &str,
 ) -> Result<(String, Arc<Shard>), JobFailure> {
     let (name, mut shard) = fetch(context, inputs, subject)?;
-    let slots = inputs.model.iter().flat_map(|model| &model.slots);
-    let Some(slot) = slots.into_iter().find(|it| it.subject == subject) else {
+    let slots = trained(inputs, &found.checkpoint).map_or(&[][..], |model| &model.slots);
+    let Some(slot) = slots.iter().find(|it| it.subject == subject) else {
         return Ok((name, shard));
     };
     let refined = refined_track(found.folder.path(), slot.slot as usize, &shard.track)
@@ -53,6 +54,17 @@ pub(crate) fn with_refined_poses(
         Arc::make_mut(&mut shard).track = refined;
     }
     Ok((name, shard))
+}
+
+/// The model of which `checkpoint` is one.
+fn trained<'a>(inputs: &'a Inputs, checkpoint: &Checkpoint) -> Option<&'a Model> {
+    let others = inputs.other_models.iter();
+    let others = others.filter_map(|other| other.model.as_ref());
+    let is_of = |model: &&Model| {
+        let name = names::checkpoint(&model.name, checkpoint.step);
+        name == checkpoint.name
+    };
+    others.chain(&inputs.model).find(is_of)
 }
 
 /// Display name of `subject`, or its resource name where the inputs lack it.

@@ -45,6 +45,9 @@ pub(in crate::commands) struct SceneFile {
 pub(in crate::commands) struct FileActor {
     /// Name of the person.
     pub subject: String,
+    /// Name of a model that has the person; left out: the one that the command names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
     /// How they move; left out: as in their own capture.
     #[serde(default)]
     pub motion: FileMotion,
@@ -65,7 +68,7 @@ pub(in crate::commands) struct FileActor {
     /// Whether the motion begins again when it has ended.
     #[serde(default)]
     pub repeat: bool,
-    /// Light on the person; left out: that of their own capture.
+    /// Light on the person; left out: that of their own capture. Only models of splats have a light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<FileLight>,
 }
@@ -98,7 +101,7 @@ pub(in crate::commands) struct FileMotion {
 pub(in crate::commands) enum FileLight {
     /// Colours without light and shade.
     None,
-    /// The light of this person's capture.
+    /// The light of this person's capture, who is in the actor's model.
     Of(String),
 }
 
@@ -172,6 +175,7 @@ impl FileActor {
     pub(super) fn of(subject: String) -> Self {
         Self {
             subject,
+            model: None,
             motion: FileMotion::default(),
             at: Placed::default(),
             heading: 0.0,
@@ -244,6 +248,19 @@ impl SceneFile {
         people.sort_unstable();
         people.dedup();
         people
+    }
+
+    /// The models that actors name, once each, with the field that names it first.
+    pub(in crate::commands) fn models(&self) -> Vec<(String, &str)> {
+        let mut models: Vec<(String, &str)> = Vec::new();
+        for (i, actor) in self.actors.iter().enumerate() {
+            if let Some(model) = actor.model.as_deref()
+                && models.iter().all(|(_, known)| *known != model)
+            {
+                models.push((format!("actors[{i}].model"), model));
+            }
+        }
+        models
     }
 }
 

@@ -12,16 +12,38 @@ use yoto_proto::v1::{
     MotionClip, Scene, SceneCamera, SceneOrbit, actor::Motion, light, scene_camera::Path as Track,
 };
 
+/// The resource names of everybody whom a scene names, and of all models.
+#[derive(Debug, Default)]
+pub(in crate::commands) struct Names {
+    pub people: HashMap<String, String>,
+    pub models: HashMap<String, String>,
+}
+
+impl Names {
+    fn person(&self, name: &String) -> anyhow::Result<String> {
+        let known = self.people.get(name).cloned();
+        known.ok_or_else(|| anyhow!("there is no person called '{name}'"))
+    }
+
+    /// Empty for none.
+    fn model(&self, name: Option<&String>) -> anyhow::Result<String> {
+        let Some(name) = name else {
+            return Ok(String::new());
+        };
+        let known = self.models.get(name).cloned();
+        known.ok_or_else(|| anyhow!("model: there is no model called '{name}'"))
+    }
+}
+
 impl SceneFile {
-    /// The scene, with the resource names of its people in `names` and motion files beside the scene's
-    /// `file`.
+    /// The scene, with resource names of `names` and motion files beside the scene's `file`.
     ///
     /// # Errors
     /// A value that makes no sense, or a motion file that can't be read.
     pub(in crate::commands) fn to_message(
         &self,
         file: &Path,
-        names: &HashMap<String, String>,
+        names: &Names,
         reading: &MotionArgs,
     ) -> anyhow::Result<Scene> {
         let place = |field: &str| format!("{}: {field}", file.display());
@@ -66,13 +88,10 @@ fn read_backdrop(file: &Path, picture: &Path) -> anyhow::Result<Vec<u8>> {
 fn to_actor(
     actor: &FileActor,
     folder: &Path,
-    names: &HashMap<String, String>,
+    names: &Names,
     reading: &MotionArgs,
 ) -> anyhow::Result<Actor> {
-    let named = |name: &String| {
-        let known = names.get(name).cloned();
-        known.ok_or_else(|| anyhow!("there is no person called '{name}'"))
-    };
+    let named = |name: &String| names.person(name);
     ensure!(actor.speed > 0.0, "speed: {} is not above 0", actor.speed);
     let motion = &actor.motion;
     let frames = motion.frames();
@@ -101,6 +120,7 @@ fn to_actor(
         speed: actor.speed,
         repeat: actor.repeat,
         light: light.map(|of| Light { of: Some(of) }),
+        model: names.model(actor.model.as_ref())?,
     })
 }
 
@@ -166,15 +186,18 @@ mod tests {
         "actors": [
             {"subject": "ada", "motion": {"capture": "bob", "range": "4..20:2"}, "at": [-0.5, 1],
              "heading": 30, "start": 0.5, "speed": 2, "repeat": true, "light": {"of": "bob"}},
-            {"subject": "bob", "motion": {"frame": 7}, "light": "none"}
+            {"subject": "bob", "model": "fog", "motion": {"frame": 7}, "light": "none"}
         ],
         "camera": {"keys": [{"seconds": 0, "eye": [0, 1, 4], "target": [0, 1, 0]}]}
     }"#;
 
-    fn names() -> HashMap<String, String> {
-        ["ada", "bob"]
-            .map(|it| (it.to_owned(), format!("subjects/{it}")))
-            .into()
+    fn names() -> Names {
+        Names {
+            people: ["ada", "bob"]
+                .map(|it| (it.to_owned(), format!("subjects/{it}")))
+                .into(),
+            models: [("fog".to_owned(), "models/fog".to_owned())].into(),
+        }
     }
 
     fn read(json: &str) -> anyhow::Result<Scene> {
@@ -212,7 +235,26 @@ mod tests {
         };
         assert_eq!(bob.motion, Some(Motion::Capture(still)));
         assert_eq!(light(bob), Some(light::Of::Neutral(true)));
+        assert_eq!([&*ada.model, &*bob.model], ["", "models/fog"]);
         assert_eq!(yoto_proto::checks::scene::faults(&scene), []);
+    }
+
+    #[test]
+    fn each_model_is_asked_for_once() {
+        let mut scene = example(["ada", "bob", "eve", "ian"].map(String::from).into());
+        for (actor, model) in
+            scene
+                .actors
+                .iter_mut()
+                .zip([None, Some("fog"), Some("fog"), Some("ice")])
+        {
+            actor.model = model.map(str::to_owned);
+        }
+        let models = [
+            ("actors[1].model".to_owned(), "fog"),
+            ("actors[3].model".to_owned(), "ice"),
+        ];
+        assert_eq!(scene.models(), models);
     }
 
     #[test]
@@ -226,7 +268,7 @@ mod tests {
     #[test]
     fn the_schema_knows_every_field_of_a_scene() {
         let schema = serde_json::to_string(&schemars::schema_for!(SceneFile)).expect("writes");
-        let fields = "size seconds fps background backdrop shadow transparent actors camera subject motion at heading \
+        let fields = "size seconds fps background backdrop shadow transparent actors camera subject model motion at heading \
              start speed repeat light capture file frame range none of orbit keys matrices azimuth \
              elevation sweep distance fov eye target K E image_size";
         for field in fields.split(' ') {
@@ -247,6 +289,7 @@ mod tests {
             ),
             (SCENE.replace("\"4..20:2\"", "\"4..2\""), "actors[0]"),
             (SCENE.replace("\"ada\"", "\"eve\""), "actors[0]"),
+            (SCENE.replace("\"fog\"", "\"ice\""), "actors[1]: model"),
             (SCENE.replace("\"speed\": 2", "\"speed\": 0"), "speed"),
             (
                 SCENE.replace("\"frame\": 7", "\"file\": \"walk.xyz\""),

@@ -4,6 +4,7 @@ mod file;
 mod message;
 
 pub(super) use file::{FileLight, SceneFile};
+pub(super) use message::Names;
 
 use clap::{Args, Subcommand};
 use file::Placed;
@@ -18,7 +19,8 @@ Example:
 
 const AFTER_HELP: &str = "\
 A scene has actors, a camera and a background. Its world has y up, the ground at y = 0, metres and
-degrees; the default camera stands in front of everybody and shows them as a whole.
+degrees; the default camera stands in front of everybody and shows them as a whole. Actors are of the model that
+`yoto render` names, or each of the one in their field \"model\": people of splats and of fields hide each other.
 
 Examples:
   yoto scene example ada bob > scene.json        # edit it, then:

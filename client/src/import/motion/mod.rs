@@ -171,11 +171,7 @@ impl Motion {
             translation: sub(frame.root, rest).iter().map(|v| *v as f32).collect(),
         };
         v1::MotionClip {
-            skeleton: Some(v1::Skeleton {
-                names: self.skeleton.names.clone(),
-                parents: self.skeleton.parents.clone(),
-                rest_joints: self.skeleton.rest_joints.as_flattened().to_vec(),
-            }),
+            skeleton: Some(self.skeleton.to_proto()),
             poses: chosen.map(pose).collect(),
             size,
             camera_frame: None,

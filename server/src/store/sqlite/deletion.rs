@@ -14,7 +14,7 @@ use crate::{
 };
 use sqlx::SqliteConnection;
 use yoto_proto::{
-    keys,
+    exports, keys,
     names::{self, Collection},
     render_needs::needs,
     v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
@@ -101,11 +101,11 @@ async fn model(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Dele
     let model = models::get(conn, id).await?;
     etag::check(&model.name, etag, &model.etag)?;
     pins::ensure_idle(conn, &model).await?;
-    let rows = sqlx::query("SELECT id FROM jobs WHERE model = ?1 AND kind = 'render'")
+    let rows = sqlx::query("SELECT id FROM jobs WHERE model = ?1 AND kind IN ('render', 'export')")
         .bind(id)
         .fetch_all(&mut *conn)
         .await
-        .during("listing a model's renders")?;
+        .during("listing a model's renders and exports")?;
     for row in &rows {
         garbage::deleted(conn, &format!("renders/{}", row.text("id")?)).await?;
     }
@@ -263,12 +263,14 @@ async fn ensure_unused(
     Ok(())
 }
 
-/// Whether a render needs the capture of `subject`.
+/// Whether a render or an export needs the capture of `subject`.
 fn is_needed(spec: &JobSpec, subject: &str) -> bool {
-    let Some(job_spec::Kind::Render(render)) = &spec.kind else {
-        return false;
+    let needs = match &spec.kind {
+        Some(job_spec::Kind::Render(render)) => needs(render),
+        Some(job_spec::Kind::Export(export)) => exports::needs(export),
+        _ => return false,
     };
-    needs(render).iter().any(|need| need.subject == subject)
+    needs.iter().any(|need| need.subject == subject)
 }
 
 /// Runs a statement on `id`; the number of rows.

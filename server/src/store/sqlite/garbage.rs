@@ -151,7 +151,7 @@ async fn named(
         Folder::Render { by } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND lease = ?2
-                         AND kind = 'render' AND state = 'SUCCEEDED')
+                         AND kind IN ('render', 'export') AND state = 'SUCCEEDED')
                      OR EXISTS (SELECT 1 FROM job_outputs WHERE job = ?1
                          AND substr(key, 1, length(?3)) = ?3) AS found",
             )

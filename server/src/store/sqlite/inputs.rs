@@ -12,8 +12,8 @@ use yoto_proto::{
     names::{Collection, NameError},
     tiers,
     v1::{
-        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, RenderedFile, SubjectShard,
-        job_spec,
+        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
+        SubjectShard, job_spec,
     },
 };
 
@@ -34,6 +34,7 @@ pub async fn resolve(
             (&it.model, Some(&*it.checkpoint), tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, Some(&*it.checkpoint), false),
+        Some(job_spec::Kind::Export(it)) => (&it.model, Some(&*it.checkpoint), false),
         None => return Err(unreadable("the job has no kind")),
     };
     let id = parse(Collection::Models, model)?.to_owned();
@@ -57,7 +58,29 @@ pub async fn resolve(
         shards,
         checkpoints,
         outputs: committed(conn, job_id, spec).await?,
+        other_models: other_models(conn, job_id, spec).await?,
     })
+}
+
+/// The other models whose people a job shows, each with the checkpoint that was chosen of it first.
+async fn other_models(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<Vec<OtherModel>, StoreError> {
+    let mut others = Vec::new();
+    for name in pins::others(spec) {
+        let id = parse(Collection::Models, name)?;
+        let all = checkpoints::list(conn, id, u32::MAX).await?;
+        let pinned = pins::of_other(conn, job_id, id).await?;
+        let mut checkpoints = pinned_first(to_use(all, "", false), pinned);
+        checkpoints.truncate(CHECKPOINTS);
+        others.push(OtherModel {
+            model: Some(models::get(conn, id).await?),
+            checkpoints,
+        });
+    }
+    Ok(others)
 }
 
 async fn committed(

@@ -33,7 +33,7 @@ macro_rules! select_jobs {
                      + (SELECT count(*) FROM jobs q
                         WHERE q.state = 'QUEUED' AND q.priority = j.priority AND q.ord < j.ord)
                  ELSE 0 END AS queue_position,
-                 CASE WHEN j.kind = 'render' THEN
+                 CASE WHEN j.kind IN ('render', 'export') THEN
                      (SELECT count(*) FROM job_outputs o WHERE o.job = j.id)
                  ELSE 0 END AS outputs
              FROM jobs j ",
@@ -119,6 +119,9 @@ pub async fn insert(
         Some(job_spec::Kind::Evaluate(evaluate)) => {
             (JobKind::Evaluate, Collection::Models, &evaluate.model)
         }
+        Some(job_spec::Kind::Export(export)) => {
+            (JobKind::Export, Collection::Models, &export.model)
+        }
         None => return Err(unreadable("it has no kind".into())),
     };
     let target = collection
@@ -149,6 +152,7 @@ pub async fn insert(
     .execute(&mut *conn)
     .await
     .during("queueing a job")?;
+    pins::pin_others(conn, &id, spec).await?;
     for subject in people {
         let subject = Collection::Subjects.parse(&subject);
         let subject = subject.map_err(|error| unreadable(error.to_string()))?;

@@ -22,6 +22,8 @@ pub fn migrations() -> Migrator {
     let uploads = include_str!("../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
     let ranges =
         include_str!("../../../../migrations/sqlite/0011_render_ranges.sql").into_sql_str();
+    let models = include_str!("../../../../migrations/sqlite/0012_scene_models.sql").into_sql_str();
+    let exports = include_str!("../../../../migrations/sqlite/0013_export_jobs.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -38,5 +40,7 @@ pub fn migrations() -> Migrator {
         step(9, "jobs", jobs, false),
         step(10, "uploads", uploads, true),
         step(11, "render ranges", ranges, false),
+        step(12, "scene models", models, false),
+        step(13, "export jobs", exports, true),
     ])
 }

@@ -1,4 +1,4 @@
-//! Files of renders, committed one by one.
+//! Files of renders and exports, committed one by one.
 
 use super::{
     leases::{self, bound, held},
@@ -8,8 +8,8 @@ use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
 use yoto_proto::v1::RenderedFile;
 
-/// Commits a file of a render that the worker runs or helps with, in the place of an earlier one, which its worker has found
-/// damaged.
+/// Commits a file of a job that the worker runs, or of a render that it helps with, in the place of an earlier
+/// one, which its worker has found damaged, or of an earlier lease.
 pub async fn commit(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -18,7 +18,7 @@ pub async fn commit(
     let object = file.object.clone().unwrap_or_default();
     let statement = held!(
         "UPDATE jobs SET sequence = sequence + 1",
-        "AND kind = 'render'"
+        "AND kind IN ('render', 'export')"
     );
     let running = bound(statement, lease)?
         .execute(&mut *conn)
@@ -38,7 +38,7 @@ pub async fn commit(
     .bind(&object.sha256)
     .execute(conn)
     .await
-    .during("committing a file of a render")?;
+    .during("committing a file")?;
     Ok(())
 }
 
@@ -51,7 +51,7 @@ pub async fn list(
         .bind(job_id)
         .fetch_all(conn)
         .await
-        .during("listing the files of a render")?;
+        .during("listing the files of a job")?;
     rows.iter()
         .map(|row| {
             Ok(RenderedFile {

@@ -3,9 +3,10 @@
 //! Each person whom a job needs is pinned to their newest capture when the job is queued, so that its
 //! result does not depend on when a worker comes.
 //!
-//! A render or an evaluation uses one checkpoint: the one that its order names, or the best one. It is
+//! A render, an evaluation or an export uses one checkpoint: the one that its order names, or the best one. It is
 //! chosen when the job is queued, and again when it is leased, since a better one may have come; in
-//! between, the one that the order was checked with stays.
+//! between, the one that the order was checked with stays. A scene with people of other models uses the best
+//! one of each of these as well, which is chosen and kept in the same way.
 
 use super::{
     checkpoints,
@@ -17,8 +18,9 @@ use crate::{
 };
 use sqlx::SqliteConnection;
 use yoto_proto::{
+    exports,
     names::Collection,
-    render_needs::needs,
+    render_needs::{Need, needs, other_models},
     tiers,
     v1::{JobSpec, Model, job_spec},
 };
@@ -33,12 +35,30 @@ pub async fn of_job(conn: &mut SqliteConnection, job_id: &str) -> Result<Option<
     row.map_or(Ok(None), |row| row.maybe_number("pinned_step"))
 }
 
-/// What the open jobs of a model use.
+/// Step of the checkpoint that a job uses of a model that is not its own.
+pub async fn of_other(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    model_id: &str,
+) -> Result<Option<u64>, StoreError> {
+    let row = sqlx::query("SELECT step FROM job_models WHERE job = ?1 AND model = ?2")
+        .bind(job_id)
+        .bind(model_id)
+        .fetch_optional(conn)
+        .await
+        .during("reading which checkpoint a job uses of another model")?;
+    row.map(|row| row.number("step")).transpose()
+}
+
+/// What the open jobs of a model use, and those of others with people of it.
 pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pins, StoreError> {
     let rows = sqlx::query(
-        "SELECT id, pinned_step FROM jobs
-         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate')
-         ORDER BY ord",
+        "SELECT ord, id, pinned_step FROM jobs
+         WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1 AND kind IN ('render', 'evaluate', 'export')
+         UNION ALL
+         SELECT j.ord, j.id, m.step FROM job_models m JOIN jobs j ON j.id = m.job
+         WHERE m.model = ?1 AND j.state IN ('QUEUED', 'RUNNING')
+         ORDER BY 1",
     )
     .bind(model_id)
     .fetch_all(conn)
@@ -67,24 +87,71 @@ pub async fn chosen(
             (&it.model, &it.checkpoint, tradeoff)
         }
         Some(job_spec::Kind::Evaluate(it)) => (&it.model, &it.checkpoint, false),
+        Some(job_spec::Kind::Export(it)) => (&it.model, &it.checkpoint, false),
         Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
     };
-    let model_id = Collection::Models.parse(model);
-    let model_id = model_id.map_err(|error| StoreError::Corrupt {
-        what: "spec",
-        detail: error.to_string(),
-    })?;
-    let all = checkpoints::list(conn, model_id, u32::MAX).await?;
+    step_of(conn, model, wanted, tradeoff).await.map(Some)
+}
+
+/// Step of the checkpoint of `model` that a job uses: the one called `wanted`, or the best one.
+async fn step_of(
+    conn: &mut SqliteConnection,
+    model: &str,
+    wanted: &str,
+    tradeoff: bool,
+) -> Result<i64, StoreError> {
+    let all = checkpoints::list(conn, model_id(model)?, u32::MAX).await?;
     let Some(used) = to_use(all, wanted, tradeoff).into_iter().next() else {
         return Err(StoreError::Rule {
             reason: "NO_CHECKPOINT",
             message: format!("the checkpoint of {model} to use was removed meanwhile"),
         });
     };
-    integer("checkpoint.step", used.step).map(Some)
+    integer("checkpoint.step", used.step)
 }
 
-/// Chooses the checkpoint of a leased job again.
+fn model_id(name: &str) -> Result<&str, StoreError> {
+    let id = Collection::Models.parse(name);
+    id.map_err(|error| StoreError::Corrupt {
+        what: "spec",
+        detail: error.to_string(),
+    })
+}
+
+/// The models beside its own that a job uses, `models/{id}`, in the order of its actors.
+pub fn others(spec: &JobSpec) -> Vec<&str> {
+    match &spec.kind {
+        Some(job_spec::Kind::Render(render)) => {
+            let others = other_models(render).into_iter();
+            others.map(|(_, model)| model).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Chooses the checkpoint of each other model that a job uses, each of which must have one.
+pub async fn pin_others(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    spec: &JobSpec,
+) -> Result<(), StoreError> {
+    for model in others(spec) {
+        let step = step_of(conn, model, "", false).await?;
+        sqlx::query(
+            "INSERT INTO job_models (job, model, step) VALUES (?1, ?2, ?3)
+             ON CONFLICT (job, model) DO UPDATE SET step = excluded.step",
+        )
+        .bind(job_id)
+        .bind(model_id(model)?)
+        .bind(step)
+        .execute(&mut *conn)
+        .await
+        .during("recording which checkpoint a job uses of another model")?;
+    }
+    Ok(())
+}
+
+/// Chooses the checkpoints of a leased job again.
 pub async fn renew(
     conn: &mut SqliteConnection,
     job_id: &str,
@@ -99,10 +166,10 @@ pub async fn renew(
     sqlx::query("UPDATE jobs SET pinned_step = ?2 WHERE id = ?1")
         .bind(job_id)
         .bind(step)
-        .execute(conn)
+        .execute(&mut *conn)
         .await
         .during("recording which checkpoint a job uses")?;
-    Ok(())
+    pin_others(conn, job_id, spec).await
 }
 
 /// The people whom a job on `model` needs, `subjects/{id}`, each once.
@@ -115,17 +182,21 @@ pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
         Some(job_spec::Kind::Evaluate(it)) => everybody
             .filter(|subject| it.subjects.is_empty() || it.subjects.contains(subject))
             .collect(),
-        Some(job_spec::Kind::Render(render)) => {
-            let mut people: Vec<String> = Vec::new();
-            for need in needs(render) {
-                if !people.iter().any(|it| it == need.subject) {
-                    people.push(need.subject.to_owned());
-                }
-            }
-            people
-        }
+        Some(job_spec::Kind::Render(render)) => each_once(needs(render)),
+        Some(job_spec::Kind::Export(export)) => each_once(exports::needs(export)),
         Some(job_spec::Kind::Ingest(_)) | None => Vec::new(),
     }
+}
+
+/// The subjects of `needs`, each once.
+fn each_once(needs: Vec<Need<'_>>) -> Vec<String> {
+    let mut people: Vec<String> = Vec::new();
+    for need in needs {
+        if !people.iter().any(|it| it == need.subject) {
+            people.push(need.subject.to_owned());
+        }
+    }
+    people
 }
 
 /// Pins the newest capture of a person to a job; the capture's id.
@@ -172,14 +243,15 @@ pub async fn capture(
     row.map(|row| row.text("capture")).transpose()
 }
 
-/// An open job of the model, of `kind` if it is not empty.
+/// An open job of the model, or with people of it, of `kind` if it is not empty.
 pub async fn open_job(
     conn: &mut SqliteConnection,
     model_id: &str,
     kind: &str,
 ) -> Result<Option<String>, StoreError> {
     let row = sqlx::query(
-        "SELECT id FROM jobs WHERE state IN ('QUEUED', 'RUNNING') AND model = ?1
+        "SELECT id FROM jobs WHERE state IN ('QUEUED', 'RUNNING')
+             AND (model = ?1 OR id IN (SELECT job FROM job_models WHERE model = ?1))
              AND (?2 = '' OR kind = ?2) ORDER BY ord LIMIT 1",
     )
     .bind(model_id)
@@ -191,14 +263,9 @@ pub async fn open_job(
         .transpose()
 }
 
-/// Refuses if a job of the model is open.
+/// Refuses if a job of the model, or with people of it, is open.
 pub async fn ensure_idle(conn: &mut SqliteConnection, model: &Model) -> Result<(), StoreError> {
-    let id = Collection::Models.parse(&model.name);
-    let id = id.map_err(|error| StoreError::Corrupt {
-        what: "models.id",
-        detail: error.to_string(),
-    })?;
-    match open_job(conn, id, "").await? {
+    match open_job(conn, model_id(&model.name)?, "").await? {
         Some(job) => Err(in_use(&job, &model.display_name, "MODEL_BUSY")),
         None => Ok(()),
     }

@@ -113,12 +113,29 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         .await
         .expect("a checkpoint outlives its job");
     assert_eq!(store.checkpoints("m", 9).await.expect("is kept").len(), 1);
+    exports_are_learned(&store).await;
     captures_are_kept(&store).await;
     store.close().await;
 
     SqliteStore::open(&path, Arc::new(SystemClock))
         .await
         .expect("opens again");
+}
+
+/// Jobs and workers may be of the newest kind, and of no other.
+async fn exports_are_learned(store: &SqliteStore) {
+    let kinds = "INSERT INTO worker_kinds VALUES ('w', 'export')";
+    store.writer.execute(kinds).await.expect("is a kind");
+    let of_kind = |kind: &str| {
+        format!("INSERT INTO jobs (id, kind, model, spec) VALUES ('{kind}', '{kind}', 'm', x'')")
+    };
+    let insert = |kind: &str| {
+        let statement = sqlx::AssertSqlSafe(of_kind(kind));
+        async move { store.writer.execute(statement).await }
+    };
+    insert("export").await.expect("is a kind");
+    let error = insert("sing").await.expect_err("is none");
+    assert!(error.to_string().contains("CHECK"), "{error}");
 }
 
 /// A capture has its files and its job, and can be read again; an upload that broke off stays open.

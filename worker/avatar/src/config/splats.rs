@@ -3,6 +3,9 @@
 use super::ConfigError;
 use serde::{Deserialize, Serialize};
 
+/// Highest degree of harmonics.
+const MAX_DEGREE: usize = 2;
+
 /// Splats of each person, and their learning rates. Their loss is that of 3D Gaussian splatting:
 /// 1 − λ of the mean absolute difference and λ of 1 − SSIM, of which λ is
 /// [`OptimiseConfig::ssim_weight`](super::OptimiseConfig::ssim_weight).
@@ -28,6 +31,10 @@ pub struct SplatConfig {
     pub opacity_rate: f64,
     /// Learning rate of the colours.
     pub colour_rate: f64,
+    /// Degree of the spherical harmonics by which colours depend on the view: 0, not at all, to 2.
+    pub harmonics: usize,
+    /// Learning rate of their coefficients.
+    pub harmonic_rate: f64,
     /// Whether the colours of splats that no training frame shows are guessed at the end of a run.
     pub guess_unseen: bool,
     /// Learning rate of the light; 0: none, so that colours have the light in them.
@@ -47,6 +54,8 @@ impl Default for SplatConfig {
             scale_rate: 1e-2,
             opacity_rate: 5e-2,
             colour_rate: 8e-3,
+            harmonics: 0,
+            harmonic_rate: 4e-4,
             light_rate: 5e-3,
             guess_unseen: true,
         }
@@ -60,7 +69,7 @@ impl SplatConfig {
     }
 
     /// Checks all fields.
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let fail = |field, message: &str| {
             Err(ConfigError::Field {
                 field,
@@ -69,6 +78,9 @@ impl SplatConfig {
         };
         if !(64..=1 << 20).contains(&self.count) {
             return fail("splats.count", "must be 64 to 1,048,576");
+        }
+        if self.harmonics > MAX_DEGREE {
+            return fail("splats.harmonics", "must be 0, 1 or 2");
         }
         if self.coarse < 64 {
             return fail("splats.coarse", "must be at least 64");
@@ -90,6 +102,7 @@ impl SplatConfig {
             ("splats.scale_rate", self.scale_rate),
             ("splats.opacity_rate", self.opacity_rate),
             ("splats.colour_rate", self.colour_rate),
+            ("splats.harmonic_rate", self.harmonic_rate),
             ("splats.light_rate", self.light_rate),
         ] {
             if !(rate.is_finite() && rate >= 0.0) {

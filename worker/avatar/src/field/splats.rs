@@ -2,6 +2,7 @@
 //! person's capture.
 
 use crate::init::Initial;
+use crate::ops::splat::harmonics;
 use crate::ops::splat::light::LIGHTS;
 use crate::render::RenderError;
 use crate::render::frame::read;
@@ -21,6 +22,8 @@ pub struct Splats {
     pub opacities: Param<Tensor<1>>,
     /// `[N, 3]`.
     pub colours: Param<Tensor<2>>,
+    /// `[N, 3 K]`, where colours depend on the view.
+    pub harmonics: Option<Param<Tensor<2>>>,
     /// `[3, 8]`.
     pub light: Param<Tensor<2>>,
 }
@@ -67,6 +70,11 @@ impl FirstSplats {
     }
 }
 
+/// Whose moments an optimiser keeps: those of another degree do not fit.
+fn harmonics_path(slot: usize, degree: usize) -> String {
+    format!("splats.{slot}.harmonics.{degree}")
+}
+
 impl Splats {
     /// Whether none is hidden.
     pub(crate) fn shows_all(&self) -> Result<bool, RenderError> {
@@ -84,14 +92,65 @@ impl Splats {
         self.opacities = Param::initialized(ParamId::new(), logit);
     }
 
-    /// Replaces the colours `[N, 3]`.
-    pub(crate) fn paint(&mut self, init: &Initial, slot: usize, colours: &[f32]) {
-        let path = format!("splats.{slot}.colours");
-        self.colours = init.given(&path, [colours.len() / 3, 3], colours);
+    /// Degree of the harmonics by which colours depend on the view.
+    pub(crate) fn degree(&self) -> usize {
+        let harmonics = self.harmonics.as_ref();
+        harmonics.map_or(0, |it| harmonics::degree(it.val().dims()[1] / 3))
     }
 
-    /// The splats of the person in `slot`, without light.
-    pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats) -> Self {
+    /// Replaces the colours `[N, 3]`. Those that are `anew` `[N]` no longer depend on the view.
+    pub(crate) fn paint(
+        &mut self,
+        init: &Initial,
+        slot: usize,
+        colours: &[f32],
+        anew: &[bool],
+    ) -> Result<(), RenderError> {
+        let path = format!("splats.{slot}.colours");
+        self.colours = init.given(&path, [colours.len() / 3, 3], colours);
+        if let Some(harmonics) = &self.harmonics {
+            let shape = harmonics.val().dims();
+            let path = harmonics_path(slot, self.degree());
+            let mut numbers = read(harmonics.val().detach())?;
+            for (own, _) in (numbers.chunks_exact_mut(shape[1]).zip(anew)).filter(|it| *it.1) {
+                own.fill(0.0);
+            }
+            self.harmonics = Some(init.given(&path, shape, &numbers));
+        }
+        Ok(())
+    }
+
+    /// Lets colours depend on the view by harmonics of up to `degree`, with the coefficients that are known of them.
+    pub(crate) fn reach(
+        &mut self,
+        init: &Initial,
+        slot: usize,
+        degree: usize,
+    ) -> Result<(), RenderError> {
+        let before = self.degree();
+        if degree == before {
+            return Ok(());
+        }
+        let known = match self.harmonics.take() {
+            Some(harmonics) => read(harmonics.val().detach())?,
+            None => Vec::new(),
+        };
+        let [old, new] = [before, degree].map(|degree| 3 * harmonics::count(degree));
+        let [count, _] = self.means.val().dims();
+        let mut numbers = vec![0.0; count * new];
+        let both = old.min(new);
+        if both > 0 {
+            let rows = numbers.chunks_exact_mut(new).zip(known.chunks_exact(old));
+            rows.for_each(|(row, known)| row[..both].copy_from_slice(&known[..both]));
+        }
+        let path = harmonics_path(slot, degree);
+        self.harmonics = (degree > 0).then(|| init.given(&path, [count, new], &numbers));
+        Ok(())
+    }
+
+    /// The splats of the person in `slot`, without light; their colours will depend on the view by harmonics of up to
+    /// `degree`.
+    pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats, degree: usize) -> Self {
         let count = first.means.len() / 3;
         let path = |name: &str| format!("splats.{slot}.{name}");
         Self {
@@ -100,6 +159,10 @@ impl Splats {
             scales: init.given(&path("scales"), [count, 3], &first.scales),
             opacities: init.given(&path("opacities"), [count], &first.opacities),
             colours: init.given(&path("colours"), [count, 3], &first.colours),
+            harmonics: (degree > 0).then(|| {
+                let numbers = 3 * harmonics::count(degree);
+                init.zeros(&harmonics_path(slot, degree), [count, numbers])
+            }),
             light: init.zeros(&path("light"), [3, LIGHTS]),
         }
     }

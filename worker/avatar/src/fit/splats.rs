@@ -3,7 +3,7 @@
 //! A bone that turns by ω about its joint at p carries the columns of its transform along: the last
 //! one, its shift t, by ω × (t − p), the others by ω × column. A pixel's gradient to the transform of
 //! a splat is a force on each column, of which each bone takes its share. The non-rigid field's change
-//! with the pose is left out.
+//! with the pose is left out, and that of colours with the view.
 
 use super::wrench::{self, Wrench};
 use super::{Picture, PoseFitter, Shown};
@@ -90,8 +90,9 @@ impl PoseFitter<'_> {
         posed: &Posed,
     ) -> Result<Option<(HostSplats<'static>, Sight)>, RenderError> {
         let splats = self.avatar.posed_splats(self.config, self.body, posed);
-        let splats = splats.map(HostSplats::read).transpose()?;
         let sight = sight(&self.body.skeleton, pose, picture.camera);
+        let splats = splats.map(|splats| HostSplats::read(splats, &sight));
+        let splats = splats.transpose()?;
         Ok(splats.map(|splats| (splats, sight)))
     }
 }

@@ -60,7 +60,7 @@ fn pixels_change_as_the_rows_say() {
         };
         let splats = avatar.posed_splats(config, body, &posed).expect("splats");
         let sight = sight(&body.skeleton, pose, &scene.camera);
-        let splats = HostSplats::read(splats).expect("reads");
+        let splats = HostSplats::read(splats, &sight).expect("reads");
         let drawn = draw(&[(splats.numbers(), &sight)]).expect("somebody");
         let drawn = grid.pixels.iter().map(|p| {
             let colour: f32 = (0..3).map(|c| by[c] * drawn.rgb[3 * p + c]).sum();

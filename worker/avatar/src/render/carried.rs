@@ -3,19 +3,33 @@
 
 use super::frame::{RenderError, Renderer, read};
 use crate::motion::body::Body;
+use crate::ops::splat::Sight;
+use crate::ops::splat::harmonics::add_seen;
 use crate::ops::warp::skin::shares::Shares;
+use std::borrow::Cow;
 use yoto_capture::camera::Pose;
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
     /// `[N, 14]`: place, turn, scales, opacity and colour.
-    pub rows: Vec<f32>,
+    rows: Vec<f32>,
+    /// `[N, K, 3]`, of colours that depend on the view.
+    harmonics: Option<Vec<f32>>,
     /// `[3, 8]`.
     pub light: Vec<f32>,
     shares: Shares,
 }
 
 impl Carried {
+    /// The rows with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
+    pub fn rows_seen_from(&self, sight: &Sight, transforms: &[f32]) -> Cow<'_, [f32]> {
+        let mut rows = Cow::Borrowed(self.rows.as_slice());
+        if let Some(harmonics) = &self.harmonics {
+            add_seen(rows.to_mut(), harmonics, transforms, sight);
+        }
+        rows
+    }
+
     /// Canonical to posed `[N, 12]` of each splat, from the bones' `transforms` `[K, 12]`.
     pub fn posed(&self, transforms: &[f32]) -> Vec<f32> {
         self.shares.skin(transforms)
@@ -47,10 +61,12 @@ impl Renderer {
         };
         let (rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
         let means = read(splats.means.detach())?;
+        let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let bones = body.skeleton.joints();
         let carried = Carried {
             shares: Shares::new(&weights, bones, &means, &body.grid),
             light: read(splats.light.detach())?,
+            harmonics: harmonics.transpose()?,
             rows,
         };
         // Another thread may have been faster, with the same.
@@ -64,14 +80,18 @@ mod tests {
     use crate::avatar::Avatar;
     use crate::config::ModelConfig;
     use crate::field::splats::FirstSplats;
-    use burn::tensor::Device;
+    use crate::render::splats::{HostSplats, sight};
+    use burn::module::Param;
+    use burn::tensor::{Device, Distribution};
+    use yoto_capture::camera::Camera;
     use yoto_capture::skeleton::Skeleton;
     use yoto_capture::synthetic::SyntheticPerson;
 
     #[test]
     fn splats_go_with_the_bones_of_every_pose() {
         let device = Device::flex();
-        let config = ModelConfig::named("splat", "yoto").expect("a tier");
+        let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+        config.splats.as_mut().expect("splats").harmonics = 2;
         let person = &SyntheticPerson::cast(1, 7)[0];
         let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
         let near = |[x, y, z]: &[f64; 3]| [*x as f32 + 0.02, *y as f32 - 0.03, *z as f32];
@@ -83,6 +103,9 @@ mod tests {
             ..FirstSplats::of_nobody(joints)
         };
         avatar.place_splats(0, &placed);
+        let shine = avatar.splats[0].harmonics.as_ref().expect("degree 2").val();
+        let shine = shine.random_like(Distribution::Normal(0.0, 0.1));
+        avatar.splats[0].harmonics = Some(Param::from_tensor(shine));
         let body = Body::new(skeleton, &config, &device);
         let renderer = Renderer::new(config, avatar, vec![Some(body)], vec![None], 1.0);
         let mut seen: Vec<Vec<f32>> = Vec::new();
@@ -94,9 +117,28 @@ mod tests {
             let bones = read(posed.transforms.clone()).expect("read");
             let splats = renderer.avatar.posed_splats(&renderer.config, body, &posed);
             let splats = splats.expect("splats");
-            assert_eq!(carried.rows, read(splats.rows()).expect("read"));
-            let wanted = read(splats.transforms).expect("read");
+            let camera = Camera::look_at(
+                [0.5, 1.2, 3.0],
+                [0.0, 1.0, 0.0],
+                [0.0, 1.0, 0.0],
+                80.0,
+                64,
+                64,
+            );
+            let sight = sight(&body.skeleton, &pose, &camera);
             let found = carried.posed(&bones);
+            let rows = carried.rows_seen_from(&sight, &found);
+            let host = HostSplats::read(splats.clone(), &sight).expect("read");
+            for (row, wanted) in rows.iter().zip(host.numbers().rows) {
+                assert!((row - wanted).abs() < 1e-5, "{row}, not {wanted}");
+            }
+            let unlike = (rows.iter().zip(&carried.rows)).filter(|(a, b)| a != b);
+            assert_eq!(
+                unlike.count(),
+                3 * joints,
+                "the colours change with the view"
+            );
+            let wanted = read(splats.transforms).expect("read");
             assert_eq!(found.len(), wanted.len());
             for (found, wanted) in found.iter().zip(&wanted) {
                 assert!((found - wanted).abs() < 1e-5, "{found}, not {wanted}");

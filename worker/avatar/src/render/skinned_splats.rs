@@ -2,6 +2,7 @@
 //! bones that carry them.
 
 use super::frame::{RenderError, Renderer, read};
+use crate::ops::splat::harmonics;
 use crate::ops::splat::light::LIGHTS;
 use crate::ops::splat::{LEAST, ROW};
 use crate::ops::warp::inverse::solve::Skinning;
@@ -18,6 +19,8 @@ pub struct SkinnedSplats {
     pub skeleton: Skeleton,
     /// Those that can be seen.
     pub splats: Vec<SkinnedSplat>,
+    /// Degree of the harmonics by which colours depend on the view.
+    pub degree: usize,
     /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`crate::ops::splat::light`]).
     pub light: [[f32; LIGHTS]; 3],
 }
@@ -35,6 +38,9 @@ pub struct SkinnedSplat {
     pub opacity: f32,
     /// Without light.
     pub colour: [f32; 3],
+    /// What the colour gains by the view, in the rest pose ([`crate::ops::splat::harmonics`]); zeros above
+    /// [`SkinnedSplats::degree`].
+    pub harmonics: [[f32; 3]; harmonics::MOST],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.
     pub bones: [(u16, f32); BONES],
 }
@@ -56,13 +62,19 @@ impl Renderer {
             return Ok(None);
         };
         let rows = read(splats.rows())?;
+        let shine = splats.harmonics.map(read).transpose()?.unwrap_or_default();
         let light = read(splats.light)?;
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
         let all = rows.as_chunks::<ROW>().0.iter();
-        let splats = all.map(|row| skinned(row, &skinning));
+        let numbers = shine.len() / all.len().max(1);
+        let splats = all.enumerate().map(|(i, row)| {
+            let own = shine[i * numbers..][..numbers].as_chunks::<3>().0;
+            skinned(row, own, &skinning)
+        });
         Ok(Some(SkinnedSplats {
             skeleton: skeleton.clone(),
+            degree: harmonics::degree(numbers / 3),
             splats: splats.filter(SkinnedSplat::is_visible).collect(),
             light: std::array::from_fn(|channel| {
                 std::array::from_fn(|term| light[channel * LIGHTS + term])
@@ -75,13 +87,14 @@ impl SkinnedSplat {
     /// Whether the renderer draws it at all.
     fn is_visible(&self) -> bool {
         let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);
-        let mut numbers = numbers.chain(&self.colour);
+        let colours = self.colour.iter().chain(self.harmonics.as_flattened());
+        let mut numbers = numbers.chain(colours);
         self.opacity > LEAST && numbers.all(|number| number.is_finite())
     }
 }
 
-/// The splat of a row.
-fn skinned(row: &[f32; ROW], skinning: &Skinning<'_>) -> SkinnedSplat {
+/// The splat of a row, with its harmonics.
+fn skinned(row: &[f32; ROW], own: &[[f32; 3]], skinning: &Skinning<'_>) -> SkinnedSplat {
     let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
     let length = (a * a + b * b + c * c + d * d).sqrt();
     let mean = [x, y, z];
@@ -91,6 +104,7 @@ fn skinned(row: &[f32; ROW], skinning: &Skinning<'_>) -> SkinnedSplat {
         deviations: scales.map(f32::exp),
         opacity: 1.0 / (1.0 + (-opacity).exp()),
         colour: [red, green, blue],
+        harmonics: std::array::from_fn(|k| own.get(k).copied().unwrap_or_default()),
         bones: most(skinning.shares(mean)),
     }
 }

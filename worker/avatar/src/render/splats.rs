@@ -36,8 +36,9 @@ pub(crate) struct HostSplats<'a> {
 }
 
 impl HostSplats<'_> {
-    /// Reads `splats` from their device.
-    pub fn read(splats: Splats) -> Result<Self, RenderError> {
+    /// Reads `splats` from their device, with the colours that the camera sees.
+    pub fn read(splats: Splats, sight: &Sight) -> Result<Self, RenderError> {
+        let splats = splats.seen_from(sight);
         Ok(Self {
             rows: read(splats.rows().detach())?.into(),
             transforms: read(splats.transforms.detach())?,
@@ -55,6 +56,31 @@ impl HostSplats<'_> {
     }
 }
 
+/// The splats of `people` over the background of `view`, in one pass.
+pub(super) fn blended(people: &[(HostSplats<'_>, Sight)], view: &SceneView) -> Rendered {
+    let parts: Vec<_> = people
+        .iter()
+        .map(|(it, sight)| (it.numbers(), sight))
+        .collect();
+    let mut frame = Rendered::empty(view);
+    let Some(mut drawn) = draw(&parts) else {
+        return frame;
+    };
+    let pixels = drawn.rgb.as_chunks_mut::<3>().0;
+    let rows = pixels.par_chunks_mut(ROW).zip(drawn.alpha.par_chunks(ROW));
+    rows.for_each(|(pixels, alphas)| {
+        for (rgb, alpha) in pixels.iter_mut().zip(alphas) {
+            for (value, background) in rgb.iter_mut().zip(view.background) {
+                *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
+            }
+        }
+    });
+    frame.rgb = drawn.rgb;
+    frame.alpha = drawn.alpha;
+    frame.depth = drawn.depth;
+    frame
+}
+
 impl Renderer {
     /// Renders a view of people that consist of splats, all in one pass, so that they hide each other.
     pub(super) fn render_splats(
@@ -63,44 +89,30 @@ impl Renderer {
         view: &SceneView,
     ) -> Result<Rendered, RenderError> {
         let people = shown.iter().map(|shown| self.lit(shown, view));
-        let people = people.collect::<Result<Vec<_>, _>>()?;
-        let parts: Vec<_> = people
-            .iter()
-            .map(|(it, sight)| (it.numbers(), sight))
-            .collect();
-        let mut frame = Rendered::empty(view);
-        let Some(mut drawn) = draw(&parts) else {
-            return Ok(frame);
-        };
-        let pixels = drawn.rgb.as_chunks_mut::<3>().0;
-        let rows = pixels.par_chunks_mut(ROW).zip(drawn.alpha.par_chunks(ROW));
-        rows.for_each(|(pixels, alphas)| {
-            for (rgb, alpha) in pixels.iter_mut().zip(alphas) {
-                for (value, background) in rgb.iter_mut().zip(view.background) {
-                    *value = (*value + (1.0 - alpha) * background).clamp(0.0, 1.0);
-                }
-            }
-        });
-        frame.rgb = drawn.rgb;
-        frame.alpha = drawn.alpha;
-        frame.depth = drawn.depth;
-        Ok(frame)
+        Ok(blended(&people.collect::<Result<Vec<_>, _>>()?, view))
     }
 
-    /// The splats of the identity in `slot` in a pose.
-    fn posed(&self, slot: usize, body: &Body, pose: &Pose) -> Result<HostSplats<'_>, RenderError> {
+    /// The splats of the identity in `slot` in a pose, as the camera sees them.
+    fn posed(
+        &self,
+        slot: usize,
+        body: &Body,
+        pose: &Pose,
+        sight: &Sight,
+    ) -> Result<HostSplats<'_>, RenderError> {
         if let Some(carried) = self.carried(slot, body)? {
             let vector = pose_vector(body, pose);
             let bones = (self.avatar).bones(&self.config, body, pose, vector, self.progress);
+            let transforms = carried.posed(&read(bones)?);
             return Ok(HostSplats {
-                transforms: carried.posed(&read(bones)?),
-                rows: Cow::Borrowed(&carried.rows),
+                rows: carried.rows_seen_from(sight, &transforms),
+                transforms,
                 light: Cow::Borrowed(&carried.light),
             });
         }
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
         let splats = self.avatar.posed_splats(&self.config, body, &posed);
-        HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?)
+        HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?, sight)
     }
 
     /// The splats of an actor in the light of the scene, and the camera in their body's frame.
@@ -111,8 +123,8 @@ impl Renderer {
     ) -> Result<(HostSplats<'_>, Sight), RenderError> {
         let Shown { actor, body } = *shown;
         let (slot, pose) = (actor.slot, &actor.pose);
-        let mut splats = self.posed(slot, body, pose)?;
         let mut sight = sight(&body.skeleton, pose, &view.camera);
+        let mut splats = self.posed(slot, body, pose, &sight)?;
         match actor.light {
             Light::Own => (),
             Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS].into(),

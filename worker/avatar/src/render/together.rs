@@ -1,10 +1,11 @@
 //! Pictures of people of several models, of which some consist of fields and others of splats.
 //!
 //! Both are places along a ray with an opacity and a colour, so that all that a pixel meets is blended in the
-//! order of its depth, whatever it is of.
+//! order of its depth, whatever it is of. Splats alone are drawn in one pass, as those of one model are.
 
 use super::fields::{Met, merged};
 use super::frame::{RenderError, Rendered, Renderer};
+use super::splats::blended;
 use super::view::{Actor, SceneView};
 use crate::config::Numerics;
 use crate::ops::splat::probe::Probe;
@@ -54,14 +55,18 @@ pub fn render_together(
             }
         }
     }
-    let probes: Vec<Probe<'_>> = (splats.iter())
-        .map(|(splats, sight)| Probe::new(splats.numbers(), sight))
-        .collect();
-    let mut frame = Rendered::empty(&SceneView {
+    let nobody = SceneView {
         actors: Vec::new(),
         camera: camera.clone(),
         background,
-    });
+    };
+    if fields.is_empty() {
+        return Ok(blended(&splats, &nobody));
+    }
+    let probes: Vec<Probe<'_>> = (splats.iter())
+        .map(|(splats, sight)| Probe::new(splats.numbers(), sight))
+        .collect();
+    let mut frame = Rendered::empty(&nobody);
     let pixels: Vec<usize> = (0..frame.alpha.len()).collect();
     for (place, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
         if !go_on((place * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {

@@ -91,6 +91,7 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
             group(".scales", splats.scale_rate),
             group(".opacities", splats.opacity_rate),
             group(".colours", splats.colour_rate),
+            group(".harmonics", splats.harmonic_rate),
             group(".light", splats.light_rate),
         ]
     });
@@ -149,6 +150,9 @@ mod tests {
         for tier in ["fast", "splat"] {
             check_rates(&ModelConfig::named(tier, "yoto").expect("a tier"));
         }
+        let mut shiny = ModelConfig::named("splat", "yoto").expect("a tier");
+        shiny.splats.as_mut().expect("splats").harmonics = 2;
+        check_rates(&shiny);
     }
 
     fn check_rates(config: &ModelConfig) {
@@ -179,6 +183,7 @@ mod tests {
                             "scales" => splats.scale_rate,
                             "opacities" => splats.opacity_rate,
                             "colours" => splats.colour_rate,
+                            "harmonics" => splats.harmonic_rate,
                             "light" => splats.light_rate,
                             _ => panic!("{path} has no rate"),
                         }

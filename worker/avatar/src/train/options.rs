@@ -61,6 +61,8 @@ pub struct TrainOptions {
     pub refine_poses: Option<Refine>,
     /// For whose films exposures are learned, in place of what the configuration says.
     pub exposure: Option<LearnExposure>,
+    /// Degree of the harmonics by which the colours of splats depend on the view, in place of what the configuration says.
+    pub harmonics: Option<usize>,
     /// Whether what no frame shows keeps the colours that training left there, whatever the configuration says.
     pub leave_unseen: bool,
     /// Weights of the networks of LPIPS; without them the objective has none.
@@ -81,6 +83,7 @@ impl Default for TrainOptions {
             validation: Validation::NONE,
             refine_poses: None,
             exposure: None,
+            harmonics: None,
             leave_unseen: false,
             lpips: None,
         }

@@ -106,8 +106,11 @@ impl Trainer {
         let mut wanted = saved.config.clone();
         wanted.refinement.who = options.refine_poses.unwrap_or(wanted.refinement.who);
         wanted.exposure.who = options.exposure.unwrap_or(wanted.exposure.who);
-        wanted.check()?;
         let only = options.learn.only();
+        if let Some(degree) = options.harmonics {
+            reach_harmonics(&mut wanted, &mut state, degree, only.is_some())?;
+        }
+        wanted.check()?;
         // What is wanted for one person says nothing about the others.
         if only.is_none() {
             saved.config = wanted.clone();
@@ -209,6 +212,36 @@ impl Trainer {
             progress,
             previews: Vec::new(),
         })
+    }
+}
+
+/// Lets colours depend on the view by harmonics of up to `degree`. In a model that stays as it is for all but one
+/// person, they already do.
+fn reach_harmonics(
+    wanted: &mut ModelConfig,
+    state: &mut TrainState,
+    degree: usize,
+    only: bool,
+) -> Result<(), TrainError> {
+    let fail = |message: String| {
+        let field = "harmonics";
+        Err(TrainError::Config(ConfigError::Field { field, message }))
+    };
+    match &mut wanted.splats {
+        None if degree == 0 => Ok(()),
+        None => fail(format!(
+            "the tier {} has a field, whose colours do not depend on the view",
+            wanted.tier
+        )),
+        Some(splats) if only && splats.harmonics != degree => fail(format!(
+            "the model's are of degree {}: a training of one person leaves it",
+            splats.harmonics
+        )),
+        Some(splats) => {
+            splats.harmonics = degree;
+            splats.check()?;
+            Ok(state.avatar_mut().reach_harmonics(degree)?)
+        }
     }
 }
 

@@ -188,6 +188,7 @@ fn masks_and_rates() {
             scratch: None,
             refine_poses: None,
             exposure: None,
+            harmonics: None,
             leave_unseen: false,
             learn: Learn::Everything,
             budget: Budget::Steps(60),

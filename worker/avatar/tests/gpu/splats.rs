@@ -61,6 +61,7 @@ impl Drawn {
             scales: self.scales.learned_on(&device),
             opacities: self.opacities.learned_on(&device),
             colours: self.colours.learned_on(&device),
+            harmonics: None,
             light: self.light.learned_on(&device),
         };
         let picture = splat(splats.clone(), sight);

@@ -36,6 +36,7 @@ fn splats(count: usize, opacities: [f32; 2], device: &Device) -> Splats {
             .detach()
             .require_grad(),
         colours: track(draw(3, 0.1, 0.9)),
+        harmonics: Some(track(draw(24, -0.3, 0.3))),
         light: numbers(&mut rng, [3, 8], -0.3, 0.3, device).require_grad(),
     }
 }
@@ -65,6 +66,10 @@ fn run(
             values(splats.opacities.grad(&grads).expect("tracked")),
         ),
         ("colours", gradient(&splats.colours)),
+        (
+            "harmonics",
+            gradient(splats.harmonics.as_ref().expect("of degree 2")),
+        ),
         ("light", gradient(&splats.light)),
     ]
 }

@@ -45,6 +45,7 @@ pub fn options(steps: u64) -> TrainOptions {
     TrainOptions {
         refine_poses: None,
         exposure: None,
+        harmonics: None,
         leave_unseen: false,
         learn: Learn::Everything,
         budget: Budget::Steps(steps),

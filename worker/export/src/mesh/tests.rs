@@ -39,6 +39,7 @@ fn ball(hole: f32) -> SkinnedSplats {
             deviations: [0.006, 0.006, THICKNESS],
             opacity: 0.9,
             colour: [red, 0.5, blue],
+            harmonics: [[0.0; 3]; 8],
             bones: [(bone, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
         }
     };
@@ -54,6 +55,7 @@ fn ball(hole: f32) -> SkinnedSplats {
             .filter(outside_hole)
             .map(splat)
             .collect(),
+        degree: 0,
         light: [[0.0; 8]; 3],
     }
 }

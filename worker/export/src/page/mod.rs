@@ -28,6 +28,8 @@ struct Person<'a> {
     bounds: [[f32; 3]; 2],
     ranges: Ranges,
     splats: String,
+    degree: usize,
+    harmonics: String,
     clips: Vec<PackedClip<'a>>,
 }
 
@@ -37,6 +39,8 @@ struct Ranges {
     /// Logarithms.
     deviations: [f32; 2],
     colours: [f32; 2],
+    /// Largest size.
+    harmonic: f32,
 }
 
 #[derive(Serialize)]
@@ -52,7 +56,11 @@ struct PackedClip<'a> {
 /// If a clip's pose is not of the person's skeleton.
 pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<String, SkeletonError> {
     let skeleton = &person.skeleton;
-    let Packed { bytes, bounds } = packed::pack(&person.splats);
+    let Packed {
+        bytes,
+        harmonics,
+        bounds,
+    } = packed::pack(&person.splats, person.degree);
     let rest = [Clip::rest(skeleton)];
     let clips = if clips.is_empty() { &rest } else { clips };
     let mut moves = Vec::new();
@@ -73,8 +81,11 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         ranges: Ranges {
             deviations: packed::DEVIATIONS,
             colours: packed::COLOURS,
+            harmonic: packed::HARMONIC,
         },
         splats: STANDARD.encode(bytes),
+        degree: person.degree,
+        harmonics: STANDARD.encode(harmonics),
         clips: moves,
     };
     // Strings and finite numbers always have a form in JSON; no tag can end the script in it.

@@ -1,9 +1,12 @@
-//! Splats in 36 bytes each. A 16-bit number of a metre-sized box is some hundredths of a millimetre exact.
+//! Splats in 36 bytes each, and 9 or 24 more where colours depend on the view. A 16-bit number of a metre-sized box is some hundredths of a millimetre exact.
 
+use yoto_avatar::ops::splat::harmonics::count;
 use yoto_avatar::render::SkinnedSplat;
 
 /// Range of the logarithms of standard deviations in metres: 1 µm to 7 m.
 pub(super) const DEVIATIONS: [f32; 2] = [-14.0, 2.0];
+/// Largest size of a coefficient of what a colour gains by the view.
+pub(super) const HARMONIC: f32 = 1.0;
 /// Range of colours without light.
 pub(super) const COLOURS: [f32; 2] = [-1.0, 3.0];
 
@@ -12,12 +15,14 @@ pub(super) struct Packed {
     /// Little-endian; of each splat 3 numbers for the mean, 4 for the turn, 3 for the deviations, one for
     /// the opacity and 3 for the colour, of 16 bits each; then 4 joints and 4 shares of 8 bits.
     pub bytes: Vec<u8>,
+    /// `[N, K, 3]`: coefficients of the harmonics in 8 bits, of which 128 is 0.
+    pub harmonics: Vec<u8>,
     /// Corners of the box of the means, metres.
     pub bounds: [[f32; 3]; 2],
 }
 
-/// Packs `splats`.
-pub(super) fn pack(splats: &[SkinnedSplat]) -> Packed {
+/// Packs `splats` with the harmonics up to `degree`.
+pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
     let corner = |start: f32, choose: fn(f32, f32) -> f32| -> [f32; 3] {
         std::array::from_fn(|a| splats.iter().map(|splat| splat.mean[a]).fold(start, choose))
     };
@@ -43,7 +48,16 @@ pub(super) fn pack(splats: &[SkinnedSplat]) -> Packed {
         bytes.extend(splat.bones.map(|(bone, _)| bone as u8));
         bytes.extend(splat.bones.map(|(_, share)| (255.0 * share).round() as u8));
     }
-    Packed { bytes, bounds }
+    let shine = splats.iter().flat_map(|splat| {
+        let coefficient = |value: &f32| 128 + (127.0 * value / HARMONIC).round() as i8 as i32;
+        let own = splat.harmonics[..count(degree)].as_flattened();
+        own.iter().map(move |value| coefficient(value) as u8)
+    });
+    Packed {
+        harmonics: shine.collect(),
+        bytes,
+        bounds,
+    }
 }
 
 /// `value` as a share of the range, of 65,535 parts.

@@ -36,6 +36,13 @@
     table[to + 3] = between([0, 1], numbers[at + 10]);
   }
 
+  // What colours gain by the view: one texel per harmonic.
+  const harmonics = (person.degree + 1) ** 2 - 1;
+  const shine = new Uint8Array(4 * Math.max(harmonics, 1) * across * rows);
+  bytes(person.harmonics).forEach((value, i) => {
+    shine[4 * Math.floor(i / 3) + (i % 3)] = value;
+  });
+
   // Clips: per frame, the shift of the root as 3 floats, then the turns of the joints.
   const clips = person.clips.map((clip) => {
     const data = new DataView(bytes(clip.poses).buffer);
@@ -172,6 +179,9 @@
   texture(0, "splats", gl.RGBA32F, texels * across, rows, gl.RGBA, gl.FLOAT, table);
   texture(1, "bones", gl.RGBA8UI, across, rows, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, bones);
   texture(2, "shares", gl.RGBA8, across, rows, gl.RGBA, gl.UNSIGNED_BYTE, shares);
+  texture(4, "shine", gl.RGBA8, Math.max(harmonics, 1) * across, rows, gl.RGBA, gl.UNSIGNED_BYTE, shine);
+  gl.uniform1i(uniform("harmonics"), harmonics);
+  gl.uniform1f(uniform("most"), person.ranges.harmonic);
   texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
   gl.uniform1fv(uniform("light"), person.light.flat());
 

@@ -12,6 +12,10 @@ fn person() -> SkinnedSplats {
         deviations: [0.01, 0.02, 0.005],
         opacity: 0.75,
         colour: [0.25, 0.5, 1.5],
+        harmonics: std::array::from_fn(|k| match k {
+            2 => [0.5, -1.0, x],
+            _ => [0.0; 3],
+        }),
         bones: [(bone, 0.75), (0, 0.25), (0, 0.0), (0, 0.0)],
     };
     SkinnedSplats {
@@ -21,6 +25,7 @@ fn person() -> SkinnedSplats {
             rest: vec![[0.0, 1.0, 0.0], [0.5, 1.0, 0.0]],
         },
         splats: vec![splat(0.0, 0), splat(1.0, 1)],
+        degree: 1,
         light: [[0.0; 8]; 3],
     }
 }
@@ -57,6 +62,11 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
     assert!((number(0, 10) - 0.75).abs() < 1e-4, "opacity");
     assert!((-1.0 + 4.0 * number(1, 13) - 1.5).abs() < 1e-4, "blue");
     assert_eq!(bytes[36 + 28..36 + 36], [1, 0, 0, 0, 191, 64, 0, 0]);
+    let shine = STANDARD.decode(data["harmonics"].as_str().expect("text"));
+    let shine = shine.expect("base64");
+    assert_eq!(shine.len(), 2 * 9);
+    assert_eq!(shine[..9], [128, 128, 128, 128, 128, 128, 192, 1, 128]);
+    assert_eq!(shine[15..], [192, 1, 255]);
     let poses = STANDARD.decode(data["clips"][0]["poses"].as_str().expect("text"));
     assert_eq!(poses.expect("base64").len(), 12 + 2 * 8);
 }

@@ -221,6 +221,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
     TrainOptions {
         refine_poses: None,
         exposure: None,
+        harmonics: None,
         leave_unseen: false,
         learn: Learn::Everything,
         budget: Budget::Steps(options.settle + options.steps),

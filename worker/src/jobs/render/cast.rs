@@ -1,6 +1,6 @@
 //! The people of a request: their bodies, and the light on them.
 
-use super::{level::levelled, request::Request, views};
+use super::{level::levelled, models::Loaded, request::Request, views};
 use crate::jobs::{JobContext, JobFailure, checkpoint::Downloaded, shard};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -19,10 +19,12 @@ use yoto_proto::{
 /// A turn that changes nothing: of light in the world of a scene.
 pub(super) const IN_SCENE: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Whom a request can show.
+/// Whom a request can show by one of its models.
 pub(super) struct Cast<'a> {
     pub(super) context: &'a JobContext,
     pub(super) request: &'a Request<'a>,
+    /// Name of the model.
+    pub(super) model: &'a str,
     pub(super) renderer: &'a Renderer,
     pub(super) found: &'a Downloaded,
     pub(super) inputs: &'a Inputs,
@@ -31,19 +33,19 @@ pub(super) struct Cast<'a> {
 }
 
 impl<'a> Cast<'a> {
-    /// Whom `request` can show, by a renderer of the checkpoint `found`.
+    /// Whom `request` can show by the `model`.
     pub(super) fn new(
         context: &'a JobContext,
         request: &'a Request<'a>,
-        renderer: &'a Renderer,
-        found: &'a Downloaded,
+        model: &'a Loaded<'a>,
         inputs: &'a Inputs,
     ) -> Self {
         Self {
             context,
             request,
-            renderer,
-            found,
+            model: model.name,
+            renderer: &model.renderer,
+            found: &model.found,
             inputs,
             tracks: RefCell::default(),
         }
@@ -70,7 +72,7 @@ impl<'a> Cast<'a> {
     /// The slot of somebody whom the request shows, or whose light.
     pub(super) fn slot(&self, subject: &str) -> Result<usize, JobFailure> {
         self.request
-            .slot(subject)
+            .slot_in(self.model, subject)
             .ok_or_else(|| JobFailure::Failed {
                 code: "INTERNAL",
                 message: format!("the request does not name {subject}"),

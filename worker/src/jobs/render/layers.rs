@@ -1,8 +1,8 @@
 //! Pictures of depth and opacity, in grey.
 
-use super::surroundings::joints;
+use super::models::Troupe;
 use std::ops::Range;
-use yoto_avatar::render::{Rendered, Renderer, SceneView};
+use yoto_avatar::render::{Rendered, SceneView};
 use yoto_capture::skeleton::transform::{dot, sub};
 use yoto_proto::v1::Layer;
 
@@ -24,11 +24,11 @@ pub(super) enum Shown {
 
 impl Shown {
     /// What `layer` shows of `views`.
-    pub(super) fn new(layer: Layer, renderer: &Renderer, views: &[SceneView]) -> Self {
+    pub(super) fn new(layer: Layer, troupe: Troupe<'_>, views: &[SceneView]) -> Self {
         match layer {
             Layer::Unspecified => Self::Colours,
             Layer::Opacity => Self::Opacity,
-            Layer::Depth => Self::Depth(depths(renderer, views)),
+            Layer::Depth => Self::Depth(depths(troupe, views)),
         }
     }
 
@@ -67,11 +67,11 @@ fn brightness(depth: f64, range: &Range<f64>) -> u8 {
 }
 
 /// The depths between which all people of `views` are.
-fn depths(renderer: &Renderer, views: &[SceneView]) -> Range<f64> {
+fn depths(troupe: Troupe<'_>, views: &[SceneView]) -> Range<f64> {
     let (mut near, mut far) = (f64::INFINITY, NEAREST);
     for view in views {
         let [x, y, z, _] = view.camera.e[2];
-        for joint in joints(renderer, view) {
+        for joint in troupe.joints(view) {
             let depth = dot([x, y, z], sub(joint, view.camera.centre()));
             near = near.min(depth - REACH);
             far = far.max(depth + REACH);

@@ -1,13 +1,14 @@
 //! Choice of render settings for a requested quality, from the checkpoint's measured trade-off,
 //! with predicted and actual figures.
 
+use super::models::Models;
 use crate::jobs::{JobContext, JobFailure};
 use yoto_avatar::{
     render::{RenderSettings, Renderer, SceneView},
     tradeoff::{Choice, Curve, Want, choose},
 };
 use yoto_proto::tiers;
-use yoto_proto::v1::{Checkpoint, RenderChoice, RenderQuality, render_quality};
+use yoto_proto::v1::{RenderChoice, RenderQuality, render_quality};
 
 /// Number of views whose rays are counted to predict the total time.
 const COUNTED_VIEWS: usize = 16;
@@ -20,20 +21,24 @@ pub(super) struct Promise {
 }
 
 impl Promise {
-    /// Chooses for `views` from the curve of `checkpoint`. Splats are drawn in real time as they are: to that
-    /// goal, they need no curve, and there is no promise without one.
+    /// Chooses for `views` from the curve of the checkpoint of the render's model. Splats are drawn in real time
+    /// as they are: to that goal, they need no curve, and there is no promise without one, nor for people of
+    /// several models.
     pub(super) fn make(
         context: &JobContext,
         quality: &RenderQuality,
-        checkpoint: &Checkpoint,
-        renderer: &Renderer,
+        models: &Models<'_>,
         views: &[SceneView],
     ) -> Result<Option<Self>, JobFailure> {
         let (field, want) = want(quality)?;
-        if let Some(message) = tiers::refusal(quality, &renderer.config().tier) {
-            return Err(JobFailure::invalid("render", field, message));
+        for model in models.all() {
+            if let Some(message) = tiers::refusal(quality, &model.renderer.config().tier) {
+                return Err(JobFailure::invalid("render", field, message));
+            }
         }
-        if checkpoint.tradeoff.is_none() && !tiers::needs_tradeoff(quality) {
+        let (renderer, checkpoint) = (&models.own.renderer, &models.own.found.checkpoint);
+        let several = !models.others.is_empty();
+        if (several || checkpoint.tradeoff.is_none()) && !tiers::needs_tradeoff(quality) {
             return Ok(None);
         }
         let object = checkpoint

@@ -5,7 +5,7 @@ use yoto_avatar::render::SceneView;
 use yoto_proto::{
     checks::render,
     render_needs::needs,
-    v1::{Inputs, RenderSpec, render_spec::What},
+    v1::{Inputs, Model, RenderSpec, render_spec::What},
 };
 
 /// A valid request.
@@ -13,8 +13,8 @@ use yoto_proto::{
 pub(super) struct Request<'a> {
     pub(super) spec: &'a RenderSpec,
     pub(super) what: &'a What,
-    /// Slots of everybody who is shown or lights others, by subject.
-    slots: Vec<(&'a str, usize)>,
+    /// Slots of everybody who is shown or lights others, by model and subject.
+    slots: Vec<([&'a str; 2], usize)>,
     pub(super) background: [f32; 3],
     /// Frames per second of the animation, if the request says it.
     pub(super) fps: Option<f32>,
@@ -26,16 +26,17 @@ impl<'a> Request<'a> {
         let Some(what) = &spec.what else {
             return Err(JobFailure::invalid("render", "what", "is missing"));
         };
-        let model = inputs.model.iter().flat_map(|model| &model.slots);
         let mut slots = Vec::new();
         for need in needs(spec).into_iter().filter(|need| need.slot) {
-            let slot = model.clone().find(|slot| slot.subject == need.subject);
-            let Some(slot) = slot else {
+            let model = model(spec, inputs, need.model);
+            let known = model.map_or(&[][..], |model| &model.slots);
+            let Some(slot) = known.iter().find(|slot| slot.subject == need.subject) else {
                 let person = shard::person(inputs, need.subject);
-                let message = format!("{person} is not in {}", shard::model(inputs));
+                let model = model.map_or(need.model, |model| &model.display_name);
+                let message = format!("{person} is not in {model}");
                 return Err(JobFailure::invalid("render", &need.field, message));
             };
-            slots.push((need.subject, slot.slot as usize));
+            slots.push(([need.model, need.subject], slot.slot as usize));
         }
         Ok(Self {
             spec,
@@ -46,11 +47,31 @@ impl<'a> Request<'a> {
         })
     }
 
-    /// The slot of somebody whom the request shows, or whose light.
+    /// The slot in the render's own model of somebody whom the request shows, or whose light.
     pub(super) fn slot(&self, subject: &str) -> Option<usize> {
-        let known = self.slots.iter().find(|(name, _)| *name == subject);
+        self.slot_in(&self.spec.model, subject)
+    }
+
+    /// The slot in the `model` called so of somebody whom the request shows by it, or whose light.
+    pub(super) fn slot_in(&self, model: &str, subject: &str) -> Option<usize> {
+        let known = self
+            .slots
+            .iter()
+            .find(|(name, _)| *name == [model, subject]);
         known.map(|(_, slot)| *slot)
     }
+}
+
+/// The model called `name`, one of those that `spec` needs.
+pub(super) fn model<'a>(spec: &RenderSpec, inputs: &'a Inputs, name: &str) -> Option<&'a Model> {
+    if name == spec.model {
+        return inputs.model.as_ref();
+    }
+    let mut others = inputs
+        .other_models
+        .iter()
+        .filter_map(|it| it.model.as_ref());
+    others.find(|model| model.name == name)
 }
 
 /// An animation has one size.
@@ -69,7 +90,9 @@ pub(super) fn same_size(views: &[SceneView]) -> Result<(), JobFailure> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::{Actor, CaptureMotion, IdentitySlot, Model, Orbit, Scene, actor::Motion};
+    use yoto_proto::v1::{
+        Actor, CaptureMotion, IdentitySlot, Model, Orbit, OtherModel, Scene, actor::Motion,
+    };
 
     fn orbit(views: u32, size: u32) -> RenderSpec {
         RenderSpec {
@@ -121,6 +144,62 @@ mod tests {
     #[test]
     fn an_order_that_its_checks_refuse_is_refused() {
         assert_eq!(fields(&orbit(0, 7)), ["orbit.views", "orbit.size"]);
+    }
+
+    #[test]
+    fn everybody_has_a_slot_in_the_model_that_draws_them() {
+        let mut inputs = inputs();
+        let slot = |slot, subject: &str| IdentitySlot {
+            slot,
+            subject: subject.into(),
+            trained: true,
+        };
+        inputs.other_models = vec![OtherModel {
+            model: Some(Model {
+                name: "models/fog".into(),
+                slots: vec![slot(1, "subjects/a"), slot(2, "subjects/b")],
+                ..Model::default()
+            }),
+            checkpoints: Vec::new(),
+        }];
+        let actor = |subject: &str, model: &str| Actor {
+            subject: subject.into(),
+            model: model.into(),
+            motion: Some(Motion::Capture(CaptureMotion::default())),
+            ..Actor::default()
+        };
+        let with = |last: Actor| {
+            let scene = Scene {
+                actors: vec![
+                    actor("subjects/a", ""),
+                    actor("subjects/a", "models/fog"),
+                    last,
+                ],
+                width: 8,
+                height: 8,
+                ..Scene::default()
+            };
+            RenderSpec {
+                what: Some(What::Scene(scene)),
+                ..RenderSpec::default()
+            }
+        };
+        let spec = with(actor("subjects/b", "models/fog"));
+        let request = Request::new(&spec, &inputs).expect("good");
+        let fog = |subject| request.slot_in("models/fog", subject);
+        assert_eq!(request.slot("subjects/a"), Some(4));
+        assert_eq!((fog("subjects/a"), fog("subjects/b")), (Some(1), Some(2)));
+        for stranger in [
+            actor("subjects/b", ""),
+            actor("subjects/c", "models/fog"),
+            actor("subjects/a", "models/ice"),
+        ] {
+            let Err(JobFailure::Invalid(found)) = Request::new(&with(stranger), &inputs).map(drop)
+            else {
+                panic!("no such slot");
+            };
+            assert_eq!(found[0].field, "scene.actors[2].subject");
+        }
     }
 
     #[test]

@@ -9,25 +9,28 @@ use super::{FPS, Film, cast::Cast, surroundings::Surroundings, truth::Truths};
 use crate::{jobs::JobFailure, media::animation::MAX_FPS};
 use player::Player;
 use yoto_avatar::render::SceneView;
-use yoto_proto::{checks::scene::MAX_PICTURES, v1::Scene};
+use yoto_proto::{checks::scene::MAX_PICTURES, render_needs::model_of, v1::Scene};
 
 /// Rounding of a film's length, frames.
 const ROUNDING: f64 = 1e-6;
 
-/// All pictures of `scene`.
-pub(super) fn film(cast: &Cast<'_>, scene: &Scene) -> Result<Film, JobFailure> {
-    let players = scene.actors.iter().enumerate();
-    let players = players.map(|(i, actor)| {
+/// All pictures of `scene`, with the casts of the render's own model and of all `others`.
+pub(super) fn film(own: &Cast<'_>, others: &[Cast<'_>], scene: &Scene) -> Result<Film, JobFailure> {
+    let request = own.request;
+    let (mut players, mut models) = (Vec::new(), Vec::new());
+    for (i, actor) in scene.actors.iter().enumerate() {
         let field = format!("scene.actors[{i}]");
-        Player::new(actor, &field, cast)
-    });
-    let players = players.collect::<Result<Vec<_>, _>>()?;
+        let model = model_of(request.spec, actor);
+        let other = others.iter().position(|cast| cast.model == model);
+        let cast = other.and_then(|other| others.get(other)).unwrap_or(own);
+        players.push(Player::new(actor, &field, cast)?);
+        models.push(other);
+    }
     let natural = players.iter().find_map(Player::fps).map(|fps| fps as f32);
-    let fps = cast.request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS);
+    let fps = request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS);
     let times = times(scene.seconds, fps, &players)?;
     let cameras = camera::cameras(scene, &players, &times)?;
     let pictures = times.iter().zip(cameras);
-    let request = cast.request;
     let (colour, transparent) = (request.background, request.spec.transparent);
     let surroundings = Surroundings::new(scene, colour, transparent)?;
     let views = pictures.map(|(time, camera)| SceneView {
@@ -40,6 +43,7 @@ pub(super) fn film(cast: &Cast<'_>, scene: &Scene) -> Result<Film, JobFailure> {
     });
     Ok(Film {
         views: views.collect(),
+        models,
         surroundings,
         truths: Truths::none(),
         fps,

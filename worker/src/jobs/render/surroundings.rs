@@ -1,9 +1,10 @@
 //! What is behind and below the people of a scene: a picture and their shadow.
 
+use super::models::Troupe;
 use crate::jobs::JobFailure;
 use image::{DynamicImage, RgbImage, imageops::FilterType};
 use std::cell::RefCell;
-use yoto_avatar::render::{Rendered, Renderer, SceneView};
+use yoto_avatar::render::{Rendered, SceneView};
 use yoto_capture::{
     camera::Camera,
     skeleton::transform::{Vec3, add, scale},
@@ -96,11 +97,11 @@ impl Surroundings {
     /// Those of `draw`.
     pub(super) fn shadow(
         &self,
-        renderer: &Renderer,
+        troupe: Troupe<'_>,
         view: &SceneView,
         draw: impl FnOnce(&SceneView) -> Result<Rendered, JobFailure>,
     ) -> Result<Option<Shadow>, JobFailure> {
-        let Some(camera) = self.shadow.then(|| from_above(renderer, view)).flatten() else {
+        let Some(camera) = self.shadow.then(|| from_above(troupe, view)).flatten() else {
             return Ok(None);
         };
         let drawn = draw(&SceneView {
@@ -112,18 +113,9 @@ impl Surroundings {
     }
 }
 
-/// The positions of all joints of a view, metres.
-pub(super) fn joints(renderer: &Renderer, view: &SceneView) -> Vec<Vec3> {
-    let bodies = view.actors.iter().map(|actor| {
-        let body = renderer.skeleton(actor.slot);
-        body.map_or_else(Vec::new, |body| body.posed_joints(&actor.pose))
-    });
-    bodies.flatten().collect()
-}
-
 /// A camera above the people of `view` that sees all of them.
-fn from_above(renderer: &Renderer, view: &SceneView) -> Option<Camera> {
-    let joints = joints(renderer, view);
+fn from_above(troupe: Troupe<'_>, view: &SceneView) -> Option<Camera> {
+    let joints = troupe.joints(view);
     let sum = joints.iter().fold([0.0; 3], |sum, joint| add(sum, *joint));
     let [x, _, z] = scale(sum, 1.0 / joints.len().max(1) as f64);
     let far = |joint: &Vec3| (joint[0] - x).abs().max((joint[2] - z).abs());

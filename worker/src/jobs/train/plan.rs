@@ -112,6 +112,7 @@ impl Plan {
                 ExposureLearning::Never => Some(LearnExposure::Never),
                 ExposureLearning::Auto => Some(LearnExposure::Auto),
             },
+            harmonics: self.spec.harmonics.map(|degree| degree as usize),
             leave_unseen: self.spec.leave_unseen,
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),

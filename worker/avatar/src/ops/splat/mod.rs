@@ -12,6 +12,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
 mod flat;
+pub mod harmonics;
 pub mod light;
 pub(crate) mod probe;
 mod raster;
@@ -67,6 +68,9 @@ pub struct Splats {
     pub opacities: Tensor<1>,
     /// `[N, 3]` colours without light.
     pub colours: Tensor<2>,
+    /// `[N, 3 K]`: what the colours gain by the view, by harmonic and channel ([`harmonics`]); absent if they do
+    /// not depend on it.
+    pub harmonics: Option<Tensor<2>>,
     /// `[3, 8]` light of each colour channel ([`light`]).
     pub light: Tensor<2>,
 }
@@ -85,9 +89,14 @@ impl Splats {
         assert_eq!(self.opacities.dims(), [n]);
         assert_eq!(self.colours.dims(), [n, 3]);
         assert_eq!(self.light.dims(), [3, LIGHTS]);
+        if let Some(harmonics) = &self.harmonics {
+            let known = [1, 2].map(|degree| [n, 3 * harmonics::count(degree)]);
+            assert!(known.contains(&harmonics.dims()));
+        }
     }
 
-    /// `[N, 14]`: place, turn, scales, opacity and colour of each, as the operation takes them.
+    /// `[N, 14]`: place, turn, scales, opacity and colour of each, as the operation takes them, without what colours
+    /// gain by the view.
     pub(crate) fn rows(&self) -> Tensor<2> {
         let [n, _] = self.means.dims();
         let opacities = self.opacities.clone().reshape([n, 1]);
@@ -136,6 +145,7 @@ fn output_shape(sight: &Sight) -> burn::tensor::Shape {
 /// If the shapes do not belong together.
 pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
     splats.check();
+    let splats = splats.seen_from(sight);
     if has_own_form(&splats.means.device()) {
         let rows = splats.rows();
         Tensor::from_dispatch(Dispatch::splat(

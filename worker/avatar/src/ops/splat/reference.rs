@@ -26,6 +26,7 @@ fn scaled<const C: usize>(a: &[Tensor<2>; C], b: &[f32; C]) -> Tensor<2> {
 /// # Panics
 /// If the device can't be read.
 pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
+    let splats = splats.seen_from(sight);
     let device = splats.means.device();
     let [n, _] = splats.means.dims();
     let t: [Tensor<2>; 12] = columns(&splats.transforms);

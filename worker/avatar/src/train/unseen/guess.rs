@@ -44,6 +44,8 @@ pub(super) struct Mirror {
 pub(super) struct Guessed {
     /// `[N, 3]`.
     pub colours: Vec<f32>,
+    /// Whether the splat's is guessed.
+    pub anew: Vec<bool>,
     /// Number of splats that are drawn.
     pub shown: usize,
     /// Number of those guessed from the other side.
@@ -89,6 +91,7 @@ impl Surface {
             shown: self.shown.iter().filter(|shown| **shown).count(),
             mirrored: count(|it| matches!(it, Guess::Mirrored(_))),
             around: count(|it| matches!(it, Guess::Around(_))),
+            anew: guesses.iter().map(Option::is_some).collect(),
             colours: self.colours.iter().zip(&guesses).flat_map(colour).collect(),
         }
     }

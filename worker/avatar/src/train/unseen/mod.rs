@@ -41,7 +41,8 @@ impl Trainer {
             if let Some(note) = guessed.note(&subject.name) {
                 self.progress.notes.push(note);
             }
-            self.state.avatar_mut().paint_splats(own, &guessed.colours);
+            let avatar = self.state.avatar_mut();
+            avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
         }
         Ok(())
     }

@@ -40,8 +40,8 @@ impl Trainer {
                 self.opened(),
             );
             let splats = avatar.posed_splats(&self.config, &subject.body, &posed);
-            let splats = HostSplats::read(splats.ok_or(TrainError::NoLoss)?)?;
             let sight = sight(&subject.body.skeleton, &pose, &frame.camera);
+            let splats = HostSplats::read(splats.ok_or(TrainError::NoLoss)?, &sight)?;
             let probe = Probe::new(splats.numbers(), &sight);
             let mut here = vec![0f32; probe.splats()];
             let covered = subject.picture(frame).covered;

@@ -1,15 +1,14 @@
-//! A film of what a model knows about one person, from which another model learns them: splats from a field.
-//!
-//! The other model trains on the film as on a capture. Its poses are those of motions, its cameras stand all
+//! A film of what a model knows about one person. Its poses are those of motions, its cameras stand all
 //! around the person. Frames of the person's capture may follow: they have what the field has lost.
 
+use super::DistillError;
 use crate::render::{RenderError, RenderView, Rendered, Renderer};
 use std::f64::consts::TAU;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::{
     Vec3, add, apply, cross, length, normalised, rigid, rodrigues, scale, sub,
 };
-use yoto_capture::{CaptureError, FrameImage, Shard, ShardBuilder};
+use yoto_capture::{FrameImage, Shard, ShardBuilder};
 use yoto_proto::pose_track::PoseTrack;
 
 /// Distance of the cameras, metres.
@@ -21,28 +20,6 @@ const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// Steps through motions and around the person: the most even sequence in two dimensions, however long it is
 /// (Roberts' R2).
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
-
-/// A film that can't be made.
-#[derive(Debug, thiserror::Error)]
-pub enum DistillError {
-    /// Nobody is in the slot.
-    #[error("the model has no slot {0}")]
-    NoSuchSlot(usize),
-    /// There are no poses.
-    #[error("no poses to draw the person in")]
-    NoPoses,
-    /// A picture can't be rendered.
-    #[error("picture {place}")]
-    Render {
-        /// Its place in the film.
-        place: usize,
-        /// What is wrong.
-        source: RenderError,
-    },
-    /// The pictures are no capture.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-}
 
 /// What to film of a person.
 pub struct Lessons<'a> {
@@ -74,7 +51,20 @@ impl Lessons<'_> {
     ///
     /// # Errors
     /// If there is nobody or no pose, or a picture can't be rendered.
-    pub fn film(&self, mut wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
+    pub fn film(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
+        self.film_while(wanted, &mut || true)
+    }
+
+    /// The same, as long as it `goes_on`, which is asked before each batch of rays: a picture of the paper's tiers
+    /// takes a minute.
+    ///
+    /// # Errors
+    /// Also [`DistillError::Stopped`].
+    pub fn film_while(
+        &self,
+        mut wanted: impl FnMut(usize) -> bool,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Shard, DistillError> {
         let body = self.renderer.skeleton(self.slot);
         let body = body.ok_or(DistillError::NoSuchSlot(self.slot))?;
         let (mut frames, mut images) = (Vec::new(), Vec::new());
@@ -84,13 +74,19 @@ impl Lessons<'_> {
             let pose = (moment * self.poses.len() as f64) as usize;
             let pose = self.poses.get(pose).ok_or(DistillError::NoPoses)?;
             let camera = self.camera(&body.posed_joints(pose), around, place);
-            let rendered = self.renderer.render(&RenderView {
+            let view = RenderView {
                 slot: self.slot,
                 pose: pose.clone(),
                 camera: camera.clone(),
                 background: [0.0; 3],
-            });
-            let rendered = rendered.map_err(|source| DistillError::Render { place, source })?;
+            };
+            let rendered = self
+                .renderer
+                .render_scene(&view.into(), &mut |_| goes_on())
+                .map_err(|source| match source {
+                    RenderError::Stopped => DistillError::Stopped,
+                    source => DistillError::Render { place, source },
+                })?;
             images.push(picture(&rendered));
             frames.push(camera.to_frame(place as u32, pose));
         }

@@ -1,0 +1,105 @@
+//! An export by a worker of the service.
+
+use super::Export;
+use super::motions::Numbered;
+use super::written::Written;
+use crate::api::YotoClient;
+use crate::commands::waiting::wait_for_new;
+use crate::output;
+use crate::progress::ProgressDisplay;
+use anyhow::{Context, bail};
+use yoto_proto::names;
+use yoto_proto::v1::{
+    Distillation, DistilledSplats, ExportForm, ExportResult, ExportSpec, job_result,
+};
+
+impl Export {
+    /// Has `subject` of the `model` exported, and writes the files.
+    pub(super) async fn by_service(
+        &self,
+        model: &str,
+        subject: &str,
+        form: ExportForm,
+        written: &Written,
+    ) -> anyhow::Result<()> {
+        let client = self.turn.on(self.person.server.connect().await?);
+        let drivers = self.drivers(&client).await?;
+        let chosen = self.chosen(drivers, form)?;
+        let found = client.find_model(model).await?;
+        let person = client.find_subject(subject).await?;
+        let checkpoint = self.person.checkpoint;
+        let distilled = self.seconds.is_some() || self.size.is_some();
+        let spec = ExportSpec {
+            subject: person.name,
+            form: form.into(),
+            motions: chosen.motions,
+            rest: self.no_motion,
+            frame: chosen.frame,
+            triangles: self.triangles.unwrap_or_default(),
+            texture: self.texture.unwrap_or_default(),
+            distillation: distilled.then(|| Distillation {
+                seconds: self.seconds.unwrap_or_default(),
+                size: self.size.unwrap_or_default(),
+            }),
+            checkpoint: checkpoint
+                .map(|step| names::checkpoint(&found.name, step))
+                .unwrap_or_default(),
+            file: written.stem()?.to_owned(),
+            model: found.name,
+        };
+        let job = client.export(spec).await?;
+        output::put("job", output::message(&job));
+        let mut display = ProgressDisplay::new(format!("{subject} by {model}"));
+        let job = wait_for_new(&client, &job.name, &mut display).await?;
+        display.clear();
+        output::put("job", output::message(&job));
+        let Some(job_result::Kind::Export(result)) = job.result.and_then(|it| it.kind) else {
+            bail!("{} succeeded without the result of an export", job.name);
+        };
+        let contents = fetch(&client, &job.name, &result).await?;
+        written.write(&contents, &result)?;
+        if let Some(distilled) = &result.distilled {
+            show(distilled);
+        }
+        Ok(())
+    }
+
+    /// The motions of people in the service.
+    async fn drivers(&self, client: &YotoClient) -> anyhow::Result<Vec<Numbered>> {
+        let mut drivers = Vec::new();
+        for name in &self.drivers {
+            let driver = client.find_subject(name).await.context("--motion")?;
+            drivers.push(Numbered::driver(name, driver.name, self.range));
+        }
+        Ok(drivers)
+    }
+}
+
+/// The files of the job `name`, in the order of its `result`.
+async fn fetch(
+    client: &YotoClient,
+    name: &str,
+    result: &ExportResult,
+) -> anyhow::Result<Vec<Vec<u8>>> {
+    let objects = client.list_objects(name).await?;
+    let mut contents = Vec::new();
+    for file in &result.files {
+        let object = objects.iter().find(|it| it.file == file.file);
+        let object = object.with_context(|| format!("{name} has no file {}", file.file))?;
+        contents.push(client.object(object).await?);
+    }
+    Ok(contents)
+}
+
+/// Says how near splats are to the field that they were made of.
+fn show(distilled: &DistilledSplats) {
+    let (pictures, seconds) = (distilled.pictures, distilled.seconds);
+    tell!("splats made from {pictures} pictures of the field in {seconds:.0} s");
+    if let (Some(whole), Some(near)) = (distilled.psnr, distilled.psnr_mask_box) {
+        tell!(
+            "{whole:.2} dB to the field on pictures that were held out, {near:.2} dB near the person"
+        );
+        output::put("psnr", whole);
+        output::put("psnr_mask_box", near);
+    }
+}

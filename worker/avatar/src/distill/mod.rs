@@ -1,0 +1,52 @@
+//! From one model to another: splats that learn a person from a field's pictures.
+//!
+//! ```text
+//! field, poses → film (pictures from all around) → course (a training on them) → a model of splats
+//! ```
+
+mod course;
+mod film;
+
+pub use course::{Course, Distilled, Stage};
+pub use film::{Filmed, Lessons};
+
+use crate::config::ConfigError;
+use crate::render::RenderError;
+use crate::train::TrainError;
+use yoto_capture::CaptureError;
+
+/// Splats that can't be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DistillError {
+    /// Nobody is in the slot.
+    #[error("the model has no slot {0}")]
+    NoSuchSlot(usize),
+    /// There are no poses.
+    #[error("no poses to draw the person in")]
+    NoPoses,
+    /// A picture can't be rendered.
+    #[error("picture {place}")]
+    Render {
+        /// Its place in the film.
+        place: usize,
+        /// What is wrong.
+        source: RenderError,
+    },
+    /// The pictures are no capture.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// This version has no splats.
+    #[error("the configuration of the splats")]
+    Config(#[from] ConfigError),
+    /// The splats can't learn.
+    #[error("{doing}")]
+    Train {
+        /// The part of the training.
+        doing: &'static str,
+        /// What is wrong.
+        source: TrainError,
+    },
+    /// The caller wanted it no longer.
+    #[error("stopped")]
+    Stopped,
+}

@@ -1,0 +1,192 @@
+//! A person in one of the forms in which people leave: all of its files.
+
+use crate::clip::Clip;
+use crate::mesh::{self, MeshOptions};
+use crate::source::{Source, SourceError, clips};
+use crate::{gaussians, page};
+use std::io;
+use yoto_avatar::render::SkinnedSplats;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::transform::inverse;
+use yoto_capture::skeleton::{Skeleton, SkeletonError};
+use yoto_formats::splats;
+use yoto_proto::exports::content_type;
+use yoto_proto::v1::ExportForm;
+
+/// Most poses whose mean light a texture has.
+const LIGHT_POSES: usize = 50;
+
+/// What to make of a person.
+#[derive(Debug)]
+pub struct Order<'a> {
+    /// The form.
+    pub form: ExportForm,
+    /// Name of the person, for those who open the file.
+    pub title: &'a str,
+    /// Name of the files without their extensions: files name each other.
+    pub stem: &'a str,
+    /// The clips of a form with motion, or the motion that `frame` is of.
+    pub motions: &'a [Source],
+    /// Number of the frame of the first motion whose pose a still form has; `None`: the rest pose.
+    pub frame: Option<u32>,
+    /// What a mesh may cost.
+    pub mesh: MeshOptions,
+}
+
+/// A person in files.
+#[derive(Debug)]
+pub struct Exported {
+    /// The main one first.
+    pub files: Vec<File>,
+    /// Number of splats, of a page or a file of splats.
+    pub splats: Option<usize>,
+    /// Number of triangles and side of the texture in pixels, of a mesh.
+    pub mesh: Option<(usize, u32)>,
+}
+
+/// One file.
+#[derive(Debug)]
+pub struct File {
+    /// E.g. `ada.glb`.
+    pub name: String,
+    /// E.g. `model/gltf-binary`.
+    pub content_type: &'static str,
+    /// All of it.
+    pub bytes: Vec<u8>,
+}
+
+/// A person who can't be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// A form that this version does not know.
+    #[error("the form is not known")]
+    Form,
+    /// A motion is none, or of too different a body.
+    #[error(transparent)]
+    Motion(#[from] SourceError),
+    /// A motion is of another body.
+    #[error("the motions")]
+    Pose(#[from] SkeletonError),
+    /// The splats can't be written.
+    #[error("the splats")]
+    Splats(#[source] io::Error),
+    /// There is no surface.
+    #[error("the surface of the person")]
+    Surface(#[from] mesh::MeshError),
+    /// The mesh can't be written.
+    #[error("the mesh")]
+    Mesh(#[from] mesh::glb::GlbError),
+}
+
+impl Order<'_> {
+    /// The files of `person`.
+    ///
+    /// # Errors
+    /// A motion does not fit the person, there is no such frame, or the splats enclose nothing.
+    pub fn of(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
+        match self.form {
+            ExportForm::Unspecified => Err(ExportError::Form),
+            ExportForm::Page => self.page(person),
+            form if form.is_mesh() => self.mesh(person),
+            _ => self.splats(person),
+        }
+    }
+
+    fn page(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
+        let clips = clips(self.motions, &person.skeleton)?;
+        let page = page::page(self.title, person, &clips)?;
+        Ok(self.with_splats(page.into_bytes(), person.splats.len()))
+    }
+
+    /// One pose of the person, standing where their body does at rest.
+    fn splats(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
+        let skeleton = &person.skeleton;
+        let still = self.still(skeleton)?;
+        let pose = still.unwrap_or_else(|| Pose::rest(skeleton.joints()));
+        let to_rest = inverse(&skeleton.body_to_world(&pose));
+        let gaussians = gaussians::posed(person, &pose, &to_rest)?;
+        let mut bytes = Vec::new();
+        match self.form {
+            ExportForm::SplatsPly => splats::ply::write(&mut bytes, &gaussians),
+            ExportForm::SplatsSpz => splats::spz::write(&mut bytes, &gaussians),
+            _ => splats::glb::write(&mut bytes, &gaussians),
+        }
+        .map_err(ExportError::Splats)?;
+        Ok(self.with_splats(bytes, gaussians.len()))
+    }
+
+    fn mesh(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
+        let skeleton = &person.skeleton;
+        let (clips, still) = match self.form.is_still() {
+            true => (Vec::new(), self.still(skeleton)?),
+            false => (clips(self.motions, skeleton)?, None),
+        };
+        let mut mesh = mesh::mesh(person, &light(&clips, &still), &self.mesh)?;
+        if let Some(pose) = &still {
+            let to_rest = inverse(&skeleton.body_to_world(pose));
+            mesh = mesh::still::posed(&mesh, skeleton, pose, &to_rest)?;
+        }
+        let contents = match self.form {
+            ExportForm::MeshObj => {
+                let files =
+                    mesh::obj::files(&mesh, self.stem).map_err(mesh::glb::GlbError::from)?;
+                vec![
+                    files.obj.into_bytes(),
+                    files.mtl.into_bytes(),
+                    files.texture,
+                ]
+            }
+            ExportForm::MeshPly => {
+                let mut bytes = Vec::new();
+                mesh::ply::write(&mut bytes, &mesh).map_err(mesh::glb::GlbError::from)?;
+                vec![bytes]
+            }
+            _ => {
+                let mut bytes = Vec::new();
+                mesh::glb::write(&mut bytes, self.title, &mesh, skeleton, &clips)?;
+                vec![bytes]
+            }
+        };
+        Ok(Exported {
+            files: self.files(contents),
+            splats: None,
+            mesh: Some((mesh.triangles.len(), mesh.side)),
+        })
+    }
+
+    /// The pose of a still form, if it is not the rest pose.
+    fn still(&self, body: &Skeleton) -> Result<Option<Pose>, SourceError> {
+        let chosen = self.motions.first().zip(self.frame);
+        chosen
+            .map(|(motion, frame)| motion.pose(frame, body))
+            .transpose()
+    }
+
+    fn with_splats(&self, bytes: Vec<u8>, splats: usize) -> Exported {
+        Exported {
+            files: self.files(vec![bytes]),
+            splats: Some(splats),
+            mesh: None,
+        }
+    }
+
+    /// Files of these `contents`, in the order of the form's extensions.
+    fn files(&self, contents: Vec<Vec<u8>>) -> Vec<File> {
+        let extensions = self.form.extensions().iter();
+        let files = extensions.zip(contents);
+        files
+            .map(|(extension, bytes)| File {
+                name: format!("{}.{extension}", self.stem),
+                content_type: content_type(extension),
+                bytes,
+            })
+            .collect()
+    }
+}
+
+/// The poses whose mean light the texture has: some of the clips, or the one.
+fn light(clips: &[Clip], still: &Option<Pose>) -> Vec<Pose> {
+    let all = || clips.iter().flat_map(|clip| &clip.poses);
+    let every = all().count().div_ceil(LIGHT_POSES).max(1);
+    all().step_by(every).chain(still).cloned().collect()
+}

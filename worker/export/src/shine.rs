@@ -1,0 +1,71 @@
+//! Colours that depend on the view, where bones have turned a splat.
+
+use std::f64::consts::PI;
+use yoto_avatar::ops::splat::harmonics::{MOST, terms};
+use yoto_capture::skeleton::transform::Mat3;
+
+/// The golden ratio, of which an icosahedron's corners are made.
+const GOLDEN: f64 = 1.618_033_988_749_895;
+
+/// Coefficients of harmonics by channel.
+pub(crate) type Harmonics = [[f32; 3]; MOST];
+
+/// What the colour gains where a camera looks along the `direction`, of any length but 0, in the rest pose.
+pub(crate) fn gained(own: &Harmonics, direction: [f64; 3]) -> [f32; 3] {
+    let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let terms = terms(direction.map(|v| (v / length.max(f64::MIN_POSITIVE)) as f32));
+    let along = |c: usize| own.iter().zip(&terms).map(move |(own, term)| own[c] * term);
+    std::array::from_fn(|c| along(c).sum())
+}
+
+/// The coefficients after the turn `by`: the mean over the corners of an icosahedron of their products with each
+/// harmonic, which is exact for these degrees. Of a turn with shear it is the nearest.
+pub(crate) fn turned(own: &Harmonics, by: &Mat3) -> Harmonics {
+    let mut turned = [[0.0; 3]; MOST];
+    if own.as_flattened().iter().all(|value| *value == 0.0) {
+        return turned;
+    }
+    let corners = corners();
+    for corner in &corners {
+        let back = std::array::from_fn(|c| (0..3).map(|r| by[r][c] * corner[r]).sum());
+        let gained = gained(own, back);
+        for (sums, term) in turned.iter_mut().zip(terms(corner.map(|v| v as f32))) {
+            for (sum, gained) in sums.iter_mut().zip(gained) {
+                *sum += (4.0 * PI / corners.len() as f64) as f32 * term * gained;
+            }
+        }
+    }
+    turned
+}
+
+/// The corners of an icosahedron, unit vectors.
+fn corners() -> [[f64; 3]; 12] {
+    let length = (1.0 + GOLDEN * GOLDEN).sqrt();
+    std::array::from_fn(|i| {
+        let sign = |bit: usize| if i & bit == 0 { 1.0 } else { -1.0 };
+        let mut corner = [0.0, sign(1) / length, sign(2) * GOLDEN / length];
+        corner.rotate_left(i / 4);
+        corner
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_capture::skeleton::transform::rodrigues;
+
+    #[test]
+    fn turned_harmonics_gain_what_they_did() {
+        let own: Harmonics =
+            std::array::from_fn(|k| std::array::from_fn(|c| ((3 * k + c) as f32 * 0.7).sin()));
+        let by = rodrigues([0.4, -1.1, 0.6]);
+        let turned = turned(&own, &by);
+        for direction in [[0.3, 0.2, -0.9], [-1.0, 0.1, 0.4], [0.0, -1.0, 0.0]] {
+            let moved = std::array::from_fn(|r| (0..3).map(|c| by[r][c] * direction[c]).sum());
+            let (wanted, found) = (gained(&own, direction), gained(&turned, moved));
+            for c in 0..3 {
+                assert!((wanted[c] - found[c]).abs() < 1e-5, "{wanted:?} {found:?}");
+            }
+        }
+    }
+}

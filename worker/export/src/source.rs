@@ -1,0 +1,359 @@
+//! Motions before anybody's body takes them: of captures, and of files as requests have them.
+
+use crate::clip::Clip;
+use yoto_capture::ViewError;
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, transfer};
+use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
+
+/// Up where nothing says otherwise.
+const UP: Vec3 = [0.0, 1.0, 0.0];
+
+/// A motion that can't be taken.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// A pose or camera is none.
+    #[error("{place}")]
+    View {
+        /// The motion and the frame.
+        place: String,
+        /// What is wrong.
+        source: ViewError,
+    },
+    /// The skeleton of a clip is none.
+    #[error("{place}: {}", pose_track::describe(violation))]
+    Clip {
+        /// The motion.
+        place: String,
+        /// What is wrong.
+        violation: Box<Violation>,
+    },
+    /// A skeleton is none, or too different from the body.
+    #[error("{place}")]
+    Body {
+        /// The motion, and the frame if one is to blame.
+        place: String,
+        /// What is wrong.
+        source: SkeletonError,
+    },
+    /// No such frame.
+    #[error("{place}: no frame {number} among its {frames}")]
+    NoFrame {
+        /// The motion.
+        place: String,
+        /// Number of the frame.
+        number: u32,
+        /// Frames that there are.
+        frames: usize,
+    },
+    /// More frames than there are.
+    #[error("{place}: {wanted} frames, but it has {left} from frame {first} on in steps of {step}")]
+    TooFew {
+        /// The motion.
+        place: String,
+        /// Number of frames that are wanted.
+        wanted: usize,
+        /// Number of the frames that there are.
+        left: usize,
+        /// Number of the first one.
+        first: u32,
+        /// Frames from one to the next.
+        step: usize,
+    },
+}
+
+/// A motion of some skeleton.
+#[derive(Clone, Debug)]
+pub struct Source {
+    /// Name of its clip, and for messages.
+    name: String,
+    skeleton: pose_track::Skeleton,
+    poses: Vec<Pose>,
+    /// Number of each pose's frame.
+    numbers: Vec<u32>,
+    fps: f64,
+    /// The up axis of its world.
+    up: Vec3,
+}
+
+impl Source {
+    /// The motion of a capture's `track`.
+    ///
+    /// # Errors
+    /// A pose, or the first camera, is none.
+    pub fn track(name: &str, track: &PoseTrack) -> Result<Self, SourceError> {
+        let fault = |number: u32| {
+            move |source| SourceError::View {
+                place: format!("{name}: frame {number}"),
+                source,
+            }
+        };
+        let frames = track.frames.iter();
+        let poses = frames.map(|frame| Pose::from_frame(frame).map_err(fault(frame.index)));
+        let up = match track.frames.first() {
+            Some(first) => Camera::from_frame(first, track.image_size)
+                .map_err(fault(first.index))?
+                .world_up(),
+            None => UP,
+        };
+        Ok(Self {
+            name: name.to_owned(),
+            poses: poses.collect::<Result<_, _>>()?,
+            numbers: track.frames.iter().map(|it| it.index).collect(),
+            skeleton: track.skeleton.clone(),
+            fps: track.fps,
+            up,
+        })
+    }
+
+    /// The motion of a `clip`, whose poses are numbered from 0; `up` is the up axis of its world, y if it has
+    /// not three numbers.
+    ///
+    /// # Errors
+    /// The skeleton or a pose is none.
+    pub fn clip(name: &str, clip: &MotionClip, up: &[f64]) -> Result<Self, SourceError> {
+        let skeleton = clip.skeleton.clone().unwrap_or_default();
+        let skeleton = pose_track::Skeleton::from_proto(skeleton);
+        let skeleton = skeleton.map_err(|violation| SourceError::Clip {
+            place: name.to_owned(),
+            violation,
+        })?;
+        let poses = clip.poses.iter().enumerate().map(|(at, pose)| {
+            Pose::from_proto(pose).map_err(|source| SourceError::View {
+                place: format!("{name}: frame {at}"),
+                source,
+            })
+        });
+        let poses: Vec<Pose> = poses.collect::<Result<_, _>>()?;
+        Ok(Self {
+            name: name.to_owned(),
+            skeleton,
+            fps: clip.fps,
+            numbers: (0..poses.len() as u32).collect(),
+            poses,
+            up: up.try_into().unwrap_or(UP),
+        })
+    }
+
+    /// The frames that `part` chooses of a capture's motion.
+    ///
+    /// # Errors
+    /// There is no such frame, or there are too few.
+    pub fn part(mut self, part: &CaptureMotion) -> Result<Self, SourceError> {
+        let first = match part.first_frame {
+            Some(number) => self.find(number)?,
+            None => 0,
+        };
+        let step = part.frame_step.max(1) as usize;
+        let left = (self.poses.len() - first).div_ceil(step);
+        let wanted = match part.frame_count as usize {
+            0 => left,
+            count if count <= left => count,
+            wanted => {
+                return Err(SourceError::TooFew {
+                    wanted,
+                    left,
+                    first: self.numbers.get(first).copied().unwrap_or_default(),
+                    step,
+                    place: self.name,
+                });
+            }
+        };
+        let chosen = (first..).step_by(step).take(wanted);
+        self.poses = chosen.clone().map(|at| self.poses[at].clone()).collect();
+        self.numbers = chosen.map(|at| self.numbers[at]).collect();
+        self.fps /= step as f64;
+        Ok(self)
+    }
+
+    /// The same by another name.
+    pub fn called(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.name);
+        self
+    }
+
+    /// The whole motion on the body of `target`.
+    ///
+    /// # Errors
+    /// The skeletons are too different.
+    pub fn on(&self, target: &Skeleton) -> Result<Clip, SourceError> {
+        let seconds: Vec<f64> = (0..self.poses.len())
+            .map(|at| at as f64 / self.fps)
+            .collect();
+        let driver = self.driver(target)?;
+        let poses = transfer(&driver, target, &self.poses, &seconds, self.up);
+        let poses = poses.map_err(|(at, source)| self.at_fault(at, source))?;
+        Ok(Clip {
+            name: self.name.clone(),
+            fps: self.fps,
+            poses,
+        })
+    }
+
+    /// The pose of the frame with this `number` on the body of `target`.
+    ///
+    /// # Errors
+    /// There is no such frame, or the skeletons are too different.
+    pub fn pose(&self, number: u32, target: &Skeleton) -> Result<Pose, SourceError> {
+        let at = self.find(number)?;
+        let posed = retarget(&self.driver(target)?, target, &self.poses[at]);
+        posed.map_err(|source| self.at_fault(at, source))
+    }
+
+    /// The up axis of its world.
+    pub fn up(&self) -> Vec3 {
+        self.up
+    }
+
+    /// The place among its poses of the frame with this `number`.
+    fn find(&self, number: u32) -> Result<usize, SourceError> {
+        let found = self.numbers.iter().position(|it| *it == number);
+        found.ok_or_else(|| SourceError::NoFrame {
+            place: self.name.clone(),
+            number,
+            frames: self.numbers.len(),
+        })
+    }
+
+    /// The skeleton that moves.
+    fn driver(&self, target: &Skeleton) -> Result<Skeleton, SourceError> {
+        Skeleton::of_motion(&self.skeleton, target).map_err(|source| SourceError::Body {
+            place: format!("{}: skeleton", self.name),
+            source,
+        })
+    }
+
+    fn at_fault(&self, at: usize, source: SkeletonError) -> SourceError {
+        let name = &self.name;
+        let place = match self.numbers.get(at) {
+            Some(number) => format!("{name}: frame {number}"),
+            None => name.clone(),
+        };
+        SourceError::Body { place, source }
+    }
+}
+
+/// All `sources` on the body of `target`, each with a name of its own.
+///
+/// # Errors
+/// As [`Source::on`].
+pub fn clips<'a>(
+    sources: impl IntoIterator<Item = &'a Source>,
+    target: &Skeleton,
+) -> Result<Vec<Clip>, SourceError> {
+    let clips = sources.into_iter().map(|source| source.on(target));
+    let mut clips = clips.collect::<Result<Vec<_>, _>>()?;
+    tell_apart(&mut clips);
+    Ok(clips)
+}
+
+/// Gives a number to each clip whose name an earlier one has.
+fn tell_apart(clips: &mut [Clip]) {
+    for place in 1..clips.len() {
+        let (earlier, later) = clips.split_at_mut(place);
+        let taken = |name: &str| earlier.iter().any(|clip| clip.name == name);
+        let plain = later[0].name.clone();
+        let mut number = 2;
+        while taken(&later[0].name) {
+            later[0].name = format!("{plain} ({number})");
+            number += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_proto::v1;
+
+    #[test]
+    fn clips_of_one_name_are_numbered() {
+        let named = |name: &str| Clip {
+            name: name.into(),
+            fps: 30.0,
+            poses: Vec::new(),
+        };
+        let mut clips = ["walk", "run", "walk", "walk (2)", "walk"].map(named);
+        tell_apart(&mut clips);
+        let names = clips.map(|clip| clip.name);
+        assert_eq!(
+            names,
+            ["walk", "run", "walk (2)", "walk (2) (2)", "walk (3)"]
+        );
+    }
+
+    /// Ten frames at 60 per second whose knee turns by a tenth more each, of a body without a size.
+    fn motion() -> Source {
+        let pose = |at: usize| v1::BodyPose {
+            rotations: vec![0.0, 0.0, 0.0, 0.1 * at as f32, 0.0, 0.0],
+            translation: vec![0.0, 0.0, at as f32],
+        };
+        let clip = MotionClip {
+            skeleton: Some(v1::Skeleton {
+                names: vec!["pelvis".into(), "l_knee".into()],
+                parents: vec![-1, 0],
+                rest_joints: Vec::new(),
+            }),
+            poses: (0..10).map(pose).collect(),
+            fps: 60.0,
+            ..MotionClip::default()
+        };
+        Source::clip("walk", &clip, &[]).expect("a motion")
+    }
+
+    fn body() -> Skeleton {
+        Skeleton {
+            names: vec!["pelvis".into(), "l_knee".into()],
+            parents: vec![None, Some(0)],
+            rest: vec![[0.0, 0.9, 0.0], [0.1, 0.5, 0.0]],
+        }
+    }
+
+    fn part(first: Option<u32>, frame_count: u32, frame_step: u32) -> CaptureMotion {
+        CaptureMotion {
+            first_frame: first,
+            frame_count,
+            frame_step,
+            ..CaptureMotion::default()
+        }
+    }
+
+    #[test]
+    fn a_part_has_the_frames_that_it_chooses_by_their_numbers() {
+        let source = motion().part(&part(Some(2), 3, 3)).expect("is there");
+        let clip = source.on(&body()).expect("a clip");
+        assert_eq!((clip.name.as_str(), clip.fps), ("walk", 20.0));
+        let knees = clip.poses.iter().map(|pose| pose.rotations[1][0]);
+        assert_eq!(knees.collect::<Vec<_>>(), [0.2, 0.5, 0.8]);
+        // As its size is the body's, so are its steps.
+        assert_eq!(clip.poses[1].translation, [0.0, 0.0, 5.0]);
+        let pose = source.pose(8, &body()).expect("is chosen");
+        assert_eq!(pose.rotations[1][0], 0.8);
+        let error = source.pose(3, &body()).expect_err("is left out");
+        assert_eq!(error.to_string(), "walk: no frame 3 among its 3");
+        let whole = motion().part(&part(None, 0, 0)).expect("is there");
+        assert_eq!(whole.on(&body()).expect("a clip").poses.len(), 10);
+    }
+
+    #[test]
+    fn frames_that_are_not_there_are_refused() {
+        let refused = |part| motion().part(&part).expect_err("refused").to_string();
+        assert_eq!(
+            refused(part(Some(10), 0, 0)),
+            "walk: no frame 10 among its 10"
+        );
+        assert_eq!(
+            refused(part(Some(4), 4, 2)),
+            "walk: 4 frames, but it has 3 from frame 4 on in steps of 2"
+        );
+    }
+
+    #[test]
+    fn a_body_of_other_joints_is_refused_with_the_frame() {
+        let mut other = body();
+        other.names = vec!["root".into(), "tip".into()];
+        let error = motion().on(&other).expect_err("nothing in common");
+        assert_eq!(error.to_string(), "walk: frame 0");
+    }
+}

@@ -1,0 +1,123 @@
+//! Splats of a person whom a model knows as a field.
+
+use super::{DistilledSplats, count, of_motion, splats};
+use crate::jobs::{JobContext, JobFailure};
+use std::time::{Duration, Instant};
+use yoto_avatar::{
+    distill::{Course, DistillError, Lessons, Stage},
+    render::{Renderer, SkinnedSplats},
+};
+use yoto_capture::{CaptureError, skeleton::Skeleton};
+use yoto_export::source::Source;
+use yoto_proto::{
+    exports,
+    v1::{Distillation, Progress},
+};
+
+/// Pause between two progress messages.
+const REPORT_EVERY: Duration = Duration::from_millis(250);
+/// Share of the job that a distillation is; the rest writes the files.
+pub(super) const SHARE: f64 = 0.95;
+/// Seed of the training, as of `yoto distill`.
+const SEED: u64 = 7;
+
+/// Splats to make.
+pub(super) struct Order<'a> {
+    pub(super) context: &'a JobContext,
+    /// The model of fields.
+    pub(super) renderer: &'a Renderer,
+    /// The person's slot in it.
+    pub(super) slot: usize,
+    pub(super) wanted: Option<&'a Distillation>,
+    /// The person's name.
+    pub(super) name: &'a str,
+}
+
+impl Order<'_> {
+    /// Makes splats of the person with this `body`, in the poses of the motion `own`.
+    pub(super) fn run(
+        &self,
+        own: &Source,
+        body: &Skeleton,
+    ) -> Result<(SkinnedSplats, DistilledSplats), JobFailure> {
+        let context = self.context;
+        let (seconds, size) = exports::distillation(self.wanted);
+        let motion = own.on(body).map_err(|error| of_motion(&error))?;
+        let lessons = Lessons {
+            renderer: self.renderer,
+            slot: self.slot,
+            poses: &motion.poses,
+            up: own.up(),
+            size: [size; 2],
+            filmed: &[],
+        };
+        let course = Course {
+            name: self.name.to_owned(),
+            seconds,
+            seed: SEED,
+            scratch: Some(context.scratch.clone()),
+        };
+        let mut told: Option<Instant> = None;
+        let tell = &mut |stage: Stage, fraction: f64| {
+            if told.is_none_or(|it| it.elapsed() >= REPORT_EVERY) {
+                told = Some(Instant::now());
+                context.report(progress(&stage, fraction, seconds));
+            }
+        };
+        let goes_on = &mut || context.check().is_ok();
+        let made = course.run(&lessons, &context.device.device, tell, goes_on);
+        let made = made.map_err(|error| {
+            // Why it must stop.
+            let stopped = context.check().err();
+            stopped.unwrap_or_else(|| failure(&error))
+        })?;
+        let progress = made.trainer.progress();
+        let person = splats(&made.trainer.renderer(), 0)?.ok_or_else(|| JobFailure::Failed {
+            code: "INTERNAL",
+            message: "the distilled model has no splats".into(),
+        })?;
+        let distilled = DistilledSplats {
+            pictures: count(made.pictures),
+            seconds: made.time.as_secs_f64(),
+            psnr_mask_box: progress.psnr_mask_box,
+            psnr: progress.psnr,
+        };
+        Ok((person, distilled))
+    }
+}
+
+/// What is told of a `stage`, when so much of `seconds` is over.
+fn progress(stage: &Stage, fraction: f64, seconds: f64) -> Progress {
+    let common = Progress {
+        fraction: SHARE * fraction,
+        seconds_left: (1.0 - fraction) * seconds,
+        ..Progress::default()
+    };
+    match stage {
+        Stage::Filming(pictures) => Progress {
+            phase: "rendering the field".into(),
+            step: *pictures as u64,
+            ..common
+        },
+        Stage::Training(now) => Progress {
+            phase: "training splats".into(),
+            step: now.step,
+            steps_per_second: now.steps_per_second,
+            loss: now.loss,
+            skipped_steps: now.skipped_steps,
+            rollbacks: now.rollbacks,
+            objective: now.objective.into(),
+            train_seconds: now.train_seconds,
+            ..common
+        },
+    }
+}
+
+fn failure(error: &DistillError) -> JobFailure {
+    let doing = "making splats of the field";
+    match error {
+        // Films go to this machine's disk.
+        DistillError::Capture(CaptureError::Io { .. }) => JobFailure::machine(doing, error),
+        error => JobFailure::failed("DISTILLATION", doing, error),
+    }
+}

@@ -1,0 +1,100 @@
+//! The motions of an order: of captures, whose tracks are fetched, and of clips.
+
+use super::of_motion;
+use crate::jobs::{JobContext, JobFailure, checkpoint::Downloaded, shard};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use yoto_export::source::Source;
+use yoto_proto::{
+    exports::moves_as_captured,
+    v1::{ExportMotion, ExportSpec, Inputs, export_motion::Motion},
+};
+
+/// Name of a clip that has none.
+const NAME: &str = "motion";
+
+/// The motions of an order.
+pub(super) struct Motions<'a> {
+    context: &'a JobContext,
+    spec: &'a ExportSpec,
+    inputs: &'a Inputs,
+    found: &'a Downloaded,
+    /// Those of captures that were fetched, by subject.
+    captured: RefCell<HashMap<String, Source>>,
+}
+
+impl<'a> Motions<'a> {
+    /// Those of `spec`, with the poses that the training of the checkpoint `found` refined.
+    pub(super) fn new(
+        context: &'a JobContext,
+        spec: &'a ExportSpec,
+        inputs: &'a Inputs,
+        found: &'a Downloaded,
+    ) -> Self {
+        Self {
+            context,
+            spec,
+            inputs,
+            found,
+            captured: RefCell::default(),
+        }
+    }
+
+    /// All that the files have, in the order's order.
+    pub(super) fn all(&self) -> Result<Vec<Source>, JobFailure> {
+        if moves_as_captured(self.spec) {
+            return Ok(vec![self.own()?]);
+        }
+        self.spec.motions.iter().map(|it| self.one(it)).collect()
+    }
+
+    /// The motion of the subject's own capture.
+    pub(super) fn own(&self) -> Result<Source, JobFailure> {
+        self.of_capture(&self.spec.subject)
+    }
+
+    fn one(&self, motion: &ExportMotion) -> Result<Source, JobFailure> {
+        let source = match &motion.motion {
+            Some(Motion::Capture(part)) => {
+                let driver = match &*part.driver {
+                    "" => &self.spec.subject,
+                    driver => driver,
+                };
+                let whole = self.of_capture(driver)?;
+                whole.part(part)
+            }
+            Some(Motion::Clip(clip)) => {
+                let name = match &*motion.name {
+                    "" => NAME,
+                    name => name,
+                };
+                return Source::clip(name, clip, &motion.up).map_err(|error| of_motion(&error));
+            }
+            None => {
+                return Err(JobFailure::invalid(
+                    "export",
+                    "motions",
+                    "one has no motion",
+                ));
+            }
+        };
+        let source = source.map_err(|error| of_motion(&error))?;
+        Ok(match &*motion.name {
+            "" => source,
+            name => source.called(name),
+        })
+    }
+
+    /// The motion of the capture of `subject`, which is called after them.
+    fn of_capture(&self, subject: &str) -> Result<Source, JobFailure> {
+        if let Some(known) = self.captured.borrow().get(subject) {
+            return Ok(known.clone());
+        }
+        let (name, shard) =
+            shard::with_refined_poses(self.context, self.inputs, self.found, subject)?;
+        let source = Source::track(&name, &shard.track).map_err(|error| of_motion(&error))?;
+        let known = &mut *self.captured.borrow_mut();
+        known.insert(subject.to_owned(), source.clone());
+        Ok(source)
+    }
+}
