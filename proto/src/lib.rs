@@ -10,6 +10,7 @@ pub mod backoff;
 pub mod checks;
 pub mod correction;
 pub mod exports;
+pub mod frame_steps;
 pub mod keys;
 pub mod limits;
 pub mod manifest;

@@ -9,7 +9,7 @@ pub struct Need<'a> {
     pub field: String,
     /// Name of the subject.
     pub subject: &'a str,
-    /// Name of the model that draws whoever needs the subject.
+    /// Name of the model that draws the person for whom the subject is needed.
     pub model: &'a str,
     /// Whether the subject must have a slot in that model.
     pub slot: bool,

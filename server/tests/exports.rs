@@ -66,7 +66,7 @@ async fn trained(service: &Service, subject: &Subject) -> Trained {
     }
 }
 
-/// An object under this lease, as a file of an export.
+/// An exported file, stored as an object of this lease.
 async fn written(service: &Service, lease: &Lease, file: &str) -> ExportedFile {
     let job = lease.job.clone().expect("has a job");
     let key = keys::render(id(&job.name), lease.token, file);

@@ -107,7 +107,7 @@ fn check_motion(found: &mut Faults, at: &str, motion: &ExportMotion) {
         format!("{bytes} bytes: at most {NAME_BYTES} are allowed, and no control characters")
     });
     match &motion.motion {
-        None => found.add(&field("motion"), "there is none"),
+        None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(capture)) => {
             let count = capture.frame_count as usize;
             found.unless(count <= MAX_FRAMES, &field("capture.frame_count"), || {

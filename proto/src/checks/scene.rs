@@ -91,7 +91,7 @@ impl Faults {
 fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
     let field = |name: &str| format!("{at}.{name}");
     match &actor.motion {
-        None => found.add(&field("motion"), "there is none"),
+        None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(motion)) => {
             let count = motion.frame_count;
             found.unless(count <= MAX_PICTURES, &field("capture.frame_count"), || {

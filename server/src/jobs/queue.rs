@@ -204,7 +204,7 @@ struct Shown {
     person: String,
 }
 
-/// Everybody whom the specification at `field` needs has a capture with the frame that is asked of it. Returns those who
+/// Checks that everybody whom the specification at `field` needs has a capture, with the requested frame. Returns those who
 /// must have a slot in the model.
 async fn check_needs(
     context: &Context,

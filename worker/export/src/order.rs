@@ -61,7 +61,7 @@ pub enum ExportError {
     /// A form that this version does not know.
     #[error("the form is not known")]
     Form,
-    /// A motion is none, or of too different a body.
+    /// A motion is invalid, or of a body that differs too much.
     #[error(transparent)]
     Motion(#[from] SourceError),
     /// A motion is of another body.

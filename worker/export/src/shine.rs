@@ -1,14 +1,14 @@
 //! Colours that depend on the view, where bones have turned a splat.
 
 use std::f64::consts::PI;
-use yoto_avatar::ops::splat::harmonics::{MOST, terms};
+use yoto_avatar::ops::splat::harmonics::{HARMONICS, terms};
 use yoto_capture::skeleton::transform::Mat3;
 
 /// The golden ratio, of which an icosahedron's corners are made.
 const GOLDEN: f64 = 1.618_033_988_749_895;
 
 /// Coefficients of harmonics by channel.
-pub(crate) type Harmonics = [[f32; 3]; MOST];
+pub(crate) type Harmonics = [[f32; 3]; HARMONICS];
 
 /// What the colour gains where a camera looks along the `direction`, of any length but 0, in the rest pose.
 pub(crate) fn gained(own: &Harmonics, direction: [f64; 3]) -> [f32; 3] {
@@ -21,7 +21,7 @@ pub(crate) fn gained(own: &Harmonics, direction: [f64; 3]) -> [f32; 3] {
 /// The coefficients after the turn `by`: the mean over the corners of an icosahedron of their products with each
 /// harmonic, which is exact for these degrees. Of a turn with shear it is the nearest.
 pub(crate) fn turned(own: &Harmonics, by: &Mat3) -> Harmonics {
-    let mut turned = [[0.0; 3]; MOST];
+    let mut turned = [[0.0; 3]; HARMONICS];
     if own.as_flattened().iter().all(|value| *value == 0.0) {
         return turned;
     }

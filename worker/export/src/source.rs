@@ -4,6 +4,7 @@ use crate::clip::Clip;
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, transfer};
+use yoto_proto::frame_steps::chosen;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
 
@@ -13,7 +14,7 @@ const UP: Vec3 = [0.0, 1.0, 0.0];
 /// A motion that can't be taken.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
-    /// A pose or camera is none.
+    /// An invalid pose or camera.
     #[error("{place}")]
     View {
         /// The motion and the frame.
@@ -21,7 +22,7 @@ pub enum SourceError {
         /// What is wrong.
         source: ViewError,
     },
-    /// The skeleton of a clip is none.
+    /// A clip with an invalid skeleton.
     #[error("{place}: {}", pose_track::describe(violation))]
     Clip {
         /// The motion.
@@ -29,7 +30,7 @@ pub enum SourceError {
         /// What is wrong.
         violation: Box<Violation>,
     },
-    /// A skeleton is none, or too different from the body.
+    /// An invalid skeleton, or one that differs too much from the body.
     #[error("{place}")]
     Body {
         /// The motion, and the frame if one is to blame.
@@ -81,7 +82,7 @@ impl Source {
     /// The motion of a capture's `track`.
     ///
     /// # Errors
-    /// A pose, or the first camera, is none.
+    /// An invalid pose or first camera.
     pub fn track(name: &str, track: &PoseTrack) -> Result<Self, SourceError> {
         let fault = |number: u32| {
             move |source| SourceError::View {
@@ -111,7 +112,7 @@ impl Source {
     /// not three numbers.
     ///
     /// # Errors
-    /// The skeleton or a pose is none.
+    /// An invalid skeleton or pose.
     pub fn clip(name: &str, clip: &MotionClip, up: &[f64]) -> Result<Self, SourceError> {
         let skeleton = clip.skeleton.clone().unwrap_or_default();
         let skeleton = pose_track::Skeleton::from_proto(skeleton);
@@ -145,25 +146,18 @@ impl Source {
             Some(number) => self.find(number)?,
             None => 0,
         };
-        let step = part.frame_step.max(1) as usize;
-        let left = (self.poses.len() - first).div_ceil(step);
-        let wanted = match part.frame_count as usize {
-            0 => left,
-            count if count <= left => count,
-            wanted => {
-                return Err(SourceError::TooFew {
-                    wanted,
-                    left,
-                    first: self.numbers.get(first).copied().unwrap_or_default(),
-                    step,
-                    place: self.name,
-                });
-            }
-        };
-        let chosen = (first..).step_by(step).take(wanted);
-        self.poses = chosen.clone().map(|at| self.poses[at].clone()).collect();
-        self.numbers = chosen.map(|at| self.numbers[at]).collect();
-        self.fps /= step as f64;
+        let frames = self.poses.len();
+        let chosen = chosen(frames, first, part.frame_step, part.frame_count);
+        let chosen = chosen.map_err(|left| SourceError::TooFew {
+            wanted: part.frame_count as usize,
+            left,
+            first: self.numbers.get(first).copied().unwrap_or_default(),
+            step: part.frame_step.max(1) as usize,
+            place: self.name.clone(),
+        })?;
+        self.poses = chosen.iter().map(|at| self.poses[*at].clone()).collect();
+        self.numbers = chosen.iter().map(|at| self.numbers[*at]).collect();
+        self.fps /= f64::from(part.frame_step.max(1));
         Ok(self)
     }
 

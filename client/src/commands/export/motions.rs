@@ -76,7 +76,7 @@ impl Numbered {
     pub fn driver(name: &str, driver: String, range: Option<FrameRange>) -> Self {
         let capture = CaptureMotion {
             driver,
-            // Captures need not begin with 0.
+            // A capture may begin with another number than 0.
             first_frame: range.map(|range| range.first).filter(|first| *first > 0),
             frame_count: range.map_or(0, FrameRange::count),
             frame_step: range.map_or(1, |range| range.step),

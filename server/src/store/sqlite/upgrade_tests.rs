@@ -134,7 +134,7 @@ async fn exports_are_learned(store: &SqliteStore) {
         async move { store.writer.execute(statement).await }
     };
     insert("export").await.expect("is a kind");
-    let error = insert("sing").await.expect_err("is none");
+    let error = insert("sing").await.expect_err("not a kind of job");
     assert!(error.to_string().contains("CHECK"), "{error}");
 }
 

@@ -40,7 +40,7 @@ pub struct SkinnedSplat {
     pub colour: [f32; 3],
     /// What the colour gains by the view, in the rest pose ([`crate::ops::splat::harmonics`]); zeros above
     /// [`SkinnedSplats::degree`].
-    pub harmonics: [[f32; 3]; harmonics::MOST],
+    pub harmonics: [[f32; 3]; harmonics::HARMONICS],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.
     pub bones: [(u16, f32); BONES],
 }

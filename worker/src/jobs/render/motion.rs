@@ -10,7 +10,7 @@ use yoto_capture::{
     camera::{Camera, Pose},
     skeleton::{Skeleton, Vec3, transfer},
 };
-use yoto_proto::{pose_track::PoseTrack, v1::MotionTransfer};
+use yoto_proto::{frame_steps::chosen, pose_track::PoseTrack, v1::MotionTransfer};
 
 /// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
 /// on, `frame_count` of them (0 means all remaining ones). The request has the motion at `field`.
@@ -23,21 +23,16 @@ pub(super) fn places(
         Some(index) => find_place(track, index, &format!("{field}.first_frame"))?,
         None => 0,
     };
-    let step = transfer.frame_step.max(1) as usize;
-    let left = (track.frames.len() - first).div_ceil(step);
-    let count = match transfer.frame_count as usize {
-        0 => left,
-        count if count <= left => count,
-        count => {
-            let message = format!(
-                "{count} frames, but the driver's capture has {left} from frame {} on in steps of {step}",
-                track.frames[first].index
-            );
-            let field = format!("{field}.frame_count");
-            return Err(JobFailure::invalid("render", &field, message));
-        }
-    };
-    Ok((0..count).map(|i| first + i * step).collect())
+    let (step, count) = (transfer.frame_step, transfer.frame_count);
+    chosen(track.frames.len(), first, step, count).map_err(|left| {
+        let message = format!(
+            "{count} frames, but the driver's capture has {left} from frame {} on in steps of {}",
+            track.frames[first].index,
+            step.max(1)
+        );
+        let field = format!("{field}.frame_count");
+        JobFailure::invalid("render", &field, message)
+    })
 }
 
 /// Frames per second at which the frames at `places` of the driver's `track` move as fast as the

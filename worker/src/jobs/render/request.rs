@@ -130,6 +130,28 @@ mod tests {
         }
     }
 
+    fn actor(subject: &str, model: &str) -> Actor {
+        Actor {
+            subject: subject.into(),
+            model: model.into(),
+            motion: Some(Motion::Capture(CaptureMotion::default())),
+            ..Actor::default()
+        }
+    }
+
+    fn scene_of(actors: Vec<Actor>) -> RenderSpec {
+        let scene = Scene {
+            actors,
+            width: 8,
+            height: 8,
+            ..Scene::default()
+        };
+        RenderSpec {
+            what: Some(What::Scene(scene)),
+            ..RenderSpec::default()
+        }
+    }
+
     #[test]
     fn a_good_request_gets_its_slot_and_defaults() {
         let spec = orbit(12, 128);
@@ -162,27 +184,9 @@ mod tests {
             }),
             checkpoints: Vec::new(),
         }];
-        let actor = |subject: &str, model: &str| Actor {
-            subject: subject.into(),
-            model: model.into(),
-            motion: Some(Motion::Capture(CaptureMotion::default())),
-            ..Actor::default()
-        };
         let with = |last: Actor| {
-            let scene = Scene {
-                actors: vec![
-                    actor("subjects/a", ""),
-                    actor("subjects/a", "models/fog"),
-                    last,
-                ],
-                width: 8,
-                height: 8,
-                ..Scene::default()
-            };
-            RenderSpec {
-                what: Some(What::Scene(scene)),
-                ..RenderSpec::default()
-            }
+            let [duo, fog] = ["", "models/fog"].map(|model| actor("subjects/a", model));
+            scene_of(vec![duo, fog, last])
         };
         let spec = with(actor("subjects/b", "models/fog"));
         let request = Request::new(&spec, &inputs).expect("good");
@@ -209,23 +213,7 @@ mod tests {
             ..orbit(1, 8)
         };
         assert_eq!(fields(&stranger), ["subject"]);
-        let with = |subject: &str| {
-            let actor = Actor {
-                subject: subject.into(),
-                motion: Some(Motion::Capture(CaptureMotion::default())),
-                ..Actor::default()
-            };
-            let scene = Scene {
-                actors: vec![actor],
-                width: 8,
-                height: 8,
-                ..Scene::default()
-            };
-            RenderSpec {
-                what: Some(What::Scene(scene)),
-                ..RenderSpec::default()
-            }
-        };
+        let with = |subject: &str| scene_of(vec![actor(subject, "")]);
         assert_eq!(fields(&with("subjects/a")), [""; 0]);
         assert_eq!(fields(&with("subjects/b")), ["scene.actors[0].subject"]);
     }

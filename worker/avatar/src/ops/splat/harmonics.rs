@@ -10,13 +10,13 @@ use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 /// Number of harmonics above degree 0, up to degree 2.
-pub const MOST: usize = 8;
+pub const HARMONICS: usize = 8;
 
 /// Splats per task.
 const BLOCK: usize = 1024;
 
 /// The factors of [`terms`].
-const FACTORS: [f32; MOST] = [
+const FACTORS: [f32; HARMONICS] = [
     -0.488_602_5,
     0.488_602_5,
     -0.488_602_5,
@@ -39,7 +39,7 @@ pub(crate) const fn degree(count: usize) -> usize {
 
 /// The harmonics of degree 1 and 2 in the unit direction.
 #[inline(always)]
-pub fn terms([x, y, z]: [f32; 3]) -> [f32; MOST] {
+pub fn terms([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
     let plain = [
         y,
         z,
@@ -149,8 +149,8 @@ mod tests {
             }
         }
         let length = (1.0 + golden * golden).sqrt();
-        for one in 0..MOST {
-            for other in 0..MOST {
+        for one in 0..HARMONICS {
+            for other in 0..HARMONICS {
                 let sum: f32 = (corners.iter())
                     .map(|corner| terms(corner.map(|v| v / length)))
                     .map(|terms| terms[one] * terms[other])
