@@ -192,6 +192,7 @@ mod tests {
         let wanted = Distillation {
             seconds: 0.0,
             size: 128,
+            ..Distillation::default()
         };
         assert_eq!(distillation(Some(&wanted)), (60.0, 128));
         assert_eq!(distillation(None), (60.0, 256));

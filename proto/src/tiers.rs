@@ -102,7 +102,7 @@ pub const RENDER_TIERS: &[RenderTier] = &[
     },
     RenderTier {
         name: "realtime",
-        about: "of splats, the model's own settings; of fields none: `yoto distill` makes splats of them",
+        about: "of splats, the model's own settings; fields are not drawn in real time",
         goal: RenderGoal::Splats,
     },
 ];
@@ -127,8 +127,8 @@ pub fn refusal(quality: &RenderQuality, model: &str) -> Option<String> {
     let real_time = goal(quality) == Some(RenderGoal::Splats);
     (real_time && model != SPLATS).then(|| {
         format!(
-            "the model's tier, {model}, has fields, which are not drawn in real time: make splats of a person \
-             with `yoto distill`, or train a model with the tier {SPLATS}"
+            "the model's tier, {model}, has fields, which are not drawn in real time: train a model with the tier \
+             {SPLATS}, or play a page of the person (`yoto export --out NAME.html`)"
         )
     })
 }
@@ -178,7 +178,7 @@ mod tests {
         assert!(!needs_tradeoff(&real_time));
         assert_eq!(refusal(&real_time, SPLATS), None);
         let said = refusal(&real_time, "fast").expect("has fields");
-        assert!(said.contains("yoto distill"), "{said}");
+        assert!(said.contains("yoto export"), "{said}");
         let seconds = RenderQuality {
             want: Some(Want::MaxSecondsPerFrame(0.1)),
         };

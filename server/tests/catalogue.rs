@@ -241,6 +241,13 @@ async fn a_job_is_refused_while_the_catalogue_cannot_serve_it() {
         service.create_job(train(&empty.name, f64::NAN)).await,
         "spec.train.seconds",
     );
+    // A draft has a field.
+    let shiny = job_spec::Kind::Train(TrainSpec {
+        model: empty.name.clone(),
+        harmonics: Some(2),
+        ..<_>::default()
+    });
+    assert_invalid(service.create_job(shiny).await, "spec.train.harmonics");
     let ingest = job_spec::Kind::Ingest(IngestSpec {
         capture: "captures/a".into(),
     });

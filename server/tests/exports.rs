@@ -136,6 +136,7 @@ async fn splats_are_made_of_fields_alone() {
     let wanted = Some(Distillation {
         seconds: 5.0,
         size: 64,
+        ..Distillation::default()
     });
     for (tier, refused) in [("splat", true), ("draft", false)] {
         let model = service.model_of_tier(tier, tier).await;

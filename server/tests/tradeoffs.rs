@@ -214,7 +214,7 @@ async fn real_time_needs_splats_and_no_trade_off() {
         let answer = service.create_job(wish(&model)).await;
         if tier != tiers::SPLATS {
             let message = answer.as_ref().expect_err("fields").message().to_owned();
-            assert!(message.contains("yoto distill"), "{message}");
+            assert!(message.contains("the tier splat"), "{message}");
             assert_invalid(answer, "spec.render.quality");
             continue;
         }

@@ -210,6 +210,7 @@ async fn bad_requests_are_refused_by_field_and_exports_are_cancelled() -> anyhow
                 it.distillation = Some(Distillation {
                     seconds: -1.0,
                     size: 0,
+                    ..Distillation::default()
                 });
             },
             "spec.export.distillation.seconds",
@@ -225,7 +226,11 @@ async fn bad_requests_are_refused_by_field_and_exports_are_cancelled() -> anyhow
 
     let lasting = |seconds: f64| ExportSpec {
         model: field.name.clone(),
-        distillation: Some(Distillation { seconds, size: 64 }),
+        distillation: Some(Distillation {
+            seconds,
+            size: 64,
+            ..Distillation::default()
+        }),
         ..good.clone()
     };
     // What is done never becomes less, from the first picture of the field to the files.

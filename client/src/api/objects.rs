@@ -10,7 +10,9 @@ use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tonic::Status;
 use yoto_proto::hex;
 use yoto_proto::v1::object_service_client::ObjectServiceClient;
-use yoto_proto::v1::{DownloadObjectRequest, ListObjectsRequest, NamedObject};
+use yoto_proto::v1::{
+    DownloadObjectRequest, ExportResult, ExportedFile, ListObjectsRequest, NamedObject,
+};
 
 impl YotoClient {
     fn object_service(&self) -> ObjectServiceClient<tonic::transport::Channel> {
@@ -50,6 +52,26 @@ impl YotoClient {
         self.receive(object, Path::new(&object.file), &mut bytes, &mut |_| ())
             .await?;
         Ok(bytes)
+    }
+
+    /// The contents of all files of the export `job`, in the order of its `result`.
+    ///
+    /// # Errors
+    /// As [`Self::fetch_object`].
+    pub async fn exported(
+        &self,
+        job: &str,
+        result: &ExportResult,
+    ) -> Result<Vec<Vec<u8>>, ClientError> {
+        let objects = self.list_objects(job).await?;
+        let mut contents = Vec::new();
+        for ExportedFile { file, .. } in &result.files {
+            let object = objects.iter().find(|it| it.file == *file);
+            let object =
+                object.ok_or_else(|| ClientError::Contract(format!("{job} has no file {file}")))?;
+            contents.push(self.object(object).await?);
+        }
+        Ok(contents)
     }
 
     /// Writes one file into `dir`, under its own name, and returns its path; `on_bytes` receives the

@@ -15,9 +15,9 @@ pub use report::Report;
 
 use crate::import::{Format, Options, motion::Motion};
 use crate::progress::duration;
+use crate::studio::players::write_pages;
 use crate::studio::service::with_service;
 use crate::studio::shots::{Shot, Shots};
-use crate::studio::trained::{Page, write_pages};
 use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::{Context, ensure};
@@ -193,12 +193,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 animation: Some((out.join("motion.png"), fps)),
             })
             .await?;
-        let player = [Page {
-            subject: &subject,
-            own: &folder,
-            path: out.join(PLAYER),
-        }];
-        write_pages(client, &model, &player).await?;
+        let player = out.join(PLAYER);
+        write_pages(client, &model, &[(&subject, &player)]).await?;
         Ok((trained, orbit, moved))
     })
     .await?;

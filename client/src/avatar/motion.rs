@@ -3,6 +3,7 @@
 
 use crate::import::motion::{Motion, MotionFrame};
 use anyhow::{Context, ensure};
+use yoto_capture::skeleton::timing::{mean_fps, seconds};
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_proto::v1::{MotionClip, MotionTransfer, Subject, render_spec::What};
 
@@ -43,9 +44,7 @@ impl Shown<'_> {
         };
         let step = frames.len().div_ceil(MOST_FRAMES).max(1);
         let shown: Vec<u32> = frames.iter().copied().step_by(step).collect();
-        let span = shown.last().zip(shown.first());
-        let passed = span.map_or(0, |(last, first)| last.saturating_sub(*first));
-        let fps = (shown.len() as f64 - 1.0) * fps / f64::from(passed.max(1));
+        let fps = mean_fps(&seconds(&shown, fps)).unwrap_or(fps);
         let transfer = MotionTransfer {
             driver: subject.name.clone(),
             first_frame: None,

@@ -10,8 +10,8 @@ use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::distill::{Course, Distilled, Filmed, Lessons, Stage};
 use yoto_avatar::render::Renderer;
+use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
-use yoto_capture::camera::Camera;
 use yoto_export::source::Source;
 use yoto_proto::exports;
 use yoto_proto::pose_track::PoseTrack;
@@ -19,9 +19,11 @@ use yoto_proto::v1::Progress;
 
 const AFTER_HELP: &str = "\
 Renders the person all around in poses of the capture for a third of the time, and trains splats on these
-pictures for the rest; with --frames, on those of the capture as well. The new model has the person in slot 0, and plays, exports and renders as any model
-of splats; `yoto evaluate --model-dir DIR` compares it with what was filmed. Training splats on the capture
-itself (--tier splat) shows more.
+pictures for the rest; with --frames, on those of the capture as well, which has what the field lost. The new model has
+the person in slot 0: `yoto export` takes it, `yoto render-frame` draws single pictures, and `yoto evaluate
+--model-dir` compares it with what was filmed. For films and scenes, train splats on the captures themselves
+(`yoto train --tier splat`), which also shows more. The service's `yoto export MODEL` does all of this by
+itself.
 
 Examples:
   yoto distill fog --subject ada --capture captures/ada --out models/ada
@@ -44,7 +46,8 @@ pub(super) struct Distill {
     /// Longest side of the pictures, pixels. They are square, or have the form of the capture's frames.
     #[arg(long, default_value_t = exports::SIZE, value_name = "PX", value_parser = distillation_sizes())]
     size: u32,
-    /// Seconds of rendering and training together.
+    /// Seconds of rendering and training together; with a slow field, more: at least 12 pictures are rendered, and
+    /// the training has two thirds of this.
     #[arg(long, default_value_t = exports::SECONDS, value_name = "S", value_parser = distillation_seconds)]
     seconds: f64,
     /// Seed of the training.
@@ -69,32 +72,18 @@ impl Distill {
                 let options = CaptureOptions::default();
                 let decoded = DecodedCapture::open(&self.capture, &options, None)?;
                 let shard = decoded.shard(|_| {})?;
-                self.distill(&chosen, &shard.track, self.filmed(&shard)?)
+                self.distill(&chosen, &shard.track, Some(&shard))
             }
-            false => self.distill(&chosen, &track, Vec::new()),
+            false => self.distill(&chosen, &track, None),
         })
     }
 
-    /// The frames of the capture, at most as large as the film.
-    fn filmed(&self, shard: &Shard) -> anyhow::Result<Vec<Filmed>> {
-        let frames = shard.track.frames.iter().enumerate();
-        let filmed = frames.map(|(place, frame)| {
-            let camera = Camera::from_frame(frame, shard.track.image_size)
-                .with_context(|| format!("{}: frame {}", self.capture.display(), frame.index))?;
-            Ok(Filmed {
-                camera: camera.scaled_to(self.size),
-                image: shard.image(place).resized(self.size),
-            })
-        });
-        filmed.collect()
-    }
-
-    /// Films the person and trains splats on the film, with what was `filmed` before of the track's poses.
+    /// Films the person in the poses of a `given` track, and trains splats on the film, with the frames of `capture`.
     fn distill(
         &self,
         chosen: &ChosenPerson,
-        track: &PoseTrack,
-        filmed: Vec<Filmed>,
+        given: &PoseTrack,
+        capture: Option<&Shard>,
     ) -> anyhow::Result<()> {
         let slot = chosen.slot;
         let model = || format!("the model {}", chosen.model);
@@ -108,21 +97,25 @@ impl Distill {
         );
         let body = renderer.skeleton(slot);
         let body = body.with_context(|| format!("{} has no slot {slot}", model()))?;
-        let source = Source::track(&named(&self.capture), track)?;
-        let motion = source.on(body)?;
+        let refined = refined_track(chosen.folder(), slot, given).with_context(model)?;
+        let name = named(&self.capture);
+        let source = Source::track(&name, refined.as_ref().unwrap_or(given))?;
+        let poses = source.poses(body)?;
+        let filmed = match capture {
+            Some(capture) => Filmed::of(capture, &poses, self.size)
+                .with_context(|| self.capture.display().to_string())?,
+            None => Vec::new(),
+        };
         let lessons = Lessons {
             renderer: &renderer,
             slot,
-            poses: &motion.poses,
+            poses: &poses,
             up: source.up(),
-            size: match filmed.first() {
-                Some(first) => [first.camera.width, first.camera.height],
-                None => [self.size; 2],
-            },
+            size: Filmed::size(&filmed).unwrap_or([self.size; 2]),
             filmed: &filmed,
         };
         let course = Course {
-            name: motion.name.clone(),
+            name,
             seconds: self.seconds,
             seed: self.seed,
             scratch: None,
@@ -147,12 +140,7 @@ impl Distill {
         ));
         if let (Some(whole), Some(near)) = (progress.psnr, progress.psnr_mask_box) {
             say!(
-                "{whole:.2} dB to {} on pictures that were held out, {near:.2} dB near the person",
-                if self.frames {
-                    "the field and the capture"
-                } else {
-                    "the field"
-                }
+                "{whole:.2} dB to the field on pictures that were held out, {near:.2} dB near the person"
             );
             output::put("psnr", whole);
             output::put("psnr_mask_box", near);

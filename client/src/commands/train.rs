@@ -11,9 +11,10 @@ use super::{model, table};
 use crate::api::YotoClient;
 use crate::output;
 use crate::progress::{ProgressDisplay, duration};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 use std::path::PathBuf;
+use yoto_proto::checks::train::of_tier;
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{Model, TrainResult, TrainSpec, job_result};
 
@@ -112,6 +113,14 @@ impl Train {
                 tier: self.tier.unwrap_or_else(|| DEFAULT_TIER.to_owned()),
                 variant: self.variant.unwrap_or_else(|| "yoto".to_owned()),
             };
+            // Before a model is there that nobody wants.
+            let wanted = TrainSpec {
+                harmonics: self.harmonics,
+                ..TrainSpec::default()
+            };
+            if let Some(fault) = of_tier(&wanted, &shape.tier).first() {
+                bail!("--{}: {}", fault.field, fault.message);
+            }
             create_with(&client, &self.model, &self.subjects, &shape).await?
         };
         let only = match &self.only {

@@ -10,9 +10,9 @@ mod sheet;
 
 use crate::api::YotoClient;
 use crate::progress::duration;
+use crate::studio::players::write_pages;
 use crate::studio::service::with_service;
 use crate::studio::shots::Shots;
-use crate::studio::trained::{Page, write_pages};
 use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::Context;
@@ -171,15 +171,10 @@ async fn drive(
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
 
-    let captures: Vec<PathBuf> = actors
-        .iter()
-        .map(|actor| capture_folder(&options.out, &actor.name))
-        .collect();
-    let mut pages = Vec::new();
-    for ((subject, actor), own) in subjects.iter().zip(actors).zip(&captures) {
-        let path = options.out.join(format!("{}.html", actor.name));
-        pages.push(Page { subject, own, path });
-    }
+    let paths = actors.iter();
+    let paths = paths.map(|actor| options.out.join(format!("{}.html", actor.name)));
+    let paths: Vec<PathBuf> = paths.collect();
+    let pages: Vec<_> = subjects.iter().zip(paths.iter().map(|it| &**it)).collect();
     write_pages(client, &model, &pages).await?;
 
     let scores = score::subjects(actors, &renders)?;

@@ -4,11 +4,13 @@
 //! ```text
 //! folder (may it be replaced?) → service (runs while the work lasts) → person (upload, ingest)
 //!                                → training → shots (render jobs and their files)
-//!                                           → trained (a checkpoint's files, pages that play)
+//!                                           → players (export jobs: pages that play)
+//!                                           → trained (a checkpoint's files)
 //! ```
 
 pub mod folder;
 pub mod person;
+pub(crate) mod players;
 pub mod service;
 pub mod shots;
 pub(crate) mod trained;

@@ -42,7 +42,7 @@ pub fn faults(export: &ExportSpec) -> Vec<Fault> {
         check_motions(&mut found, export, form);
         check_mesh(&mut found, export, form);
     }
-    if let Some(Distillation { seconds, size }) = export.distillation {
+    if let Some(Distillation { seconds, size, .. }) = export.distillation {
         if seconds != 0.0 {
             found.between("distillation.seconds", seconds, &SECONDS);
         }
@@ -184,6 +184,7 @@ mod tests {
         page.distillation = Some(Distillation {
             seconds: 90.0,
             size: 0,
+            ..Distillation::default()
         });
         let mut mesh = spec(ExportForm::MeshGlb);
         (mesh.triangles, mesh.texture, mesh.rest) = (500, 64, true);
@@ -260,6 +261,7 @@ mod tests {
                     it.distillation = Some(Distillation {
                         seconds: f64::NAN,
                         size: 8,
+                        ..Distillation::default()
                     });
                 },
                 &["distillation.seconds", "distillation.size"],

@@ -3,6 +3,7 @@
 use super::{Fault, Faults};
 use crate::{
     pose_track::MAX_SIDE,
+    tiers::SPLATS,
     v1::{ExposureLearning, PoseRefinement, TrainSpec},
 };
 use std::ops::RangeInclusive;
@@ -63,6 +64,16 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
     found.0
 }
 
+/// What a model of this `tier` lacks for an order to train it.
+pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<Fault> {
+    let mut found = Faults::default();
+    let degree = train.harmonics.unwrap_or_default();
+    found.unless(degree == 0 || tier == SPLATS, "harmonics", || {
+        format!("the tier {tier} has fields, whose colours do not depend on the view")
+    });
+    found.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,6 +89,18 @@ mod tests {
         assert_eq!(faults(&TrainSpec::default()), []);
         assert_eq!(fields(|it| it.steps = 10), [""; 0]);
         assert_eq!(fields(|it| it.seconds = 150.0), [""; 0]);
+    }
+
+    #[test]
+    fn only_splats_have_harmonics() {
+        let of = |degree, tier| {
+            let spec = TrainSpec {
+                harmonics: Some(degree),
+                ..TrainSpec::default()
+            };
+            of_tier(&spec, tier).len()
+        };
+        assert_eq!((of(2, "fast"), of(0, "fast"), of(2, SPLATS)), (1, 0, 0));
     }
 
     #[test]

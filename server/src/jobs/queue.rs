@@ -87,6 +87,13 @@ pub async fn cancel(
 async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
     context.ensure_room(0)?;
     let model = model(context, "spec.train.model", &train.model).await?;
+    if let Some(fault) = checks::train::of_tier(train, &model.tier)
+        .into_iter()
+        .next()
+    {
+        let field = format!("spec.train.{}", fault.field);
+        return Err(RequestError::invalid(field, fault.message));
+    }
     if model.slots.is_empty() {
         let message = format!("{} has no people; add one first", model.display_name);
         return Err(RequestError::precondition("NO_IDENTITIES", message));

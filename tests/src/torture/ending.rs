@@ -120,6 +120,10 @@ fn objects_of(job: &Job) -> Vec<&ObjectRef> {
             let files = render.files.iter();
             files.filter_map(|file| file.object.as_ref()).collect()
         }
+        Some(job_result::Kind::Export(export)) => {
+            let files = export.files.iter();
+            files.filter_map(|file| file.object.as_ref()).collect()
+        }
         _ => Vec::new(),
     }
 }

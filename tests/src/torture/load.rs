@@ -1,5 +1,5 @@
 //! What clients ask of the service meanwhile: people, models, short trainings, pictures, measurements,
-//! cancels and deletions.
+//! exports, cancels and deletions.
 
 use super::{
     calls::{Calls, is_transient},
@@ -21,8 +21,9 @@ use yoto_client::api::{ClientError, UploadFile, YotoClient};
 use yoto_proto::{
     protocols::HELD_OUT,
     v1::{
-        CreateJobRequest, EvaluateSpec, Job, JobKind, JobPriority, JobSpec, Orbit, RenderSpec,
-        TrainSpec, capture, job, job_spec, render_spec::What,
+        CreateJobRequest, Distillation, EvaluateSpec, ExportForm, ExportSpec, Job, JobKind,
+        JobPriority, JobSpec, Orbit, RenderSpec, TrainSpec, capture, job, job_spec,
+        render_spec::What,
     },
 };
 
@@ -234,7 +235,7 @@ impl Load {
     }
 
     async fn one(&self, avatar: &Avatar, chance: &mut ChaCha8Rng, open: &[Job]) -> Result<()> {
-        match chance.random_range(0..12) {
+        match chance.random_range(0..13) {
             0..4 => {
                 let steps = chance.random_range(10..60);
                 self.ask(train(&avatar.model, steps), false).await?;
@@ -254,6 +255,9 @@ impl Load {
                 }
             }
             10 => self.delete_one(avatar).await?,
+            11 => {
+                self.ask(export(avatar), false).await?;
+            }
             _ => {
                 self.person(1).await?;
             }
@@ -337,5 +341,20 @@ fn evaluate(avatar: &Avatar) -> job_spec::Kind {
         protocol: HELD_OUT.to_owned(),
         image_size: SIZE,
         ..EvaluateSpec::default()
+    })
+}
+
+/// Splats of a person, who is a field: they are trained on the way.
+fn export(avatar: &Avatar) -> job_spec::Kind {
+    job_spec::Kind::Export(ExportSpec {
+        model: avatar.model.clone(),
+        subject: avatar.subject.clone(),
+        form: ExportForm::SplatsSpz.into(),
+        distillation: Some(Distillation {
+            seconds: 2.0,
+            size: SIZE,
+            ..Distillation::default()
+        }),
+        ..ExportSpec::default()
     })
 }

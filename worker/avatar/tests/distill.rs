@@ -5,7 +5,7 @@ use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::distill::{DistillError, Filmed, Lessons};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
-use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::camera::Pose;
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{Shard, ShardBuilder};
 
@@ -39,17 +39,15 @@ fn splats_show_what_a_field_shows() {
         .iter()
         .map(|frame| Pose::from_frame(frame).expect("a pose"))
         .collect();
-    let filmed: Vec<Filmed> = (track.frames.iter().zip(&images))
-        .map(|(frame, image)| Filmed {
-            camera: Camera::from_frame(frame, track.image_size).expect("a camera"),
-            image: image.clone(),
-        })
-        .collect();
     let mut shard = ShardBuilder::new(track);
     for image in &images {
         shard.push(image).expect("fits");
     }
     let shard = Arc::new(shard.finish().expect("complete"));
+    let filmed = Filmed::of(&shard, &poses, SIZE).expect("cameras");
+    let small = Filmed::of(&shard, &poses, SIZE / 2).expect("cameras");
+    assert_eq!(small[1].camera.width, SIZE / 2);
+    assert_eq!(small[1].image.width, SIZE as usize / 2);
     let field = trained("draft", shard, 150, Validation::NONE).renderer();
     let lessons = |poses, slot| Lessons {
         renderer: &field,
@@ -89,10 +87,10 @@ fn splats_show_what_a_field_shows() {
     };
     let both = both.film(|pictures| pictures < 2).expect("a film");
     assert_eq!(both.frames(), 2 + 12);
-    for (place, (filmed, pose)) in filmed.iter().zip(&poses).enumerate() {
-        assert_eq!(both.image(2 + place).rgb, filmed.image.rgb);
+    for (place, (image, pose)) in images.iter().zip(&poses).enumerate() {
+        assert_eq!(both.image(2 + place).rgb, image.rgb);
         let frame = &both.track.frames[2 + place];
-        assert_eq!(frame.e, filmed.camera.e);
+        assert_eq!(frame.e, filmed[place].camera.e);
         assert_eq!(Pose::from_frame(frame).expect("a pose"), *pose);
     }
 

@@ -3,7 +3,7 @@
 use crate::clip::Clip;
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
-use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, transfer};
+use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, timing, transfer};
 use yoto_proto::frame_steps::chosen;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
@@ -71,8 +71,9 @@ pub struct Source {
     name: String,
     skeleton: pose_track::Skeleton,
     poses: Vec<Pose>,
-    /// Number of each pose's frame.
+    /// Number of each pose's frame, which tells when it is.
     numbers: Vec<u32>,
+    /// Frames per second that the numbers count.
     fps: f64,
     /// The up axis of its world.
     up: Vec3,
@@ -157,7 +158,6 @@ impl Source {
         })?;
         self.poses = chosen.iter().map(|at| self.poses[*at].clone()).collect();
         self.numbers = chosen.iter().map(|at| self.numbers[*at]).collect();
-        self.fps /= f64::from(part.frame_step.max(1));
         Ok(self)
     }
 
@@ -167,22 +167,27 @@ impl Source {
         self
     }
 
-    /// The whole motion on the body of `target`.
+    /// The whole motion on the body of `target`, as fast as it was filmed, with poses at equal times.
     ///
     /// # Errors
     /// The skeletons are too different.
     pub fn on(&self, target: &Skeleton) -> Result<Clip, SourceError> {
-        let seconds: Vec<f64> = (0..self.poses.len())
-            .map(|at| at as f64 / self.fps)
-            .collect();
-        let driver = self.driver(target)?;
-        let poses = transfer(&driver, target, &self.poses, &seconds, self.up);
-        let poses = poses.map_err(|(at, source)| self.at_fault(at, source))?;
+        let (poses, fps) = timing::even(self.poses(target)?, &self.seconds());
         Ok(Clip {
             name: self.name.clone(),
-            fps: self.fps,
+            fps: fps.unwrap_or(self.fps),
             poses,
         })
+    }
+
+    /// The pose of each frame on the body of `target`.
+    ///
+    /// # Errors
+    /// The skeletons are too different.
+    pub fn poses(&self, target: &Skeleton) -> Result<Vec<Pose>, SourceError> {
+        let driver = self.driver(target)?;
+        let poses = transfer(&driver, target, &self.poses, &self.seconds(), self.up);
+        poses.map_err(|(at, source)| self.at_fault(at, source))
     }
 
     /// The pose of the frame with this `number` on the body of `target`.
@@ -198,6 +203,11 @@ impl Source {
     /// The up axis of its world.
     pub fn up(&self) -> Vec3 {
         self.up
+    }
+
+    /// The time of each pose.
+    fn seconds(&self) -> Vec<f64> {
+        timing::seconds(&self.numbers, self.fps)
     }
 
     /// The place among its poses of the frame with this `number`.
@@ -317,7 +327,8 @@ mod tests {
     fn a_part_has_the_frames_that_it_chooses_by_their_numbers() {
         let source = motion().part(&part(Some(2), 3, 3)).expect("is there");
         let clip = source.on(&body()).expect("a clip");
-        assert_eq!((clip.name.as_str(), clip.fps), ("walk", 20.0));
+        assert_eq!(clip.name, "walk");
+        assert!((clip.fps - 20.0).abs() < 1e-9, "{}", clip.fps);
         let knees = clip.poses.iter().map(|pose| pose.rotations[1][0]);
         assert_eq!(knees.collect::<Vec<_>>(), [0.2, 0.5, 0.8]);
         // As its size is the body's, so are its steps.

@@ -36,7 +36,7 @@ A worker of the service makes the files of its models. Motions are those of capt
 disk, of people in the service, and of files, in this order; without any, that of the person's
 own capture. Of a capture on this disk only poses.json is read; `yoto subject poses --refined`
 writes one with refined poses. A model of another tier than splat is a field, of which splats
-are made first, as `yoto distill` does, in --seconds. The folder of a checkpoint is read on this
+are made first, as `yoto distill --frames` does, in --seconds. The folder of a checkpoint is read on this
 machine; it needs splats, and its people move only as --capture and --motion-file say.
 
 Examples:
@@ -93,9 +93,12 @@ pub(super) struct Export {
     /// Seconds in which splats are made of a field [default: 60].
     #[arg(long, value_name = "S", value_parser = distillation_seconds)]
     seconds: Option<f64>,
-    /// Side of the pictures of the field from which the splats learn, pixels [default: 256].
+    /// Longest side of the pictures from which the splats learn, pixels [default: 256].
     #[arg(long, value_name = "PX", value_parser = distillation_sizes())]
     size: Option<u32>,
+    /// Learn splats of a field from its pictures alone, without the frames of the person's capture.
+    #[arg(long)]
+    field_only: bool,
     /// Write over a file that is there already.
     #[arg(long)]
     force: bool,
@@ -125,8 +128,12 @@ impl Export {
         match place {
             Place::Folder(folder) => {
                 ensure!(
-                    self.drivers.is_empty() && self.seconds.is_none() && self.size.is_none(),
-                    "{} is a folder: --motion, --seconds and --size belong to a model of the service",
+                    self.drivers.is_empty()
+                        && self.seconds.is_none()
+                        && self.size.is_none()
+                        && !self.field_only,
+                    "{} is a folder: --motion, --seconds, --size and --field-only belong to a model of the \
+                     service",
                     folder.display()
                 );
                 let chosen = self.chosen(Vec::new(), form)?;

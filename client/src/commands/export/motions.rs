@@ -6,16 +6,17 @@ use crate::import::motion::Motion;
 use anyhow::{Context, ensure};
 use std::path::Path;
 use yoto_capture::camera::Camera;
-use yoto_capture::skeleton::Pose;
-use yoto_proto::v1::{CaptureMotion, ExportMotion, MotionClip, export_motion};
+use yoto_capture::skeleton::{Pose, timing};
+use yoto_proto::v1::{BodyPose, CaptureMotion, ExportMotion, MotionClip, export_motion};
 
-/// A motion with the numbers of its frames.
+/// A motion whose frames have numbers.
 pub(super) struct Numbered {
+    /// All of it, with poses at equal times.
     pub motion: ExportMotion,
     /// The folder or file, for messages.
     place: String,
-    /// Number of each pose's frame; none of a capture of the service, which alone knows them.
-    numbers: Option<Vec<u32>>,
+    /// Number and pose of each frame; none of a capture of the service, which alone knows them.
+    frames: Option<Vec<(u32, BodyPose)>>,
 }
 
 impl Numbered {
@@ -24,14 +25,17 @@ impl Numbered {
         let place = dir.display().to_string();
         let track = read_track(dir)?;
         let frame = |number: u32| format!("{place}: frame {number}");
-        let poses = track.frames.iter().map(|it| {
-            let pose = Pose::from_frame(it).with_context(|| frame(it.index))?;
-            Ok(pose.to_proto())
-        });
+        let poses = track.frames.iter();
+        let poses = poses.map(|it| Pose::from_frame(it).with_context(|| frame(it.index)));
+        let poses: Vec<Pose> = poses.collect::<anyhow::Result<_>>()?;
+        let numbers: Vec<u32> = track.frames.iter().map(|it| it.index).collect();
+        let given = poses.iter().map(Pose::to_proto);
+        let frames = numbers.iter().copied().zip(given).collect();
+        let (poses, fps) = timing::even(poses, &timing::seconds(&numbers, track.fps));
         let clip = MotionClip {
             skeleton: Some(track.skeleton.to_proto()),
-            poses: poses.collect::<anyhow::Result<_>>()?,
-            fps: track.fps,
+            poses: poses.iter().map(Pose::to_proto).collect(),
+            fps: fps.unwrap_or(track.fps),
             ..MotionClip::default()
         };
         let up = match track.frames.first() {
@@ -44,11 +48,10 @@ impl Numbered {
             }
             None => Vec::new(),
         };
-        let numbers = track.frames.iter().map(|it| it.index).collect();
         Ok(Self {
             motion: of_clip(named(dir), clip, up),
             place,
-            numbers: Some(numbers),
+            frames: Some(frames),
         })
     }
 
@@ -62,13 +65,13 @@ impl Numbered {
             "{place} has {} frames, none of them chosen by --range",
             motion.frames.len()
         );
-        let numbers = (range.first..).step_by(step).take(clip.poses.len());
-        let numbers = numbers.collect();
+        let numbers = (range.first..).step_by(step);
+        let frames = numbers.zip(clip.poses.iter().cloned()).collect();
         let name = named(&file.with_extension(""));
         Ok(Self {
             motion: of_clip(name, clip, Vec::new()),
             place,
-            numbers: Some(numbers),
+            frames: Some(frames),
         })
     }
 
@@ -87,7 +90,7 @@ impl Numbered {
                 ..ExportMotion::default()
             },
             place: name.to_owned(),
-            numbers: None,
+            frames: None,
         }
     }
 
@@ -97,17 +100,17 @@ impl Numbered {
         let Self {
             mut motion,
             place,
-            numbers,
+            frames,
         } = self;
-        let (Some(numbers), Some(export_motion::Motion::Clip(clip))) =
-            (numbers, &mut motion.motion)
+        let (Some(frames), Some(export_motion::Motion::Clip(clip))) = (frames, &mut motion.motion)
         else {
             return Ok((motion, number));
         };
-        let at = numbers.iter().position(|it| *it == number);
-        let count = numbers.len();
-        let at = at.with_context(|| format!("{place}: no frame {number} among its {count}"))?;
-        clip.poses = clip.poses.drain(at..=at).collect();
+        let count = frames.len();
+        let found = frames.into_iter().find(|(it, _)| *it == number);
+        let (_, pose) =
+            found.with_context(|| format!("{place}: no frame {number} among its {count}"))?;
+        clip.poses = vec![pose];
         Ok((motion, 0))
     }
 }

@@ -9,9 +9,7 @@ use crate::output;
 use crate::progress::ProgressDisplay;
 use anyhow::{Context, bail};
 use yoto_proto::names;
-use yoto_proto::v1::{
-    Distillation, DistilledSplats, ExportForm, ExportResult, ExportSpec, job_result,
-};
+use yoto_proto::v1::{Distillation, DistilledSplats, ExportForm, ExportSpec, job_result};
 
 impl Export {
     /// Has `subject` of the `model` exported, and writes the files.
@@ -28,7 +26,7 @@ impl Export {
         let found = client.find_model(model).await?;
         let person = client.find_subject(subject).await?;
         let checkpoint = self.person.checkpoint;
-        let distilled = self.seconds.is_some() || self.size.is_some();
+        let distilled = self.seconds.is_some() || self.size.is_some() || self.field_only;
         let spec = ExportSpec {
             subject: person.name,
             form: form.into(),
@@ -40,6 +38,7 @@ impl Export {
             distillation: distilled.then(|| Distillation {
                 seconds: self.seconds.unwrap_or_default(),
                 size: self.size.unwrap_or_default(),
+                field_only: self.field_only,
             }),
             checkpoint: checkpoint
                 .map(|step| names::checkpoint(&found.name, step))
@@ -56,7 +55,7 @@ impl Export {
         let Some(job_result::Kind::Export(result)) = job.result.and_then(|it| it.kind) else {
             bail!("{} succeeded without the result of an export", job.name);
         };
-        let contents = fetch(&client, &job.name, &result).await?;
+        let contents = client.exported(&job.name, &result).await?;
         written.write(&contents, &result)?;
         if let Some(distilled) = &result.distilled {
             show(distilled);
@@ -75,26 +74,10 @@ impl Export {
     }
 }
 
-/// The files of the job `name`, in the order of its `result`.
-async fn fetch(
-    client: &YotoClient,
-    name: &str,
-    result: &ExportResult,
-) -> anyhow::Result<Vec<Vec<u8>>> {
-    let objects = client.list_objects(name).await?;
-    let mut contents = Vec::new();
-    for file in &result.files {
-        let object = objects.iter().find(|it| it.file == file.file);
-        let object = object.with_context(|| format!("{name} has no file {}", file.file))?;
-        contents.push(client.object(object).await?);
-    }
-    Ok(contents)
-}
-
 /// Says how near splats are to the field that they were made of.
 fn show(distilled: &DistilledSplats) {
     let (pictures, seconds) = (distilled.pictures, distilled.seconds);
-    tell!("splats made from {pictures} pictures of the field in {seconds:.0} s");
+    tell!("splats made from {pictures} pictures in {seconds:.0} s");
     if let (Some(whole), Some(near)) = (distilled.psnr, distilled.psnr_mask_box) {
         tell!(
             "{whole:.2} dB to the field on pictures that were held out, {near:.2} dB near the person"

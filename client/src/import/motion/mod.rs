@@ -18,6 +18,7 @@ use super::source::Source;
 use crate::api::ClientError;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
+use yoto_capture::skeleton::{Pose, timing};
 use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton, describe};
 use yoto_proto::v1;
 
@@ -129,19 +130,34 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
     Ok(motion)
 }
 
-/// The motion of a capture.
+/// The motion of a capture, with poses at equal times.
 fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
     let bytes = source.bytes(name, None)?;
     let track = PoseTrack::from_file(name, &bytes).map_err(|found| source.bad(found))?;
     let rest = track.skeleton.rest_joints.first().copied();
-    let frame = |frame: &yoto_proto::pose_track::Frame| MotionFrame {
-        rotations: frame.pose.as_chunks::<3>().0.to_vec(),
-        root: super::geometry::add(rest.unwrap_or_default(), frame.translation),
+    let rest = rest.unwrap_or_default();
+    let poses = track.frames.iter().map(|frame| {
+        Pose::from_frame(frame).map_err(|error| {
+            source.fault(
+                "INVALID",
+                name,
+                Some(frame.index),
+                &error.field,
+                &error.message,
+            )
+        })
+    });
+    let poses = poses.collect::<Result<Vec<_>, _>>()?;
+    let numbers: Vec<u32> = track.frames.iter().map(|frame| frame.index).collect();
+    let (poses, fps) = timing::even(poses, &timing::seconds(&numbers, track.fps));
+    let frame = |pose: &Pose| MotionFrame {
+        rotations: pose.rotations_f64(),
+        root: super::geometry::add(rest, pose.translation.map(f64::from)),
     };
     let names = track.skeleton.names.iter();
     Ok(Motion {
-        frames: track.frames.iter().map(frame).collect(),
-        fps: track.fps,
+        frames: poses.iter().map(frame).collect(),
+        fps: fps.unwrap_or(track.fps),
         matched: names.map(|name| (name.clone(), name.clone())).collect(),
         unmatched: Vec::new(),
         notes: vec!["a capture does not say which way is up: y is assumed".into()],

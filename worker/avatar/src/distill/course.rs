@@ -1,7 +1,7 @@
 //! A training of splats on a film, from the first picture to the comparison at the end.
 
 use super::{DistillError, Lessons};
-use crate::config::ModelConfig;
+use crate::config::{LearnExposure, ModelConfig, Refine};
 use crate::train::{Budget, Person, TrainError, TrainOptions, TrainProgress, Trainer, Validation};
 use burn::tensor::Device;
 use std::path::PathBuf;
@@ -10,18 +10,18 @@ use std::time::{Duration, Instant};
 
 /// The share of the time in which the field is rendered.
 const RENDERING: f64 = 1.0 / 3.0;
-/// Every so many pictures, one is held out, for the comparison at the end.
+/// Every so many pictures of the field, one is held out, for the comparison at the end.
 const HELD_OUT: usize = 10;
-/// Fewest pictures, whatever the time.
-const FEWEST: usize = 12;
+/// Fewest pictures of the field, whatever the time.
+pub const FEWEST: usize = 12;
 
 /// How splats learn.
 #[derive(Clone, Debug)]
 pub struct Course {
     /// Name of the person.
     pub name: String,
-    /// Seconds of rendering and training together; the first picture and a second of training are always
-    /// done.
+    /// Seconds of rendering and training together. A field that needs more than a third of them for [`FEWEST`] pictures
+    /// takes its time, and so does the training then: its two thirds.
     pub seconds: f64,
     /// Seed of the training.
     pub seed: u64,
@@ -63,20 +63,28 @@ impl Course {
         goes_on: &mut dyn FnMut() -> bool,
     ) -> Result<Distilled, DistillError> {
         let began = Instant::now();
-        let fraction = || (began.elapsed().as_secs_f64() / self.seconds).min(1.0);
         let limit = RENDERING * self.seconds;
         let wanted = |pictures: usize| {
-            tell(Stage::Filming(pictures), fraction());
-            pictures < FEWEST || began.elapsed().as_secs_f64() < limit
+            let spent = began.elapsed().as_secs_f64();
+            let done = (spent / limit).min(pictures as f64 / FEWEST as f64);
+            tell(Stage::Filming(pictures), RENDERING * done.min(1.0));
+            pictures < FEWEST || spent < limit
         };
         let film = lessons.film_while(wanted, goes_on)?;
         let pictures = film.frames();
+        let rendered = pictures - lessons.filmed.len();
+        let left = self.seconds - began.elapsed().as_secs_f64();
+        let budget = left.max((1.0 - RENDERING) * self.seconds);
         let options = TrainOptions {
-            budget: Budget::Seconds((self.seconds - began.elapsed().as_secs_f64()).max(1.0)),
+            budget: Budget::Seconds(budget),
             seed: self.seed,
             image_size: lessons.size[0].max(lessons.size[1]),
-            validation: Validation::Every(HELD_OUT),
+            validation: held_out(rendered),
             scratch: self.scratch.clone(),
+            // The field was rendered in these very poses, and those of frames are as its training left them.
+            refine_poses: Some(Refine::Never),
+            // The field's pictures are exposed alike; a camera may have adjusted itself.
+            exposure: lessons.filmed.is_empty().then_some(LearnExposure::Never),
             ..TrainOptions::default()
         };
         let person = Person {
@@ -92,7 +100,10 @@ impl Course {
                 return Err(DistillError::Stopped);
             }
             trainer.step().map_err(failed("a training step"))?;
-            tell(Stage::Training(Box::new(trainer.progress())), fraction());
+            let progress = trainer.progress();
+            let done = (progress.train_seconds / budget).min(1.0);
+            let done = RENDERING + (1.0 - RENDERING) * done;
+            tell(Stage::Training(Box::new(progress)), done);
         }
         trainer
             .validate_with(&mut || {
@@ -106,6 +117,13 @@ impl Course {
             time: began.elapsed(),
         })
     }
+}
+
+/// Some of the pictures that the field `rendered`; what a capture has is for learning.
+fn held_out(rendered: usize) -> Validation {
+    let every = Validation::Every(HELD_OUT);
+    let pictures = (0..rendered).filter(|place| every.holds_out(*place, 0));
+    Validation::Frames(pictures.map(|place| place as u32).collect())
 }
 
 fn failed(doing: &'static str) -> impl Fn(TrainError) -> DistillError {

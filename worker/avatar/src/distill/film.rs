@@ -15,6 +15,8 @@ use yoto_proto::pose_track::PoseTrack;
 const DISTANCE: f64 = 3.5;
 /// What a person reaches beyond their joints, metres.
 const REACH: f64 = 0.25;
+/// Most frames of a capture: 50 MB of pictures at 256 pixels.
+const MOST_FILMED: usize = 200;
 /// Elevations of the cameras, degrees, one after the other. Few captures show crowns and soles.
 const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// Steps through motions and around the person: the most even sequence in two dimensions, however long it is
@@ -33,16 +35,49 @@ pub struct Lessons<'a> {
     pub up: Vec3,
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// What was filmed of the first poses, for the film to have as well.
+    /// What was filmed, for the film to have as well.
     pub filmed: &'a [Filmed],
 }
 
 /// A frame of a capture, of the size of the film.
 pub struct Filmed {
+    /// The pose of the person's body.
+    pub pose: Pose,
     /// The camera that saw it, in the poses' world.
     pub camera: Camera,
     /// What it saw.
     pub image: FrameImage,
+}
+
+impl Filmed {
+    /// Frames of a `shard`, at most `size` pixels long, with the `poses` of the person's body in all of its frames: at most
+    /// [`MOST_FILMED`], evenly.
+    ///
+    /// # Errors
+    /// An invalid camera.
+    pub fn of(shard: &Shard, poses: &[Pose], size: u32) -> Result<Vec<Self>, DistillError> {
+        let step = shard.frames().div_ceil(MOST_FILMED).max(1);
+        let frames = shard.track.frames.iter().zip(poses).enumerate();
+        let filmed = frames.step_by(step).map(|(place, (frame, pose))| {
+            let camera = Camera::from_frame(frame, shard.track.image_size);
+            let camera = camera.map_err(|source| DistillError::View {
+                frame: frame.index,
+                source,
+            })?;
+            Ok(Self {
+                pose: pose.clone(),
+                camera: camera.scaled_to(size),
+                image: shard.image(place).resized(size),
+            })
+        });
+        filmed.collect()
+    }
+
+    /// Width and height of `filmed` pictures, which are alike; `None` without any.
+    pub fn size(filmed: &[Self]) -> Option<[u32; 2]> {
+        let first = filmed.first()?;
+        Some([first.camera.width, first.camera.height])
+    }
 }
 
 impl Lessons<'_> {
@@ -90,8 +125,8 @@ impl Lessons<'_> {
             images.push(picture(&rendered));
             frames.push(camera.to_frame(place as u32, pose));
         }
-        for (filmed, pose) in self.filmed.iter().zip(self.poses) {
-            frames.push(filmed.camera.to_frame(frames.len() as u32, pose));
+        for Filmed { pose, camera, .. } in self.filmed {
+            frames.push(camera.to_frame(frames.len() as u32, pose));
         }
         let mut shard = ShardBuilder::new(PoseTrack {
             skeleton: body.to_track(),

@@ -7,13 +7,13 @@
 mod course;
 mod film;
 
-pub use course::{Course, Distilled, Stage};
+pub use course::{Course, Distilled, FEWEST, Stage};
 pub use film::{Filmed, Lessons};
 
 use crate::config::ConfigError;
 use crate::render::RenderError;
 use crate::train::TrainError;
-use yoto_capture::CaptureError;
+use yoto_capture::{CaptureError, ViewError};
 
 /// Splats that can't be made.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +31,14 @@ pub enum DistillError {
         place: usize,
         /// What is wrong.
         source: RenderError,
+    },
+    /// The camera of a filmed frame is invalid.
+    #[error("frame {frame}")]
+    View {
+        /// Its number.
+        frame: u32,
+        /// What is wrong.
+        source: ViewError,
     },
     /// The pictures are no capture.
     #[error(transparent)]

@@ -10,6 +10,7 @@ mod inverse;
 mod picture_loss;
 mod skin;
 mod splat;
+mod splat_slopes;
 mod warp;
 
 use burn::tensor::{Device, Tensor, TensorData};

@@ -10,6 +10,7 @@ mod pose;
 pub mod readings;
 mod retarget;
 pub mod smpl;
+pub mod timing;
 pub mod transform;
 
 pub use bounds::Bounds;

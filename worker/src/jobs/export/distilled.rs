@@ -4,10 +4,10 @@ use super::{DistilledSplats, count, of_motion, splats};
 use crate::jobs::{JobContext, JobFailure};
 use std::time::{Duration, Instant};
 use yoto_avatar::{
-    distill::{Course, DistillError, Lessons, Stage},
+    distill::{Course, DistillError, Filmed, Lessons, Stage},
     render::{Renderer, SkinnedSplats},
 };
-use yoto_capture::{CaptureError, skeleton::Skeleton};
+use yoto_capture::{CaptureError, Shard, skeleton::Skeleton};
 use yoto_export::source::Source;
 use yoto_proto::{
     exports,
@@ -29,27 +29,33 @@ pub(super) struct Order<'a> {
     /// The person's slot in it.
     pub(super) slot: usize,
     pub(super) wanted: Option<&'a Distillation>,
-    /// The person's name.
+    /// Name of the person.
     pub(super) name: &'a str,
 }
 
 impl Order<'_> {
-    /// Makes splats of the person with this `body`, in the poses of the motion `own`.
+    /// Makes splats of the person with this `body`, in the poses of their own capture.
     pub(super) fn run(
         &self,
-        own: &Source,
+        capture: &Shard,
         body: &Skeleton,
     ) -> Result<(SkinnedSplats, DistilledSplats), JobFailure> {
         let context = self.context;
         let (seconds, size) = exports::distillation(self.wanted);
-        let motion = own.on(body).map_err(|error| of_motion(&error))?;
+        let own = Source::track(self.name, &capture.track);
+        let own = own.map_err(|error| of_motion(&error))?;
+        let poses = own.poses(body).map_err(|error| of_motion(&error))?;
+        let filmed = match self.wanted.is_some_and(|it| it.field_only) {
+            true => Vec::new(),
+            false => Filmed::of(capture, &poses, size).map_err(|error| failure(&error))?,
+        };
         let lessons = Lessons {
             renderer: self.renderer,
             slot: self.slot,
-            poses: &motion.poses,
+            poses: &poses,
             up: own.up(),
-            size: [size; 2],
-            filmed: &[],
+            size: Filmed::size(&filmed).unwrap_or([size; 2]),
+            filmed: &filmed,
         };
         let course = Course {
             name: self.name.to_owned(),

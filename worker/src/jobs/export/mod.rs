@@ -45,15 +45,16 @@ pub fn run(
     let (person, distilled) = match splats(&renderer, slot)? {
         Some(person) => (person, None),
         None => {
-            let own = motions.own()?;
+            let (name, capture) =
+                shard::with_refined_poses(context, inputs, &found, &spec.subject)?;
             let course = distilled::Order {
                 context,
                 renderer: &renderer,
                 slot,
                 wanted: spec.distillation.as_ref(),
-                name: shard::person(inputs, &spec.subject),
+                name: &name,
             };
-            let (person, distilled) = course.run(&own, body)?;
+            let (person, distilled) = course.run(&capture, body)?;
             (person, Some(distilled))
         }
     };

@@ -49,7 +49,7 @@ impl<'a> Motions<'a> {
     }
 
     /// The motion of the subject's own capture.
-    pub(super) fn own(&self) -> Result<Source, JobFailure> {
+    fn own(&self) -> Result<Source, JobFailure> {
         self.of_capture(&self.spec.subject)
     }
 

@@ -8,7 +8,11 @@ use crate::jobs::JobFailure;
 use yoto_avatar::render::RenderView;
 use yoto_capture::{
     camera::{Camera, Pose},
-    skeleton::{Skeleton, Vec3, transfer},
+    skeleton::{
+        Skeleton, Vec3,
+        timing::{self, mean_fps},
+        transfer,
+    },
 };
 use yoto_proto::{frame_steps::chosen, pose_track::PoseTrack, v1::MotionTransfer};
 
@@ -38,27 +42,13 @@ pub(super) fn places(
 /// Frames per second at which the frames at `places` of the driver's `track` move as fast as the
 /// driver did; `None` for a single frame.
 pub(super) fn natural_fps(places: &[usize], track: &PoseTrack) -> Option<f32> {
-    let index = |place: &usize| track.frames.get(*place).map(|frame| f64::from(frame.index));
-    let passed = index(places.last()?)? - index(places.first()?)?;
-    (passed > 0.0).then(|| ((places.len() - 1) as f64 * track.fps / passed) as f32)
+    mean_fps(&seconds(places, track)).map(|fps| fps as f32)
 }
 
-/// Seconds from the first of the frames at `places` of `track` to each of them. Frames that are not in the
-/// order of their numbers, which captures need not be, follow each other at the capture's speed.
+/// Seconds from the first of the frames at `places` of `track` to each of them.
 pub(super) fn seconds(places: &[usize], track: &PoseTrack) -> Vec<f64> {
-    let index = |place: &usize| f64::from(track.frames[*place].index);
-    let first = places.first().map_or(0.0, index);
-    let ascending = places
-        .windows(2)
-        .all(|pair| index(&pair[0]) < index(&pair[1]));
-    let passed = places.iter().enumerate().map(|(count, place)| {
-        let frames = match ascending {
-            true => index(place) - first,
-            false => count as f64,
-        };
-        frames / track.fps
-    });
-    passed.collect()
+    let numbers = places.iter().map(|place| track.frames[*place].index);
+    timing::seconds(&numbers.collect::<Vec<_>>(), track.fps)
 }
 
 /// The frames at `places` of the driver's `track`, in whose world `up` is up, on `body`.
@@ -172,12 +162,8 @@ mod tests {
     }
 
     #[test]
-    fn skipped_frames_take_their_time_and_unordered_ones_follow_each_other() {
-        let mut track = track();
-        assert_eq!(seconds(&[1, 3], &track), [0.0, 2.0 / 15.0]);
-        track.frames.reverse();
-        assert_eq!(seconds(&[1, 3], &track), [0.0, 1.0 / 15.0]);
-        assert_eq!(seconds(&[], &track), [0.0; 0]);
+    fn skipped_frames_take_their_time() {
+        assert_eq!(seconds(&[1, 3], &track()), [0.0, 2.0 / 15.0]);
     }
 
     #[test]
