@@ -117,8 +117,9 @@ pub(super) struct Render {
     /// too; `yoto scene example` writes one to start from.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade; or that of the
-    /// capture of another person of the model, by name. Only models of splats have a light.
+    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade, of which spherical
+    /// harmonics still depend on the view; or that of the capture of another person of the model, by name. Only
+    /// models of splats have a light.
     #[arg(
         long,
         default_value = "own",
@@ -294,6 +295,7 @@ impl Render {
 
     /// Checks the options of the output, and that nothing of the user's would be replaced.
     fn ensure_free(&self) -> anyhow::Result<()> {
+        render_film::ensure_known(&self.folder.out)?;
         let film = render_film::is_film(&self.folder.out);
         anyhow::ensure!(
             film || self.animate || self.fps.is_none(),
