@@ -48,11 +48,10 @@ impl Shown<'_> {
         let fps = (shown.len() as f64 - 1.0) * fps / f64::from(passed.max(1));
         let transfer = MotionTransfer {
             driver: subject.name.clone(),
-            first_frame: None,
-            frame_count: 0,
             frame_step: step as u32,
             size,
             follow: true,
+            ..MotionTransfer::default()
         };
         Ok((What::Motion(transfer), fps.max(1.0) as f32))
     }
