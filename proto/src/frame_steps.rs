@@ -15,9 +15,50 @@ pub fn chosen(frames: usize, first: usize, step: u32, wanted: u32) -> Result<Vec
     }
 }
 
+/// Places in a capture whose frames have the `numbers`: as [`chosen`], but with an `end` only frames before the first
+/// number that is not below it, and at most `wanted` of them.
+///
+/// # Errors
+/// The number of frames that are left, if it is smaller than `wanted`; with an `end`, only if it is 0.
+pub fn chosen_below(
+    numbers: impl ExactSizeIterator<Item = u32>,
+    first: usize,
+    step: u32,
+    wanted: u32,
+    end: Option<u32>,
+) -> Result<Vec<usize>, usize> {
+    let Some(end) = end else {
+        return chosen(numbers.len(), first, step, wanted);
+    };
+    let below = numbers.skip(first).take_while(|number| *number < end);
+    let mut places = chosen(first + below.count(), first, step, 0)?;
+    if wanted > 0 {
+        places.truncate(wanted as usize);
+    }
+    match places.is_empty() {
+        true => Err(0),
+        false => Ok(places),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_end_is_a_number_and_steps_are_stored_frames() {
+        let chosen = |first, step, wanted, end| {
+            let numbers = [60, 62, 64, 66, 68, 70].into_iter();
+            chosen_below(numbers, first, step, wanted, end)
+        };
+        assert_eq!(chosen(0, 1, 0, Some(66)), Ok(vec![0, 1, 2]));
+        assert_eq!(chosen(1, 2, 0, Some(69)), Ok(vec![1, 3]));
+        assert_eq!(chosen(0, 1, 60, Some(120)), Ok(vec![0, 1, 2, 3, 4, 5]));
+        assert_eq!(chosen(0, 1, 2, Some(120)), Ok(vec![0, 1]));
+        assert_eq!(chosen(0, 1, 0, Some(60)), Err(0));
+        assert_eq!(chosen(4, 1, 2, None), Ok(vec![4, 5]));
+        assert_eq!(chosen(4, 1, 3, None), Err(2));
+    }
 
     #[test]
     fn frames_are_chosen_in_steps_as_far_as_there_are_any() {

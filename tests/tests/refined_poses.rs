@@ -114,7 +114,7 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
         frame_count: 1,
         frame_step: 1,
         size: SIZE,
-        follow: false,
+        ..MotionTransfer::default()
     });
     let shown = rendered(&client, motion).await?;
     let as_refined = rendered(&client, view(&refined, place)?).await?;

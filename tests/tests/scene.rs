@@ -43,8 +43,9 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let at = |name: &str| dir.path().join(name).display().to_string();
     let cast = SyntheticPerson::cast(2, 7);
+    let mut tracks = Vec::new();
     for (person, name) in cast.iter().zip(["ada", "bob"]) {
-        write_capture(person, FRAMES, SIZE, &dir.path().join(name))?;
+        tracks.push(write_capture(person, FRAMES, SIZE, &dir.path().join(name))?);
     }
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
     let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
@@ -105,6 +106,22 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
         let likeness = psnr(&values(&one?), &values(&other?));
         ensure!(likeness > 45.0, "picture {place}: {likeness} dB");
     }
+    // So does a held-out camera at the same place, in a part of the film.
+    let poses = std::fs::read(dir.path().join("ada/poses.json"))?;
+    let mut poses: Value = serde_json::from_slice(&poses)?;
+    let (k, e) = (tracks[0].frames[2].k, tracks[0].frames[2].e);
+    poses["eval"] = json!({"side": {"K": k, "E": e, "frames": [2]}});
+    std::fs::create_dir(dir.path().join("held"))?;
+    write_json(&dir.path().join("held/poses.json"), &poses)?;
+    let mut held = filmed(25.0);
+    held["camera"] = json!({"held_out": {"actor": 0, "camera": "side", "folder": "held"}});
+    held["range"] = json!("..1");
+    render("held-out", &held)?;
+    let [one, other] = ["filmed", "held-out"].map(|it| picture(&dir.path().join(it), 0));
+    let likeness = psnr(&values(&one?), &values(&other?));
+    ensure!(likeness > 45.0, "from a held-out camera: {likeness} dB");
+    let more = dir.path().join("held-out/000001.png");
+    ensure!(!more.exists(), "more than one picture");
     // Light changes colours.
     let own = motion.replace("none", "own");
     yoto(&format!("{own} --size {SIZE} --out {}", at("own")), succeed)?;

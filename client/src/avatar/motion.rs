@@ -47,11 +47,10 @@ impl Shown<'_> {
         let fps = mean_fps(&seconds(&shown, fps)).unwrap_or(fps);
         let transfer = MotionTransfer {
             driver: subject.name.clone(),
-            first_frame: None,
-            frame_count: 0,
             frame_step: step as u32,
             size,
             follow: true,
+            ..MotionTransfer::default()
         };
         Ok((What::Motion(transfer), fps.max(1.0) as f32))
     }

@@ -12,6 +12,7 @@ mod bench;
 mod between_two;
 mod capture;
 mod capture_example;
+mod capture_part;
 mod completions;
 mod correction;
 #[cfg(feature = "embedded")]

@@ -1,6 +1,7 @@
 //! `yoto render`: pictures of a person, rendered by a trained model.
 
 use super::between_two::BetweenTwo;
+use super::capture_part::tell_end;
 use super::motion::MotionArgs;
 use super::out_folder::{OutFolder, is_rendered};
 use super::render_choice::{as_they_are, kept, over};
@@ -101,8 +102,9 @@ pub(super) struct Render {
     /// [default: the first].
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
-    /// Frames of the motion, e.g. 0..60:2 or 100.. [default: all].
-    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list", "turntable", "scene"], value_name = "A..B:STEP")]
+    /// Frames of the motion by their numbers, of which every STEP-th stored one is taken, e.g. 0..60:2 or 100..; of a
+    /// scene or turntable the film's pictures, counted from 0 [default: all].
+    #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Move the camera along with a person who walks, who otherwise may leave the picture.
     #[arg(long, conflicts_with_all = ["orbit", "view_list", "turntable", "scene"])]
@@ -114,11 +116,13 @@ pub(super) struct Render {
     #[arg(long)]
     turntable: bool,
     /// Several people in one picture, of this model or others, from a JSON file, which has size and background
-    /// too; `yoto scene example` writes one to start from.
+    /// too, and may have --fps, --range and --quality, over which these options win; `yoto scene example` writes
+    /// one to start from.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade; or that of the
-    /// capture of another person of the model, by name. Only models of splats have a light.
+    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade, of which spherical
+    /// harmonics still depend on the view; or that of the capture of another person of the model, by name. Only
+    /// models of splats have a light.
     #[arg(
         long,
         default_value = "own",
@@ -224,7 +228,7 @@ impl Render {
             background: self.background.clone(),
             animate: self.animate,
             fps: self.fps.unwrap_or(fps),
-            quality: self.wish(),
+            quality: self.wish(scene.as_ref())?,
             transparent,
             light: match &scene {
                 Some(_) => None,
@@ -243,6 +247,7 @@ impl Render {
             (None, Some(clip)) => render_spec::What::Clip(clip),
             (None, None) => self.what(&client).await?,
         });
+        let wished = spec.quality.is_some();
         let job = client.create_render(spec).await?;
         output::put("job", output::message(&job));
         let shown = self.person().unwrap_or("a scene");
@@ -279,7 +284,7 @@ impl Render {
             {
                 tell!("{over}");
             }
-        } else if self.quality.is_some() {
+        } else if wished {
             tell!("{}", as_they_are(result.seconds_per_frame));
         }
         self.folder.show(&paths);
@@ -294,6 +299,7 @@ impl Render {
 
     /// Checks the options of the output, and that nothing of the user's would be replaced.
     fn ensure_free(&self) -> anyhow::Result<()> {
+        render_film::ensure_known(&self.folder.out)?;
         let film = render_film::is_film(&self.folder.out);
         anyhow::ensure!(
             film || self.animate || self.fps.is_none(),
@@ -370,7 +376,10 @@ impl Render {
             let found = client.find_model(model).await.with_context(place)?;
             names.models.insert(model.to_owned(), found.name);
         }
-        let scene = scene.to_message(path, &names, &self.reading)?;
+        let mut scene = scene.to_message(path, &names, &self.reading)?;
+        if let Some(range) = self.frames {
+            scene.pictures = Some(range.of_film());
+        }
         Ok(render_spec::What::Scene(scene))
     }
 
@@ -394,13 +403,15 @@ impl Render {
         written.await.context("writing the film")?
     }
 
-    /// The requested quality, if any.
-    fn wish(&self) -> Option<RenderQuality> {
+    /// The requested quality, if any: of the options, or of the `scene`.
+    fn wish(&self, scene: Option<&SceneFile>) -> anyhow::Result<Option<RenderQuality>> {
         let seconds = self.max_seconds_per_frame.map(Want::MaxSecondsPerFrame);
         let psnr = self.min_psnr.map(Want::MinPsnrDb);
         let tier = self.quality.clone().map(Want::Tier);
-        let want = seconds.or(psnr).or(tier)?;
-        Some(RenderQuality { want: Some(want) })
+        match (seconds.or(psnr).or(tier), scene, &self.scene) {
+            (None, Some(scene), Some(file)) => scene.wish(file),
+            (want, ..) => Ok(want.map(|want| RenderQuality { want: Some(want) })),
+        }
     }
 
     /// The motion of a file, and its frame rate; 0 is the service's default.
@@ -454,11 +465,15 @@ impl Render {
         }
         if let Some(driver) = &self.motion {
             let driver = client.find_subject(driver).await?;
+            let range = self.frames.unwrap_or(FrameRange::ALL);
+            tell_end(client, &driver, range).await?;
+            let part = range.of_capture();
             let transfer = MotionTransfer {
                 driver: driver.name,
-                first_frame: self.frames.map(|range| range.first),
-                frame_count: self.frames.map_or(0, |range| range.count()),
-                frame_step: self.frames.map_or(1, |range| range.step),
+                first_frame: part.first_frame,
+                frame_count: part.frame_count,
+                frame_step: part.frame_step,
+                end_frame: part.end_frame,
                 size: self.size,
                 follow: self.follow,
             };

@@ -2,9 +2,9 @@
 
 use serde::Deserialize;
 use std::path::Path;
-use yoto_proto::v1::{BodyPose, Camera, View, ViewList};
+use yoto_proto::v1::{BodyPose, Camera, FilmRange, View, ViewList};
 
-/// `A..B:STEP`: frames A, A+STEP, … below B. Each of the three may be left out.
+/// `A..B:STEP`: every STEP-th frame from number A on, below number B. Each of the three may be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct FrameRange {
     pub first: u32,
@@ -20,7 +20,16 @@ impl FrameRange {
         step: 1,
     };
 
-    /// Number of frames in the range; 0 if it has no end.
+    /// The pictures of a film in the range.
+    pub(super) fn of_film(self) -> FilmRange {
+        FilmRange {
+            first: self.first,
+            count: self.count(),
+            step: self.step,
+        }
+    }
+
+    /// Number of frames in the range, if each number has one; 0 if it has no end.
     pub(super) fn count(self) -> u32 {
         match self.end {
             u32::MAX => 0,

@@ -98,6 +98,8 @@ fn what_a_newcomer_types_parses() {
         "yoto completions bash",
         "yoto train duo --preview p",
         "yoto render duo --subject ada --motion bob --range 10.. --follow --transparent --out o",
+        "yoto render duo --scene s.json --range 10..60:2 --quality realtime --out o.mp4",
+        "yoto render duo --subject ada --turntable --range ..:3 --out o.gif",
         "yoto job watch jobs/1",
         "yoto job cancel 1",
         "yoto job fetch 1 --out o --force",

@@ -111,11 +111,10 @@ impl Studio<'_> {
     ) -> anyhow::Result<Vec<RgbImage>> {
         let what = render_spec::What::Motion(MotionTransfer {
             driver: moves.name.clone(),
-            first_frame: None,
             frame_count: MOTION_FRAMES,
             frame_step: MOTION_STEP,
             size: self.size,
-            follow: false,
+            ..MotionTransfer::default()
         });
         let animation = self.out.join("motion-transfer.png");
         let finished = self

@@ -113,6 +113,7 @@ fn check_motion(found: &mut Faults, at: &str, motion: &ExportMotion) {
             found.unless(count <= MAX_FRAMES, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_FRAMES} are allowed")
             });
+            found.end_frame(&field("capture"), capture.first_frame, capture.end_frame);
         }
         Some(Motion::Clip(clip)) => {
             let count = clip.poses.len();

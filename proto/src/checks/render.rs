@@ -66,6 +66,7 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
             if motion.frame_count > 0 {
                 found.count("motion.frame_count", motion.frame_count as usize);
             }
+            found.end_frame("motion", motion.first_frame, motion.end_frame);
             found.unless(motion.frame_step > 0, "motion.frame_step", || {
                 "a step of 0 never reaches the next frame".into()
             });
@@ -314,6 +315,17 @@ mod tests {
         assert_eq!(fields(&motion(2, 0, 64)), ["motion.frame_step"]);
         assert_eq!(fields(&motion(10_001, 1, 64)), ["motion.frame_count"]);
         assert_eq!(fields(&motion(2, 1, scene::MAX_SIDE + 1)), ["motion.size"]);
+        let until = |end_frame| {
+            with(What::Motion(MotionTransfer {
+                first_frame: Some(60),
+                end_frame: Some(end_frame),
+                frame_step: 1,
+                size: 64,
+                ..MotionTransfer::default()
+            }))
+        };
+        assert_eq!(faults(&until(61)), []);
+        assert_eq!(fields(&until(60)), ["motion.end_frame"]);
     }
 
     #[test]

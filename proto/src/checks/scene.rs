@@ -78,6 +78,16 @@ impl Faults {
         }
     }
 
+    /// The end of a capture's motion at `field`, which begins with the frame `first`.
+    pub(super) fn end_frame(&mut self, field: &str, first: Option<u32>, end: Option<u32>) {
+        if let Some(end) = end {
+            let first = first.unwrap_or_default();
+            self.unless(end > first, &format!("{field}.end_frame"), || {
+                format!("{end} is not above the first frame, {first}")
+            });
+        }
+    }
+
     /// `N` numbers, none farther from 0 than [`FARTHEST`].
     fn place<const N: usize>(&mut self, field: &str, place: &[f64]) {
         let near = |value: &f64| value.abs() <= FARTHEST;
@@ -97,6 +107,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
             found.unless(count <= MAX_PICTURES, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_PICTURES} are allowed")
             });
+            found.end_frame(&field("capture"), motion.first_frame, motion.end_frame);
         }
         Some(Motion::Clip(clip)) => {
             let count = clip.poses.len();
@@ -145,15 +156,27 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
             return true;
         }
         Some(Path::Capture(capture)) => {
-            let actor = scene.actors.get(capture.actor as usize);
-            let motion = actor.and_then(|actor| actor.motion.as_ref());
-            let filmed = matches!(motion, Some(Motion::Capture(_)));
-            found.unless(filmed, "camera.capture.actor", || {
-                format!("{}: no actor with a capture's motion", capture.actor)
-            });
+            check_filmed(found, "camera.capture.actor", scene, capture.actor);
+        }
+        Some(Path::HeldOut(held_out)) => {
+            check_filmed(found, "camera.held_out.actor", scene, held_out.actor);
+            match &held_out.camera {
+                Some(camera) => found.camera("camera.held_out.camera", camera),
+                None => found.add("camera.held_out.camera", "is missing"),
+            }
         }
     }
     false
+}
+
+/// Whether cameras filmed the motion of actor number `actor`.
+fn check_filmed(found: &mut Faults, field: &str, scene: &Scene, actor: u32) {
+    let motion = scene.actors.get(actor as usize);
+    let motion = motion.and_then(|actor| actor.motion.as_ref());
+    let filmed = matches!(motion, Some(Motion::Capture(_)));
+    found.unless(filmed, field, || {
+        format!("{actor}: no actor with a capture's motion")
+    });
 }
 
 fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
@@ -196,7 +219,8 @@ fn check_keys(found: &mut Faults, keys: &CameraKeys) {
 mod tests {
     use super::*;
     use crate::v1::{
-        BodyPose, Camera, CameraKey, CameraList, CaptureCamera, CaptureMotion, MotionClip,
+        BodyPose, Camera, CameraKey, CameraList, CaptureCamera, CaptureMotion, HeldOutCamera,
+        MotionClip,
     };
 
     fn good() -> Scene {
@@ -220,6 +244,15 @@ mod tests {
         }
     }
 
+    fn seen_from() -> Camera {
+        Camera {
+            width: 64,
+            height: 64,
+            intrinsics: vec![1.0; 9],
+            extrinsics: vec![0.0; 16],
+        }
+    }
+
     fn by(path: Path) -> Option<SceneCamera> {
         Some(SceneCamera { path: Some(path) })
     }
@@ -233,6 +266,9 @@ mod tests {
         assert_eq!(faults(&scene), []);
         scene.camera = by(Path::Capture(CaptureCamera { actor: 0 }));
         assert_eq!(faults(&scene), []);
+        let camera = Some(seen_from());
+        scene.camera = by(Path::HeldOut(HeldOutCamera { actor: 0, camera }));
+        assert_eq!(faults(&scene), []);
         scene.actors[0].model = "models/fog".into();
         assert_eq!(faults(&scene), []);
     }
@@ -240,7 +276,7 @@ mod tests {
     #[test]
     fn each_fault_is_named_by_its_field() {
         type Break = fn(&mut Scene);
-        let cases: [(Break, &str); 21] = [
+        let cases: [(Break, &str); 25] = [
             (|it| it.actors.clear(), "actors"),
             (|it| it.actors[0].motion = None, "actors[0].motion"),
             (|it| it.actors[0].at = vec![1.0], "actors[0].at"),
@@ -323,6 +359,36 @@ mod tests {
             (
                 |it| it.camera = by(Path::Capture(CaptureCamera { actor: 1 })),
                 "camera.capture.actor",
+            ),
+            (
+                |it| {
+                    let camera = Some(seen_from());
+                    it.camera = by(Path::HeldOut(HeldOutCamera { actor: 1, camera }));
+                },
+                "camera.held_out.actor",
+            ),
+            (
+                |it| it.camera = by(Path::HeldOut(HeldOutCamera::default())),
+                "camera.held_out.camera",
+            ),
+            (
+                |it| {
+                    let mut camera = seen_from();
+                    camera.extrinsics.truncate(12);
+                    let camera = Some(camera);
+                    it.camera = by(Path::HeldOut(HeldOutCamera { actor: 0, camera }));
+                },
+                "camera.held_out.camera.extrinsics",
+            ),
+            (
+                |it| {
+                    it.actors[0].motion = Some(Motion::Capture(CaptureMotion {
+                        first_frame: Some(5),
+                        end_frame: Some(5),
+                        ..CaptureMotion::default()
+                    }));
+                },
+                "actors[0].capture.end_frame",
             ),
         ];
         for (break_it, field) in cases {

@@ -9,7 +9,9 @@
 use super::files::{at_fault, missing, read_file, read_frame};
 use super::held_out::{HeldOut, HeldOutView};
 use super::{CaptureError, FrameImage, Shard, ShardBuilder};
+use crate::camera::Camera;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use yoto_proto::media_plan::{self, MediaPlan};
 use yoto_proto::pose_track::{self, PoseTrack, violation};
@@ -94,6 +96,20 @@ impl CaptureFolder {
         }
         let bytes = read_file(&path, pose_track::FILE, None)?;
         Ok(!HeldOut::from_json(&bytes)?.is_empty())
+    }
+
+    /// The held-out cameras that the `poses.json` in `dir` describes, by name, at the stored images' size. Only that
+    /// file is read.
+    ///
+    /// # Errors
+    /// When the file is missing or broken.
+    pub fn held_out_cameras(
+        dir: impl AsRef<Path>,
+    ) -> Result<BTreeMap<String, Camera>, CaptureError> {
+        let path = dir.as_ref().join(pose_track::FILE);
+        let bytes = read_file(&path, pose_track::FILE, None)?;
+        let track = PoseTrack::from_json(&bytes).map_err(CaptureError::Invalid)?;
+        HeldOut::from_json(&bytes)?.cameras(track.image_size)
     }
 
     /// Skeleton, poses and cameras of the training frames.
@@ -292,6 +308,9 @@ mod tests {
         scratch.images("eval/cam00/", 1, 30);
         let folder = CaptureFolder::open(&scratch.0).expect("opens");
         assert!(CaptureFolder::has_held_out(&scratch.0).expect("reads"));
+        let cameras = CaptureFolder::held_out_cameras(&scratch.0).expect("reads");
+        assert_eq!(cameras.keys().collect::<Vec<_>>(), ["cam00", "cam03"]);
+        assert_eq!(cameras["cam00"], folder.held_out_views()[0].camera);
         let upload = &folder.files()[1];
         assert_eq!(upload.relative, "frames/000000.png");
         assert_eq!(upload.path, scratch.0.join("train/frames/000000.png"));

@@ -125,6 +125,25 @@ impl HeldOut {
         self.eval.is_empty() && self.eval_pose.cams.is_empty()
     }
 
+    /// The cameras by name, with pictures of `image_size`: those of training poses, and others of poses that
+    /// training does not have.
+    pub(super) fn cameras(
+        &self,
+        image_size: [u32; 2],
+    ) -> Result<BTreeMap<String, Camera>, CaptureError> {
+        let eval = self
+            .eval
+            .iter()
+            .map(|(name, eval)| ("eval", name, &eval.matrices));
+        let poses = self.eval_pose.cams.iter();
+        let poses = poses.map(|(name, matrices)| ("eval_pose.cams", name, matrices));
+        let mut cameras = BTreeMap::new();
+        for (field, name, matrices) in poses.chain(eval) {
+            cameras.insert(name.clone(), camera_of(field, name, matrices, image_size)?);
+        }
+        Ok(cameras)
+    }
+
     /// How the person stands in `frame`, trained on or not, and what the camera called `name`
     /// sees of it. The camera of the training frames is `train`.
     pub(super) fn find(

@@ -4,7 +4,7 @@ use crate::clip::Clip;
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, timing, transfer};
-use yoto_proto::frame_steps::chosen;
+use yoto_proto::frame_steps::chosen_below;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
 
@@ -61,6 +61,16 @@ pub enum SourceError {
         first: u32,
         /// Frames from one to the next.
         step: usize,
+    },
+    /// No frame before the end.
+    #[error("{place}: no frame from frame {first} on has a number below {end}")]
+    NoneBelow {
+        /// The motion.
+        place: String,
+        /// Number of the first frame.
+        first: u32,
+        /// Number below which the frames are to be.
+        end: u32,
     },
 }
 
@@ -141,20 +151,27 @@ impl Source {
     /// The frames that `part` chooses of a capture's motion.
     ///
     /// # Errors
-    /// There is no such frame, or there are too few.
+    /// There is no such frame, or there are too few, or none before the end.
     pub fn part(mut self, part: &CaptureMotion) -> Result<Self, SourceError> {
         let first = match part.first_frame {
             Some(number) => self.find(number)?,
             None => 0,
         };
-        let frames = self.poses.len();
-        let chosen = chosen(frames, first, part.frame_step, part.frame_count);
-        let chosen = chosen.map_err(|left| SourceError::TooFew {
-            wanted: part.frame_count as usize,
-            left,
-            first: self.numbers.get(first).copied().unwrap_or_default(),
-            step: part.frame_step.max(1) as usize,
-            place: self.name.clone(),
+        let (step, count, end) = (part.frame_step, part.frame_count, part.end_frame);
+        let chosen = chosen_below(self.numbers.iter().copied(), first, step, count, end);
+        let chosen = chosen.map_err(|left| {
+            let first = self.numbers.get(first).copied().unwrap_or_default();
+            let place = self.name.clone();
+            match end {
+                Some(end) => SourceError::NoneBelow { place, first, end },
+                None => SourceError::TooFew {
+                    place,
+                    wanted: count as usize,
+                    left,
+                    first,
+                    step: step.max(1) as usize,
+                },
+            }
         })?;
         self.poses = chosen.iter().map(|at| self.poses[*at].clone()).collect();
         self.numbers = chosen.iter().map(|at| self.numbers[*at]).collect();
@@ -351,6 +368,15 @@ mod tests {
         assert_eq!(
             refused(part(Some(4), 4, 2)),
             "walk: 4 frames, but it has 3 from frame 4 on in steps of 2"
+        );
+        let early = CaptureMotion {
+            first_frame: Some(4),
+            end_frame: Some(3),
+            ..CaptureMotion::default()
+        };
+        assert_eq!(
+            refused(early),
+            "walk: no frame from frame 4 on has a number below 3"
         );
     }
 

@@ -71,7 +71,8 @@ pub(super) struct Export {
     no_motion: bool,
     #[command(flatten)]
     reading: MotionArgs,
-    /// Frames of --motion and --motion-file, e.g. 0..240:4 for every fourth [default: all].
+    /// Frames of --motion and --motion-file by their numbers, of which every STEP-th stored one is taken, e.g. 0..240:4
+    /// [default: all].
     #[arg(long, value_name = "A..B:STEP")]
     range: Option<FrameRange>,
     /// Number of the frame whose pose a file without motion has: of the capture or motion file, or of the

@@ -79,10 +79,7 @@ impl Numbered {
     pub fn driver(name: &str, driver: String, range: Option<FrameRange>) -> Self {
         let capture = CaptureMotion {
             driver,
-            // A capture may begin with another number than 0.
-            first_frame: range.map(|range| range.first).filter(|first| *first > 0),
-            frame_count: range.map_or(0, FrameRange::count),
-            frame_step: range.map_or(1, |range| range.step),
+            ..range.unwrap_or(FrameRange::ALL).of_capture()
         };
         Self {
             motion: ExportMotion {
@@ -205,8 +202,8 @@ mod tests {
             panic!("no capture");
         };
         assert_eq!(
-            (part.first_frame, part.frame_count, part.frame_step),
-            (None, 30, 2)
+            (part.first_frame, part.end_frame, part.frame_step),
+            (None, Some(60), 2)
         );
     }
 }

@@ -4,6 +4,7 @@ use super::Export;
 use super::motions::Numbered;
 use super::written::Written;
 use crate::api::YotoClient;
+use crate::commands::capture_part::tell_end;
 use crate::commands::waiting::wait_for_new;
 use crate::output;
 use crate::progress::ProgressDisplay;
@@ -68,6 +69,9 @@ impl Export {
         let mut drivers = Vec::new();
         for name in &self.drivers {
             let driver = client.find_subject(name).await.context("--motion")?;
+            if let Some(range) = self.range {
+                tell_end(client, &driver, range).await?;
+            }
             drivers.push(Numbered::driver(name, driver.name, self.range));
         }
         Ok(drivers)

@@ -4,12 +4,19 @@ mod gif;
 mod webp;
 
 use super::whole_file::{folder_of, keep};
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use yoto_media::film::Film;
+
+/// Endings of pictures, films and other files of which people expect one file, in lower case; we write none of them.
+const OTHER_FILES: [&str; 30] = [
+    "3gp", "apng", "avi", "avif", "bmp", "exr", "flv", "glb", "gz", "heic", "html", "jpeg", "jpg",
+    "json", "m4v", "mkv", "mov", "mpeg", "mpg", "mts", "ogv", "pdf", "ply", "png", "svg", "tar",
+    "tif", "tiff", "webm", "wmv",
+];
 
 /// The form of a film.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,14 +29,34 @@ enum Form {
 impl Form {
     /// By the name of the file; none of a folder.
     fn of(out: &Path) -> Option<Self> {
-        let extension = out.extension()?.to_str()?.to_ascii_lowercase();
-        match extension.as_str() {
+        match extension(out)?.as_str() {
             "mp4" => Some(Self::Mp4),
             "webp" => Some(Self::WebP),
             "gif" => Some(Self::Gif),
             _ => None,
         }
     }
+}
+
+/// In lower case.
+fn extension(out: &Path) -> Option<String> {
+    Some(out.extension()?.to_str()?.to_ascii_lowercase())
+}
+
+/// Checks that `out` is a film that we write or a folder for pictures: one that is there may have any name.
+///
+/// # Errors
+/// If it is called like a file of another kind.
+pub(super) fn ensure_known(out: &Path) -> anyhow::Result<()> {
+    let other = extension(out).filter(|it| OTHER_FILES.contains(&it.as_str()));
+    let Some(other) = other.filter(|_| !out.is_dir()) else {
+        return Ok(());
+    };
+    bail!(
+        "{}: renders are not written as .{other}, but as a film (.mp4, .webp or .gif), or with a name \
+         without such an ending as a folder of pictures (.png; with --animate also an animated one)",
+        out.display()
+    )
 }
 
 /// Whether `out` is the name of a film, and not that of a folder.
@@ -90,4 +117,29 @@ fn write_mp4(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> 
     }
     let film = film.context("no pictures for a film")?;
     Ok(film.finish()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_that_of_a_film_a_folder_or_refused() {
+        for film in ["walk.mp4", "out/walk.MP4", "walk.WebP", "walk.GIF"] {
+            assert!(is_film(Path::new(film)), "{film}");
+            assert!(ensure_known(Path::new(film)).is_ok(), "{film}");
+        }
+        for folder in ["out", "out/v1.2", "out/ada.v2", "out/ada.final", ".hidden"] {
+            assert!(!is_film(Path::new(folder)), "{folder}");
+            assert!(ensure_known(Path::new(folder)).is_ok(), "{folder}");
+        }
+        for other in ["walk.mov", "walk.WEBM", "walk.avi", "a.png", "a.apng"] {
+            let error = ensure_known(Path::new(other)).expect_err(other).to_string();
+            assert!(error.contains(".mp4, .webp or .gif"), "{error}");
+        }
+        let dir = tempfile::tempdir().expect("temporary folder");
+        let folder = dir.path().join("frames.png");
+        std::fs::create_dir(&folder).expect("makes it");
+        assert!(ensure_known(&folder).is_ok());
+    }
 }

@@ -1,6 +1,7 @@
 //! The scene file, as users write it.
 
 use super::super::render_what::FrameRange;
+use super::camera::{FileCamera, FileTurntable, one_path};
 use anyhow::Context;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,12 @@ pub(in crate::commands) struct SceneFile {
     /// Frames per second; left out: those of the first actor who moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<f32>,
+    /// Pictures of the film that are rendered, counted from 0, e.g. "50..100" or "..:5" for every fifth; left out: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
+    /// As `yoto render --quality`: full, balanced, fast, draft or realtime; left out: the model's own settings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality: Option<String>,
     /// Red, green and blue from 0 to 1; left out: black.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<[f32; 3]>,
@@ -35,7 +42,7 @@ pub(in crate::commands) struct SceneFile {
     /// The people.
     pub actors: Vec<FileActor>,
     /// The camera's path.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "one_path")]
     pub camera: FileCamera,
 }
 
@@ -90,7 +97,8 @@ pub(in crate::commands) struct FileMotion {
     /// A single frame: the actor stands still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<u32>,
-    /// Frames of the motion, e.g. "0..60:2"; left out: all.
+    /// Frames of the motion by their numbers, of which every so many stored ones is taken, e.g. "0..60:2"; left
+    /// out: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
 }
@@ -103,71 +111,6 @@ pub(in crate::commands) enum FileLight {
     None,
     /// The light of this person's capture, who is in the actor's model.
     Of(String),
-}
-
-/// The path of the camera.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(in crate::commands) enum FileCamera {
-    /// Around the middle of all motions.
-    Orbit(FileOrbit),
-    /// From key to key in straight lines.
-    Keys(Vec<FileKey>),
-    /// Matrices: one camera for all pictures, or one per picture.
-    Matrices(Vec<FileMatrices>),
-    /// The camera that filmed the motion of an actor, by the actor's place in the list, from 0.
-    Capture(u32),
-}
-
-/// A camera around the middle of all motions, which shows everybody.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub(in crate::commands) struct FileOrbit {
-    /// Angle to the right of the front at the beginning, degrees.
-    pub azimuth: f64,
-    /// Angle above the ground, degrees.
-    pub elevation: f64,
-    /// Angle that the camera passes during the film, degrees: 360 is once around.
-    pub sweep: f64,
-    /// Distance from the middle, metres; 0: as near as everybody fits.
-    pub distance: f64,
-    /// Vertical field of view, degrees; 0: 35.
-    pub fov: f64,
-}
-
-/// A camera at a moment.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(in crate::commands) struct FileKey {
-    /// Since the beginning of the scene.
-    pub seconds: f64,
-    /// Position, metres.
-    pub eye: [f64; 3],
-    /// The point in the middle of the picture, metres.
-    pub target: [f64; 3],
-    /// Vertical field of view, degrees; left out: 35.
-    #[serde(default)]
-    pub fov: f64,
-}
-
-/// A camera by its matrices, in the world of the scene (OpenCV axes, metres).
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(in crate::commands) struct FileMatrices {
-    /// Intrinsics, pixels.
-    #[serde(rename = "K")]
-    pub k: [[f64; 3]; 3],
-    /// World to camera.
-    #[serde(rename = "E")]
-    pub e: [[f64; 4]; 4],
-    /// Width and height, pixels.
-    pub image_size: [u32; 2],
-}
-
-impl Default for FileCamera {
-    fn default() -> Self {
-        Self::Orbit(FileOrbit::default())
-    }
 }
 
 impl FileActor {
@@ -187,24 +130,13 @@ impl FileActor {
     }
 }
 
-impl FileOrbit {
-    /// Once around everybody, from a little above.
-    pub(super) fn around() -> Self {
-        Self {
-            elevation: 10.0,
-            sweep: 360.0,
-            ..Self::default()
-        }
-    }
-}
-
 impl SceneFile {
     /// One person who moves as in their capture, in square pictures of `size` pixels; the camera goes around
     /// them once.
     pub(in crate::commands) fn turntable(subject: String, size: u32) -> Self {
         let mut scene = Self::of(vec![FileActor::of(subject)]);
         scene.size = [size; 2];
-        scene.camera = FileCamera::Orbit(FileOrbit::around());
+        scene.camera = FileCamera::Turntable(FileTurntable::default());
         scene
     }
 
@@ -214,6 +146,8 @@ impl SceneFile {
             size: default_size(),
             seconds: None,
             fps: None,
+            range: None,
+            quality: None,
             background: None,
             backdrop: None,
             shadow: false,

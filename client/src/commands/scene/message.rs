@@ -2,14 +2,16 @@
 
 use super::super::motion::MotionArgs;
 use super::super::render_what::FrameRange;
-use super::file::{FileActor, FileCamera, FileKey, FileLight, FileMatrices, FileMotion, SceneFile};
+use super::super::table::render_tier;
+use super::camera::FileCamera;
+use super::file::{FileActor, FileLight, FileMotion, SceneFile};
 use anyhow::{Context, anyhow, ensure};
 use std::collections::HashMap;
 use std::path::Path;
 use yoto_proto::checks::scene::LARGEST_BACKDROP;
 use yoto_proto::v1::{
-    Actor, Camera, CameraKey, CameraKeys, CameraList, CaptureCamera, CaptureMotion, Light,
-    MotionClip, Scene, SceneCamera, SceneOrbit, actor::Motion, light, scene_camera::Path as Track,
+    Actor, CaptureMotion, Light, MotionClip, RenderQuality, Scene, SceneCamera, actor::Motion,
+    light, render_quality::Want,
 };
 
 /// The resource names of everybody whom a scene names, and of all models.
@@ -47,8 +49,8 @@ impl SceneFile {
         reading: &MotionArgs,
     ) -> anyhow::Result<Scene> {
         let place = |field: &str| format!("{}: {field}", file.display());
+        let folder = file.parent().unwrap_or(Path::new(""));
         let actors = self.actors.iter().enumerate().map(|(i, actor)| {
-            let folder = file.parent().unwrap_or(Path::new(""));
             let message = to_actor(actor, folder, names, reading);
             message.with_context(|| place(&format!("actors[{i}]")))
         });
@@ -56,19 +58,39 @@ impl SceneFile {
             Some(picture) => read_backdrop(file, picture).with_context(|| place("backdrop"))?,
             None => Vec::new(),
         };
+        let range = self.range.as_deref().map(str::parse::<FrameRange>);
+        let range = range
+            .transpose()
+            .map_err(|message| anyhow!("{}: {message}", place("range")))?;
         let matrices = matches!(self.camera, FileCamera::Matrices(_));
         let [width, height] = if matrices { [0, 0] } else { self.size };
         Ok(Scene {
             actors: actors.collect::<anyhow::Result<_>>()?,
             camera: Some(SceneCamera {
-                path: Some(to_path(&self.camera)),
+                path: Some(self.path(folder).with_context(|| place("camera"))?),
             }),
             width,
             height,
             seconds: self.seconds.unwrap_or_default(),
             backdrop,
             shadow: self.shadow,
+            pictures: range.map(FrameRange::of_film),
         })
+    }
+
+    /// The quality that the scene in `file` asks for.
+    ///
+    /// # Errors
+    /// A quality that is not known.
+    pub(in crate::commands) fn wish(&self, file: &Path) -> anyhow::Result<Option<RenderQuality>> {
+        let Some(quality) = &self.quality else {
+            return Ok(None);
+        };
+        let tier = render_tier(quality)
+            .map_err(|message| anyhow!("{}: quality '{quality}': {message}", file.display()))?;
+        Ok(Some(RenderQuality {
+            want: Some(Want::Tier(tier)),
+        }))
     }
 }
 
@@ -96,14 +118,15 @@ fn to_actor(
     let motion = &actor.motion;
     let frames = motion.frames();
     let frames = frames.map_err(|message| anyhow!("motion: {message}"))?;
+    let part = frames.of_capture();
     let motion = match (&motion.capture, &motion.file) {
         (Some(_), Some(_)) => anyhow::bail!("motion: either a capture or a file"),
         (None, Some(_)) => Motion::Clip(to_clip(motion, frames, folder, reading)?),
         (driver, None) => Motion::Capture(CaptureMotion {
             driver: driver.as_ref().map(named).transpose()?.unwrap_or_default(),
-            first_frame: (frames != FrameRange::ALL).then_some(frames.first),
-            frame_count: frames.count(),
-            frame_step: frames.step,
+            // A frame is that of its number also if it is 0.
+            first_frame: motion.frame.or(part.first_frame),
+            ..part
         }),
     };
     let light = match &actor.light {
@@ -143,46 +166,14 @@ fn to_clip(
     Ok(clip)
 }
 
-fn to_path(camera: &FileCamera) -> Track {
-    match camera {
-        FileCamera::Orbit(orbit) => Track::Orbit(SceneOrbit {
-            azimuth: orbit.azimuth,
-            elevation: orbit.elevation,
-            sweep: orbit.sweep,
-            distance: orbit.distance,
-            fov: orbit.fov,
-        }),
-        FileCamera::Keys(keys) => {
-            let key = |key: &FileKey| CameraKey {
-                seconds: key.seconds,
-                eye: key.eye.to_vec(),
-                target: key.target.to_vec(),
-                fov: key.fov,
-            };
-            let keys = keys.iter().map(key).collect();
-            Track::Keys(CameraKeys { keys })
-        }
-        FileCamera::Matrices(list) => {
-            let camera = |camera: &FileMatrices| Camera {
-                width: camera.image_size[0],
-                height: camera.image_size[1],
-                intrinsics: camera.k.concat(),
-                extrinsics: camera.e.concat(),
-            };
-            let cameras = list.iter().map(camera).collect();
-            Track::Cameras(CameraList { cameras })
-        }
-        FileCamera::Capture(actor) => Track::Capture(CaptureCamera { actor: *actor }),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::commands::scene::example;
+    use yoto_proto::v1::FilmRange;
 
     const SCENE: &str = r#"{
-        "size": [640, 360], "seconds": 4, "fps": 25, "background": [1, 1, 1],
+        "size": [640, 360], "seconds": 4, "fps": 25, "range": "10..20:3", "quality": "fast", "background": [1, 1, 1],
         "actors": [
             {"subject": "ada", "motion": {"capture": "bob", "range": "4..20:2"}, "at": [-0.5, 1],
              "heading": 30, "start": 0.5, "speed": 2, "repeat": true, "light": {"of": "bob"}},
@@ -204,13 +195,21 @@ mod tests {
         let dir = tempfile::tempdir()?;
         let path = dir.path().join("scene.json");
         std::fs::write(&path, json)?;
-        SceneFile::read(&path)?.to_message(&path, &names(), &MotionArgs::none())
+        let scene = SceneFile::read(&path)?;
+        scene.wish(&path)?;
+        scene.to_message(&path, &names(), &MotionArgs::none())
     }
 
     #[test]
     fn a_file_says_everything_that_a_request_takes() {
         let scene = read(SCENE).expect("reads");
         assert_eq!((scene.width, scene.height, scene.seconds), (640, 360, 4.0));
+        let pictures = FilmRange {
+            first: 10,
+            count: 4,
+            step: 3,
+        };
+        assert_eq!(scene.pictures, Some(pictures));
         let [ada, bob] = scene.actors.as_slice() else {
             panic!("two actors");
         };
@@ -222,6 +221,7 @@ mod tests {
             first_frame: Some(4),
             frame_count: 8,
             frame_step: 2,
+            end_frame: Some(20),
         };
         assert_eq!(ada.motion, Some(Motion::Capture(motion)));
         let light = |actor: &Actor| actor.light.clone().and_then(|light| light.of);
@@ -232,6 +232,7 @@ mod tests {
             first_frame: Some(7),
             frame_count: 1,
             frame_step: 1,
+            end_frame: Some(8),
         };
         assert_eq!(bob.motion, Some(Motion::Capture(still)));
         assert_eq!(light(bob), Some(light::Of::Neutral(true)));
@@ -268,9 +269,9 @@ mod tests {
     #[test]
     fn the_schema_knows_every_field_of_a_scene() {
         let schema = serde_json::to_string(&schemars::schema_for!(SceneFile)).expect("writes");
-        let fields = "size seconds fps background backdrop shadow transparent actors camera subject model motion at heading \
-             start speed repeat light capture file frame range none of orbit keys matrices azimuth \
-             elevation sweep distance fov eye target K E image_size";
+        let fields = "size seconds fps range quality background backdrop shadow transparent actors camera subject model motion at heading \
+             start speed repeat light capture file frame range none of orbit turntable keys dolly matrices \
+             held_out azimuth elevation sweep distance fov eye target from to K E image_size folder";
         for field in fields.split(' ') {
             assert!(schema.contains(&format!("\"{field}\"")), "{field}");
         }
@@ -288,6 +289,12 @@ mod tests {
                 "seconds",
             ),
             (SCENE.replace("\"4..20:2\"", "\"4..2\""), "actors[0]"),
+            (SCENE.replace("\"10..20:3\"", "\"10-20\""), "range: '10-20'"),
+            (SCENE.replace("\"fast\"", "\"paper\""), "quality 'paper'"),
+            (
+                SCENE.replace("\"keys\"", "\"capture\": 0, \"keys\""),
+                "camera: 2 paths, capture, keys",
+            ),
             (SCENE.replace("\"ada\"", "\"eve\""), "actors[0]"),
             (SCENE.replace("\"fog\"", "\"ice\""), "actors[1]: model"),
             (SCENE.replace("\"speed\": 2", "\"speed\": 0"), "speed"),

@@ -1,11 +1,14 @@
 //! `yoto scene`: files that describe scenes of several people.
 
+mod camera;
 mod file;
 mod message;
+mod path;
 
 pub(super) use file::{FileLight, SceneFile};
 pub(super) use message::Names;
 
+use camera::{FileCamera, FileTurntable};
 use clap::{Args, Subcommand};
 use file::Placed;
 
@@ -19,7 +22,8 @@ Example:
 
 const AFTER_HELP: &str = "\
 A scene has actors, a camera and a background. Its world has y up, the ground at y = 0, metres and
-degrees; the default camera stands in front of everybody and shows them as a whole. Actors are of the model that
+degrees; the default camera stands in front of everybody and shows them as a whole, and others are an orbit, a turntable,
+keys, a dolly, matrices, the camera that filmed a motion (capture), or a held-out one of its capture. Actors are of the model that
 `yoto render` names, or each of the one in their field \"model\": people of splats and of fields hide each other.
 
 Examples:
@@ -72,6 +76,6 @@ fn example(people: Vec<String>) -> SceneFile {
         actor
     });
     let mut scene = SceneFile::of(actors.collect());
-    scene.camera = file::FileCamera::Orbit(file::FileOrbit::around());
+    scene.camera = FileCamera::Turntable(FileTurntable::default());
     scene
 }

@@ -162,7 +162,9 @@ fn failure(error: ExportError) -> JobFailure {
 fn of_motion(error: &SourceError) -> JobFailure {
     match error {
         SourceError::NoFrame { .. } => JobFailure::invalid("export", "frame", error.to_string()),
-        SourceError::TooFew { .. } => JobFailure::invalid("export", "motions", error.to_string()),
+        SourceError::TooFew { .. } | SourceError::NoneBelow { .. } => {
+            JobFailure::invalid("export", "motions", error.to_string())
+        }
         error => JobFailure::failed("RETARGET", "the motions", error),
     }
 }

@@ -14,10 +14,11 @@ use yoto_capture::{
         transfer,
     },
 };
-use yoto_proto::{frame_steps::chosen, pose_track::PoseTrack, v1::MotionTransfer};
+use yoto_proto::{frame_steps::chosen_below, pose_track::PoseTrack, v1::MotionTransfer};
 
 /// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
-/// on, `frame_count` of them (0 means all remaining ones). The request has the motion at `field`.
+/// on, `frame_count` of them (0 means all remaining ones), or those before the `end_frame`. The request has the
+/// motion at `field`.
 pub(super) fn places(
     transfer: &MotionTransfer,
     track: &PoseTrack,
@@ -27,15 +28,28 @@ pub(super) fn places(
         Some(index) => find_place(track, index, &format!("{field}.first_frame"))?,
         None => 0,
     };
-    let (step, count) = (transfer.frame_step, transfer.frame_count);
-    chosen(track.frames.len(), first, step, count).map_err(|left| {
-        let message = format!(
-            "{count} frames, but the driver's capture has {left} from frame {} on in steps of {}",
-            track.frames[first].index,
-            step.max(1)
-        );
-        let field = format!("{field}.frame_count");
-        JobFailure::invalid("render", &field, message)
+    let (step, count, end) = (
+        transfer.frame_step,
+        transfer.frame_count,
+        transfer.end_frame,
+    );
+    let numbers = track.frames.iter().map(|frame| frame.index);
+    chosen_below(numbers, first, step, count, end).map_err(|left| {
+        let first = track.frames.get(first).map_or(0, |frame| frame.index);
+        let (name, message) = match end {
+            Some(end) => (
+                "end_frame",
+                format!("the driver's capture has no frame below {end} from frame {first} on"),
+            ),
+            None => (
+                "frame_count",
+                format!(
+                    "{count} frames, but the driver's capture has {left} from frame {first} on in steps of {}",
+                    step.max(1)
+                ),
+            ),
+        };
+        JobFailure::invalid("render", &format!("{field}.{name}"), message)
     })
 }
 
@@ -115,7 +129,7 @@ mod tests {
             frame_count,
             frame_step,
             size: 32,
-            follow: false,
+            ..MotionTransfer::default()
         }
     }
 
@@ -146,6 +160,27 @@ mod tests {
     fn nothing_said_means_every_frame_that_is_left() {
         let all = all_views(&transfer(5, 0, 0)).expect("views");
         assert_eq!(all.len(), track().frames.len());
+    }
+
+    #[test]
+    fn an_end_is_a_frame_s_number() {
+        let mut track = track();
+        for (frame, index) in track.frames.iter_mut().zip([60, 62, 64, 66]) {
+            frame.index = index;
+        }
+        let until = |end| {
+            let transfer = MotionTransfer {
+                end_frame: Some(end),
+                ..transfer(60, 9, 1)
+            };
+            places(&transfer, &track, "motion")
+        };
+        assert_eq!(until(64).expect("two frames"), [0, 1]);
+        assert_eq!(until(120).expect("all that there are"), [0, 1, 2, 3]);
+        let Err(JobFailure::Invalid(found)) = until(60) else {
+            panic!("refused");
+        };
+        assert_eq!(found[0].field, "motion.end_frame");
     }
 
     #[test]

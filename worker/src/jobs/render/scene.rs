@@ -9,7 +9,12 @@ use super::{FPS, Film, cast::Cast, surroundings::Surroundings, truth::Truths};
 use crate::{jobs::JobFailure, media::animation::MAX_FPS};
 use player::Player;
 use yoto_avatar::render::SceneView;
-use yoto_proto::{checks::scene::MAX_PICTURES, render_needs::model_of, v1::Scene};
+use yoto_proto::{
+    checks::scene::MAX_PICTURES,
+    frame_steps::chosen,
+    render_needs::model_of,
+    v1::{FilmRange, Scene},
+};
 
 /// Rounding of a film's length, frames.
 const ROUNDING: f64 = 1e-6;
@@ -30,11 +35,13 @@ pub(super) fn film(own: &Cast<'_>, others: &[Cast<'_>], scene: &Scene) -> Result
     let fps = request.fps.or(natural).unwrap_or(FPS).min(MAX_FPS);
     let times = times(scene.seconds, fps, &players)?;
     let cameras = camera::cameras(scene, &players, &times)?;
-    let pictures = times.iter().zip(cameras);
+    let range = scene.pictures.unwrap_or_default();
+    let pictures = pictures(times.len(), &range)?.into_iter();
+    let pictures = pictures.map(|at| (times[at], cameras[at].clone()));
     let (colour, transparent) = (request.background, request.spec.transparent);
     let surroundings = Surroundings::new(scene, colour, transparent)?;
     let views = pictures.map(|(time, camera)| SceneView {
-        actors: players.iter().map(|player| player.actor(*time)).collect(),
+        actors: players.iter().map(|player| player.actor(time)).collect(),
         camera,
         background: match surroundings {
             Some(_) => [0.0; 3],
@@ -46,7 +53,28 @@ pub(super) fn film(own: &Cast<'_>, others: &[Cast<'_>], scene: &Scene) -> Result
         models,
         surroundings,
         truths: Truths::none(),
-        fps,
+        fps: fps / range.step.max(1) as f32,
+    })
+}
+
+/// Places in a film of `count` pictures of those in `range`.
+fn pictures(count: usize, range: &FilmRange) -> Result<Vec<usize>, JobFailure> {
+    let FilmRange { first, step, .. } = *range;
+    let refused = |field: &str, message: String| {
+        JobFailure::invalid("render", &format!("scene.pictures.{field}"), message)
+    };
+    if first as usize >= count {
+        return Err(refused(
+            "first",
+            format!("{first}: the film has {count} pictures"),
+        ));
+    }
+    chosen(count, first as usize, step, range.count).map_err(|left| {
+        let (wanted, step) = (range.count, step.max(1));
+        let message = format!(
+            "{wanted} pictures, but the film of {count} has {left} from picture {first} on in steps of {step}"
+        );
+        refused("count", message)
     })
 }
 
@@ -73,4 +101,25 @@ fn times(seconds: f64, fps: f32, players: &[Player]) -> Result<Vec<f64>, JobFail
     Ok((0..count as usize)
         .map(|frame| frame as f64 / rate)
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_chooses_pictures_that_the_film_has() {
+        let chosen = |first, count, step| pictures(10, &FilmRange { first, count, step });
+        assert_eq!(chosen(0, 0, 0).expect("all").len(), 10);
+        assert_eq!(chosen(4, 2, 3).expect("two"), [4, 7]);
+        for (range, field) in [
+            (chosen(10, 0, 1), "scene.pictures.first"),
+            (chosen(4, 3, 3), "scene.pictures.count"),
+        ] {
+            let Err(JobFailure::Invalid(found)) = range else {
+                panic!("{field} is refused");
+            };
+            assert_eq!(found[0].field, field);
+        }
+    }
 }

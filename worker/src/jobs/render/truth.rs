@@ -69,11 +69,10 @@ mod tests {
     fn transfer(driver: &str) -> MotionTransfer {
         MotionTransfer {
             driver: driver.into(),
-            first_frame: None,
             frame_count: 2,
             frame_step: 3,
             size: 16,
-            follow: false,
+            ..MotionTransfer::default()
         }
     }
 

@@ -47,6 +47,19 @@ pub(super) fn cameras(
             });
             filmed.collect()
         }
+        Some(Path::HeldOut(held_out)) => {
+            let camera = held_out.camera.as_ref().map(Camera::from_proto);
+            let camera = camera.ok_or_else(|| invalid("held_out.camera", "is missing"))?;
+            let camera = camera.map_err(|error| {
+                invalid(&format!("held_out.camera.{}", error.field), error.message)
+            })?;
+            let player = players.get(held_out.actor as usize);
+            let player = player.ok_or_else(|| invalid("held_out.actor", "is not there"))?;
+            Ok(vec![
+                letterboxed(&player.placed(&camera), size);
+                times.len()
+            ])
+        }
     }
 }
 

@@ -25,6 +25,7 @@ pub(super) struct Player {
     light: Light,
     body: Skeleton,
     poses: Vec<Pose>,
+    place: Place,
     /// The cameras that filmed the poses, in the scene; none for a motion without any.
     cameras: Vec<Camera>,
     pub(super) clock: Clock,
@@ -68,6 +69,7 @@ impl Player {
                 repeat: actor.repeat,
             },
             body,
+            place,
         })
     }
 
@@ -105,6 +107,11 @@ impl Player {
     pub(super) fn height(&self) -> f64 {
         let heights = || self.body.rest.iter().map(|joint| joint[1]);
         heights().fold(f64::NEG_INFINITY, f64::max) - heights().fold(f64::INFINITY, f64::min)
+    }
+
+    /// `camera`, which is in the world of the motion, at the same place relative to the actor.
+    pub(super) fn placed(&self, camera: &Camera) -> Camera {
+        self.place.put_camera(camera)
     }
 
     /// The camera that filmed the pose nearest to `seconds` of the scene.
@@ -153,6 +160,7 @@ fn captured(
         first_frame: motion.first_frame,
         frame_count: motion.frame_count,
         frame_step: motion.frame_step,
+        end_frame: motion.end_frame,
         ..MotionTransfer::default()
     };
     let places = motion::places(&transfer, track, &format!("{field}.capture"))?;
