@@ -2,6 +2,9 @@
 
 use crate::process::PATIENCE;
 use anyhow::{Context, bail, ensure};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -36,11 +39,23 @@ impl Browser {
         Ok(None)
     }
 
-    /// The document of the page at `path` after its scripts, on a software renderer.
+    /// What the scripts of a `page` leave in `document.body.dataset.found` until it is complete, as base64 of JSON.
     ///
     /// # Errors
-    /// When the browser fails, or does not end.
-    pub fn document(&self, path: &Path) -> anyhow::Result<String> {
+    /// When the browser fails, or does not end, or nothing of the kind is there.
+    pub fn found<T: DeserializeOwned>(&self, page: &str) -> anyhow::Result<T> {
+        let dir = tempfile::tempdir()?;
+        let path = dir.path().join("page.html");
+        std::fs::write(&path, page)?;
+        let document = self.document(&path)?;
+        let found = document.split(r#"data-found=""#).nth(1);
+        let found = found.and_then(|rest| rest.split('"').next());
+        let found = STANDARD.decode(found.context("the scripts of the page left nothing")?)?;
+        Ok(serde_json::from_slice(&found)?)
+    }
+
+    /// The document of the page at `path` after its scripts, on a software renderer.
+    fn document(&self, path: &Path) -> anyhow::Result<String> {
         let profile = tempfile::tempdir()?;
         let mut browser = Command::new(self.0)
             .args([

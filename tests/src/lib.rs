@@ -7,6 +7,8 @@ pub mod film;
 pub mod load;
 pub mod page;
 pub mod people;
+pub mod phone;
+pub mod playback;
 pub mod process;
 pub mod torture;
 pub mod upload;

@@ -1,15 +1,16 @@
 //! People leave in files that other programs play.
 
 use anyhow::{Context, ensure};
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_media::Limits;
+use yoto_media::film::Film;
 use yoto_media::video::{Ffmpeg, Video};
 use yoto_tests::browser::Browser;
 use yoto_tests::page::clips;
 use yoto_tests::people::write_capture;
+use yoto_tests::phone;
+use yoto_tests::playback::played;
 use yoto_tests::process::{Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
@@ -82,9 +83,10 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ),
         (
             "mesh.ply",
-            " --frame 5 --format mesh --triangles 4000",
+            " --frame 5 --format ply-mesh --triangles 4000",
             &b"ply\nformat"[..],
         ),
+        ("LOUD.SPZ", " --frame 5", &b"\x1f\x8b"[..]),
     ] {
         let line = format!("{export}{options} --out {}", at(name));
         yoto(&line, succeed)?;
@@ -150,7 +152,7 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     for (line, cause) in [
         (
             "export solo --subject ada --out x.fbx",
-            "none of .html, .ply, .spz, .glb, .obj",
+            "none of .html, .ply, .spz, .glb or .obj",
         ),
         (
             "export solo --subject ada --out x.ply --triangles 500",
@@ -158,7 +160,7 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ),
         (
             "export solo --subject ada --out x.spz --format mesh",
-            "another format than --format says",
+            "--out x.spz is .spz, and --format mesh is .glb, .obj or .ply",
         ),
         (
             "render solo --subject ada --orbit 0 --fps 20 --out x",
@@ -233,26 +235,13 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         eprintln!("no browser here: the page is not drawn");
         return Ok(());
     };
-    // The page itself, and a script that holds the frame and keeps the canvas.
+    // The page's controls, and then the frame as the renderer draws it.
     let frame = &track.frames[FRAME];
     let k = &frame.k;
-    let lens = serde_json::json!([k[0][0], k[1][1], k[0][2], k[1][2]]);
-    let rows = serde_json::json!(&frame.e[..3]);
+    let lens = [k[0][0], k[1][1], k[0][2], k[1][2]];
+    let hold = serde_json::json!([0, FRAME, &frame.e[..3], lens, SIZE, SIZE]);
     let page = std::fs::read_to_string(dir.path().join("ada.html"))?;
-    let script = format!(
-        "<script>yoto.hold(0, {FRAME}, {rows}, {lens}, {SIZE}, {SIZE}); \
-         document.body.dataset.picture = document.getElementById('view').toDataURL();</script></body>"
-    );
-    let held = dir.path().join("held.html");
-    std::fs::write(&held, page.replace("</body>", &script))?;
-    let document = browser.document(&held)?;
-    let start = r#"data-picture="data:image/png;base64,"#;
-    let picture = document
-        .split(start)
-        .nth(1)
-        .and_then(|rest| rest.split('"').next());
-    let picture = STANDARD.decode(picture.with_context(|| format!("no picture in {document}"))?)?;
-    let drawn = image::load_from_memory(&picture)?.to_rgba8();
+    let drawn = phone::tried(&browser, &page, &hold)?;
     let over_black = drawn.pixels().flat_map(|pixel| {
         let [r, g, b, a] = pixel.0.map(|value| f32::from(value) / 255.0);
         [r * a, g * a, b * a]
@@ -262,5 +251,45 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
     let alike = psnr(&over_black.collect::<Vec<f32>>(), &rendered);
     eprintln!("browser and renderer: {alike:.1} dB");
     ensure!(alike > 50.0, "browser and renderer differ: {alike:.1} dB");
+    Ok(())
+}
+
+#[test]
+fn a_browser_plays_a_film_and_jumps_in_it() -> anyhow::Result<()> {
+    const LENGTH: usize = 40;
+    const FPS: f64 = 20.0;
+    let Some(browser) = Browser::find()? else {
+        eprintln!("no browser here: the film is not played");
+        return Ok(());
+    };
+    // Neighbours differ by far more than the encoder does.
+    let grey = |frame: usize| 20 + 40 * (frame % 6) as u8;
+    let mut bytes = Vec::new();
+    let mut film = Film::new(&mut bytes, 64, 48, FPS)?;
+    for frame in 0..LENGTH {
+        film.push(&[grey(frame); 3 * 64 * 48])?;
+    }
+    film.finish()?;
+    // Forth and back; from the 31st frame on, there is another one to begin with.
+    let frames = [38, 3, 22, 31];
+    let times = frames.map(|frame| (frame as f64 + 0.5) / FPS);
+    let playback = played(&browser, &bytes, &times)?;
+    ensure!(
+        (playback.width, playback.height) == (64, 48),
+        "{playback:?}"
+    );
+    // Players differ in whether the last frame has a length.
+    let seconds = LENGTH as f64 / FPS;
+    ensure!(
+        (playback.seconds - seconds).abs() < 1.5 / FPS,
+        "{playback:?}"
+    );
+    ensure!(playback.reds.len() == frames.len(), "{playback:?}");
+    for (frame, red) in frames.into_iter().zip(&playback.reds) {
+        ensure!(
+            red.abs_diff(grey(frame)) < 12,
+            "frame {frame}: {playback:?}"
+        );
+    }
     Ok(())
 }

@@ -12,9 +12,11 @@ Steps, as a client of a service in its own process:
   2. trains one shared model on all of them;
   3. renders each from held-out cameras and in held-out poses, an orbit around each, and
      the first person's motion on the second person's body;
-  4. compares the renders with the truth.
+  4. compares the renders with the truth;
+  5. writes a page per person, which plays them in a browser (ada.html and so on): turn,
+     zoom, bend, take another's motion.
 
-Look at contact-sheet.png first; *-animation.png files play in a browser.
+Open a page first. contact-sheet.png has all renders; *-animation.png files play in a browser.
 
 Examples:
   yoto demo

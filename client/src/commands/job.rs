@@ -28,8 +28,8 @@ succeeds.
 Example:
   yoto job watch 9f31c2aa";
 const FETCH_HELP: &str = "\
-A render has its pictures, an evaluation scores.json and the plots of a trade-off, a training its last
-checkpoint (`yoto model export` writes the best one).
+A render has its pictures, an export its page, splats or mesh, an evaluation scores.json and the plots of a
+trade-off, a training its last checkpoint (`yoto model export` writes the best one).
 
 Example:
   yoto job fetch 9f31c2aa --out out/ada";
@@ -50,7 +50,7 @@ Example:
   yoto job resume train";
 
 const DELETE_HELP: &str = "\
-Its pictures and figures go with it. The checkpoints of a training stay with their model, and the capture
+Its pictures, figures and exported files go with it. The checkpoints of a training stay with their model, and the capture
 of an ingest job with its person.
 
 Example:
@@ -74,7 +74,7 @@ enum Action {
     /// Follow a job to its end.
     #[command(after_help = WATCH_HELP)]
     Watch(Which),
-    /// Wait for a job and write its files: pictures, figures, or the checkpoint of a training.
+    /// Wait for a job and write its files: pictures, an exported person, figures, or the checkpoint of a training.
     #[command(after_help = FETCH_HELP)]
     Fetch {
         #[command(flatten)]
@@ -85,7 +85,7 @@ enum Action {
     /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
     Cancel(Which),
-    /// Delete a job that has ended, with its pictures and figures.
+    /// Delete a job that has ended, with its pictures, figures and exported files.
     #[command(after_help = DELETE_HELP)]
     Delete(Which),
     /// Start no more jobs of a kind.

@@ -107,6 +107,8 @@ fn what_a_newcomer_types_parses() {
         "yoto export duo --subject ada --capture a --capture b --out ada.html",
         "yoto export duo --subject ada --motion ada --motion bob --range 0..60:2 --out ada.glb",
         "yoto export fog --subject ada --seconds 90 --size 128 --frame 3 --out ada.spz",
+        "yoto export duo --subject ada --format ply-mesh --out ada.PLY",
+        "yoto export duo --subject ada --format html --out ada.html",
         "yoto export duo --subject ada --no-motion --priority high --owner me --out ada.html",
         "yoto job pause export --reason why",
         "yoto evaluate duo",
@@ -185,6 +187,7 @@ fn contradictions_are_refused() {
         "yoto export duo --subject ada --no-motion --motion bob --out ada.html",
         "yoto export duo --subject ada --seconds 0.5 --out ada.html",
         "yoto export duo --subject ada --triangles 99 --out ada.obj",
+        "yoto export duo --subject ada --format gltf --out ada.glb",
     ] {
         assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
     }

@@ -46,9 +46,10 @@ pub struct DemoOptions {
     pub lpips: Option<LpipsWeights>,
 }
 
-/// The main output files, with descriptions.
+/// The main output files, with descriptions; the pages come last, where a terminal shows them.
 pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     let mut files = vec![
+        (options.out.join("report.json"), "the figures"),
         (
             sheet::novel_views(&options.out),
             "each person: truth, render; cameras never trained on",
@@ -80,7 +81,6 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
         options.out.join("*.html"),
         "each person to turn, move and bend; open in a browser",
     ));
-    files.push((options.out.join("report.json"), "the figures"));
     files
 }
 

@@ -1,7 +1,7 @@
 //! Files of Gaussian splats.
 //!
 //! - [`ply`]: as the program of 3D Gaussian splatting writes them; every viewer reads them.
-//! - [`spz`]: a twelfth of the size.
+//! - [`spz`]: a sixteenth of the size, less where splats have harmonics.
 //! - [`glb`]: glTF, beside meshes and scenes.
 
 pub mod glb;

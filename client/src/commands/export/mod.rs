@@ -27,11 +27,12 @@ The name of the file says its form:
          turn, play motions, bend joints
   .ply   Gaussian splats of one pose (the rest pose, or --frame of a motion), for
          viewers of 3D Gaussian splatting; no motion
-  .spz   the same in a twelfth of the bytes
+  .spz   the same in a sixteenth of the bytes; harmonics of the first or second degree
+         add up to 9 or 24 bytes to the 15 of a splat
   .glb   a mesh with a texture and bones, which plays motions in programs that read
          glTF; with --format splats, the splats of one pose
   .obj   the mesh in one pose, with a material (.mtl) and a texture (.png) beside it;
-         with --format mesh, a .ply is the mesh with a colour per vertex
+         with --format ply-mesh, a .ply is the mesh with a colour per vertex
 A worker of the service makes the files of its models. Motions are those of captures on this
 disk, of people in the service, and of files, in this order; without any, that of the person's
 own capture. Of a capture on this disk only poses.json is read; `yoto subject poses --refined`
@@ -47,6 +48,7 @@ Examples:
   yoto export duo --subject ada --no-motion --out ada.glb
   yoto export duo --subject ada --out ada.ply
   yoto export duo --subject ada --frame 30 --out ada.obj
+  yoto export duo --subject ada --format ply-mesh --out ada.ply
   yoto export fog --subject ada --seconds 120 --out ada.spz
   yoto export checkpoints/000000002000 --slot 1 --capture captures/bob --frame 30 --out bob.ply";
 
@@ -82,10 +84,11 @@ pub(super) struct Export {
     /// File to write: .html, .ply, .spz, .glb or .obj.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// What a .glb or .ply has [default: mesh for .glb, splats for .ply].
+    /// What the file has, or its form, as the extension of --out allows [default: mesh in .glb and .obj, splats in
+    /// .ply and .spz].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Most triangles of a mesh [default: 20000].
+    /// Most triangles of a mesh, which is the coarser the fewer they are [default: 20000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     triangles: Option<u32>,
     /// Pixels along a side of a mesh's texture [default: 1024].

@@ -10,8 +10,12 @@ use tempfile::NamedTempFile;
 use yoto_proto::exports::is_file_name;
 use yoto_proto::v1::{ExportForm, ExportResult};
 
+/// Most bytes of a page that is quickly sent and opened.
+const PAGE: usize = 4_000_000;
+
 /// The files to write.
 pub(super) struct Written {
+    form: ExportForm,
     out: PathBuf,
     files: Vec<PathBuf>,
 }
@@ -22,6 +26,7 @@ impl Written {
         let extensions = form.extensions().iter();
         let beside = extensions.skip(1).map(|it| out.with_extension(it));
         Self {
+            form,
             out: out.to_owned(),
             files: [out.to_owned()].into_iter().chain(beside).collect(),
         }
@@ -58,6 +63,9 @@ impl Written {
             self.out.display(),
             contents(result)
         );
+        if let Some(advice) = advice(self.form, bytes) {
+            tell!("{}: {advice}", self.out.display());
+        }
         match result.triangles {
             0 => output::put("splats", result.splats),
             triangles => output::put("triangles", triangles),
@@ -66,6 +74,18 @@ impl Written {
         output::put("bytes", bytes);
         Ok(())
     }
+}
+
+/// What makes a file of a `form` smaller that has so many `bytes`, if it is large.
+fn advice(form: ExportForm, bytes: usize) -> Option<String> {
+    (form == ExportForm::Page && bytes > PAGE).then(|| {
+        let (size, most) = (bytes as f64 / 1e6, PAGE / 1_000_000);
+        format!(
+            "{size:.1} MB, more than the {most} MB of a page that opens quickly; fewer motions, fewer of their frames \
+             (--range A..B:STEP of --motion and --motion-file) and splats without harmonics (yoto train --harmonics \
+             0) make it smaller"
+        )
+    })
 }
 
 /// Writes a file whole or not at all.
@@ -106,5 +126,13 @@ mod tests {
         assert!(Written::new(hidden, ExportForm::MeshObj).stem().is_err());
         let alone = Written::new(Path::new(".ada.glb"), ExportForm::MeshGlb);
         assert_eq!(alone.stem().expect("needs none"), "");
+    }
+
+    #[test]
+    fn a_large_page_comes_with_advice() {
+        assert_eq!(advice(ExportForm::Page, 4_000_000), None);
+        assert_eq!(advice(ExportForm::MeshGlb, 40_000_000), None);
+        let advice = advice(ExportForm::Page, 5_260_000).expect("a large page");
+        assert!(advice.starts_with("5.3 MB, more than the 4 MB"), "{advice}");
     }
 }

@@ -10,7 +10,7 @@ const ROUNDS: usize = 10;
 /// Steps towards the neighbours' mean and back, which smooth without shrinking (Taubin, "A signal
 /// processing approach to fair surface design", 1995).
 const STEPS: [f32; 2] = [0.5, -0.53];
-/// Largest error of the reduction, metres.
+/// Largest error of the reduction where it leaves few enough triangles, metres.
 const COARSEST: f32 = 0.01;
 
 /// `surface` without the grid's small steps.
@@ -38,7 +38,8 @@ pub(super) fn smooth(mut surface: Surface) -> Surface {
     surface
 }
 
-/// `surface` with at most `triangles`, or as many as [`COARSEST`] needs.
+/// `surface` with at most `triangles`, as closed as it was: within [`COARSEST`] of it if so many are enough for that,
+/// and otherwise as near as they allow.
 ///
 /// # Errors
 /// If the library refuses the positions.
@@ -50,14 +51,14 @@ pub(super) fn reduced(surface: Surface, triangles: usize) -> Result<Surface, mes
         .flat_map(|value| value.to_ne_bytes())
         .collect();
     let vertices = VertexDataAdapter::new(&bytes, 12, 0)?;
-    let indices = simplify(
-        surface.triangles.as_flattened(),
-        &vertices,
-        3 * triangles,
-        COARSEST,
-        SimplifyOptions::ErrorAbsolute,
-        None,
-    );
+    let wanted = 3 * triangles;
+    let mut indices = surface.triangles.as_flattened().to_vec();
+    for error in [COARSEST, f32::MAX] {
+        if indices.len() > wanted {
+            let options = SimplifyOptions::ErrorAbsolute;
+            indices = simplify(&indices, &vertices, wanted, error, options, None);
+        }
+    }
     let mut places = vec![u32::MAX; surface.positions.len()];
     let mut reduced = Surface::default();
     for corners in indices.as_chunks::<3>().0 {

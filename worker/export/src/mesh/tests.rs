@@ -115,6 +115,37 @@ fn a_ball_of_splats_is_a_closed_ball_even_with_a_hole() {
 }
 
 #[test]
+fn a_mesh_has_no_more_triangles_than_wanted_and_stays_closed() {
+    // To within a centimetre, the ball has more than a hundred.
+    let options = MeshOptions {
+        triangles: 24,
+        texture: 64,
+    };
+    let mesh = mesh(&ball(0.0), &[], &options).expect("a mesh");
+    let count = mesh.triangles.len();
+    assert!((8..=24).contains(&count), "{count}");
+    assert!(edges(&mesh).values().all(|sum| *sum == 0), "open");
+    let share = volume(&mesh) / (4.0 / 3.0 * PI * SEEN.powi(3));
+    assert!((0.4..1.2).contains(&share), "{share}");
+}
+
+#[test]
+fn a_surface_with_few_triangles_stays_as_it_is() {
+    let tetrahedron = || surface::Surface {
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    };
+    for wanted in [4, 1_000_000] {
+        let reduced = reduce::reduced(tetrahedron(), wanted).expect("finite places");
+        let places = |surface: &surface::Surface| -> Vec<_> {
+            let corners = surface.triangles.as_flattened().iter();
+            corners.map(|at| surface.positions[*at as usize]).collect()
+        };
+        assert_eq!(places(&reduced), places(&tetrahedron()));
+    }
+}
+
+#[test]
 fn what_floats_beside_a_person_is_not_of_the_mesh() {
     let mut person = ball(0.0);
     let speck = person.splats[0];

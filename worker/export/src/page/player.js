@@ -185,14 +185,20 @@
   texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
   gl.uniform1fv(uniform("light"), person.light.flat());
 
-  const order = new Uint32Array(count);
-  const buffer = gl.createBuffer();
-  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+  // Two triangles per splat, in one draw: renderers without a GPU are slow at instances. Corner c of the splat in
+  // place p is vertex 4 p + c.
+  const order = new Uint32Array(4 * count);
+  const corners = new Uint32Array(6 * count);
+  for (let place = 0; place < count; place++) {
+    corners.set([0, 1, 2, 2, 1, 3].map((corner) => 4 * place + corner), 6 * place);
+  }
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
+  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, order.byteLength, gl.DYNAMIC_DRAW);
   const attribute = gl.getAttribLocation(program, "splat");
   gl.enableVertexAttribArray(attribute);
   gl.vertexAttribIPointer(attribute, 1, gl.UNSIGNED_INT, 0, 0);
-  gl.vertexAttribDivisor(attribute, 1);
   gl.enable(gl.BLEND);
   gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   gl.clearColor(0, 0, 0, 0);
@@ -232,7 +238,10 @@
       starts[keys[i] + 1]++;
     }
     for (let key = 0; key < 65536; key++) starts[key + 1] += starts[key];
-    for (let i = 0; i < count; i++) order[starts[keys[i]]++] = i;
+    for (let i = 0; i < count; i++) {
+      const first = 4 * starts[keys[i]]++;
+      order.fill(i, first, first + 4);
+    }
   }
 
   // Draws a pose from a camera: rows of world to camera, and focal lengths and centre in pixels.
@@ -246,7 +255,7 @@
     gl.uniform4fv(uniform("camera"), rows.flat());
     gl.uniform4fv(uniform("lens"), lens);
     gl.uniform2f(uniform("size"), canvas.width, canvas.height);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    gl.drawElements(gl.TRIANGLES, corners.length, gl.UNSIGNED_INT, 0);
   }
 
   // The orbit: how the body stands in a clip says where up and front are.
@@ -325,7 +334,10 @@
   const change = (values) => Object.assign(state, values, { changed: true });
   for (const [i, clip] of clips.entries()) element("clip").add(new Option(clip.name, i));
   element("clip").onchange = (event) => change({ clip: Number(event.target.value), time: 0 });
-  element("speed").oninput = (event) => change({ speed: Number(event.target.value) });
+  element("speed").oninput = ({ target }) => {
+    change({ speed: Number(target.value) });
+    target.ariaValueText = `${target.value} times`;
+  };
   function play(playing) {
     change({ playing });
     element("play").textContent = playing ? "Pause" : "Play";
@@ -333,7 +345,8 @@
   element("play").onclick = () => play(!state.playing);
   element("reset").onclick = () => {
     for (const [, slider] of sliders) slider.value = 0;
-    change({ ...home, bends: {} });
+    change(home);
+    bend();
   };
 
   const [X, Y, Z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
@@ -355,6 +368,7 @@
   function bend() {
     const bends = {};
     for (const [members, slider] of sliders) {
+      slider.ariaValueText = `${Math.round((180 / Math.PI) * slider.value)} degrees`;
       const half = Number(slider.value) / 2 / Object.keys(members).length;
       for (const [name, axis] of Object.entries(members)) {
         const joint = person.joints.indexOf(name);
@@ -369,7 +383,7 @@
     const row = document.createElement("label");
     const slider = Object.assign(document.createElement("input"), {
       type: "range", min: -1.5, max: 1.5, step: 0.01, value: 0,
-      oninput: bend,
+      ariaValueText: "0 degrees", oninput: bend,
     });
     sliders.push([members, slider]);
     row.append(label, slider);
@@ -405,21 +419,33 @@
     event.preventDefault();
     zoomBy(Math.exp(event.deltaY * 0.001));
   }, { passive: false });
-  canvas.onkeydown = (event) => {
-    const actions = {
-      " ": () => play(!state.playing),
-      ArrowLeft: () => turnBy(-0.1, 0),
-      ArrowRight: () => turnBy(0.1, 0),
-      ArrowUp: () => turnBy(0, 0.1),
-      ArrowDown: () => turnBy(0, -0.1),
-      "+": () => zoomBy(0.9),
-      "-": () => zoomBy(1.1),
-    };
-    if (actions[event.key]) {
-      event.preventDefault();
-      actions[event.key]();
+  // Keys of the page, before anything was clicked too. A control that has the focus keeps those that it uses itself.
+  const actions = {
+    " ": () => play(!state.playing),
+    ArrowLeft: () => turnBy(-0.1, 0),
+    ArrowRight: () => turnBy(0.1, 0),
+    ArrowUp: () => turnBy(0, 0.1),
+    ArrowDown: () => turnBy(0, -0.1),
+    "+": () => zoomBy(0.9),
+    "-": () => zoomBy(1.1),
+  };
+  const uses = (control, key) => {
+    switch (control.tagName) {
+      case "SELECT": return true;
+      case "BUTTON": case "SUMMARY": return key === " ";
+      case "INPUT": return key.startsWith("Arrow");
+      default: return false;
     }
   };
+  document.addEventListener("keydown", (event) => {
+    const action = actions[event.key];
+    // With these, keys are the browser's.
+    const other = event.ctrlKey || event.metaKey || event.altKey;
+    if (!action || other || uses(event.target, event.key)) return;
+    event.preventDefault();
+    // A key that is held turns on, but does not play and pause in turn.
+    if (!(event.repeat && event.key === " ")) action();
+  });
 
   // For scripts: holds one frame of a clip, from the camera with these rows and lens.
   window.yoto = {
