@@ -176,7 +176,7 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ),
         (
             "render field --subject ada --orbit 0 --views 1 --quality realtime --out x",
-            "yoto distill",
+            "the tier splat",
         ),
         ("export solo --subject bob --out x.ply", "bob"),
         ("export solo --out x.ply", "--subject is needed"),
