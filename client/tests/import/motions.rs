@@ -4,6 +4,7 @@ use crate::{captures, expected};
 use std::collections::HashMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::synthetic::SyntheticPerson;
 use yoto_client::import::motion::{Motion, MotionOptions, Up, read};
 
 type Vec3 = [f64; 3];
@@ -30,6 +31,26 @@ fn distance(a: Vec3, b: Vec3) -> f64 {
 
 fn direction(from: Vec3, to: Vec3) -> Vec3 {
     std::array::from_fn(|i| (to[i] - from[i]) / distance(from, to))
+}
+
+#[test]
+fn a_pose_track_keeps_the_time_of_frames_that_were_left_out() {
+    let (mut track, _) = SyntheticPerson::cast(1, 7)[0].capture(4, 32);
+    let dir = tempfile::tempdir().expect("a folder");
+    for (numbers, frames, rate) in [([0, 2, 4, 6], 4, 0.5), ([0, 1, 4, 6], 7, 1.0)] {
+        for (frame, number) in track.frames.iter_mut().zip(numbers) {
+            frame.index = number;
+        }
+        let path = dir.path().join("walk.pb");
+        std::fs::write(&path, track.to_binary()).expect("writes");
+        let motion = read(&path, &MotionOptions::default()).expect("reads");
+        assert_eq!(motion.frames.len(), frames);
+        assert!(
+            (motion.fps / track.fps - rate).abs() < 1e-9,
+            "{}",
+            motion.fps
+        );
+    }
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::distill::{DistillError, Filmed, Lessons};
+use yoto_avatar::distill::{Course, DistillError, FEWEST, Filmed, Lessons, Stage};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Pose;
+use yoto_capture::check::jumps;
 use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{Shard, ShardBuilder};
 
@@ -61,6 +62,7 @@ fn splats_show_what_a_field_shows() {
         .film(|pictures| pictures < 24)
         .expect("a film");
     assert_eq!(film.frames(), 24);
+    assert!(jumps(&film.track).expect("a skeleton").len() > 1);
     for frame in 0..film.frames() {
         let image = film.image(frame);
         let shown = image.mask.iter().filter(|alpha| **alpha > 127).count();
@@ -80,11 +82,33 @@ fn splats_show_what_a_field_shows() {
     let likeness = splats.progress().psnr.expect("held-out pictures");
     assert!(likeness > 24.0, "{likeness} dB to the field");
 
-    // What was filmed follows, in its own poses and from its own cameras.
+    // The field was drawn in these very poses, however the body jumps from one picture to the next: none is refined.
     let both = Lessons {
         filmed: &filmed,
         ..lessons(&poses, 0)
     };
+    let course = Course {
+        name: "ada".into(),
+        seconds: 1.0,
+        seed: 7,
+        scratch: None,
+    };
+    let mut done = Vec::new();
+    let mut tell = |_: Stage, share: f64| done.push(share);
+    let made = course.run(&both, &Device::flex(), &mut tell, &mut || true);
+    let made = made.expect("splats");
+    assert!(made.pictures >= FEWEST + 12, "{} pictures", made.pictures);
+    let notes = made.trainer.progress().notes;
+    assert!(
+        !notes.iter().any(|it| it.contains("poses are refined")),
+        "{notes:?}"
+    );
+    assert!(
+        done.is_sorted() && done.last().is_some_and(|it| *it > 0.9),
+        "{done:?}"
+    );
+
+    // What was filmed follows, in its own poses and from its own cameras.
     let both = both.film(|pictures| pictures < 2).expect("a film");
     assert_eq!(both.frames(), 2 + 12);
     for (place, (image, pose)) in images.iter().zip(&poses).enumerate() {

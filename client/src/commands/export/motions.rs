@@ -124,6 +124,7 @@ fn of_clip(name: String, clip: MotionClip, up: Vec<f64>) -> ExportMotion {
 mod tests {
     use super::*;
     use crate::import::motion::MotionFrame;
+    use yoto_capture::synthetic::SyntheticPerson;
     use yoto_proto::pose_track::Skeleton;
 
     /// Ten frames at 60 per second whose knee turns by a tenth more each, of a body without a size.
@@ -183,6 +184,33 @@ mod tests {
             whole.motion,
             Some(export_motion::Motion::Capture(_))
         ));
+    }
+
+    #[test]
+    fn a_capture_s_motion_keeps_the_time_of_frames_that_were_left_out() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(4, 32);
+        let numbered = |numbers: [u32; 4]| {
+            let mut track = track.clone();
+            for (frame, number) in track.frames.iter_mut().zip(numbers) {
+                frame.index = number;
+            }
+            let json = serde_json::to_string(&track).expect("writes");
+            std::fs::write(dir.path().join("poses.json"), json).expect("writes");
+            Numbered::capture(dir.path()).expect("reads")
+        };
+        let clip = |motion: ExportMotion| match motion.motion {
+            Some(export_motion::Motion::Clip(clip)) => clip,
+            other => panic!("no clip: {other:?}"),
+        };
+        for (numbers, poses, rate) in [([60, 62, 64, 66], 4, 0.5), ([60, 61, 64, 66], 7, 1.0)] {
+            let whole = clip(numbered(numbers).motion);
+            assert_eq!(whole.poses.len(), poses);
+            assert!((whole.fps / track.fps - rate).abs() < 1e-9, "{}", whole.fps);
+            let third = Pose::from_frame(&track.frames[2]).expect("a pose");
+            let (still, _) = numbered(numbers).still(64).expect("is there");
+            assert_eq!(clip(still).poses, [third.to_proto()]);
+        }
     }
 
     #[test]
