@@ -14,6 +14,9 @@ pub const SIZE: u32 = 256;
 /// Name of the files without their extensions.
 pub const FILE: &str = "person";
 
+/// Extensions of all files of exports.
+pub const EXTENSIONS: [&str; 7] = ["html", "ply", "spz", "glb", "obj", "mtl", "png"];
+
 impl ExportForm {
     /// Whether it has one pose, and no motion.
     pub fn is_still(self) -> bool {
@@ -123,6 +126,17 @@ mod tests {
             motions,
             ..ExportSpec::default()
         }
+    }
+
+    #[test]
+    fn all_extensions_are_known() {
+        let forms = (0..16).filter_map(|form| ExportForm::try_from(form).ok());
+        let mut found: Vec<&str> = forms.flat_map(ExportForm::extensions).copied().collect();
+        found.sort_unstable();
+        found.dedup();
+        let mut all = EXTENSIONS;
+        all.sort_unstable();
+        assert_eq!(found, all);
     }
 
     #[test]

@@ -22,16 +22,18 @@ pub struct Playback {
     pub reds: Vec<u8>,
 }
 
-/// Plays the MP4 `film`, and jumps to `times` in seconds.
+/// Plays the MP4 `film` of `fps` pictures per second, and jumps to `times` in seconds.
 ///
 /// # Errors
 /// When the browser fails, or can't play it.
-pub fn played(browser: &Browser, film: &[u8], times: &[f64]) -> anyhow::Result<Playback> {
+pub fn played(browser: &Browser, film: &[u8], fps: f64, times: &[f64]) -> anyhow::Result<Playback> {
     let address = json!(format!("data:video/mp4;base64,{}", STANDARD.encode(film)));
-    let times = json!(times);
+    let (times, frame) = (json!(times), json!(1.0 / fps));
     let page = PLAYER.replacen(
         "<script>",
-        &format!("<script>\nconst FILM = {address};\nconst TIMES = {times};"),
+        &format!(
+            "<script>\nconst FILM = {address};\nconst TIMES = {times};\nconst FRAME = {frame};"
+        ),
         1,
     );
     let found: Value = browser.found(&page)?;

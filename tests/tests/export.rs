@@ -273,7 +273,7 @@ fn a_browser_plays_a_film_and_jumps_in_it() -> anyhow::Result<()> {
     // Forth and back; from the 31st frame on, there is another one to begin with.
     let frames = [38, 3, 22, 31];
     let times = frames.map(|frame| (frame as f64 + 0.5) / FPS);
-    let playback = played(&browser, &bytes, &times)?;
+    let playback = played(&browser, &bytes, FPS, &times)?;
     ensure!(
         (playback.width, playback.height) == (64, 48),
         "{playback:?}"

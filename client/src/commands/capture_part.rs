@@ -1,8 +1,8 @@
 //! The part of a capture's motion that a range chooses.
 
 use super::render_what::FrameRange;
-use crate::api::{ClientError, YotoClient};
-use yoto_proto::v1::{CaptureMotion, Subject};
+use crate::api::YotoClient;
+use yoto_proto::v1::{CaptureMotion, Subject, capture::State};
 
 impl FrameRange {
     /// The part of a capture's motion, of the actor's own until it has a driver: frames by their numbers, of which
@@ -19,21 +19,25 @@ impl FrameRange {
     }
 }
 
-/// Says so if `range` goes on beyond the newest capture of `driver`.
-pub(super) async fn tell_end(
-    client: &YotoClient,
-    driver: &Subject,
-    range: FrameRange,
-) -> Result<(), ClientError> {
-    let (Some(end), Some(capture)) = (range.of_capture().end_frame, driver.captures.last()) else {
-        return Ok(());
+/// Says so if `range` goes on beyond the capture of `driver` that a job takes, if there is one: what is wrong otherwise, the
+/// job says.
+pub(super) async fn tell_end(client: &YotoClient, driver: &Subject, range: FrameRange) {
+    let Some(end) = range.of_capture().end_frame else {
+        return;
     };
-    let last = client.get_capture(capture).await?.last_frame;
-    if let Some(last) = last.filter(|last| end - 1 > *last) {
-        let name = &driver.display_name;
-        tell!("note: the last frame of {name} has the number {last}: --range ends there");
+    for name in driver.captures.iter().rev() {
+        let Ok(capture) = client.get_capture(name).await else {
+            return;
+        };
+        if capture.state() != State::Ready {
+            continue;
+        }
+        if let Some(last) = capture.last_frame.filter(|last| end - 1 > *last) {
+            let name = &driver.display_name;
+            tell!("note: the last frame of {name} has the number {last}: --range ends there");
+        }
+        return;
     }
-    Ok(())
 }
 
 #[cfg(test)]

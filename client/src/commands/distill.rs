@@ -12,6 +12,7 @@ use yoto_avatar::distill::{Course, Distilled, Filmed, Lessons, Stage};
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
+use yoto_capture::skeleton::Skeleton;
 use yoto_export::source::Source;
 use yoto_proto::exports;
 use yoto_proto::pose_track::PoseTrack;
@@ -43,7 +44,8 @@ pub(super) struct Distill {
     /// Trains on the capture's own frames too.
     #[arg(long)]
     frames: bool,
-    /// Longest side of the pictures, pixels. They are square, or have the form of the capture's frames.
+    /// Shorter side of the pictures, pixels. They are square; with --frames they have the form of the capture's
+    /// frames, and at most their size.
     #[arg(long, default_value_t = exports::SIZE, value_name = "PX", value_parser = distillation_sizes())]
     size: u32,
     /// Seconds of rendering and training together; with a slow field, more: at least 12 pictures are rendered, and
@@ -101,6 +103,14 @@ impl Distill {
         let name = named(&self.capture);
         let source = Source::track(&name, refined.as_ref().unwrap_or(given))?;
         let poses = source.poses(body)?;
+        let same = Skeleton::from_track(&given.skeleton)? == *body;
+        ensure!(
+            capture.is_none() || same,
+            "--frames: {} is of another body than {} of {}: its poses alone are of use",
+            self.capture.display(),
+            chosen.name,
+            model()
+        );
         let filmed = match capture {
             Some(capture) => Filmed::of(capture, &poses, self.size)
                 .with_context(|| self.capture.display().to_string())?,

@@ -103,7 +103,7 @@ pub(super) struct Render {
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
     /// Frames of the motion by their numbers, of which every STEP-th stored one is taken, e.g. 0..60:2 or 100..; of a
-    /// scene or turntable the film's pictures, counted from 0 [default: all].
+    /// motion file its frames, and of a scene or turntable the film's pictures, counted from 0 [default: all].
     #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Move the camera along with a person who walks, who otherwise may leave the picture.
@@ -144,7 +144,8 @@ pub(super) struct Render {
     /// Also write one animated PNG, for browsers.
     #[arg(long)]
     animate: bool,
-    /// Frames per second of the animation or the film [default: the speed of the motion; 15 for others].
+    /// Frames per second of the animation or the film; of a scene or turntable, before --range leaves pictures out [default: the
+    /// speed of the motion; 15 for others].
     #[arg(long, value_name = "N", value_parser = fps)]
     fps: Option<f32>,
     /// Background colour as red, green, blue from 0 to 1.
@@ -466,7 +467,7 @@ impl Render {
         if let Some(driver) = &self.motion {
             let driver = client.find_subject(driver).await?;
             let range = self.frames.unwrap_or(FrameRange::ALL);
-            tell_end(client, &driver, range).await?;
+            tell_end(client, &driver, range).await;
             let part = range.of_capture();
             let transfer = MotionTransfer {
                 driver: driver.name,

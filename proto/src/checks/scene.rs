@@ -104,7 +104,9 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
         None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(motion)) => {
             let count = motion.frame_count;
-            found.unless(count <= MAX_PICTURES, &field("capture.frame_count"), || {
+            // With an end, the most that there could be.
+            let few = count <= MAX_PICTURES || motion.end_frame.is_some();
+            found.unless(few, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_PICTURES} are allowed")
             });
             found.end_frame(&field("capture"), motion.first_frame, motion.end_frame);

@@ -189,11 +189,13 @@ impl Source {
     /// # Errors
     /// The skeletons are too different.
     pub fn on(&self, target: &Skeleton) -> Result<Clip, SourceError> {
-        let (poses, fps) = timing::even(self.poses(target)?, &self.seconds());
+        let (poses, fps) = timing::even(self.poses.clone(), &self.numbers, self.fps);
+        let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
+        let poses = transfer(&self.driver(target)?, target, &poses, &seconds, self.up);
         Ok(Clip {
             name: self.name.clone(),
-            fps: fps.unwrap_or(self.fps),
-            poses,
+            fps,
+            poses: poses.map_err(|(at, source)| self.at_fault(at, source))?,
         })
     }
 
@@ -203,7 +205,8 @@ impl Source {
     /// The skeletons are too different.
     pub fn poses(&self, target: &Skeleton) -> Result<Vec<Pose>, SourceError> {
         let driver = self.driver(target)?;
-        let poses = transfer(&driver, target, &self.poses, &self.seconds(), self.up);
+        let seconds = timing::seconds(&self.numbers, self.fps);
+        let poses = transfer(&driver, target, &self.poses, &seconds, self.up);
         poses.map_err(|(at, source)| self.at_fault(at, source))
     }
 
@@ -220,11 +223,6 @@ impl Source {
     /// The up axis of its world.
     pub fn up(&self) -> Vec3 {
         self.up
-    }
-
-    /// The time of each pose.
-    fn seconds(&self) -> Vec<f64> {
-        timing::seconds(&self.numbers, self.fps)
     }
 
     /// The place among its poses of the frame with this `number`.

@@ -73,8 +73,8 @@ pub(super) struct Export {
     no_motion: bool,
     #[command(flatten)]
     reading: MotionArgs,
-    /// Frames of --motion and --motion-file by their numbers, of which every STEP-th stored one is taken, e.g. 0..240:4
-    /// [default: all].
+    /// Frames of --motion by their numbers and of --motion-file counted from 0, of which every STEP-th stored one is taken,
+    /// e.g. 0..240:4 [default: all].
     #[arg(long, value_name = "A..B:STEP")]
     range: Option<FrameRange>,
     /// Number of the frame whose pose a file without motion has: of the capture or motion file, or of the
@@ -88,7 +88,7 @@ pub(super) struct Export {
     /// .ply and .spz].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Most triangles of a mesh, which is the coarser the fewer they are [default: 20000].
+    /// Most triangles of a mesh, as far as its holes and handles allow [default: 20000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     triangles: Option<u32>,
     /// Pixels along a side of a mesh's texture [default: 1024].
@@ -97,7 +97,8 @@ pub(super) struct Export {
     /// Seconds in which splats are made of a field [default: 60].
     #[arg(long, value_name = "S", value_parser = distillation_seconds)]
     seconds: Option<f64>,
-    /// Longest side of the pictures from which the splats learn, pixels [default: 256].
+    /// Shorter side of the pictures from which the splats learn, pixels, at most that of the capture's frames
+    /// [default: 256].
     #[arg(long, value_name = "PX", value_parser = distillation_sizes())]
     size: Option<u32>,
     /// Learn splats of a field from its pictures alone, without the frames of the person's capture.

@@ -31,11 +31,11 @@ impl Numbered {
         let numbers: Vec<u32> = track.frames.iter().map(|it| it.index).collect();
         let given = poses.iter().map(Pose::to_proto);
         let frames = numbers.iter().copied().zip(given).collect();
-        let (poses, fps) = timing::even(poses, &timing::seconds(&numbers, track.fps));
+        let (poses, fps) = timing::even(poses, &numbers, track.fps);
         let clip = MotionClip {
             skeleton: Some(track.skeleton.to_proto()),
             poses: poses.iter().map(Pose::to_proto).collect(),
-            fps: fps.unwrap_or(track.fps),
+            fps,
             ..MotionClip::default()
         };
         let up = match track.frames.first() {

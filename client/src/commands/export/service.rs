@@ -59,7 +59,7 @@ impl Export {
         let contents = client.exported(&job.name, &result).await?;
         written.write(&contents, &result)?;
         if let Some(distilled) = &result.distilled {
-            show(distilled);
+            show(distilled, self.field_only);
         }
         Ok(())
     }
@@ -70,7 +70,7 @@ impl Export {
         for name in &self.drivers {
             let driver = client.find_subject(name).await.context("--motion")?;
             if let Some(range) = self.range {
-                tell_end(client, &driver, range).await?;
+                tell_end(client, &driver, range).await;
             }
             drivers.push(Numbered::driver(name, driver.name, self.range));
         }
@@ -79,9 +79,23 @@ impl Export {
 }
 
 /// Says how near splats are to the field that they were made of.
-fn show(distilled: &DistilledSplats) {
-    let (pictures, seconds) = (distilled.pictures, distilled.seconds);
-    tell!("splats made from {pictures} pictures in {seconds:.0} s");
+fn show(distilled: &DistilledSplats, field_only: bool) {
+    let DistilledSplats {
+        pictures,
+        frames,
+        seconds,
+        ..
+    } = *distilled;
+    let of_field = pictures.saturating_sub(frames);
+    tell!(
+        "splats made from {of_field} pictures of the field and {frames} frames in {seconds:.0} s"
+    );
+    if frames == 0 && !field_only {
+        tell!(
+            "note: the person's capture is not the one that the model was trained on, so its frames were left \
+             out: train the model again for them to count"
+        );
+    }
     if let (Some(whole), Some(near)) = (distilled.psnr, distilled.psnr_mask_box) {
         tell!(
             "{whole:.2} dB to the field on pictures that were held out, {near:.2} dB near the person"

@@ -10,12 +10,13 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use yoto_media::film::Film;
+use yoto_proto::exports::EXTENSIONS;
 
-/// Endings of pictures, films and other files of which people expect one file, in lower case; we write none of them.
-const OTHER_FILES: [&str; 30] = [
-    "3gp", "apng", "avi", "avif", "bmp", "exr", "flv", "glb", "gz", "heic", "html", "jpeg", "jpg",
-    "json", "m4v", "mkv", "mov", "mpeg", "mpg", "mts", "ogv", "pdf", "ply", "png", "svg", "tar",
-    "tif", "tiff", "webm", "wmv",
+/// Endings of which people expect one file, in lower case, beside those of exports; renders are never written so.
+const OTHER_FILES: [&str; 29] = [
+    "3gp", "apng", "avi", "avif", "bmp", "bvh", "exr", "flv", "gz", "heic", "jpeg", "jpg", "json",
+    "m4v", "mkv", "mov", "mpeg", "mpg", "mts", "npz", "ogv", "pdf", "svg", "tar", "tif", "tiff",
+    "webm", "wmv", "zip",
 ];
 
 /// The form of a film.
@@ -48,13 +49,14 @@ fn extension(out: &Path) -> Option<String> {
 /// # Errors
 /// If it is called like a file of another kind.
 pub(super) fn ensure_known(out: &Path) -> anyhow::Result<()> {
-    let other = extension(out).filter(|it| OTHER_FILES.contains(&it.as_str()));
+    let exported = |it: &str| EXTENSIONS.contains(&it);
+    let other = extension(out).filter(|it| exported(it) || OTHER_FILES.contains(&it.as_str()));
     let Some(other) = other.filter(|_| !out.is_dir()) else {
         return Ok(());
     };
     bail!(
-        "{}: renders are not written as .{other}, but as a film (.mp4, .webp or .gif), or with a name \
-         without such an ending as a folder of pictures (.png; with --animate also an animated one)",
+        "{}: renders are not written as .{other}: name a film (.mp4, .webp or .gif), or a folder for \
+         pictures",
         out.display()
     )
 }
@@ -133,7 +135,14 @@ mod tests {
             assert!(!is_film(Path::new(folder)), "{folder}");
             assert!(ensure_known(Path::new(folder)).is_ok(), "{folder}");
         }
-        for other in ["walk.mov", "walk.WEBM", "walk.avi", "a.png", "a.apng"] {
+        for other in [
+            "walk.mov",
+            "walk.WEBM",
+            "walk.avi",
+            "a.png",
+            "a.apng",
+            "a.spz",
+        ] {
             let error = ensure_known(Path::new(other)).expect_err(other).to_string();
             assert!(error.contains(".mp4, .webp or .gif"), "{error}");
         }

@@ -149,7 +149,7 @@ fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
     });
     let poses = poses.collect::<Result<Vec<_>, _>>()?;
     let numbers: Vec<u32> = track.frames.iter().map(|frame| frame.index).collect();
-    let (poses, fps) = timing::even(poses, &timing::seconds(&numbers, track.fps));
+    let (poses, fps) = timing::even(poses, &numbers, track.fps);
     let frame = |pose: &Pose| MotionFrame {
         rotations: pose.rotations_f64(),
         root: super::geometry::add(rest, pose.translation.map(f64::from)),
@@ -157,7 +157,7 @@ fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
     let names = track.skeleton.names.iter();
     Ok(Motion {
         frames: poses.iter().map(frame).collect(),
-        fps: fps.unwrap_or(track.fps),
+        fps,
         matched: names.map(|name| (name.clone(), name.clone())).collect(),
         unmatched: Vec::new(),
         notes: vec!["a capture does not say which way is up: y is assumed".into()],

@@ -20,8 +20,8 @@ pub const FEWEST: usize = 12;
 pub struct Course {
     /// Name of the person.
     pub name: String,
-    /// Seconds of rendering and training together. A field that needs more than a third of them for [`FEWEST`] pictures
-    /// takes its time, and so does the training then: its two thirds.
+    /// Seconds: a third of rendering, or more of a field that is slow, until there are [`FEWEST`] pictures; and two thirds
+    /// of training.
     pub seconds: f64,
     /// Seed of the training.
     pub seed: u64,
@@ -73,8 +73,7 @@ impl Course {
         let film = lessons.film_while(wanted, goes_on)?;
         let pictures = film.frames();
         let rendered = pictures - lessons.filmed.len();
-        let left = self.seconds - began.elapsed().as_secs_f64();
-        let budget = left.max((1.0 - RENDERING) * self.seconds);
+        let budget = (1.0 - RENDERING) * self.seconds;
         let options = TrainOptions {
             budget: Budget::Seconds(budget),
             seed: self.seed,

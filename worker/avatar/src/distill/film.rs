@@ -4,7 +4,7 @@
 use super::DistillError;
 use crate::render::{RenderError, RenderView, Rendered, Renderer};
 use std::f64::consts::TAU;
-use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::camera::{Camera, Pose, fitted_size};
 use yoto_capture::skeleton::transform::{
     Vec3, add, apply, cross, length, normalised, rigid, rodrigues, scale, sub,
 };
@@ -15,8 +15,11 @@ use yoto_proto::pose_track::PoseTrack;
 const DISTANCE: f64 = 3.5;
 /// What a person reaches beyond their joints, metres.
 const REACH: f64 = 0.25;
-/// Most frames of a capture: 50 MB of pictures at 256 pixels.
+/// Most frames of a capture, and most bytes of their pictures.
 const MOST_FILMED: usize = 200;
+const FILMED_BYTES: usize = 200 << 20;
+/// Bytes of a pixel: colour and mask.
+const PIXEL: usize = 4;
 /// Elevations of the cameras, degrees, one after the other. Few captures show crowns and soles.
 const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// Steps through motions and around the person: the most even sequence in two dimensions, however long it is
@@ -50,13 +53,21 @@ pub struct Filmed {
 }
 
 impl Filmed {
-    /// Frames of a `shard`, at most `size` pixels long, with the `poses` of the person's body in all of its frames: at most
-    /// [`MOST_FILMED`], evenly.
+    /// Frames of a `shard` with at most `size` pixels along their shorter side, as the field's pictures have, with the `poses`
+    /// of the person's body in all frames of the shard: evenly, at most [`MOST_FILMED`] and [`FILMED_BYTES`].
     ///
     /// # Errors
     /// An invalid camera.
     pub fn of(shard: &Shard, poses: &[Pose], size: u32) -> Result<Vec<Self>, DistillError> {
-        let step = shard.frames().div_ceil(MOST_FILMED).max(1);
+        let [short, long] = {
+            let [width, height] = shard.track.image_size;
+            [width.min(height), width.max(height)].map(|side| side.max(1))
+        };
+        let size = (f64::from(size.min(short)) * f64::from(long) / f64::from(short)).round() as u32;
+        let (width, height) = fitted_size(long, short, size);
+        let bytes = PIXEL * width as usize * height as usize;
+        let most = (FILMED_BYTES / bytes).clamp(1, MOST_FILMED);
+        let step = shard.frames().div_ceil(most).max(1);
         let frames = shard.track.frames.iter().zip(poses).enumerate();
         let filmed = frames.step_by(step).map(|(place, (frame, pose))| {
             let camera = Camera::from_frame(frame, shard.track.image_size);

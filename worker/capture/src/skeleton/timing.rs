@@ -3,10 +3,11 @@
 
 use super::Pose;
 use super::readings::between;
-use yoto_proto::pose_track::MAX_FRAMES;
 
-/// Share of a step between two poses below which times are the same: numbers of frames are exact, rates are rounded.
-const ROUNDING: f64 = 1e-3;
+/// Longest pause between two poses that are at equal times, seconds.
+const PAUSE: f64 = 1.0;
+/// Most poses at equal times for each pose that there is.
+const MOST: usize = 8;
 
 /// Seconds from the first of the frames with these `numbers`, of a film with `fps` frames per second, to each of
 /// them. Frames that are not in the order of their numbers, which captures need not be, follow each other at the film's
@@ -30,39 +31,53 @@ pub fn mean_fps(seconds: &[f64]) -> Option<f64> {
     (passed > 0.0).then(|| (seconds.len() - 1) as f64 / passed)
 }
 
-/// The same motion with poses at equal times, and their number per second; `None` for a single one. Equal times are
-/// left alone. Between others, as far apart as the two nearest ones of `poses`, each joint turns the shortest way.
-/// `seconds` has the time of each of `poses`, ascending.
-pub fn even(poses: Vec<Pose>, seconds: &[f64]) -> (Vec<Pose>, Option<f64>) {
-    let Some(mean) = mean_fps(seconds) else {
-        return (poses, None);
-    };
-    let gaps = || seconds.windows(2).map(|pair| pair[1] - pair[0]);
-    if gaps().all(|gap| (gap * mean - 1.0).abs() < ROUNDING) {
-        return (poses, Some(mean));
+/// The same motion with poses at equal times, and their number per second, of `poses` whose frames have the `numbers` in
+/// a film with `fps` frames per second. Those at equal times already are left alone. Otherwise all of them stay, and
+/// between them each joint turns the shortest way; where that would be more than [`MOST`] poses for each, fewer come in
+/// their place. A pause longer than [`PAUSE`] is a cut or frames that were left out, and lasts as long as that.
+pub fn even(poses: Vec<Pose>, numbers: &[u32], fps: f64) -> (Vec<Pose>, f64) {
+    let gaps = gaps(numbers, fps);
+    let step = gaps.iter().fold(0, |step, gap| divisor(step, *gap));
+    if gaps.iter().all(|gap| *gap == step) {
+        return (poses, if step > 0 { fps / f64::from(step) } else { fps });
     }
-    let least = gaps().fold(f64::INFINITY, f64::min);
-    let passed = (seconds.len() - 1) as f64 / mean;
-    let steps = (passed / least).round().min((MAX_FRAMES - 1) as f64);
-    let fps = steps / passed;
-    let first = seconds.first().copied().unwrap_or_default();
-    let at = |step: usize| {
-        let time = first + step as f64 / fps;
-        let before = |it: &f64| *it <= time + ROUNDING / fps;
-        let here = seconds.partition_point(before).max(1) - 1;
-        match poses.get(here + 1) {
-            Some(next) => {
-                let share = (time - seconds[here]) / (seconds[here + 1] - seconds[here]);
-                if share < ROUNDING {
-                    poses[here].clone()
-                } else {
-                    between(&poses[here], next, share)
-                }
+    // Frames of the film from the first pose to each.
+    let mut passed = 0;
+    let places = [0].into_iter().chain(gaps.iter().map(|gap| {
+        passed += u64::from(*gap);
+        passed
+    }));
+    let places: Vec<f64> = places.map(|place| place as f64).collect();
+    let whole = passed as f64;
+    let steps = (passed / u64::from(step)).min((MOST * gaps.len()) as u64);
+    let at = |number: u64| {
+        let place = whole * number as f64 / steps as f64;
+        let here = places.partition_point(|it| *it <= place).max(1) - 1;
+        match (poses.get(here + 1), places.get(here + 1)) {
+            (Some(next), Some(end)) if place > places[here] => {
+                let share = (place - places[here]) / (end - places[here]);
+                between(&poses[here], next, share)
             }
-            None => poses[here].clone(),
+            _ => poses[here].clone(),
         }
     };
-    ((0..=steps as usize).map(at).collect(), Some(fps))
+    ((0..=steps).map(at).collect(), fps * steps as f64 / whole)
+}
+
+/// Frames of the film from each of the frames with these `numbers` to the next.
+fn gaps(numbers: &[u32], fps: f64) -> Vec<u32> {
+    let longest = (PAUSE * fps).round().max(1.0) as u32;
+    let ascending = numbers.is_sorted_by(|a, b| a < b);
+    let gap = |pair: &[u32]| match ascending {
+        true => (pair[1] - pair[0]).min(longest),
+        false => 1,
+    };
+    numbers.windows(2).map(gap).collect()
+}
+
+/// The greatest number that divides both.
+fn divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { divisor(b, a % b) }
 }
 
 #[cfg(test)]
@@ -90,35 +105,50 @@ mod tests {
 
     #[test]
     fn equal_times_are_left_alone() {
-        let numbers = [60, 62, 64];
-        let (same, fps) = even(poses(&numbers), &seconds(&numbers, 30.0));
-        assert_eq!(same, poses(&numbers));
-        assert!((fps.expect("a motion") - 15.0).abs() < 1e-9);
-        let (still, fps) = even(poses(&[9]), &[0.0]);
-        assert_eq!((still.len(), fps), (1, None));
+        for numbers in [vec![60, 62, 64], vec![9], vec![], vec![7, 3, 5]] {
+            let (same, fps) = even(poses(&numbers), &numbers, 30.0);
+            assert_eq!(same, poses(&numbers));
+            let gap = if numbers.first() == Some(&60) {
+                2.0
+            } else {
+                1.0
+            };
+            assert_eq!(fps, 30.0 / gap);
+        }
     }
 
     #[test]
-    fn poses_at_other_times_lie_between() {
-        let numbers = [10, 11, 14, 16];
-        let (found, fps) = even(poses(&numbers), &seconds(&numbers, 25.0));
-        assert!((fps.expect("a motion") - 25.0).abs() < 1e-9);
-        let all = poses(&[10, 11, 12, 13, 14, 15, 16]);
+    fn poses_at_other_times_stay_and_others_lie_between() {
+        let numbers = [10, 12, 18, 22];
+        let (found, fps) = even(poses(&numbers), &numbers, 25.0);
+        assert_eq!(fps, 12.5);
+        let all = poses(&[10, 12, 14, 16, 18, 20, 22]);
         assert_eq!(found.len(), all.len());
         for (found, all) in found.iter().zip(&all) {
             assert!((found.rotations[1][0] - all.rotations[1][0]).abs() < 1e-5);
             assert!((found.translation[0] - all.translation[0]).abs() < 1e-4);
         }
-        // What the capture has stays as it is.
-        assert_eq!((&found[0], &found[4]), (&all[0], &all[4]));
+        for (place, given) in [(0, 0), (1, 1), (4, 2), (6, 3)] {
+            assert_eq!(found[place], poses(&numbers)[given]);
+        }
     }
 
     #[test]
-    fn a_pause_of_years_costs_no_more_than_the_longest_motion() {
-        let numbers = [0, 1, u32::MAX];
-        let (found, fps) = even(poses(&numbers), &seconds(&numbers, 30.0));
-        assert_eq!(found.len(), MAX_FRAMES);
+    fn a_long_pause_is_a_cut() {
+        let numbers: Vec<u32> = (0..100).chain([u32::MAX]).collect();
+        let (found, fps) = even(poses(&numbers), &numbers, 30.0);
+        assert_eq!((found.len(), fps), (100 + 30, 30.0));
+        assert_eq!(found[..100], poses(&numbers)[..100]);
         assert_eq!(found.last(), poses(&numbers).last());
-        assert!(fps.is_some_and(|fps| fps < 30.0));
+    }
+
+    #[test]
+    fn few_poses_of_a_long_film_do_not_become_many() {
+        let numbers = [0, 25, 49, 74];
+        let (found, fps) = even(poses(&numbers), &numbers, 25.0);
+        assert_eq!(found.len(), 1 + 3 * MOST);
+        assert!((fps - 25.0 * 24.0 / 74.0).abs() < 1e-9);
+        assert_eq!(found.last(), poses(&numbers).last());
+        assert!((found[12].translation[0] - 37.0).abs() < 1e-3);
     }
 }

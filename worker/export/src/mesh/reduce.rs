@@ -39,7 +39,7 @@ pub(super) fn smooth(mut surface: Surface) -> Surface {
 }
 
 /// `surface` with at most `triangles`, as closed as it was: within [`COARSEST`] of it if so many are enough for that,
-/// and otherwise as near as they allow.
+/// and otherwise as near as they allow. Holes and handles stay, and may need more.
 ///
 /// # Errors
 /// If the library refuses the positions.

@@ -11,19 +11,25 @@ use yoto_capture::{CaptureError, Shard, skeleton::Skeleton};
 use yoto_export::source::Source;
 use yoto_proto::{
     exports,
-    v1::{Distillation, Progress},
+    v1::{Checkpoint, Distillation, ObjectRef, Progress},
 };
 
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);
 /// Share of the job that a distillation is; the rest writes the files.
 pub(super) const SHARE: f64 = 0.95;
+/// The fraction from which on the pace so far tells the time that is left.
+const SOON: f64 = 0.02;
 /// Seed of the training, as of `yoto distill`.
 const SEED: u64 = 7;
 
 /// Splats to make.
 pub(super) struct Order<'a> {
     pub(super) context: &'a JobContext,
+    /// What the model is, and what it was trained on.
+    pub(super) checkpoint: &'a Checkpoint,
+    /// The capture of the person, in the store.
+    pub(super) shard: Option<&'a ObjectRef>,
     /// The model of fields.
     pub(super) renderer: &'a Renderer,
     /// The person's slot in it.
@@ -45,7 +51,8 @@ impl Order<'_> {
         let own = Source::track(self.name, &capture.track);
         let own = own.map_err(|error| of_motion(&error))?;
         let poses = own.poses(body).map_err(|error| of_motion(&error))?;
-        let filmed = match self.wanted.is_some_and(|it| it.field_only) {
+        let alone = self.wanted.is_some_and(|it| it.field_only) || !self.is_known(capture, body);
+        let filmed = match alone {
             true => Vec::new(),
             false => Filmed::of(capture, &poses, size).map_err(|error| failure(&error))?,
         };
@@ -63,11 +70,15 @@ impl Order<'_> {
             seed: SEED,
             scratch: Some(context.scratch.clone()),
         };
+        let began = Instant::now();
         let mut told: Option<Instant> = None;
         let tell = &mut |stage: Stage, fraction: f64| {
             if told.is_none_or(|it| it.elapsed() >= REPORT_EVERY) {
                 told = Some(Instant::now());
-                context.report(progress(&stage, fraction, seconds));
+                // A slow field takes longer than it should.
+                let pace = began.elapsed().as_secs_f64() / fraction.max(SOON);
+                let left = (1.0 - fraction) * if fraction < SOON { seconds } else { pace };
+                context.report(progress(&stage, fraction, left));
             }
         };
         let goes_on = &mut || context.check().is_ok();
@@ -84,19 +95,29 @@ impl Order<'_> {
         })?;
         let distilled = DistilledSplats {
             pictures: count(made.pictures),
+            frames: count(filmed.len()),
             seconds: made.time.as_secs_f64(),
             psnr_mask_box: progress.psnr_mask_box,
             psnr: progress.psnr,
         };
         Ok((person, distilled))
     }
+
+    /// Whether the model learned from the `capture`: the person may have been filmed again since, in other clothes.
+    fn is_known(&self, capture: &Shard, body: &Skeleton) -> bool {
+        let same = Skeleton::from_track(&capture.track.skeleton).is_ok_and(|it| it == *body);
+        let Checkpoint { shards, slots, .. } = self.checkpoint;
+        // A training of one person names no capture of the others, and earlier versions named none.
+        let named = shards.len() == slots.len();
+        same && (!named || self.shard.is_some_and(|it| shards.contains(&it.sha256)))
+    }
 }
 
-/// What is told of a `stage`, when so much of `seconds` is over.
-fn progress(stage: &Stage, fraction: f64, seconds: f64) -> Progress {
+/// What is told of a `stage`, when such a `fraction` is done and so many seconds are left.
+fn progress(stage: &Stage, fraction: f64, seconds_left: f64) -> Progress {
     let common = Progress {
         fraction: SHARE * fraction,
-        seconds_left: (1.0 - fraction) * seconds,
+        seconds_left,
         ..Progress::default()
     };
     match stage {

@@ -47,8 +47,11 @@ pub fn run(
         None => {
             let (name, capture) =
                 shard::with_refined_poses(context, inputs, &found, &spec.subject)?;
+            let entry = inputs.shards.iter().find(|it| it.subject == spec.subject);
             let course = distilled::Order {
                 context,
+                checkpoint: &found.checkpoint,
+                shard: entry.and_then(|it| it.shard.as_ref()),
                 renderer: &renderer,
                 slot,
                 wanted: spec.distillation.as_ref(),
