@@ -5,7 +5,7 @@
 ///
 /// # Errors
 /// The number of frames that are left, if it is smaller than `wanted`.
-pub fn chosen(frames: usize, first: usize, step: u32, wanted: u32) -> Result<Vec<usize>, usize> {
+fn chosen(frames: usize, first: usize, step: u32, wanted: u32) -> Result<Vec<usize>, usize> {
     let step = step.max(1) as usize;
     let left = frames.saturating_sub(first).div_ceil(step);
     match wanted as usize {
@@ -15,8 +15,9 @@ pub fn chosen(frames: usize, first: usize, step: u32, wanted: u32) -> Result<Vec
     }
 }
 
-/// Places in a capture whose frames have the `numbers`: as [`chosen`], but with an `end` only frames before the first
-/// number that is not below it, and at most `wanted` of them.
+/// Places in a capture whose frames have the `numbers`, from `first` on in steps of `step` (0 means 1): `wanted` of them, or
+/// all that are left if 0. With an `end`, only frames before the first number that is not below it, and at most
+/// `wanted` of them.
 ///
 /// # Errors
 /// The number of frames that are left, if it is smaller than `wanted`; with an `end`, only if it is 0.

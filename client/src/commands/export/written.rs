@@ -76,7 +76,7 @@ impl Written {
     }
 }
 
-/// What makes a file of a `form` smaller that has so many `bytes`, if it is large.
+/// How to make a file of this `form` smaller, if its number of `bytes` is large.
 fn advice(form: ExportForm, bytes: usize) -> Option<String> {
     (form == ExportForm::Page && bytes > PAGE).then(|| {
         let (size, most) = (bytes as f64 / 1e6, PAGE / 1_000_000);

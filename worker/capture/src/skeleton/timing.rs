@@ -1,5 +1,5 @@
-//! When the poses of a motion follow each other. A capture numbers its frames after those of a film and may leave some
-//! out, so its poses need not be at equal times.
+//! Times of the poses of a motion. A capture numbers its frames after those of a film and may leave some out, so the
+//! intervals between its poses differ.
 
 use super::Pose;
 use super::readings::between;
@@ -10,7 +10,7 @@ const PAUSE: f64 = 1.0;
 const MOST: usize = 8;
 
 /// Seconds from the first of the frames with these `numbers`, of a film with `fps` frames per second, to each of
-/// them. Frames that are not in the order of their numbers, which captures need not be, follow each other at the film's
+/// them. A capture may store frames in another order than that of their numbers; these follow each other at the film's
 /// speed.
 pub fn seconds(numbers: &[u32], fps: f64) -> Vec<f64> {
     let first = numbers.first().copied().unwrap_or_default();
