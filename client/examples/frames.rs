@@ -1,7 +1,7 @@
 //! How fast a model draws one person, and where the time of a picture goes:
 //!
 //! ```text
-//! cargo run -p yoto-client --example frames -- MODEL-DIR SLOT SIZE [PICTURES]
+//! cargo run -p yoto --example frames -- MODEL-DIR SLOT SIZE [PICTURES]
 //! ```
 //!
 //! The model is a folder of `yoto model export`. The person stands in the rest pose, and the camera goes
@@ -20,7 +20,7 @@ use yoto_worker::media::{Pixels, picture};
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    yoto_client::allocator::keep_freed_memory();
+    yoto::allocator::keep_freed_memory();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (model, slot, size, pictures) = match arguments.as_slice() {
         [model, slot, size] => (model, slot, size, "60"),

@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::synthetic::SyntheticPerson;
-use yoto_client::import::write_images;
+use yoto_import::write_images;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::SyntheticPerson;
 
 /// Writes the capture of `person` as `poses.json`, `frames/` and `masks/` into `dir`.
 ///

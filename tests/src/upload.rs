@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use std::path::Path;
-use yoto_client::api::{FileSource, UploadFile, YotoClient};
+use yoto_client::{FileSource, UploadFile, YotoClient};
 use yoto_proto::pose_track::describe;
 use yoto_proto::v1::{Capture, Job, capture, job::State};
 

@@ -4,5 +4,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    yoto_client::commands::main()
+    yoto::commands::main()
 }

@@ -4,7 +4,7 @@ use crate::upload::file;
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
-use yoto_client::api::YotoClient;
+use yoto_client::YotoClient;
 use yoto_proto::{
     keys, names, sha256_hex,
     v1::{

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 use tonic::{Code, Response, Status, transport::Channel};
-use yoto_client::api::endpoint;
+use yoto_client::endpoint;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, Capture, Checkpoint, CreateJobRequest,
     CreateModelRequest, CreateSubjectRequest, DeleteJobRequest, GetCaptureRequest, GetJobRequest,

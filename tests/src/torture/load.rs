@@ -16,8 +16,7 @@ use std::{
     time::{Duration, Instant},
 };
 use tonic::Code;
-use yoto_capture::synthetic::SyntheticPerson;
-use yoto_client::api::{ClientError, UploadFile, YotoClient};
+use yoto_client::{ClientError, UploadFile, YotoClient};
 use yoto_proto::{
     protocols::HELD_OUT,
     v1::{
@@ -26,6 +25,7 @@ use yoto_proto::{
         render_spec::What,
     },
 };
+use yoto_synthetic::SyntheticPerson;
 
 /// Frames of a capture, and their edge in pixels.
 const FRAMES: usize = 12;
@@ -87,8 +87,8 @@ impl Load {
     pub fn upload_bytes(&self) -> u64 {
         let files = self.captures.iter().flatten();
         let bytes = files.map(|file| match &file.source {
-            yoto_client::api::FileSource::Memory(bytes) => bytes.len() as u64,
-            yoto_client::api::FileSource::Disk(_) => 0,
+            yoto_client::FileSource::Memory(bytes) => bytes.len() as u64,
+            yoto_client::FileSource::Disk(_) => 0,
         });
         bytes.sum::<u64>() / self.captures.len().max(1) as u64
     }

@@ -11,7 +11,7 @@ use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{LossTerm, Objective, Patches};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// Mean absolute error, and the error of the mean colour of a patch.
 struct Absolute;

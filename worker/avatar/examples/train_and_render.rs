@@ -15,7 +15,7 @@ use yoto_avatar::render::{RenderView, Rendered};
 use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 96;
 const FRAMES: usize = 40;

@@ -13,12 +13,12 @@ use std::error::Error;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::posed;
-use yoto_avatar::ops::warp::inverse::{STEPS, unpose};
-use yoto_avatar::ops::warp::warp;
 use yoto_capture::CaptureFolder;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_ops::warp::inverse::{STEPS, unpose};
+use yoto_ops::warp::warp;
+use yoto_synthetic::SyntheticPerson;
 
 /// Poses, evenly over the motion.
 const POSES: usize = 10;

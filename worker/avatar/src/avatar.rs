@@ -12,12 +12,12 @@ use crate::motion::correction::PoseCorrection;
 use crate::motion::posed;
 use crate::motion::released;
 use crate::motion::weights::MotionWeights;
-use crate::ops::hash::HashGrid;
-use crate::ops::{splat, warp};
 use crate::render::RenderError;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use yoto_capture::camera::Pose;
+use yoto_ops::hash::HashGrid;
+use yoto_ops::{splat, warp};
 
 /// Standard deviation of the initial identity codes.
 const CODE_STD: f64 = 0.01;

@@ -22,6 +22,7 @@ pub use schedule::Schedule;
 pub use setting::Setting;
 pub use sharing::Sharing;
 pub use splats::SplatConfig;
+pub use yoto_ops::Precision;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -116,19 +117,6 @@ pub enum Numerics {
     Sound,
     /// Those of the released HumanNeRF program, for comparisons with it.
     Reference,
-}
-
-/// Format to which the factors of products in the canonical and the non-rigid network are rounded.
-/// Sums, biases, results, parameters and everything outside of these networks are always f32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Precision {
-    /// No rounding.
-    #[default]
-    F32,
-    /// bf16, with 8 significant bits; only on CPUs. Products take about half the time on CPUs with
-    /// instructions for them (docs/performance.md).
-    Bf16,
 }
 
 /// Motion weights.

@@ -4,7 +4,7 @@
 //! of [`motion`] (prior, weights, correction), [`identity`] (codes, pose condition) and [`field`]
 //! (non-rigid, canonical or splats) → [`render`] (march, composite) → [`loss`] → [`train`] (step, guard,
 //! trainer, checkpoint) → [`evaluate`], [`tradeoff`].
-//! `fit` brings poses into agreement with pictures, [`ops`] holds the tensor operations that Burn
+//! `fit` brings poses into agreement with pictures, `yoto_ops` holds the tensor operations that Burn
 //! lacks, [`import`] reads HumanNeRF's checkpoints, and [`config`] describes a model as data.
 
 pub mod avatar;
@@ -18,7 +18,6 @@ pub mod import;
 mod init;
 pub mod loss;
 pub mod motion;
-pub mod ops;
 pub mod render;
 pub mod tradeoff;
 pub mod train;

@@ -13,9 +13,9 @@ use std::collections::BTreeMap;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Camera;
 use yoto_capture::check::{Checker, Grade, Kind, Report, jumps};
-use yoto_capture::synthetic::{Estimator, SyntheticPerson};
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror};
 use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::{Estimator, SyntheticPerson};
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 

@@ -3,8 +3,7 @@
 //! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training reads:
 //! the same frames, decoded, checked, cropped to the person. [`skeleton`] and [`camera`] are the
 //! geometry that every other part of the program shares, [`body_box`] the space around a posed
-//! body that rays are cut to, [`check`] the measures of a capture's quality, and [`synthetic`]
-//! a source of captures whose truth is known.
+//! body that rays are cut to, and [`check`] the measures of a capture's quality.
 
 pub mod body_box;
 mod builder;
@@ -18,7 +17,6 @@ mod image;
 mod mask_box;
 mod shard;
 pub mod skeleton;
-pub mod synthetic;
 mod view;
 mod view_error;
 

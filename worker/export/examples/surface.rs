@@ -8,8 +8,8 @@
 
 use std::path::Path;
 use yoto_avatar::render::Renderer;
-use yoto_capture::synthetic::SyntheticPerson;
 use yoto_export::mesh::{MeshOptions, mesh};
+use yoto_synthetic::SyntheticPerson;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -2,12 +2,12 @@
 
 use crate::shine;
 use faer::{Mat, Side};
-use yoto_avatar::ops::splat::light::terms;
 use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{Mat3, Mat34, apply, compose, rigid};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_formats::splats::Gaussian;
+use yoto_ops::splat::light::terms;
 
 const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Smallest standard deviation, metres: skinning may flatten a Gaussian to nothing.

@@ -1,8 +1,8 @@
 //! Colours that depend on the view, where bones have turned a splat.
 
 use std::f64::consts::PI;
-use yoto_avatar::ops::splat::harmonics::{HARMONICS, terms};
 use yoto_capture::skeleton::transform::Mat3;
+use yoto_ops::splat::harmonics::{HARMONICS, terms};
 
 /// The golden ratio, of which an icosahedron's corners are made.
 const GOLDEN: f64 = 1.618_033_988_749_895;

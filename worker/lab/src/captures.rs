@@ -13,9 +13,9 @@ use yoto_avatar::render::FrameExposure;
 use yoto_avatar::train::Person;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::synthetic::SyntheticPerson;
 use yoto_capture::{CaptureError, CaptureFolder, FrameImage, HeldOutView, Shard};
 use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::SyntheticPerson;
 
 /// The two kinds of held-out pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

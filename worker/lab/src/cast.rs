@@ -7,7 +7,7 @@ use std::sync::Arc;
 use yoto_avatar::render::FrameExposure;
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// Frames of a person's film.
 pub(crate) const FRAMES: usize = 60;

@@ -12,7 +12,7 @@ use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use yoto_avatar::render::Renderer;
 use yoto_capture::camera::Pose;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// Points on each person's clothes.
 const POINTS: usize = 400;

@@ -62,7 +62,7 @@ pub(super) fn recording(film: &OneCamera, every: usize, size: u32) -> anyhow::Re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     fn film(frames: usize) -> OneCamera {
         let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames, 32);

@@ -276,8 +276,9 @@ fn measure(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::{ShardBuilder, synthetic::SyntheticPerson};
+    use yoto_capture::ShardBuilder;
     use yoto_proto::v1::Model;
+    use yoto_synthetic::SyntheticPerson;
 
     fn inputs() -> Inputs {
         let slot = |slot, subject: &str| IdentitySlot {

@@ -6,7 +6,7 @@ use std::{
     net::{Ipv4Addr, SocketAddr},
     path::PathBuf,
 };
-use yoto_client::embedded::{Embedded, EmbeddedOptions};
+use yoto::embedded::{Embedded, EmbeddedOptions};
 use yoto_ingest::IngestSettings;
 use yoto_server::StorageLimits;
 

@@ -8,7 +8,7 @@ use nix::sys::{
 };
 use object_store::local::LocalFileSystem;
 use std::{path::Path, sync::Arc};
-use yoto_client::api::endpoint;
+use yoto_client::endpoint;
 use yoto_objects::Objects;
 use yoto_worker::{Worker, WorkerConfig};
 

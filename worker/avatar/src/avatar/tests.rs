@@ -1,7 +1,7 @@
 use super::*;
 use crate::render::frame::read;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// Values of F_nr and of the code itself, after the completed fraction `progress` of a run.
 fn codes(tier: &str, progress: f64) -> [Vec<f32>; 2] {

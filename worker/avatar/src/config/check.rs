@@ -1,10 +1,25 @@
 //! Validation of configurations.
 
 use super::{
-    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Sharing, Variant,
+    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Precision, Sharing,
+    Variant,
 };
-use crate::ops::mlp::check_device;
 use burn::tensor::Device;
+use yoto_ops::mlp::supports;
+
+/// Checks that networks can run in `precision` on `device`.
+///
+/// # Errors
+/// If they cannot.
+pub(crate) fn check_precision(precision: Precision, device: &Device) -> Result<(), ConfigError> {
+    match supports(precision, device) {
+        true => Ok(()),
+        false => Err(ConfigError::Field {
+            field: "precision",
+            message: "bf16 runs on the CPU only; this device needs f32".into(),
+        }),
+    }
+}
 
 impl ModelConfig {
     /// Checks that a model of this configuration can run on `device`.
@@ -12,7 +27,7 @@ impl ModelConfig {
     /// # Errors
     /// Names the first field that the device does not support.
     pub(crate) fn check_device(&self, device: &Device) -> Result<(), ConfigError> {
-        check_device(self.precision, device)
+        check_precision(self.precision, device)
     }
 
     /// The device that pictures of this model are rendered on, of those that a machine has: `device`, or

@@ -248,7 +248,7 @@ fn outline(mask: &[u8], width: usize, height: usize) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     /// A pose and a camera that see a person of the default cast whole, and the picture's truth.
     fn scene() -> (Skeleton, Pose, Camera, FrameImage) {

@@ -7,12 +7,12 @@ use super::tables::{self, Tables};
 use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision, Sharing};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
-use crate::ops::encode::Bands;
-use crate::ops::hash::HashGrid;
-use crate::ops::mlp::Input;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::{relu, sigmoid, softplus};
+use yoto_ops::encode::Bands;
+use yoto_ops::hash::HashGrid;
+use yoto_ops::mlp::Input;
 
 /// Colour and density over canonical space.
 #[derive(Module, Debug)]
@@ -157,8 +157,8 @@ mod tests {
     use super::*;
     use crate::config::ModelConfig;
     use crate::motion::body::hash_grid;
-    use crate::ops::warp::WarpGrid;
     use burn::tensor::Device;
+    use yoto_ops::warp::WarpGrid;
 
     /// Evaluates a field of two identities with codes and tables, with or without its grid and
     /// code.

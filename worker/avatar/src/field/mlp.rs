@@ -7,9 +7,9 @@
 
 use crate::config::Precision;
 use crate::init::Initial;
-use crate::ops::mlp::{Hidden, Input, MlpPlan, mlp};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
+use yoto_ops::mlp::{Hidden, Input, MlpPlan, mlp};
 
 /// Shape of a [`Mlp`].
 pub struct MlpShape<'a> {

@@ -5,10 +5,10 @@ use super::mlp::{Mlp, MlpShape};
 use super::window::hann_window;
 use crate::config::{BeforeKickIn, ModelConfig, NonRigidConfig, Precision};
 use crate::init::Initial;
-use crate::ops::encode::Bands;
-use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
+use yoto_ops::encode::Bands;
+use yoto_ops::mlp::Input;
 
 /// Offsets of canonical points.
 #[derive(Module, Debug)]

@@ -2,14 +2,14 @@
 //! person's capture.
 
 use crate::init::Initial;
-use crate::ops::splat::harmonics;
-use crate::ops::splat::light::LIGHTS;
 use crate::render::RenderError;
 use crate::render::frame::read;
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Tensor, activation};
+use yoto_ops::splat::harmonics;
+use yoto_ops::splat::light::LIGHTS;
 
-/// Parameters of one person's splats ([`crate::ops::splat::Splats`] has their meaning).
+/// Parameters of one person's splats ([`yoto_ops::splat::Splats`] has their meaning).
 #[derive(Module, Debug)]
 pub struct Splats {
     /// `[N, 3]`.

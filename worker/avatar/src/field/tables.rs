@@ -12,9 +12,9 @@
 
 use crate::config::{Encoding, Sharing};
 use crate::init::Initial;
-use crate::ops::hash::{self, HashGrid};
 use burn::module::Param;
 use burn::tensor::Tensor;
+use yoto_ops::hash::{self, HashGrid};
 
 /// Initial table entries are uniform in ± this (Instant NGP).
 const TABLE_BOUND: f64 = 1e-4;

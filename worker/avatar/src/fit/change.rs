@@ -89,7 +89,7 @@ mod tests {
     use super::*;
     use yoto_capture::skeleton::Skeleton;
     use yoto_capture::skeleton::transform::{compose, length, rotate, sub};
-    use yoto_capture::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     #[test]
     fn a_step_is_taken_in_the_axes_of_the_changed_pose() {

@@ -8,14 +8,14 @@ use super::wrench::{self, Wrench};
 use crate::avatar::Posed;
 use crate::config::Unposing;
 use crate::motion::body::Body;
-use crate::ops::warp::inverse::{self, pulls::Pull as Held};
-use crate::ops::warp::pulls::{Pull, pulls};
 use crate::render::RenderError;
 use crate::render::frame::read;
 use crate::render::samples::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::Mat34;
+use yoto_ops::warp::inverse::{self, pulls::Pull as Held};
+use yoto_ops::warp::pulls::{Pull, pulls};
 
 /// A posed body in host memory.
 pub(super) struct HostPose {

@@ -3,10 +3,10 @@ use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Unposing};
 use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, SEEN, truth};
-use crate::ops::warp::cpu::forward;
-use crate::ops::warp::inverse::solve::Skinning;
 use burn::module::Module;
 use yoto_capture::skeleton::transform::{after, apply, compose, rigid, rodrigues};
+use yoto_ops::warp::cpu::forward;
+use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Rays of the untrained model, their gradients by [`rows`], and what they show after a small
 /// change of one number of the pose.

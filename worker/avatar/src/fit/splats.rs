@@ -8,14 +8,14 @@
 use super::wrench::{self, Wrench};
 use super::{Picture, PoseFitter, Shown};
 use crate::avatar::Posed;
-use crate::ops::splat::Sight;
-use crate::ops::splat::probe::Probe;
-use crate::ops::warp::inverse::solve::Skinning;
 use crate::render::RenderError;
 use crate::render::splats::{HostSplats, sight};
 use rayon::prelude::*;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
+use yoto_ops::splat::Sight;
+use yoto_ops::splat::probe::Probe;
+use yoto_ops::warp::inverse::solve::Skinning;
 
 impl PoseFitter<'_> {
     /// What the `pixels` show, each by its `weights`; `None` if no splat is at any of them.

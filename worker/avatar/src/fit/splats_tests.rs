@@ -4,12 +4,12 @@ use crate::config::ModelConfig;
 use crate::field::splats::FirstSplats;
 use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, PoseChange, SEEN};
-use crate::ops::splat::draw;
 use burn::module::Module;
 use burn::tensor::Tensor;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::draw;
 
 /// Splats of any turn, scale and colour, around the bones.
 fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {

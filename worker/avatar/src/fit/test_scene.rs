@@ -8,7 +8,7 @@ use burn::tensor::Device;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// One frame of a synthetic person, and all that a fit to it needs but the model.
 pub(super) struct TestScene {

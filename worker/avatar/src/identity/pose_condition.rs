@@ -3,11 +3,11 @@
 
 use crate::config::ConditionConfig;
 use crate::init::Initial;
-use crate::ops::encode::{Bands, frequencies};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::softmax;
 use std::f32::consts::PI;
+use yoto_ops::encode::{Bands, frequencies};
 
 /// Cross-attention between an identity code and the joints of a frame.
 #[derive(Module, Debug)]

@@ -2,10 +2,10 @@
 
 use super::prior::{canonical_grid, prior};
 use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
-use crate::ops::hash::HashGrid;
-use crate::ops::warp::WarpGrid;
 use burn::tensor::{Device, Tensor, TensorData};
 use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_ops::hash::HashGrid;
+use yoto_ops::warp::WarpGrid;
 
 /// Smallest prior weight: the logarithm of 0 is −∞, and a softmax of it has no gradient.
 const MIN_PRIOR: f32 = 1e-12;

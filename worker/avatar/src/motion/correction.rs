@@ -4,9 +4,9 @@ use super::rotation::rodrigues;
 use crate::config::{CorrectionConfig, Precision};
 use crate::field::mlp::{Mlp, MlpShape};
 use crate::init::Initial;
-use crate::ops::mlp::Input;
 use burn::module::Module;
 use burn::tensor::Tensor;
+use yoto_ops::mlp::Input;
 
 /// Initial output weights are uniform in ± this, so that corrections start near 0 (HumanNeRF).
 const OUTPUT_BOUND: f64 = 1e-5;

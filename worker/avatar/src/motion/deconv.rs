@@ -8,10 +8,10 @@
 
 use crate::identity::blend::Blend;
 use crate::init::Initial;
-use crate::ops::deconv::{KERNEL, STRIDE, double};
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::leaky_relu;
+use yoto_ops::deconv::{KERNEL, STRIDE, double};
 
 /// Slope of the activation below 0.
 const SLOPE: f64 = 0.2;

@@ -1,9 +1,9 @@
 //! The prior of the motion weights: a Gaussian around each bone, background elsewhere (HumanNeRF;
 //! the numbers are those of its released program).
 
-use crate::ops::warp::WarpGrid;
 use yoto_capture::body_box::MARGIN;
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::warp::WarpGrid;
 
 /// Standard deviations of a bone's blob across, along and across it, metres.
 const BONE_STD: [f64; 3] = [0.03, 0.06, 0.03];

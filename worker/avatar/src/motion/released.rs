@@ -5,10 +5,10 @@
 
 use super::body::Body;
 use super::posed::chain;
-use crate::ops::cofactors::inverse;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Vec3;
+use yoto_ops::cofactors::inverse;
 
 /// Added to each number of the pose vector before any network sees it.
 pub const POSE_SHIFT: f32 = 1e-2;

@@ -6,9 +6,9 @@ use super::deconv::Decoder;
 use crate::config::{MotionConfig, MotionForm};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
-use crate::ops::bone_softmax::bone_softmax;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
+use yoto_ops::bone_softmax::bone_softmax;
 
 /// Logits of the motion weights. The direct form starts with 0, which gives the prior.
 #[derive(Module, Debug)]

@@ -3,11 +3,11 @@
 
 use super::frame::{RenderError, Renderer, read};
 use crate::motion::body::Body;
-use crate::ops::splat::Sight;
-use crate::ops::splat::harmonics::add_seen;
-use crate::ops::warp::skin::shares::Shares;
 use std::borrow::Cow;
 use yoto_capture::camera::Pose;
+use yoto_ops::splat::Sight;
+use yoto_ops::splat::harmonics::add_seen;
+use yoto_ops::warp::skin::shares::Shares;
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
@@ -85,7 +85,7 @@ mod tests {
     use burn::tensor::{Device, Distribution};
     use yoto_capture::camera::Camera;
     use yoto_capture::skeleton::Skeleton;
-    use yoto_capture::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     #[test]
     fn splats_go_with_the_bones_of_every_pose() {

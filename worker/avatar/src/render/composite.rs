@@ -1,9 +1,9 @@
 //! Compositing of marched samples (paper eq. 9), by
-//! [`crate::ops::composite`](mod@crate::ops::composite).
+//! [`yoto_ops::composite`](mod@yoto_ops::composite).
 
 use super::samples::Samples;
-use crate::ops::composite::{self, GradientSubsampling};
 use burn::tensor::Tensor;
+use yoto_ops::composite::{self, GradientSubsampling};
 
 /// Colour, opacity and depth of rays.
 pub struct Composite {

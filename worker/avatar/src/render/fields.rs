@@ -5,10 +5,10 @@ use super::march::{Volume, march};
 use super::samples::SampleCounts;
 use super::view::{SceneView, Shown};
 use crate::avatar::Posed;
-use crate::ops::composite::{RayAccumulator, opacity};
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::body_box::{BodyView, Ray};
+use yoto_ops::composite::{RayAccumulator, opacity};
 
 /// Pixels per batch, which bounds the memory of frames of any size.
 const PIXELS_PER_BATCH: usize = 8192;

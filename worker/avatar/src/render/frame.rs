@@ -7,16 +7,16 @@ use super::samples::SampleCounts;
 use super::settings::RenderSettings;
 use super::view::{RenderView, SceneView};
 use crate::avatar::Avatar;
+use crate::config::check_precision;
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::motion::body::Body;
-use crate::ops::composite::RayAccumulator;
-use crate::ops::mlp::check_device;
 use burn::tensor::{Device, ExecutionError, Tensor};
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
 use thiserror::Error;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
+use yoto_ops::composite::RayAccumulator;
 
 /// Rendering error.
 #[derive(Debug, Error)]

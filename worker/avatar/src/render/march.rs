@@ -6,11 +6,11 @@ use super::occupancy::Occupancy;
 use super::samples::{SampleCounts, Samples};
 use super::walk::{Candidate, Walk};
 use crate::config::{MarchConfig, Unposing};
-use crate::ops::warp::WarpGrid;
-use crate::ops::warp::inverse::solve::Skinning;
-use crate::ops::warp::likelihood::{Segment, along_rays_with};
 use rand::RngExt;
 use yoto_capture::body_box::Ray;
+use yoto_ops::warp::WarpGrid;
+use yoto_ops::warp::inverse::solve::Skinning;
+use yoto_ops::warp::likelihood::{Segment, along_rays_with};
 
 /// The space that a posed person occupies.
 pub struct Volume<'a> {

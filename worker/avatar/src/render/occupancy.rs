@@ -12,8 +12,8 @@
 //! only if all cells within the largest offset seen are empty.
 
 use crate::config::MarchConfig;
-use crate::ops::composite::opacity;
-use crate::ops::warp::WarpGrid;
+use yoto_ops::composite::opacity;
+use yoto_ops::warp::WarpGrid;
 
 /// Levels are the leading bits of an f32: eight levels per power of two.
 const SHIFT: u32 = 20;

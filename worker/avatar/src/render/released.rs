@@ -10,9 +10,9 @@ use super::samples::SampleCounts;
 use super::view::{SceneView, Shown};
 use crate::avatar::Posed;
 use crate::motion::body::Body;
-use crate::ops::warp::cpu::unlimited;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::body_box::{BodyView, Ray};
+use yoto_ops::warp::cpu::unlimited;
 
 /// Rays per batch, which bounds the memory of frames of any size.
 const RAYS_PER_BATCH: usize = 1024;

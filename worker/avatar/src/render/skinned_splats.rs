@@ -2,12 +2,12 @@
 //! bones that carry them.
 
 use super::frame::{RenderError, Renderer, read};
-use crate::ops::splat::harmonics;
-use crate::ops::splat::light::LIGHTS;
-use crate::ops::splat::{LEAST, ROW};
-use crate::ops::warp::inverse::solve::Skinning;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::harmonics;
+use yoto_ops::splat::light::LIGHTS;
+use yoto_ops::splat::{LEAST, ROW};
+use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
 pub const BONES: usize = 4;
@@ -21,7 +21,7 @@ pub struct SkinnedSplats {
     pub splats: Vec<SkinnedSplat>,
     /// Degree of the harmonics by which colours depend on the view.
     pub degree: usize,
-    /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`crate::ops::splat::light`]).
+    /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`yoto_ops::splat::light`]).
     pub light: [[f32; LIGHTS]; 3],
 }
 
@@ -38,7 +38,7 @@ pub struct SkinnedSplat {
     pub opacity: f32,
     /// Without light.
     pub colour: [f32; 3],
-    /// What the colour gains by the view, in the rest pose ([`crate::ops::splat::harmonics`]); zeros above
+    /// What the colour gains by the view, in the rest pose ([`yoto_ops::splat::harmonics`]); zeros above
     /// [`SkinnedSplats::degree`].
     pub harmonics: [[f32; 3]; harmonics::HARMONICS],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.

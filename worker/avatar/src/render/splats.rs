@@ -4,12 +4,12 @@ use super::frame::{RenderError, Rendered, Renderer, read};
 use super::view::{Light, SceneView, Shown};
 use crate::motion::body::Body;
 use crate::motion::posed::pose_vector;
-use crate::ops::splat::light::LIGHTS;
-use crate::ops::splat::{Sight, Splats, cpu::Numbers, draw};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::light::LIGHTS;
+use yoto_ops::splat::{Sight, Splats, cpu::Numbers, draw};
 
 /// Pixels per task.
 const ROW: usize = 8192;

@@ -8,9 +8,9 @@ use super::frame::{RenderError, Rendered, Renderer};
 use super::splats::blended;
 use super::view::{Actor, SceneView};
 use crate::config::Numerics;
-use crate::ops::splat::probe::Probe;
 use rayon::prelude::*;
 use yoto_capture::camera::Camera;
+use yoto_ops::splat::probe::Probe;
 
 /// Pixels per batch, which bounds the memory of frames of any size.
 const PIXELS_PER_BATCH: usize = 8192;

@@ -8,7 +8,6 @@ use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::loss::{LossTerm, Objective, Patches, total};
 use crate::motion::body::Body;
-use crate::ops::composite::GradientSubsampling;
 use crate::render::RenderError;
 use crate::render::SampleCounts;
 use crate::render::composite::{Composite, composite};
@@ -21,6 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
 use yoto_capture::body_box::Ray;
 use yoto_capture::camera::Pose;
+use yoto_ops::composite::GradientSubsampling;
 
 /// Rays of a training step, and their ground truth.
 pub struct Batch {

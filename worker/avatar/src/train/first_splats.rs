@@ -5,8 +5,8 @@ use super::TrainError;
 use super::hull::{Film, Seen, Shell, Sighting};
 use super::people::{TrainFrame, TrainSubject};
 use crate::field::splats::FirstSplats;
-use crate::ops::warp::inverse::solve::apply;
 use yoto_capture::camera::Pose;
+use yoto_ops::warp::inverse::solve::apply;
 
 /// Standard deviations along the surface and across it, as shares of the distance between splats.
 const FLAT: [f64; 3] = [0.6, 0.6, 0.25];

@@ -236,7 +236,7 @@ mod tests {
             guard.step(state, 1.0, grads, 1.0, at)
         };
         let start = number(total(state.avatar()));
-        let area = crate::ops::warp::WarpGrid {
+        let area = yoto_ops::warp::WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
             nodes: [2; 3],

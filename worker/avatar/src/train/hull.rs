@@ -6,15 +6,15 @@
 use super::people::{TrainFrame, TrainSubject};
 use crate::motion::posed;
 use crate::motion::prior::Halo;
-use crate::ops::warp::WarpGrid;
-use crate::ops::warp::inverse::solve::apply;
-use crate::ops::warp::skin::cpu::forward;
 use crate::render::RenderError;
 use crate::render::frame::read;
 use crate::render::splats::sight;
 use rayon::prelude::*;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Pose;
+use yoto_ops::warp::WarpGrid;
+use yoto_ops::warp::inverse::solve::apply;
+use yoto_ops::warp::skin::cpu::forward;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 50;

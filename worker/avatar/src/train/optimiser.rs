@@ -2,13 +2,13 @@
 //! (docs/paper.md), with additional ones for hash tables and direct motion weights.
 
 use crate::config::ModelConfig;
-use crate::ops::adam::{AdamRates, update};
 use burn::module::ParamGroup;
 use burn::optim::{
     AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer, RecordState,
     StateSink, StateSource,
 };
 use burn::tensor::{Device, Tensor};
+use yoto_ops::adam::{AdamRates, update};
 
 const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;

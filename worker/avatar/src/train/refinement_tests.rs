@@ -1,5 +1,5 @@
 use super::*;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 fn track() -> PoseTrack {
     SyntheticPerson::cast(1, 7)[0].capture(8, 32).0

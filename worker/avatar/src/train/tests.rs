@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_capture::ShardBuilder;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 48;
 const FRAMES: usize = 4;

@@ -4,13 +4,13 @@ use super::batch::Scene;
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::loss::LossTerm;
-use crate::ops::picture_loss::{Target, Weights, picture_loss};
-use crate::ops::splat::splat;
 use crate::render::splats::sight;
 use burn::tensor::Tensor;
 use tracing::trace_span;
 use yoto_capture::camera::Camera;
 use yoto_capture::{FrameImage, mask_box};
+use yoto_ops::picture_loss::{Target, Weights, picture_loss};
+use yoto_ops::splat::splat;
 
 /// Name of the objective in reports.
 pub(super) const OBJECTIVE: &str = "l1+ssim";

@@ -64,8 +64,8 @@ mod tests {
     use super::*;
     use std::sync::Arc;
     use yoto_capture::ShardBuilder;
-    use yoto_capture::synthetic::{Estimator, SyntheticPerson};
     use yoto_proto::pose_track::PoseTrack;
+    use yoto_synthetic::{Estimator, SyntheticPerson};
 
     fn decision(who: Refine, frames: usize, change: impl Fn(&mut PoseTrack)) -> Decision {
         let (mut track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames, 64);

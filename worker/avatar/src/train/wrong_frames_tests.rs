@@ -11,9 +11,9 @@ use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::readings::{Reading, Sides};
-use yoto_capture::synthetic::{Estimator, SyntheticPerson};
 use yoto_proto::correction::other_sides;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::{Estimator, SyntheticPerson};
 
 const STEPS: u64 = 500;
 

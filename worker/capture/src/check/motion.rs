@@ -198,7 +198,7 @@ fn reach(track: &PoseTrack, skeleton: &Skeleton, joints: &[Vec<Vec3>]) -> Option
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     fn motion(frames: usize, break_it: impl FnOnce(&mut PoseTrack)) -> Motion {
         let person = &SyntheticPerson::cast(1, 4)[0];

@@ -120,8 +120,8 @@ mod tests {
     use super::*;
     use crate::skeleton::Skeleton;
     use crate::skeleton::transform::{dot, length};
-    use crate::synthetic::SyntheticPerson;
     use yoto_proto::correction::other_sides;
+    use yoto_synthetic::SyntheticPerson;
 
     fn body() -> (Skeleton, Sides, Pose, Camera) {
         let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(8, 32);

@@ -151,7 +151,7 @@ impl Skeleton {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     fn legs(names: &[&str], hip: f64) -> Skeleton {
         Skeleton {

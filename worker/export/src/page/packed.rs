@@ -1,7 +1,7 @@
 //! Splats in 36 bytes each, and 9 or 24 more where colours depend on the view. A 16-bit number of a metre-sized box is some hundredths of a millimetre exact.
 
-use yoto_avatar::ops::splat::harmonics::count;
 use yoto_avatar::render::SkinnedSplat;
+use yoto_ops::splat::harmonics::count;
 
 /// Range of the logarithms of standard deviations in metres: 1 µm to 7 m.
 pub(super) const DEVIATIONS: [f32; 2] = [-14.0, 2.0];

@@ -19,7 +19,7 @@ use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 /// Frames of each person's video: a step uses one, so more would only take time to generate.
 const FRAMES: usize = 6;

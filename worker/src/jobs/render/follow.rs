@@ -24,7 +24,8 @@ pub(super) fn followed(camera: &Camera, first: &Pose, now: &Pose) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::{skeleton::transform::apply, synthetic::SyntheticPerson};
+    use yoto_capture::skeleton::transform::apply;
+    use yoto_synthetic::SyntheticPerson;
 
     #[test]
     fn a_walker_stays_where_they_are_in_the_picture_and_a_jump_is_seen() {

@@ -84,7 +84,7 @@ fn depths(troupe: Troupe<'_>, views: &[SceneView]) -> Range<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::synthetic::SyntheticPerson;
+    use yoto_synthetic::SyntheticPerson;
 
     #[test]
     fn near_is_bright_far_is_dark_and_nobody_is_black() {

@@ -63,8 +63,9 @@ pub(super) fn beside(left: &[u8], right: &[u8], width: u32) -> Vec<u8> {
 mod tests {
     use super::*;
     use yoto_avatar::tradeoff::sweep::fidelity;
-    use yoto_capture::{ShardBuilder, synthetic::SyntheticPerson};
+    use yoto_capture::ShardBuilder;
     use yoto_proto::v1::{IdentitySlot, Inputs, Model, RenderSpec, render_spec::What};
+    use yoto_synthetic::SyntheticPerson;
 
     fn transfer(driver: &str) -> MotionTransfer {
         MotionTransfer {

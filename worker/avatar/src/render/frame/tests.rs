@@ -2,13 +2,13 @@
 //! composited by Burn's own tensor operations.
 
 use super::*;
-use crate::ops::composite::{RaySamples, reference};
 use crate::render::march::{Volume, march};
 use crate::render::view::{Actor, Light};
 use burn::tensor::{Device, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::body_box::{BodyView, Ray};
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_ops::composite::{RaySamples, reference};
+use yoto_synthetic::SyntheticPerson;
 
 const SIDE: u32 = 40;
 const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];

@@ -1,5 +1,5 @@
 use super::*;
-use yoto_capture::synthetic::SyntheticPerson;
+use yoto_synthetic::SyntheticPerson;
 
 fn film(frames: usize) -> FilmExposures {
     let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(frames, 16);

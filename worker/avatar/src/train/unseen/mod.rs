@@ -8,8 +8,6 @@ use super::people::{TrainFrame, TrainSubject};
 use super::{TrainError, Trainer};
 use crate::avatar::Avatar;
 use crate::motion::posed;
-use crate::ops::splat::{LEAST, ROW};
-use crate::ops::warp::inverse::solve::Skinning;
 use crate::render::frame::read;
 use burn::module::Module;
 use guess::{Guessed, Surface};
@@ -17,6 +15,8 @@ use std::cmp::Ordering;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::{LEAST, ROW};
+use yoto_ops::warp::inverse::solve::Skinning;
 use yoto_proto::correction::other_sides;
 
 /// Smallest share of the surface that is worth a note, percent.

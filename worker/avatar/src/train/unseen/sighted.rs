@@ -3,13 +3,13 @@
 use super::super::people::{TrainFrame, TrainSubject};
 use super::super::{TrainError, Trainer};
 use crate::avatar::Avatar;
-use crate::ops::splat::cpu::Numbers;
-use crate::ops::splat::probe::Probe;
-use crate::ops::splat::{ROW, Sight};
-use crate::ops::warp::inverse::solve::apply;
 use crate::render::splats::{HostSplats, sight};
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
+use yoto_ops::splat::cpu::Numbers;
+use yoto_ops::splat::probe::Probe;
+use yoto_ops::splat::{ROW, Sight};
+use yoto_ops::warp::inverse::solve::apply;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 60;

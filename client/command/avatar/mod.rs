@@ -1,0 +1,211 @@
+//! One person's avatar from one clip: everything between a video and a page, in one call.
+//!
+//! ```text
+//! clip ─ capture (import, check) ─► service: upload, train ─► pictures (orbit, motion) ─► page
+//! ```
+//!
+//! Everything after the check goes through the API of a service of its own, as in the demo.
+
+mod capture;
+mod motion;
+mod page;
+mod report;
+
+pub use report::Report;
+
+use crate::studio::players::write_pages;
+use crate::studio::service::with_service;
+use crate::studio::shots::{Shot, Shots};
+use crate::studio::training::train;
+use crate::studio::{folder, person};
+use anyhow::{Context, ensure};
+use motion::Shown;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use yoto_import::{Format, Options, motion::Motion};
+use yoto_ingest::IngestSettings;
+use yoto_proto::tiers::DEFAULT_TIER;
+use yoto_proto::v1::{ExposureLearning, Orbit, PoseRefinement, TrainSpec, render_spec};
+use yoto_terminal::progress::duration;
+
+/// Name of this command, on the folders that it may replace.
+const MAKER: &str = "avatar";
+/// Quality tier and variant of the model.
+const TIER: &str = DEFAULT_TIER;
+const VARIANT: &str = "yoto";
+/// The page, the one that plays the person, and the folders beside them.
+const PAGE: &str = "index.html";
+const PLAYER: &str = "play.html";
+const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
+/// Views of the orbit.
+const ORBIT_VIEWS: u32 = 24;
+/// Frames per second of the orbit's animation: it goes around in two seconds.
+const ORBIT_FPS: f32 = 12.0;
+
+/// What to make an avatar of, and how.
+#[derive(Debug)]
+pub struct AvatarOptions {
+    /// The clip, or a capture.
+    pub source: PathBuf,
+    /// Its format.
+    pub format: Format,
+    /// Inputs of the import.
+    pub import: Options,
+    /// Name of the person.
+    pub name: String,
+    /// Folder for everything.
+    pub out: PathBuf,
+    /// Longest side of training images and renders, pixels.
+    pub size: u32,
+    /// Seconds of training.
+    pub seconds: f64,
+    /// Random seed.
+    pub seed: u64,
+    /// Whose poses to refine.
+    pub refine_poses: PoseRefinement,
+    /// Whether the exposure of each frame is learned.
+    pub exposure: ExposureLearning,
+    /// Degree of the harmonics by which colours depend on the view.
+    pub harmonics: Option<u32>,
+    /// Whether what no frame shows keeps the colours that training left there.
+    pub leave_unseen: bool,
+    /// Motion to render, in place of one of this program's own.
+    pub motion: Option<Motion>,
+    /// Train even when the check fails.
+    pub despite_check: bool,
+}
+
+/// Checks that nothing of the user's would be replaced.
+fn ensure_replaceable(options: &AvatarOptions) -> anyhow::Result<()> {
+    let out = &options.out;
+    let own = FOLDERS.iter().map(|name| out.join(name));
+    if let (Ok(source), Ok(out)) = (options.source.canonicalize(), out.canonicalize()) {
+        ensure!(
+            !source.starts_with(&out),
+            "{} is in the folder for the results: choose another --out",
+            options.source.display()
+        );
+    }
+    let page = out.join(PAGE);
+    ensure!(
+        !page.exists() || own.into_iter().any(|folder| folder::is_of(&folder, MAKER)),
+        "{} is there already and was not made by an earlier `yoto {MAKER}`: choose another --out",
+        page.display()
+    );
+    Ok(())
+}
+
+/// The folders of results, empty.
+fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
+    let [capture, check, pictures, service] = FOLDERS.map(|name| folder::fresh(out, name, MAKER));
+    Ok([capture?, check?, pictures?, service?])
+}
+
+/// Makes the avatar: `index.html`, `play.html`, `report.json` and what they show, in the folder of the options.
+///
+/// # Errors
+/// The first failure; a capture whose check fails is one, unless the options say otherwise.
+pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
+    let started = Instant::now();
+    let out = &options.out;
+    ensure_replaceable(options)?;
+    // What an earlier run has made stays until this one has a capture that can be trained.
+    let attempt = folder::fresh(out, "attempt", MAKER)?;
+    let (captured, checked) = tokio::task::block_in_place(|| {
+        let captured = capture::import(options, &attempt.join("capture"))?;
+        let checks = attempt.join("check");
+        let ffmpeg = options.import.ffmpeg.as_deref();
+        let folder = attempt.join("capture");
+        let checked = capture::check(&folder, &checks, ffmpeg, options.despite_check)?;
+        anyhow::Ok((captured, checked))
+    })?;
+    let [folder, checks, pictures, data] = folders(out)?;
+    for (made, place) in [("capture", &folder), ("check", &checks)] {
+        folder::move_into(&attempt.join(made), place)?;
+    }
+    tell!(
+        "the body over the frames: {}",
+        checks.join("sheet.png").display()
+    );
+    std::fs::remove_dir_all(&attempt).with_context(|| format!("removing {}", attempt.display()))?;
+    // This program's own motion moves SMPL's joints.
+    let shown = match &options.motion {
+        Some(motion) => Shown::Given(motion),
+        None if captured.has_smpl_joints => Shown::BuiltIn,
+        None => Shown::Clip(captured.frames.clone()),
+    };
+    let mut report = Report::new(options, captured, checked);
+    let ingest = IngestSettings {
+        ffmpeg: options.import.ffmpeg.clone(),
+        ..IngestSettings::default()
+    };
+    let made = with_service(data, ingest, None, async |client| {
+        let consent = "made by `yoto avatar` on the user's own machine";
+        let subject = person::upload(client, &options.name, consent, &folder).await?;
+        let model = client.create_model(&options.name, TIER, VARIANT).await?;
+        client.add_identity(&model.name, &subject.name).await?;
+        let trained = train(
+            client,
+            TrainSpec {
+                model: model.name.clone(),
+                seconds: options.seconds,
+                steps: 0,
+                seed: options.seed,
+                image_size: options.size,
+                checkpoint_seconds: 0.0,
+                refine_poses: options.refine_poses.into(),
+                exposure: options.exposure.into(),
+                harmonics: options.harmonics,
+                leave_unseen: options.leave_unseen,
+                only: String::new(),
+            },
+        )
+        .await?;
+        for note in &trained.notes {
+            tell!("note: {note}");
+        }
+        let shots = Shots {
+            client,
+            model: &model,
+        };
+        let orbit = shots
+            .render(Shot {
+                between: None,
+                label: "orbit".into(),
+                subject: &subject,
+                what: render_spec::What::Orbit(Orbit {
+                    frame: report.orbit_frame,
+                    views: ORBIT_VIEWS,
+                    size: options.size,
+                }),
+                folder: pictures.join("orbit"),
+                animation: Some((out.join("orbit.png"), ORBIT_FPS)),
+            })
+            .await?;
+        let (what, fps) = shown.what(&subject, options.size, report.fps)?;
+        let moved = shots
+            .render(Shot {
+                between: None,
+                label: "motion".into(),
+                subject: &subject,
+                what,
+                folder: pictures.join("motion"),
+                animation: Some((out.join("motion.png"), fps)),
+            })
+            .await?;
+        let player = out.join(PLAYER);
+        write_pages(client, &model, &[(&subject, &player)]).await?;
+        Ok((trained, orbit, moved))
+    })
+    .await?;
+    let (trained, orbit, moved) = made;
+    report.trained(trained);
+    report.rendered(out, &orbit, &moved);
+    report.seconds.total = started.elapsed().as_secs_f64();
+    let path = out.join("report.json");
+    let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
+    std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
+    page::write(&out.join(PAGE), &report, shown.caption())?;
+    tell!("done in {}", duration(report.seconds.total));
+    Ok(report)
+}

@@ -1,0 +1,11 @@
+//! The `yoto` command, implemented in [`yoto::commands`].
+
+use std::process::ExitCode;
+
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() -> ExitCode {
+    yoto::allocator::keep_freed_memory();
+    yoto::commands::main()
+}

@@ -1,0 +1,52 @@
+//! The service of one command, for as long as its work lasts.
+
+use crate::embedded::{Embedded, EmbeddedOptions};
+use anyhow::Context;
+use std::path::PathBuf;
+use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_client::YotoClient;
+use yoto_ingest::IngestSettings;
+
+/// Starts a service on the folder `data`, which reads uploads as `ingest` says, does `work` with a
+/// client of it, and stops the service.
+///
+/// # Errors
+/// When the work fails, the service fails or can't start, or the user interrupts.
+pub async fn with_service<T>(
+    data: PathBuf,
+    ingest: IngestSettings,
+    lpips: Option<LpipsWeights>,
+    work: impl AsyncFnOnce(&YotoClient) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let mut service = Embedded::start(EmbeddedOptions {
+        data,
+        listen: None,
+        worker: true,
+        ingest,
+        lpips,
+        storage: yoto_server::StorageLimits::default(),
+        scratch: None,
+    })
+    .await
+    .context("starting the embedded service")?;
+    tell!("computing on {}", service.device());
+    if let Some(hint) = yoto_device::hint_on_cpu() {
+        tell!("{hint}");
+    }
+    let client = service.client();
+    let outcome = tokio::select! {
+        outcome = work(&client) => outcome,
+        failed = service.failed() => Err(failed.into()),
+        interrupted = tokio::signal::ctrl_c() => {
+            interrupted?;
+            Err(anyhow::anyhow!("interrupted"))
+        }
+    };
+    let stopped = service
+        .shutdown()
+        .await
+        .context("stopping the embedded service");
+    let done = outcome?;
+    stopped?;
+    Ok(done)
+}

@@ -1,0 +1,44 @@
+//! What a training has made, outside of the service.
+
+use anyhow::Context;
+use std::path::Path;
+use tempfile::TempDir;
+use yoto_avatar::render::{Renderer, SkinnedSplats};
+use yoto_client::YotoClient;
+use yoto_proto::v1::Model;
+
+/// The files of a checkpoint of `model` at a `step`, or of the best one.
+///
+/// # Errors
+/// If there is none, or it can't be fetched.
+pub(crate) async fn fetch(
+    client: &YotoClient,
+    model: &Model,
+    step: Option<u64>,
+) -> anyhow::Result<TempDir> {
+    let checkpoint = client.checkpoint_name(model, step).await?;
+    let files = tempfile::tempdir().context("making a temporary folder")?;
+    let objects = client.list_objects(&checkpoint).await?;
+    client
+        .fetch_objects(&objects, files.path(), &mut |_| ())
+        .await?;
+    Ok(files)
+}
+
+/// The person in `slot` of the model in a folder, which the user knows as `model`.
+///
+/// # Errors
+/// If the model can't be read, has no such slot, or has no splats.
+pub(crate) fn person(folder: &Path, slot: usize, model: &str) -> anyhow::Result<SkinnedSplats> {
+    let reading = || format!("the model {model}");
+    let device = yoto_device::pick().device;
+    let renderer = Renderer::load(folder, &device).with_context(reading)?;
+    let person = renderer.skinned_splats(slot).with_context(reading)?;
+    let tier = &renderer.config().tier;
+    person.with_context(|| {
+        format!(
+            "the model's tier, {tier}, has no splats: train one with --tier splat, or make some of \
+             this one with `yoto distill`"
+        )
+    })
+}

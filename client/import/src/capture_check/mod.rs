@@ -1,0 +1,129 @@
+//! Checks a capture before the upload, and shows the findings.
+//!
+//! Files are found as for an upload and read as in an ingest job, including videos and archives,
+//! so that both give the same report.
+
+mod canvas;
+mod refined;
+mod sheet;
+mod text;
+mod tiles;
+
+pub use refined::refined_sheet;
+
+use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use std::collections::HashMap;
+use std::path::Path;
+use yoto_capture::FrameImage;
+use yoto_capture::check::{Checker, Grade, Report};
+use yoto_ingest::LocalCapture;
+use yoto_proto::correction::Correction;
+use yoto_proto::pose_track::PoseTrack;
+use yoto_terminal::progress::ProgressDisplay;
+
+/// A checked capture.
+pub struct Checked {
+    /// The findings.
+    pub report: Report,
+    name: String,
+    asked: Correction,
+    capture: LocalCapture,
+}
+
+/// Checks the capture at `path`, a folder or an archive, read as `options` say; videos of other
+/// kinds by the program `ffmpeg`, which is searched for when it has no name.
+///
+/// # Errors
+/// A capture that can't be read; each fault names file, frame and field.
+pub fn check(
+    path: &Path,
+    options: &CaptureOptions,
+    ffmpeg: Option<&Path>,
+) -> anyhow::Result<Checked> {
+    let DecodedCapture {
+        name,
+        plan,
+        capture,
+    } = DecodedCapture::open(path, options, ffmpeg)?;
+    let mut checker = Checker::new(capture.track().clone())?;
+    let wanted = checker.wanted().to_vec();
+    let mut display = ProgressDisplay::new("check");
+    let mut done = 0;
+    capture.frames(&wanted, |position, frame| {
+        checker.look(position, &frame);
+        done += 1;
+        display.count("frame", done, wanted.len());
+    })?;
+    display.clear();
+    Ok(Checked {
+        report: checker.finish(),
+        asked: plan.correction,
+        capture,
+        name,
+    })
+}
+
+impl Checked {
+    /// Measures that failed.
+    pub fn failed(&self) -> usize {
+        let fails = |grade: Grade| grade == Grade::Fail;
+        let measures = self.report.measures.iter();
+        measures.filter(|it| fails(it.grade)).count()
+    }
+
+    /// The selected frames, as read by the check.
+    fn track(&self) -> &PoseTrack {
+        self.capture.track()
+    }
+
+    /// The frames at `positions`.
+    fn frames(&self, positions: &[usize]) -> anyhow::Result<HashMap<usize, FrameImage>> {
+        let mut rising = positions.to_vec();
+        rising.sort_unstable();
+        rising.dedup();
+        let mut frames = HashMap::new();
+        self.capture.frames(&rising, |position, frame| {
+            frames.insert(position, frame);
+        })?;
+        Ok(frames)
+    }
+
+    /// The findings, as text for a terminal.
+    pub fn text(&self) -> String {
+        let report = &self.report;
+        let mut text = format!(
+            "{}: {}, {} of {} frames looked at\n",
+            self.name,
+            report.grade.name(),
+            report.looked_at,
+            report.frames
+        );
+        for it in &report.measures {
+            let (grade, title) = (it.grade.name(), it.kind.title());
+            text += &format!(
+                "  {grade:<4}  {title:<22}  {:<16}  {}\n",
+                it.shown, it.meaning
+            );
+            if let Some(cause) = &it.cause {
+                text += &format!("        {cause}\n");
+            }
+            if !it.frames.is_empty() && it.grade != Grade::Pass {
+                let frames: Vec<String> = it.frames.iter().map(u32::to_string).collect();
+                text += &format!("        see frames {}\n", frames.join(", "));
+            }
+        }
+        for note in self.capture.notes() {
+            text += &format!("note: {note}\n");
+        }
+        if !report.causes.is_empty() && !self.asked.is_identity() {
+            text += &format!("the following is in addition to `{}`\n", self.asked);
+        }
+        for cause in &report.causes {
+            text += &format!("most likely cause: {}\n", cause.sentence());
+        }
+        for advice in &report.advice {
+            text += &format!("advice: {advice}\n");
+        }
+        text
+    }
+}

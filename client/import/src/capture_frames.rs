@@ -1,0 +1,74 @@
+//! The frames of a capture in other forms than folders of PNG: a video, an archive, JPEG, an alpha
+//! channel. They are decoded one at a time by the code that a check and an ingest job use.
+
+use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use yoto_capture::FrameImage;
+use yoto_client::ClientError;
+use yoto_ingest::{LocalCapture, ReadFailure};
+use yoto_proto::pose_track::PoseTrack;
+
+/// Frames of a capture on this disk.
+#[derive(Clone, Debug)]
+pub struct CaptureFrames {
+    place: PathBuf,
+    capture: Arc<LocalCapture>,
+    /// Positions in the capture's track, which rise.
+    pub(super) positions: Vec<usize>,
+}
+
+impl CaptureFrames {
+    /// All frames of the capture in `place`; videos of other kinds by the program `ffmpeg`, which is
+    /// searched for when it has no name.
+    pub(super) fn open(place: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
+        let decoded = DecodedCapture::open(place, &CaptureOptions::default(), ffmpeg);
+        let capture = decoded.map_err(|error| fault(place, error))?.capture;
+        Ok(Self {
+            place: place.to_owned(),
+            positions: (0..capture.track().frames.len()).collect(),
+            capture: Arc::new(capture),
+        })
+    }
+
+    /// The track of all frames, corrected, without distortion.
+    pub(super) fn track(&self) -> &PoseTrack {
+        self.capture.track()
+    }
+
+    /// Calls `each` with every frame, without distortion.
+    ///
+    /// # Errors
+    /// The fault of the first frame that can't be read; what `each` returns.
+    pub(super) fn for_each(
+        &self,
+        mut each: impl FnMut(FrameImage) -> Result<(), ClientError>,
+    ) -> Result<(), ClientError> {
+        let mut done = Ok(());
+        let read = self.capture.frames(&self.positions, |_, frame| {
+            if done.is_ok() {
+                done = each(frame);
+            }
+        });
+        read.map_err(|error| fault(&self.place, error.into()))?;
+        done
+    }
+}
+
+/// The faults of the capture in `place`, or that of this machine.
+fn fault(place: &Path, error: anyhow::Error) -> ClientError {
+    let error = match error.downcast::<ClientError>() {
+        Ok(error) => return error,
+        Err(error) => error,
+    };
+    match error.downcast::<ReadFailure>() {
+        Ok(ReadFailure::Rejected(violations)) => ClientError::BadCapture {
+            place: place.display().to_string(),
+            violations,
+        },
+        Ok(ReadFailure::Machine(message)) => {
+            ClientError::file("reading", place)(std::io::Error::other(message))
+        }
+        Err(error) => ClientError::file("reading", place)(std::io::Error::other(error)),
+    }
+}

@@ -1,0 +1,164 @@
+//! A clip alone: the pose model finds the person, and the fit of poses does the rest.
+//!
+//! The clip is a video or a folder of pictures. The pose model says of each frame where the body's
+//! points are, in the picture and in metres, and gives a mask; all frames together are then fitted
+//! with a body of constant bones before one camera, whose focal length is found on the way unless
+//! it is given.
+//!
+//! ```text
+//! clip → frames → watch (pose model) → key points → fit → pose track
+//!                                    → masks (or those given, or a matting model's)
+//! ```
+
+mod frames;
+mod masks;
+mod watch;
+
+#[cfg(feature = "matting")]
+pub(super) use frames::for_each;
+
+use super::clip::{Clip, fault};
+use super::{Imported, Options};
+use std::path::Path;
+use std::time::Instant;
+use watch::Watched;
+use yoto_client::ClientError;
+use yoto_landmarks::PoseModel;
+use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
+use yoto_terminal::progress::{ProgressDisplay, count};
+
+/// Most frames that are looked at: more of one clip are alike, and each takes a part of a second.
+const MOST_FRAMES: usize = 200;
+/// Frames per second of a clip that has no times.
+const FPS: f64 = 30.0;
+
+/// Finds poses and masks of the person in the clip `source`.
+pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+    let model = open_model(source, options)?;
+    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
+    let mut notes = Vec::new();
+    let wanted = wanted(&clip, options, &mut notes)?;
+    let started = Instant::now();
+    let name = model.name().to_owned();
+    let watched = watch::watch(model, &clip, &wanted)?;
+    let seconds = started.elapsed().as_secs_f64() / wanted.len().max(1) as f64;
+    notes.push(format!(
+        "the person was searched for in {} by {name}, {seconds:.2} s each",
+        count(wanted.len(), "frame")
+    ));
+    notes.extend(left_out(&wanted, &watched));
+    if watched.is_empty() {
+        let message = format!("nobody was found in {}", count(wanted.len(), "frame"));
+        return Err(fault(source, "EMPTY", message));
+    }
+    let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
+    let fps = clip.fps.filter(|fps| fps.is_finite());
+    let fps = options.fps.or(fps).unwrap_or_else(|| {
+        notes.push(format!(
+            "no file says how fast the frames are: {FPS} a second (--fps)"
+        ));
+        FPS
+    });
+    let indices: Vec<usize> = watched.iter().map(|it| it.index).collect();
+    let points = KeyPoints {
+        set: KeyPointSet::BlazePose33,
+        image_size: clip.size,
+        fps,
+        frames: watched.into_iter().map(|it| it.points).collect(),
+    };
+    let fit_options = FitOptions {
+        focal: options.focal,
+        height: options.height,
+        ..FitOptions::default()
+    };
+    let mut display = ProgressDisplay::new("poses");
+    let fitted = fit(&points, &fit_options, &mut |done, all| {
+        display.count("step", done, all);
+    });
+    display.clear();
+    let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
+    notes.extend(fitted.notes);
+    Ok(Imported {
+        track: fitted.track,
+        pictures: clip.pictures(&indices, masks),
+        available: clip.frames,
+        notes,
+    })
+}
+
+fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ClientError> {
+    let Some(path) = &options.pose_model else {
+        let message = "poses of a clip alone are found by a pose model: fetch it with \
+                       deploy/models/get.sh and name its folder with --pose-model (or \
+                       YOTO_POSE_MODEL); or give a pose tool's files with --poses";
+        return Err(fault(source, "POSE_MODEL", message));
+    };
+    PoseModel::open(path).map_err(|error| fault(path, "POSE_MODEL", error.to_string()))
+}
+
+/// The frames to look at: the selected ones, or as many of them in even steps as are allowed.
+fn wanted(
+    clip: &Clip,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<Vec<usize>, ClientError> {
+    let selected = clip.selected(options)?;
+    let every = selected.len().div_ceil(MOST_FRAMES);
+    if every > 1 {
+        notes.push(format!(
+            "one frame in {every} is taken of {}, at most {MOST_FRAMES} in all: --range takes another part \
+             of the clip",
+            count(selected.len(), "frame")
+        ));
+    }
+    Ok(selected.into_iter().step_by(every).collect())
+}
+
+/// A note about frames without a person.
+fn left_out(wanted: &[usize], watched: &[Watched]) -> Option<String> {
+    let seen = |frame: &usize| watched.binary_search_by_key(frame, |it| it.index).is_ok();
+    let absent: Vec<usize> = wanted.iter().copied().filter(|it| !seen(it)).collect();
+    let (first, last) = (absent.first()?, absent.last()?);
+    Some(format!(
+        "nobody was found in {} from {first} to {last}: left out",
+        count(absent.len(), "frame")
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A clip of `frames` pictures.
+    fn clip(folder: &Path, frames: usize) -> Clip {
+        for frame in 0..frames {
+            let picture = image::RgbImage::new(1, 1);
+            let path = folder.join(format!("{frame:06}.png"));
+            picture.save(path).expect("a picture");
+        }
+        Clip::open(folder, None).expect("a clip")
+    }
+
+    #[test]
+    fn long_clips_are_looked_at_in_even_steps() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let clip = clip(folder.path(), 401);
+        let wanted = |frames| {
+            let options = Options {
+                frames,
+                ..Options::default()
+            };
+            let mut notes = Vec::new();
+            let frames = wanted(&clip, &options, &mut notes);
+            (frames.map_err(|error| error.to_string()), notes)
+        };
+        let (frames, notes) = wanted(None);
+        let expected: Vec<usize> = (0..401).step_by(3).collect();
+        assert_eq!(frames, Ok(expected));
+        assert!(notes[0].contains("one frame in 3"), "{notes:?}");
+        let (frames, notes) = wanted(Some((10, 16, 2)));
+        assert_eq!((frames, notes), (Ok(vec![10, 12, 14]), Vec::new()));
+        let (frames, _) = wanted(Some((500, 600, 1)));
+        assert!(frames.is_err_and(|error| error.contains("401 frames")));
+    }
+}

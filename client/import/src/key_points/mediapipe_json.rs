@@ -1,0 +1,107 @@
+//! MediaPipe's landmarks as JSON: a list of frames (or `frames`) with `pose_landmarks` (or `landmarks`)
+//! and `pose_world_landmarks` (or `world_landmarks`), of dictionaries with x, y, z and visibility, or of
+//! rows of these; for several people, lists of such lists. A frame where nobody was seen has none.
+
+use super::detections::Detections;
+use super::mediapipe::{POINTS, Row, any, detections, number};
+use crate::geometry::Vec3;
+use crate::source::Part;
+use yoto_client::ClientError;
+use yoto_formats::Value;
+
+const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
+const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
+
+/// Whether these are such frames.
+pub(super) fn fits(root: &Part<'_>) -> bool {
+    list(root)
+        .at(0)
+        .is_ok_and(|first| any(&first, &PICTURE).is_some())
+}
+
+fn list<'a>(root: &Part<'a>) -> Part<'a> {
+    root.find("frames").unwrap_or_else(|| root.clone())
+}
+
+/// The frames, of pictures of `size`.
+pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ClientError> {
+    let list = list(root);
+    let mut rows = Vec::new();
+    for at in 0..list.len()? {
+        let entry = list.at(at)?;
+        let number = number(&entry, at)?;
+        let entry = entry.of_frame(u32::try_from(number).unwrap_or(u32::MAX));
+        let picture = people(any(&entry, &PICTURE))?;
+        let space = people(any(&entry, &SPACE))?;
+        if !space.is_empty() && space.len() != picture.len() {
+            let message = format!(
+                "{} people in space, {} in the picture",
+                space.len(),
+                picture.len()
+            );
+            return Err(entry.fault("SIZE_MISMATCH", message));
+        }
+        let flat =
+            |person: &Vec<[f64; 4]>| person.iter().map(|&[x, y, _, sure]| [x, y, sure]).collect();
+        let deep = |person: &Vec<[f64; 4]>| -> Vec<Vec3> {
+            person.iter().map(|&[x, y, z, _]| [x, y, z]).collect()
+        };
+        let deep = |at: usize| space.get(at).map(deep).unwrap_or_default();
+        let people = picture.iter().enumerate();
+        rows.push(Row {
+            number,
+            people: people
+                .map(|(at, person)| (flat(person), deep(at)))
+                .collect(),
+        });
+    }
+    let given = match root.find("size") {
+        Some(part) => Some(part.fixed::<2>()?),
+        None => None,
+    };
+    detections(rows, given, size).map_err(|message| root.fault("SIZE_MISMATCH", message))
+}
+
+/// The landmarks of each person: x, y, z, visibility.
+fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
+    let Some(part) = part.filter(|part| !matches!(part.value(), Value::Nothing)) else {
+        return Ok(Vec::new());
+    };
+    // The newer interface gives {"landmark": […]}.
+    let part = part.find("landmark").unwrap_or(part);
+    let count = part.len()?;
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let first = part.at(0)?;
+    let is_nested = first.is_list() && first.at(0).is_ok_and(|inner| inner.number().is_err());
+    if !is_nested {
+        return Ok(vec![person(&part)?]);
+    }
+    (0..count).map(|at| person(&part.at(at)?)).collect()
+}
+
+fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ClientError> {
+    let count = part.len()?;
+    if count != POINTS {
+        let message = format!("{count} landmarks instead of {POINTS}");
+        return Err(part.fault("SIZE_MISMATCH", message));
+    }
+    (0..count).map(|at| landmark(&part.at(at)?)).collect()
+}
+
+fn landmark(part: &Part<'_>) -> Result<[f64; 4], ClientError> {
+    if part.is_list() {
+        return match part.vector()?[..] {
+            [x, y, z] => Ok([x, y, z, 1.0]),
+            [x, y, z, sure] => Ok([x, y, z, sure]),
+            _ => Err(part.fault("SIZE_MISMATCH", "a landmark has x, y, z and a visibility")),
+        };
+    }
+    let axis = |name: &str| part.get(name)?.number();
+    let sure = match part.find("visibility") {
+        Some(sure) => sure.number()?,
+        None => 1.0,
+    };
+    Ok([axis("x")?, axis("y")?, axis("z")?, sure])
+}

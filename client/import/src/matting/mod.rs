@@ -1,0 +1,97 @@
+//! Masks that a matting model makes of the frames of a clip.
+//!
+//! What a network takes and gives is `yoto_matting`'s business; here it is found which levels its
+//! pictures want ([`levels`]), and it is given the frames in order ([`run`]). A client without the
+//! feature `matting` has no runtime for networks, and says so.
+
+#[cfg(feature = "matting")]
+mod levels;
+#[cfg(feature = "matting")]
+mod run;
+
+use super::clip::{Clip, fault};
+use super::pictures::Mask;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use yoto_client::ClientError;
+
+/// Levels of pictures, for networks: a file does not say which it was trained with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Levels {
+    /// 0 to 1: RVM.
+    Unit,
+    /// -1 to 1: MODNet.
+    Signed,
+    /// -0.5 to 0.5: IS-Net, RMBG 1.4.
+    Centred,
+    /// Less ImageNet's mean, by its deviation: U²-Net, BiRefNet, RMBG 2.0.
+    #[value(name = "imagenet")]
+    ImageNet,
+}
+
+/// A matting model that the user names.
+#[derive(Clone, Debug)]
+pub struct MattingModel {
+    /// Its ONNX file.
+    pub path: PathBuf,
+    /// The levels that its pictures want, if the user says.
+    pub levels: Option<Levels>,
+}
+
+/// A frame to make a mask of.
+#[cfg_attr(
+    not(feature = "matting"),
+    expect(dead_code, reason = "no network is given them")
+)]
+pub(super) struct Wanted {
+    /// Its number.
+    pub frame: usize,
+    /// Where the person is about: a mask of the clip's size, 0 to 255.
+    pub expected: Option<Vec<u8>>,
+}
+
+impl MattingModel {
+    /// Its name, for people.
+    pub(super) fn name(&self) -> String {
+        let name = self.path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    }
+
+    /// The person's masks in the frames `wanted`, which rise: frames without anybody have none.
+    ///
+    /// # Errors
+    /// A file that is no matting model; levels that nobody can tell; a network that fails; a client
+    /// without a runtime for networks.
+    pub(super) fn masks(
+        &self,
+        clip: &Clip,
+        wanted: &[Wanted],
+        notes: &mut Vec<String>,
+    ) -> Result<BTreeMap<usize, Mask>, ClientError> {
+        #[cfg(feature = "matting")]
+        {
+            run::masks(self, clip, wanted, notes)
+        }
+        #[cfg(not(feature = "matting"))]
+        {
+            let _ = (clip, wanted, notes);
+            let message = "this client was built without matting models (cargo build -p yoto \
+                           --no-default-features): build it with --features matting, or make the masks \
+                           elsewhere and name them with --masks";
+            Err(fault(&self.path, "UNSUPPORTED", message))
+        }
+    }
+}
+
+/// Coverage of a frame as a grey PNG.
+pub(super) fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ClientError> {
+    let mut png = Vec::new();
+    let [width, height] = clip.size;
+    PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up)
+        .write_image(coverage, width, height, ExtendedColorType::L8)
+        .map_err(|error| fault(clip.path(), "INVALID", error.to_string()))?;
+    Ok(png.into())
+}

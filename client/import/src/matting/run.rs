@@ -1,0 +1,81 @@
+//! A matting model given the frames in order.
+
+use super::{MattingModel, Wanted, levels, png};
+use crate::clip::{Clip, fault};
+use crate::film;
+use crate::pictures::Mask;
+use std::collections::BTreeMap;
+use std::time::Instant;
+use yoto_client::ClientError;
+use yoto_matting::{Form, Levels, Matter, MattingError};
+use yoto_terminal::progress::{ProgressDisplay, count};
+
+impl From<super::Levels> for Levels {
+    fn from(levels: super::Levels) -> Self {
+        match levels {
+            super::Levels::Unit => Self::Unit,
+            super::Levels::Signed => Self::Signed,
+            super::Levels::Centred => Self::Centred,
+            super::Levels::ImageNet => Self::ImageNet,
+        }
+    }
+}
+
+/// As [`MattingModel::masks`].
+pub(super) fn masks(
+    model: &MattingModel,
+    clip: &Clip,
+    wanted: &[Wanted],
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    let mut matter = Matter::open(&model.path, Levels::Unit).map_err(failed)?;
+    let levels = match (model.levels, matter.form()) {
+        (Some(levels), _) => levels.into(),
+        (None, Form::Recurrent) => Levels::Unit,
+        (None, Form::Single) => levels::find(model, &mut matter, clip, wanted, notes)?,
+    };
+    matter.set_levels(levels);
+    let frames: Vec<usize> = wanted.iter().map(|it| it.frame).collect();
+    let mut display = ProgressDisplay::new("masks");
+    let mut masks = BTreeMap::new();
+    let mut seconds = 0.0;
+    let mut next = wanted.iter();
+    film::for_each(clip, &frames, |frame, rgb| {
+        display.count("frame", frames.len() - next.len(), frames.len());
+        let expected = next.next().and_then(|it| it.expected.as_deref());
+        let started = Instant::now();
+        let matte = matter.look(rgb, clip.size.map(|side| side as usize), expected);
+        seconds += started.elapsed().as_secs_f64();
+        let matte = matte.map_err(|error| failed_at(frame, &error))?;
+        if matte.is_somebody {
+            masks.insert(frame, Mask::Packed(png(&matte.coverage, clip)?));
+        }
+        Ok(())
+    })?;
+    display.clear();
+    notes.push(format!(
+        "masks by {} (levels {}): {}, {:.2} a second",
+        model.name(),
+        levels.name(),
+        count(frames.len(), "frame"),
+        frames.len() as f64 / seconds.max(1e-9)
+    ));
+    if masks.is_empty() {
+        let message = format!(
+            "finds nobody in {}: are the levels of its pictures others (--matting-levels)?",
+            count(frames.len(), "frame")
+        );
+        return Err(fault(&model.path, "EMPTY", message));
+    }
+    Ok(masks)
+}
+
+/// An error of a matting model, which names its file.
+fn failed(error: MattingError) -> ClientError {
+    ClientError::Name(error.to_string())
+}
+
+/// The same, of a frame.
+pub(super) fn failed_at(frame: usize, error: &MattingError) -> ClientError {
+    ClientError::Name(format!("frame {frame} of the clip: {error}"))
+}

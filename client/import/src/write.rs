@@ -1,0 +1,219 @@
+//! Writes an imported capture as a capture folder.
+//!
+//! `frames/%06d.png` are premultiplied by their masks (the person over black), so that training
+//! can use any background; distorted ones stay distorted, for ingest to correct with the coefficients
+//! in the pose track. The pose track is written last: a folder with one is complete.
+
+use super::Imported;
+use super::pictures::{PictureFiles, Pictures, read_image, read_masks};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use yoto_capture::FrameImage;
+use yoto_client::ClientError;
+use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame, PoseTrack};
+
+/// Name of a video in a capture folder.
+pub const VIDEO: &str = "video.mp4";
+
+/// Form of the pose track.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TrackForm {
+    /// `poses.json`.
+    #[default]
+    Json,
+    /// `poses.pb`: protocol buffers.
+    Binary,
+}
+
+/// Writes a capture folder to `out`; `progress` receives frames done, all frames, and bytes written
+/// so far.
+///
+/// # Errors
+/// [`ClientError::BadCapture`] when `out` holds a capture already or a picture can't be decoded or
+/// has another size, [`ClientError::File`] when the file system fails.
+pub fn write(
+    imported: &Imported,
+    out: &Path,
+    form: TrackForm,
+    mut progress: impl FnMut(usize, usize, u64),
+) -> Result<u64, ClientError> {
+    ensure_no_capture(out)?;
+    for folder in ["frames", "masks"] {
+        let folder = out.join(folder);
+        if folder.ends_with("masks") || !matches!(imported.pictures, Pictures::Video { .. }) {
+            std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+        }
+    }
+    let track = &imported.track;
+    let (size, total) = (track.image_size, track.frames.len());
+    let mut bytes = 0;
+    match &imported.pictures {
+        Pictures::Files(files) => {
+            for (done, (frame, files)) in track.frames.iter().zip(files).enumerate() {
+                progress(done, total, bytes);
+                bytes += write_frame(out, frame, files, size)?;
+            }
+        }
+        Pictures::Video { video, masks } => {
+            let to = out.join(VIDEO);
+            bytes += std::fs::copy(video, &to).map_err(ClientError::file("copying", video))?;
+            for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
+                progress(done, total, bytes);
+                if !masks.is_empty() {
+                    let mask = read_masks(masks, size, frame.index)?;
+                    bytes += write_mask(out, frame.index, &mask)?;
+                }
+            }
+        }
+        Pictures::Capture(frames) => {
+            let mut indices = track.frames.iter().map(|frame| frame.index);
+            let mut done = 0;
+            frames.for_each(|image| {
+                let Some(index) = indices.next() else {
+                    return Ok(());
+                };
+                progress(done, total, bytes);
+                bytes += write_image(out, index, &image)?;
+                done += 1;
+                Ok(())
+            })?;
+        }
+    }
+    progress(total, total, bytes);
+    Ok(bytes + write_track(track, out, form)?)
+}
+
+/// Writes a capture whose pictures are in memory, one for each frame of `track`, to the folder `out`,
+/// over an earlier one.
+///
+/// # Errors
+/// [`ClientError::File`] when the file system fails.
+pub fn write_images(
+    track: &PoseTrack,
+    images: &[FrameImage],
+    out: &Path,
+) -> Result<(), ClientError> {
+    for folder in ["frames", "masks"] {
+        let folder = out.join(folder);
+        std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+    }
+    for (frame, image) in track.frames.iter().zip(images) {
+        write_image(out, frame.index, image)?;
+    }
+    write_track(track, out, TrackForm::Json).map(drop)
+}
+
+/// Checks that the folder `out` holds no capture.
+///
+/// # Errors
+/// [`ClientError::Name`] when it does.
+pub fn ensure_no_capture(out: &Path) -> Result<(), ClientError> {
+    if FILES.iter().any(|name| out.join(name).exists()) {
+        return Err(ClientError::Name(format!(
+            "{} already holds a capture",
+            out.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Writes the pose track of the capture in `out`; its bytes.
+fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, ClientError> {
+    let (name, text) = match form {
+        TrackForm::Json => {
+            let text = serde_json::to_vec(track).map_err(std::io::Error::other);
+            (
+                FILE,
+                text.map_err(ClientError::file("writing", out.join(FILE)))?,
+            )
+        }
+        TrackForm::Binary => (BINARY_FILE, track.to_binary()),
+    };
+    let path = out.join(name);
+    std::fs::write(&path, &text).map_err(ClientError::file("writing", path))?;
+    Ok(text.len() as u64)
+}
+
+/// Writes a picture that is in memory, and its mask; their bytes.
+fn write_image(out: &Path, index: u32, image: &FrameImage) -> Result<u64, ClientError> {
+    let size = [image.width as u32, image.height as u32];
+    let mut bytes = 0;
+    for (folder, pixels, colour) in [
+        ("frames", &image.rgb, ExtendedColorType::Rgb8),
+        ("masks", &image.mask, ExtendedColorType::L8),
+    ] {
+        let path = out.join(folder).join(format!("{index:06}.png"));
+        bytes += encode(&path, pixels, size, colour)?;
+    }
+    Ok(bytes)
+}
+
+fn write_frame(
+    out: &Path,
+    frame: &Frame,
+    files: &PictureFiles,
+    size: [u32; 2],
+) -> Result<u64, ClientError> {
+    let mut image = read_image(&files.image, size, frame.index)?;
+    let mut written = 0;
+    // Without masks the picture stays as it is: the capture gets them from elsewhere.
+    if !files.masks.is_empty() {
+        let mask = read_masks(&files.masks, size, frame.index)?;
+        if !files.over_black {
+            over_black(&mut image, &mask);
+        }
+        written += write_mask(out, frame.index, &mask)?;
+    }
+    let path = out.join(format!("frames/{:06}.png", frame.index));
+    Ok(written + encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?)
+}
+
+fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ClientError> {
+    let path = out.join(format!("masks/{index:06}.png"));
+    let (width, height) = mask.dimensions();
+    encode(&path, mask.as_raw(), [width, height], ExtendedColorType::L8)
+}
+
+/// Each colour times its coverage, rounded to the nearest level.
+fn over_black(image: &mut RgbImage, mask: &GrayImage) {
+    let (pixels, _) = image.as_flat_samples_mut().samples.as_chunks_mut::<3>();
+    for (pixel, coverage) in pixels.iter_mut().zip(mask.iter()) {
+        for level in pixel {
+            let product = u32::from(*level) * u32::from(*coverage);
+            *level = ((product + 127) / 255) as u8;
+        }
+    }
+}
+
+/// Writes an image as PNG; its bytes.
+fn encode(
+    path: &Path,
+    pixels: &[u8],
+    size: [u32; 2],
+    colour: ExtendedColorType,
+) -> Result<u64, ClientError> {
+    let failed = || ClientError::file("writing", path);
+    let mut file = BufWriter::new(File::create(path).map_err(failed())?);
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(pixels, size[0], size[1], colour)
+        .map_err(|error| failed()(std::io::Error::other(error)))?;
+    file.flush().map_err(failed())?;
+    let meta = file.get_ref().metadata().map_err(failed())?;
+    Ok(meta.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colour_fades_with_coverage() {
+        let mut image = RgbImage::from_pixel(3, 1, image::Rgb([200, 100, 255]));
+        let mask = GrayImage::from_raw(3, 1, vec![255, 0, 128]).expect("three pixels");
+        over_black(&mut image, &mask);
+        assert_eq!(image.as_raw()[..], [200, 100, 255, 0, 0, 0, 100, 50, 128]);
+    }
+}

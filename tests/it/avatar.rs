@@ -1,0 +1,145 @@
+//! `yoto avatar` as a user runs it: from a clip to a page.
+
+use anyhow::{Context, ensure};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use yoto_synthetic::SyntheticPerson;
+
+const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+
+/// Runs `yoto` in `folder`, without any of this machine's settings.
+fn yoto(folder: &Path, line: &str) -> anyhow::Result<Output> {
+    Command::new(YOTO)
+        .args(line.split_whitespace())
+        .current_dir(folder)
+        .env_remove("YOTO_POSE_MODEL")
+        .env_remove("YOTO_SMPL")
+        .output()
+        .with_context(|| line.to_owned())
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A synthetic person's capture in `folder`.
+fn example(folder: &Path) -> anyhow::Result<PathBuf> {
+    let made = yoto(
+        folder,
+        "capture example --people 1 --frames 24 --size 128 --out captures",
+    )?;
+    ensure!(made.status.success(), "{}", said(&made));
+    let name = String::from_utf8_lossy(&made.stdout).trim().to_owned();
+    Ok(PathBuf::from(name))
+}
+
+#[test]
+fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = example(dir.path())?;
+    let line = format!(
+        "avatar {} --name ada --size 48 --seconds 3 --out out/ada",
+        capture.display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    ensure!(made.status.success(), "{}", said(&made));
+    let out = dir.path().join("out/ada");
+    let report: Value = serde_json::from_slice(&std::fs::read(out.join("report.json"))?)?;
+    ensure!(report["frames"] == 24, "{report:#}");
+    ensure!(report["training"]["steps"].as_u64() > Some(0), "{report:#}");
+    let page = std::fs::read_to_string(out.join("index.html"))?;
+    for kind in ["orbit", "motion"] {
+        let pictures = report[kind].as_array().context("pictures")?;
+        ensure!(pictures.len() >= 24, "{report:#}");
+        for picture in pictures {
+            let name = picture.as_str().context("a name")?;
+            ensure!(
+                kind == "motion" || page.contains(name),
+                "{name} is not shown"
+            );
+            ensure!(image::open(out.join(name))?.width() == 48, "{name}");
+        }
+        ensure!(page.contains("motion.png") && out.join(format!("{kind}.png")).is_file());
+    }
+    ensure!(page.contains("check/sheet.png") && out.join("check/sheet.png").is_file());
+
+    // A run that fails takes nothing away of what an earlier one has made.
+    let failed = yoto(dir.path(), "avatar nothing.mp4 --out out/ada")?;
+    ensure!(!failed.status.success() && image::open(out.join("orbit.png")).is_ok());
+    let itself = yoto(dir.path(), "avatar out/ada/capture --out out/ada")?;
+    ensure!(
+        said(&itself).contains("choose another --out"),
+        "{}",
+        said(&itself)
+    );
+    ensure!(out.join("capture/poses.json").is_file());
+    // Nor does one in somebody else's folder.
+    for folder in ["capture", "check", "pictures", "service"] {
+        std::fs::remove_file(out.join(folder).join("made-by-yoto-avatar"))?;
+    }
+    let again = yoto(dir.path(), &line)?;
+    ensure!(!again.status.success() && said(&again).contains("was not made by"));
+    Ok(())
+}
+
+#[test]
+fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = dir.path().join(example(dir.path())?);
+    let path = capture.join("poses.json");
+    let mut poses: Value = serde_json::from_slice(&std::fs::read(&path)?)?;
+    // People three times as far away as they are.
+    for frame in poses["frames"].as_array_mut().context("frames")? {
+        frame["translation"][0] = 0.9.into();
+    }
+    std::fs::write(&path, serde_json::to_vec(&poses)?)?;
+    let line = format!("avatar {} --size 48 --seconds 3 --out o", capture.display());
+    let made = yoto(dir.path(), &line)?;
+    let said = said(&made);
+    ensure!(!made.status.success(), "{said}");
+    ensure!(said.contains("--despite-check"), "{said}");
+    ensure!(!said.contains("training"), "{said}");
+    ensure!(dir.path().join("o/attempt/check/sheet.png").is_file());
+    Ok(())
+}
+
+/// What SAM 3D Body writes of a clip, with its own joints: they are shown in the clip's own motion.
+#[test]
+fn a_tool_s_own_skeleton_becomes_a_page() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/pose_tools/captures");
+    let line = format!(
+        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --out o",
+        files.join("clip/frames").display(),
+        files.join("sam_3d_body").display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    ensure!(made.status.success(), "{}", said(&made));
+    let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
+    ensure!(page.contains("In the clip's own motion."), "{page}");
+    ensure!(
+        page.contains("the skeleton is the tool's own: 22 joints"),
+        "{page}"
+    );
+    let report: Value = serde_json::from_slice(&std::fs::read(dir.path().join("o/report.json"))?)?;
+    ensure!(
+        report["motion"].as_array().map(Vec::len) == Some(16),
+        "{report:#}"
+    );
+    Ok(())
+}
+
+#[test]
+fn a_video_alone_needs_the_pose_model() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let cast = SyntheticPerson::cast(1, 7);
+    let (_, film) = cast.first().context("one person")?.capture(4, 64);
+    yoto_tests::film::write_mp4(&film, 15, &dir.path().join("walk.mp4"))?;
+    let made = yoto(dir.path(), "avatar walk.mp4")?;
+    let said = said(&made);
+    ensure!(!made.status.success(), "{said}");
+    ensure!(said.contains("--pose-model"), "{said}");
+    ensure!(said.contains("deploy/models/get.sh"), "{said}");
+    Ok(())
+}

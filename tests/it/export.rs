@@ -1,0 +1,295 @@
+//! People leave in files that other programs play.
+
+use anyhow::{Context, ensure};
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_media::Limits;
+use yoto_media::film::Film;
+use yoto_media::video::{Ffmpeg, Video};
+use yoto_synthetic::SyntheticPerson;
+use yoto_tests::browser::Browser;
+use yoto_tests::page::clips;
+use yoto_tests::people::write_capture;
+use yoto_tests::phone;
+use yoto_tests::playback::played;
+use yoto_tests::process::{Service, fail, succeed};
+
+const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const FRAMES: usize = 12;
+const SIZE: u32 = 96;
+/// The frame that browser and renderer draw.
+const FRAME: usize = 5;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let at = |name: &str| dir.path().join(name).display().to_string();
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let track = write_capture(person, FRAMES, SIZE, &dir.path().join("ada"))?;
+    let service = Service::start(YOTO, &dir.path().join("data"), true)?;
+    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
+        let mut arguments: Vec<&str> = line.split(' ').collect();
+        arguments.extend(["--server", &service.address]);
+        run(YOTO, &arguments)
+    };
+    yoto(&format!("subject add ada {}", at("ada")), succeed)?;
+    yoto(
+        "train solo --subjects ada --tier splat --harmonics 2 --steps 30",
+        succeed,
+    )?;
+    yoto(
+        "train field --subjects ada --tier draft --steps 100",
+        succeed,
+    )?;
+
+    let export = format!("export solo --subject ada --capture {}", at("ada"));
+    yoto(&format!("{export} --out {}", at("ada.html")), succeed)?;
+    yoto(
+        &format!("{export} --frame {FRAME} --out {}", at("ada.ply")),
+        succeed,
+    )?;
+    let ply = std::fs::read(dir.path().join("ada.ply"))?;
+    ensure!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
+    // A motion file is a clip like a capture's motion, of every second frame here.
+    std::fs::copy(
+        dir.path().join("ada").join("poses.json"),
+        dir.path().join("dance.json"),
+    )?;
+    let moves = format!("{export} --motion-file {} --range ..:2", at("dance.json"));
+    yoto(&format!("{moves} --out {}", at("moves.html")), succeed)?;
+    let page = std::fs::read_to_string(dir.path().join("moves.html"))?;
+    ensure!(
+        clips(&page)? == [("ada".into(), FRAMES), ("dance".into(), FRAMES / 2)],
+        "{:?}",
+        clips(&page)?
+    );
+    let options = "--triangles 500 --texture 64";
+    yoto(
+        &format!("{moves} {options} --out {}", at("moves.glb")),
+        succeed,
+    )?;
+    let glb = std::fs::read(dir.path().join("moves.glb"))?;
+    let length = u32::from_le_bytes(glb[12..16].try_into()?) as usize;
+    let gltf: serde_json::Value = serde_json::from_slice(&glb[20..20 + length])?;
+    ensure!(gltf["animations"][0]["name"] == "ada" && gltf["animations"][1]["name"] == "dance");
+    // Other forms: their own tests look inside.
+    for (name, options, start) in [
+        ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
+        ("splats.glb", " --frame 5 --format splats", &b"glTF"[..]),
+        ("ada.glb", " --triangles 4000 --texture 256", &b"glTF"[..]),
+        (
+            "ada.obj",
+            " --frame 5 --triangles 4000 --texture 256",
+            &b"# metres"[..],
+        ),
+        (
+            "mesh.ply",
+            " --frame 5 --format ply-mesh --triangles 4000",
+            &b"ply\nformat"[..],
+        ),
+        ("LOUD.SPZ", " --frame 5", &b"\x1f\x8b"[..]),
+    ] {
+        let line = format!("{export}{options} --out {}", at(name));
+        yoto(&line, succeed)?;
+        let file = std::fs::read(dir.path().join(name))?;
+        ensure!(file.starts_with(start), "{line}");
+    }
+    let texture = image::open(dir.path().join("ada.png"))?;
+    ensure!(texture.width() >= 64 && dir.path().join("ada.mtl").exists());
+    let film = format!(
+        "render solo --subject ada --motion ada --size 64 --out {}",
+        at("walk.mp4")
+    );
+    yoto(&film, succeed)?;
+    let video = Video::open(
+        &dir.path().join("walk.mp4"),
+        &Limits::default(),
+        &Ffmpeg::none(),
+        true,
+    )?;
+    ensure!(video.frames() == Some(FRAMES), "{:?}", video.frames());
+    let seconds = video.times().last().context("no times")?;
+    let expected = (FRAMES - 1) as f64 / track.fps;
+    ensure!(
+        (seconds - expected).abs() < 0.01,
+        "{seconds} s, not {expected}"
+    );
+    for (options, cause) in [
+        (" --transparent", "an .mp4 or .gif has no transparency"),
+        (" --animate", "an .mp4, .webp or .gif is one film"),
+    ] {
+        let said = yoto(&format!("{film} --force{options}"), fail)?;
+        ensure!(said.contains(cause), "{said}");
+    }
+    let film_of = format!(
+        "render solo --subject ada --motion ada --size 64 --transparent --out {}",
+        at("walk.webp")
+    );
+    yoto(&film_of, succeed)?;
+    let webp = std::fs::read(dir.path().join("walk.webp"))?;
+    ensure!(
+        &webp[8..16] == b"WEBPVP8X" && webp[20] & 0x12 == 0x12,
+        "animated, with opacity"
+    );
+    // Over an existing file only if asked.
+    let said = yoto(&film, fail)?;
+    ensure!(said.contains("walk.mp4 is there already"), "{said}");
+    let said = yoto(&format!("{export} --out {}", at("ada.html")), fail)?;
+    ensure!(
+        said.contains("is there already") && said.contains("--force"),
+        "{said}"
+    );
+    yoto(
+        &format!("{export} --force --out {}", at("ada.html")),
+        succeed,
+    )?;
+    // Splats are drawn in real time without a measurement.
+    let line = format!(
+        "render solo --subject ada --orbit 0 --views 2 --size 64 --quality realtime --out {}",
+        at("quick")
+    );
+    yoto(&line, succeed)?;
+    ensure!(dir.path().join("quick").join("000001.png").exists());
+    for (line, cause) in [
+        (
+            "export solo --subject ada --out x.fbx",
+            "none of .html, .ply, .spz, .glb or .obj",
+        ),
+        (
+            "export solo --subject ada --out x.ply --triangles 500",
+            "belong to a mesh",
+        ),
+        (
+            "export solo --subject ada --out x.spz --format mesh",
+            "--out x.spz is .spz, and --format mesh is .glb, .obj or .ply",
+        ),
+        (
+            "render solo --subject ada --orbit 0 --fps 20 --out x",
+            "--fps belongs to --animate or to a film",
+        ),
+        (
+            "export solo --subject ada --out x.html --range 0..9",
+            "--range belongs to --motion and --motion-file",
+        ),
+        (
+            "export solo --subject ada --out x.html --up z",
+            "--joint-map and --up belong to --motion-file",
+        ),
+        (
+            "render field --subject ada --orbit 0 --views 1 --quality realtime --out x",
+            "the tier splat",
+        ),
+        ("export solo --subject bob --out x.ply", "bob"),
+        ("export solo --out x.ply", "--subject is needed"),
+        (
+            "export solo --subject ada --slot 1 --out x.ply",
+            "cannot be used with",
+        ),
+    ] {
+        let said = yoto(line, fail)?;
+        ensure!(said.contains(cause), "{line}: {said}");
+    }
+    let said = yoto(&format!("{export} --frame 99 --out {}", at("x.ply")), fail)?;
+    ensure!(said.contains("no frame 99 among its 12"), "{said}");
+
+    yoto(&format!("model export solo --out {}", at("model")), succeed)?;
+    let render = format!(
+        "render-frame --model-dir {} --capture {} --camera train --frame {FRAME} --out {}",
+        at("model"),
+        at("ada"),
+        at("frame.png")
+    );
+    succeed(YOTO, &render.split(' ').collect::<Vec<_>>())?;
+    // Of a field, splats can be made first.
+    yoto(
+        &format!("model export field --out {}", at("field")),
+        succeed,
+    )?;
+    let distill = |model: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
+        let (capture, out) = (at("ada"), at("distilled"));
+        let line = format!("distill {model} --capture {capture} --size 64 --seconds 4 --out {out}");
+        yoto(&line, run)
+    };
+    let said = distill("field --subject ada", succeed)?;
+    ensure!(said.contains("dB to the field"), "{said}");
+    std::fs::remove_dir_all(at("distilled"))?;
+    let said = distill(&at("field"), succeed)?;
+    ensure!(said.contains("dB to the field"), "{said}");
+    let line = format!(
+        "export {} --slot 0 --out {}",
+        at("distilled"),
+        at("distilled.ply")
+    );
+    succeed(YOTO, &line.split(' ').collect::<Vec<_>>())?;
+    for (model, cause) in [
+        (at("model"), "is there already"),
+        ("other".into(), "--subject is needed"),
+        ("other --subject ada".into(), "other"),
+    ] {
+        let said = distill(&model, fail)?;
+        ensure!(said.contains(cause), "{said}");
+        std::fs::remove_dir_all(at("distilled")).ok();
+    }
+    let said = distill(&at("model"), fail)?;
+    ensure!(said.contains("has splats already"), "{said}");
+    let Some(browser) = Browser::find()? else {
+        eprintln!("no browser here: the page is not drawn");
+        return Ok(());
+    };
+    // The page's controls, and then the frame as the renderer draws it.
+    let frame = &track.frames[FRAME];
+    let k = &frame.k;
+    let lens = [k[0][0], k[1][1], k[0][2], k[1][2]];
+    let hold = serde_json::json!([0, FRAME, &frame.e[..3], lens, SIZE, SIZE]);
+    let page = std::fs::read_to_string(dir.path().join("ada.html"))?;
+    let drawn = phone::tried(&browser, &page, &hold)?;
+    let over_black = drawn.pixels().flat_map(|pixel| {
+        let [r, g, b, a] = pixel.0.map(|value| f32::from(value) / 255.0);
+        [r * a, g * a, b * a]
+    });
+    let rendered = image::open(dir.path().join("frame.png"))?.to_rgb8();
+    let rendered: Vec<f32> = rendered.iter().map(|v| f32::from(*v) / 255.0).collect();
+    let alike = psnr(&over_black.collect::<Vec<f32>>(), &rendered);
+    eprintln!("browser and renderer: {alike:.1} dB");
+    ensure!(alike > 50.0, "browser and renderer differ: {alike:.1} dB");
+    Ok(())
+}
+
+#[test]
+fn a_browser_plays_a_film_and_jumps_in_it() -> anyhow::Result<()> {
+    const LENGTH: usize = 40;
+    const FPS: f64 = 20.0;
+    let Some(browser) = Browser::find()? else {
+        eprintln!("no browser here: the film is not played");
+        return Ok(());
+    };
+    // Neighbours differ by far more than the encoder does.
+    let grey = |frame: usize| 20 + 40 * (frame % 6) as u8;
+    let mut bytes = Vec::new();
+    let mut film = Film::new(&mut bytes, 64, 48, FPS)?;
+    for frame in 0..LENGTH {
+        film.push(&[grey(frame); 3 * 64 * 48])?;
+    }
+    film.finish()?;
+    // Forth and back; from the 31st frame on, there is another one to begin with.
+    let frames = [38, 3, 22, 31];
+    let times = frames.map(|frame| (frame as f64 + 0.5) / FPS);
+    let playback = played(&browser, &bytes, FPS, &times)?;
+    ensure!(
+        (playback.width, playback.height) == (64, 48),
+        "{playback:?}"
+    );
+    // Players differ in whether the last frame has a length.
+    let seconds = LENGTH as f64 / FPS;
+    ensure!(
+        (playback.seconds - seconds).abs() < 1.5 / FPS,
+        "{playback:?}"
+    );
+    ensure!(playback.reds.len() == frames.len(), "{playback:?}");
+    for (frame, red) in frames.into_iter().zip(&playback.reds) {
+        ensure!(
+            red.abs_diff(grey(frame)) < 12,
+            "frame {frame}: {playback:?}"
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,100 @@
+//! A training whose files can't be written when it ends: the trained model waits, says why, and is saved as
+//! soon as there is a place for it. No step is made twice.
+
+use anyhow::{Context, ensure};
+use std::{
+    fs,
+    time::{Duration, Instant},
+};
+use yoto_client::YotoClient;
+use yoto_proto::v1::{Job, TrainSpec, job::State, job_result::Kind};
+use yoto_synthetic::SyntheticPerson;
+use yoto_tests::{
+    people::write_capture,
+    process::{PATIENCE, Service, succeed},
+};
+
+const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const STEPS: u64 = 60;
+
+/// Reads the job until `done`.
+async fn until(
+    client: &YotoClient,
+    name: &str,
+    what: &str,
+    done: impl Fn(&Job) -> bool,
+) -> anyhow::Result<Job> {
+    let began = Instant::now();
+    loop {
+        let job = client.get_job(name).await?;
+        if done(&job) {
+            return Ok(job);
+        }
+        ensure!(
+            began.elapsed() < PATIENCE,
+            "waiting until {what}: {:?}",
+            job.progress
+        );
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trained_model_waits_for_a_disk_that_takes_it() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let (capture, data) = (dir.path().join("ada"), dir.path().join("data"));
+    write_capture(&SyntheticPerson::cast(1, 7)[0], 8, 48, &capture)?;
+    let service = Service::start(YOTO, &data, true)?;
+    let server = ["--server", service.address.as_str()];
+    let capture = capture.to_str().context("a path")?;
+    succeed(
+        YOTO,
+        &[&["subject", "add", "ada", capture], &server[..]].concat(),
+    )?;
+    let model = [
+        "model",
+        "create",
+        "solo",
+        "--subjects",
+        "ada",
+        "--tier",
+        "draft",
+    ];
+    succeed(YOTO, &[&model, &server[..]].concat())?;
+
+    let client = YotoClient::connect(&service.address).await?;
+    let model = client.find_model("solo").await?.name;
+    let spec = TrainSpec {
+        model,
+        steps: STEPS,
+        seed: 3,
+        ..TrainSpec::default()
+    };
+    let name = client.train(spec).await?.name;
+    let steps = |job: &Job| job.progress.as_ref().map_or(0, |it| it.step);
+    until(&client, &name, "a step was taken", |job| steps(job) > 0).await?;
+    // A folder in which nobody can write, whoever runs the test.
+    let (scratch, away) = (data.join("scratch"), data.join("away"));
+    fs::rename(&scratch, &away)?;
+    let phase = |job: &Job| job.progress.as_ref().map(|it| it.phase.clone());
+    let waiting = until(&client, &name, "it waits to save", |job| {
+        phase(job).is_some_and(|it| it.starts_with("waiting to save: ")) || job.end_time.is_some()
+    })
+    .await?;
+    ensure!(waiting.state() == State::Running, "{waiting:?}");
+    let said = phase(&waiting).context("a phase")?;
+    ensure!(said.contains("scratch"), "it says where: {said}");
+    ensure!(steps(&waiting) == STEPS, "{waiting:?}");
+
+    fs::rename(&away, &scratch)?;
+    let ended = until(&client, &name, "it has ended", |job| job.end_time.is_some()).await?;
+    ensure!(
+        ended.state() == State::Succeeded && ended.attempts.len() == 1,
+        "{ended:?}"
+    );
+    let Some(Kind::Train(result)) = ended.result.and_then(|it| it.kind) else {
+        anyhow::bail!("no result of a training");
+    };
+    ensure!(result.steps == STEPS, "each step was made once: {result:?}");
+    Ok(())
+}

@@ -1,0 +1,224 @@
+//! Somebody leaves a model: nothing of theirs is left in its files, and everybody else is as before.
+
+mod support;
+
+use burn::tensor::Device;
+use burn_pack::Reader;
+use std::collections::BTreeMap;
+use std::path::Path;
+use support::{options, run, tempdir, weights};
+use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::render::{RenderView, Rendered, Renderer};
+use yoto_avatar::train::leaving::{Residue, Trunk, remove_person};
+use yoto_avatar::train::{Learn, ModelState, Person, TrainOptions, Trainer};
+use yoto_capture::camera::Pose;
+use yoto_proto::manifest::files;
+use yoto_synthetic::SyntheticPerson;
+
+const SIZE: u32 = 48;
+
+fn people(slots: &[usize]) -> Vec<Person> {
+    support::people(slots, 12, SIZE)
+}
+
+fn config(tier: &str) -> ModelConfig {
+    let mut config = ModelConfig::named(tier, "yoto").expect("a tier");
+    config.refinement.who = Refine::Always;
+    config.optimise.patches = 4;
+    if let Some(splats) = &mut config.splats {
+        (splats.count, splats.coarse) = (1500, 1000);
+    }
+    config
+}
+
+fn joining(slot: usize) -> TrainOptions {
+    TrainOptions {
+        learn: Learn::Own { slot },
+        ..options(6)
+    }
+}
+
+/// A model of the people in slots 0 and 1, whom the one in slot 2 has joined.
+fn trio(tier: &str, dir: &Path) {
+    let device = Device::flex();
+    let mut trainer =
+        Trainer::new(config(tier), options(10), people(&[0, 1]), &device).expect("starts");
+    run(&mut trainer, 10);
+    trainer.save(dir).expect("saves");
+    let mut trainer = Trainer::resume(dir, joining(2), people(&[2]), &device).expect("joins");
+    run(&mut trainer, 6);
+    trainer.save(dir).expect("saves");
+    std::fs::write(dir.join(files::PREVIEW), "everybody").expect("written");
+}
+
+fn picture(dir: &Path, slot: usize) -> Result<Rendered, String> {
+    let renderer = Renderer::load(dir, &Device::flex()).expect("a model");
+    let view = RenderView {
+        slot,
+        pose: Pose::rest(24),
+        camera: SyntheticPerson::held_out_cameras(SIZE).remove(0),
+        background: [0.2; 3],
+    };
+    renderer.render(&view).map_err(|error| error.to_string())
+}
+
+/// The bytes of each tensor of the optimiser.
+fn moments(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+    let reader = Reader::from_file(dir.join(files::OPTIMISER)).expect("a pack");
+    let tensors = reader.into_tensors().expect("tensors").into_iter();
+    let parts = tensors.map(|tensor| tensor.into_parts().expect("a tensor"));
+    parts
+        .map(|(name, .., bytes)| (name, bytes.to_vec()))
+        .collect()
+}
+
+#[test]
+fn who_leaves_leaves_nothing_and_everybody_else_is_as_before() {
+    for tier in ["draft", "splat"] {
+        let (before, parent) = (tempdir(), tempdir());
+        trio(tier, before.path());
+        for (slot, trunk, others) in [
+            (2, Trunk::NeverSawThem, [0, 1]),
+            (0, Trunk::SawThem, [1, 2]),
+        ] {
+            let after = parent.path().join(format!("without-{slot}"));
+            let certificate = remove_person(before.path(), &after, slot).expect("leaves");
+            assert_eq!(
+                (certificate.trunk, certificate.slot),
+                (trunk, slot),
+                "{tier}"
+            );
+            assert!(certificate.searched > 50, "{tier}: {certificate:?}");
+            let theirs = [files::refined_poses(slot), files::PREVIEW.to_owned()];
+            assert_eq!(certificate.removed.files, theirs, "{tier}");
+            let said = serde_json::to_string(&certificate).expect("JSON");
+            let word = ["private_only", "trunk_saw_them"][usize::from(slot == 0)];
+            assert!(said.contains(word), "{said}");
+
+            let (old, new) = (weights(before.path()), weights(&after));
+            assert_eq!(old.len() - new.len(), certificate.removed.tensors.len());
+            assert!(new.iter().all(|(name, it)| old[name] == *it), "{tier}");
+            let (old, new) = (moments(before.path()), moments(&after));
+            assert_eq!(old.len() - new.len(), certificate.removed.moments);
+            assert!(certificate.removed.moments > 0, "{tier}");
+            assert!(new.iter().all(|(name, it)| old[name] == *it), "{tier}");
+            for other in others {
+                let of = |dir: &Path| picture(dir, other).expect("renders").rgb;
+                assert!(of(before.path()) == of(&after), "{tier}: slot {other}");
+            }
+            let why = picture(&after, slot).expect_err("nobody is there");
+            assert!(why.contains("was removed"), "{why}");
+            let state = ModelState::read(&after).expect("a state");
+            assert_eq!(state.erased, [slot].into(), "{tier}");
+            assert_eq!(state.slots[slot], None, "{tier}");
+        }
+    }
+}
+
+/// Each kind of leftover is planted, and found.
+#[test]
+fn the_search_finds_what_is_left() {
+    for tier in ["draft", "splat"] {
+        let (before, parent) = (tempdir(), tempdir());
+        trio(tier, before.path());
+        let state = ModelState::read(before.path()).expect("a state");
+        let residue = Residue::of(before.path(), &state, 2).expect("readable");
+        let after = parent.path().join("after");
+        remove_person(before.path(), &after, 2).expect("leaves");
+        assert_eq!(residue.search(&after).expect("readable"), [], "{tier}");
+        // All of it is found where it comes from.
+        let there = residue.search(before.path()).expect("readable");
+        assert!(there.len() >= residue.len(), "{tier}: {}", there.len());
+
+        let plant = |file: &str, bytes: &[u8]| {
+            std::fs::write(after.join(file), bytes).expect("written");
+            let found = residue.search(&after).expect("readable");
+            std::fs::remove_file(after.join(file)).expect("there");
+            found.into_iter().map(|it| it.what).collect::<Vec<String>>()
+        };
+        let own = match tier {
+            "splat" => "splats.2.means",
+            _ => "canonical.tables.2",
+        };
+        let tensor = &weights(before.path())[own];
+        // One number shifted, as in a file with another header.
+        let found = plant("weights.old", &[&[7; 3], &tensor[..]].concat());
+        assert!(found.iter().any(|it| it.contains(own)), "{tier}: {found:?}");
+        let kept = moments(before.path());
+        let gone = moments(&after);
+        let moment = kept.keys().find(|name| !gone.contains_key(*name));
+        let moment = moment.expect("one of theirs");
+        let found = plant("optimiser.old", &kept[moment]);
+        let found = found.iter().any(|it| it.contains(moment.as_str()));
+        assert!(
+            found || !kept[moment].iter().any(|byte| *byte != 0),
+            "{tier}"
+        );
+        let track = files::refined_poses(2);
+        let bytes = std::fs::read(before.path().join(&track)).expect("there");
+        assert!(!plant(&track, &bytes).is_empty(), "{tier}");
+        let json = serde_json::to_vec(&state.slots[2]).expect("JSON");
+        let found = plant("body.json", &json);
+        assert!(
+            found.iter().any(|it| it.contains("measure")),
+            "{tier}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn a_model_that_somebody_left_is_trained_on_without_them() {
+    let device = Device::flex();
+    for tier in ["draft", "splat"] {
+        let (before, parent) = (tempdir(), tempdir());
+        trio(tier, before.path());
+        let after = parent.path().join("after");
+        remove_person(before.path(), &after, 1).expect("leaves");
+        let mut trainer =
+            Trainer::resume(&after, options(3), people(&[0, 2]), &device).expect("goes on");
+        run(&mut trainer, 3);
+        trainer.save(&after).expect("saves");
+        let names = weights(&after);
+        let theirs: Vec<&String> = (names.keys())
+            .filter(|name| name.split('.').any(|part| part == "1") && !name.contains("mlp"))
+            .filter(|name| !name.contains("layers"))
+            .collect();
+        assert_eq!(theirs, Vec::<&String>::new(), "{tier}");
+        assert!(picture(&after, 1).expect_err("nobody").contains("removed"));
+        let again = Trainer::resume(&after, options(3), people(&[0, 1]), &device);
+        let why = again.err().expect("refused").to_string();
+        assert!(why.contains("never used again"), "{why}");
+        let mut trainer =
+            Trainer::resume(&after, joining(3), people(&[3]), &device).expect("joins");
+        run(&mut trainer, 1);
+        trainer.save(&after).expect("saves");
+        picture(&after, 3).expect("renders");
+    }
+}
+
+#[test]
+fn what_can_not_be_removed_says_why() {
+    let (before, parent) = (tempdir(), tempdir());
+    trio("draft", before.path());
+    let after = parent.path().join("after");
+    let why = |from: &Path, to: &Path, slot: usize| {
+        let refused = remove_person(from, to, slot).expect_err("refused");
+        refused.to_string()
+    };
+    let said = why(before.path(), &after, 7);
+    assert!(said.contains("nobody in slot 7, only in 0, 1, 2"), "{said}");
+    let said = why(before.path(), parent.path(), 1);
+    assert!(said.contains("exists"), "{said}");
+    remove_person(before.path(), &after, 1).expect("leaves");
+    let said = why(&after, &parent.path().join("again"), 1);
+    assert!(said.contains("already"), "{said}");
+    // A file that was cut is not taken for one that somebody left.
+    let mut all = std::fs::read(after.join(files::STATE)).expect("there");
+    let text = String::from_utf8(std::mem::take(&mut all)).expect("JSON");
+    let forged = text.replace("\"erased\": [\n    1\n  ]", "\"erased\": []");
+    assert_ne!(forged, text);
+    std::fs::write(after.join(files::STATE), forged).expect("written");
+    let torn = Renderer::load(&after, &Device::flex()).err();
+    let said = torn.expect("refused").to_string();
+    assert!(said.contains("missing tensor"), "{said}");
+}

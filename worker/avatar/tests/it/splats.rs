@@ -1,0 +1,491 @@
+//! Trainings of splats: they learn what they are shown, resume where they stopped, and leave earlier people
+//! as they were.
+
+mod support;
+
+use burn::tensor::Device;
+use std::sync::Arc;
+use support::{options, people, run, tempdir, weights};
+use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::render::{Actor, Light, RenderView, Rendered, Renderer, SceneView};
+use yoto_avatar::tradeoff::Axes;
+use yoto_avatar::train::{Person, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_synthetic::SyntheticPerson;
+
+const SIZE: u32 = 64;
+
+/// Few splats, for small pictures, with poses as they are: they are exact.
+fn config() -> ModelConfig {
+    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+    let splats = config.splats.as_mut().expect("splats");
+    splats.count = 2000;
+    config.refinement.who = Refine::Never;
+    config
+}
+
+fn trainer(slots: &[usize], steps: u64) -> Trainer {
+    let people = people(slots, 12, SIZE);
+    Trainer::new(config(), options(steps), people, &Device::flex()).expect("starts")
+}
+
+/// Frame `place` of a person's capture, with the identity in `slot`.
+fn view_of(person: &Person, slot: usize, place: usize) -> RenderView {
+    let track = &person.shard.track;
+    let frame = &track.frames[place];
+    RenderView {
+        slot,
+        pose: Pose::from_frame(frame).expect("a pose"),
+        camera: Camera::from_frame(frame, track.image_size).expect("a camera"),
+        background: [0.0; 3],
+    }
+}
+
+/// Frame `place` of a person's capture, as the renderer sees it.
+fn shown(renderer: &Renderer, person: &Person, place: usize) -> Rendered {
+    let view = view_of(person, person.slot, place);
+    renderer.render(&view).expect("renders")
+}
+
+/// Mean PSNR over the capture's frames, dB.
+fn mean_psnr(renderer: &Renderer, person: &Person) -> f64 {
+    let frames = person.shard.frames();
+    let total: f64 = (0..frames)
+        .map(|place| {
+            let truth = person.shard.image(place);
+            let truth: Vec<f32> = truth.rgb.iter().map(|v| f32::from(*v) / 255.0).collect();
+            psnr(&shown(renderer, person, place).rgb, &truth)
+        })
+        .sum();
+    total / frames as f64
+}
+
+#[test]
+fn splats_learn_two_people_from_their_hulls() {
+    let people = people(&[0, 1], 12, SIZE);
+    let mut trainer = trainer(&[0, 1], 80);
+    let before: Vec<f64> = people
+        .iter()
+        .map(|person| mean_psnr(&trainer.renderer(), person))
+        .collect();
+    run(&mut trainer, 80);
+    for (person, before) in people.iter().zip(before) {
+        let after = mean_psnr(&trainer.renderer(), person);
+        assert!(
+            after > before + 2.0 && after > 25.0,
+            "{}: {before:.2} dB at the start, {after:.2} dB after 80 steps",
+            person.name
+        );
+    }
+    let progress = trainer.progress();
+    assert_eq!(progress.objective, "l1+ssim");
+    assert_eq!(progress.samples.rays, 0);
+    // Frames cost less at a lower resolution alone.
+    let axes = Axes::of(&trainer.renderer());
+    assert_eq!((axes.samples.len(), axes.precision.len()), (1, 1));
+    assert!(axes.scale.len() > 1);
+}
+
+/// The hull starts close to the person: most of what it shows is on the mask, and most of the mask
+/// is shown.
+#[test]
+fn untrained_splats_already_cover_the_person() {
+    let person = &people(&[0], 12, SIZE)[0];
+    let trainer = trainer(&[0], 1);
+    let renderer = trainer.renderer();
+    let (mut both, mut either) = (0.0, 0.0);
+    for place in 0..person.shard.frames() {
+        let frame = shown(&renderer, person, place);
+        let mask = person.shard.image(place).mask;
+        for (alpha, mask) in frame.alpha.iter().zip(mask) {
+            let mask = f32::from(mask) / 255.0;
+            both += alpha.min(mask);
+            either += alpha.max(mask);
+        }
+    }
+    assert!(
+        both / either > 0.7,
+        "intersection over union {}",
+        both / either
+    );
+}
+
+#[test]
+fn a_resumed_training_of_splats_ends_bit_for_bit_where_an_uninterrupted_one_does() {
+    let (stopped, resumed, straight) = (tempdir(), tempdir(), tempdir());
+    // Poses are refined; splats are placed again before the stop and after it.
+    let mut refined = config();
+    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.refinement.who = Refine::Always;
+    let both = people(&[0, 1], 12, SIZE);
+    let mut first = Trainer::new(refined, options(20), both, &Device::flex()).expect("starts");
+    run(&mut first, 10);
+    first.save(stopped.path()).expect("saves");
+    run(&mut first, 10);
+    first.save(straight.path()).expect("saves");
+    let again = yoto_avatar::train::TrainOptions {
+        used_steps: 10,
+        ..options(20)
+    };
+    let people = people(&[0, 1], 12, SIZE);
+    let mut again =
+        Trainer::resume(stopped.path(), again, people, &Device::flex()).expect("resumes");
+    run(&mut again, 10);
+    again.save(resumed.path()).expect("saves");
+    assert!(weights(resumed.path()) == weights(straight.path()));
+    assert!(weights(resumed.path()) != weights(stopped.path()));
+}
+
+/// Number of splats of a checkpoint that show, of those in slot 0.
+fn shown_of(trainer: &Trainer) -> usize {
+    let dir = tempdir();
+    trainer.save(dir.path()).expect("saves");
+    let opacities = &weights(dir.path())["splats.0.opacities"];
+    let numbers = opacities.as_chunks::<4>().0.iter();
+    numbers
+        .filter(|it| f32::from_le_bytes(**it) > -10.0)
+        .count()
+}
+
+#[test]
+fn splats_are_few_until_poses_are_refined() {
+    let mut refined = config();
+    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.refinement.who = Refine::Always;
+    let ada = || people(&[0], 12, SIZE);
+    let mut trainer =
+        Trainer::new(refined.clone(), options(20), ada(), &Device::flex()).expect("starts");
+    let first = tempdir();
+    run(&mut trainer, 4);
+    assert_eq!(shown_of(&trainer), 500);
+    trainer.save(first.path()).expect("saves");
+    run(&mut trainer, 6);
+    assert_eq!(shown_of(&trainer), 500);
+    run(&mut trainer, 10);
+    assert_eq!(shown_of(&trainer), 2000);
+    // A training that does not refine poses any more shows all at once.
+    let never = yoto_avatar::train::TrainOptions {
+        refine_poses: Some(Refine::Never),
+        ..options(2)
+    };
+    let trainer = Trainer::resume(first.path(), never, ada(), &Device::flex()).expect("resumes");
+    assert_eq!(shown_of(&trainer), 2000);
+    // One that does goes on with the few.
+    let again = yoto_avatar::train::TrainOptions {
+        used_steps: 4,
+        ..options(20)
+    };
+    let trainer = Trainer::resume(first.path(), again, ada(), &Device::flex()).expect("resumes");
+    assert_eq!(shown_of(&trainer), 500);
+}
+
+#[test]
+fn a_loaded_model_shows_what_the_trained_one_does() {
+    let dir = tempdir();
+    let mut trainer = trainer(&[0], 5);
+    run(&mut trainer, 5);
+    trainer.save(dir.path()).expect("saves");
+    let loaded = Renderer::load(dir.path(), &Device::flex()).expect("loads");
+    let person = &people(&[0], 12, SIZE)[0];
+    let (one, other) = (
+        shown(&trainer.renderer(), person, 3),
+        shown(&loaded, person, 3),
+    );
+    assert!(one.rgb == other.rgb && one.alpha == other.alpha && one.depth == other.depth);
+    // Depth is that of a person two to four metres away where they are opaque.
+    let opaque = one
+        .alpha
+        .iter()
+        .zip(&one.depth)
+        .filter(|(alpha, _)| **alpha > 0.95);
+    let depths: Vec<f32> = opaque.map(|(alpha, depth)| depth / alpha).collect();
+    assert!(!depths.is_empty() && depths.iter().all(|d| (1.0..6.0).contains(d)));
+}
+
+#[test]
+fn somebody_new_starts_from_their_own_hull_and_leaves_the_others_splats_alone() {
+    let dir = tempdir();
+    let mut first = trainer(&[0], 6);
+    run(&mut first, 6);
+    first.save(dir.path()).expect("saves");
+    let before = weights(dir.path());
+    let both = people(&[0, 1], 12, SIZE);
+    let joined =
+        Trainer::resume(dir.path(), options(6), both.clone(), &Device::flex()).expect("resumes");
+    let after = tempdir();
+    joined.save(after.path()).expect("saves");
+    let after = weights(after.path());
+    for (name, bytes) in before
+        .iter()
+        .filter(|(name, _)| name.starts_with("splats.0."))
+    {
+        assert!(after[name] == *bytes, "{name} differs");
+    }
+    assert!(mean_psnr(&joined.renderer(), &both[1]) > 15.0);
+}
+
+/// Splats of two people do not correspond: somebody between them is both, on the same bones.
+#[test]
+fn somebody_between_two_people_of_splats_is_both() {
+    let trainer = trainer(&[0, 1], 6);
+    let renderer = || trainer.renderer();
+    let people = people(&[0, 1], 12, SIZE);
+    let picture = |renderer: &Renderer, slots: &[usize]| {
+        let mut view = SceneView::from(view_of(&people[0], 0, 0));
+        let actor = view.actors.remove(0);
+        let actors = slots.iter().map(|slot| Actor {
+            slot: *slot,
+            ..actor.clone()
+        });
+        view.actors.extend(actors);
+        renderer
+            .render_scene(&view, &mut |_| true)
+            .expect("renders")
+    };
+    let (none, slots) = renderer().with_blend(0, 1, 0.0).expect("blends");
+    assert_eq!(slots.len(), 1);
+    let own = picture(&none, &[0]);
+    assert_eq!(
+        picture(&none, &slots).rgb,
+        own.rgb,
+        "a share of 0 is the first one"
+    );
+    let (half, slots) = renderer().with_blend(0, 1, 0.5).expect("blends");
+    assert_eq!(slots.len(), 2);
+    let both = picture(&half, &slots);
+    let alone = picture(&half, &slots[..1]);
+    let sum = |alpha: &[f32]| alpha.iter().sum::<f32>();
+    assert!(
+        sum(&alone.alpha) < 0.95 * sum(&both.alpha),
+        "each is half as opaque"
+    );
+    assert!(both.rgb != own.rgb);
+    assert!(renderer().with_blend(0, 1, 1.5).is_err());
+    assert!(renderer().with_blend(0, 2, 0.5).is_err());
+}
+
+#[test]
+fn a_person_on_shorter_bones_is_shorter() {
+    let trainer = trainer(&[0, 1], 6);
+    let renderer = trainer.renderer();
+    let person = &people(&[0], 12, SIZE)[0];
+    let own = renderer.skeleton(0).expect("a skeleton").clone();
+    let mut shorter = own.clone();
+    for value in shorter.rest.iter_mut().flatten() {
+        *value *= 0.75;
+    }
+    let (renderer, same) = renderer.with_bones(0, &own).expect("fits");
+    let (renderer, short) = renderer.with_bones(0, &shorter).expect("fits");
+    let at = |slot| renderer.render(&view_of(person, slot, 0)).expect("renders");
+    assert_eq!(
+        at(same).rgb,
+        at(0).rgb,
+        "on their own bones nothing changes"
+    );
+    let rows = |slot| {
+        let alpha = at(slot).alpha;
+        let rows = alpha.chunks_exact(SIZE as usize);
+        rows.filter(|row| row.iter().any(|a| *a > 0.5)).count() as f64
+    };
+    // What is around the bones, as the head, is as large as before.
+    let ratio = rows(short) / rows(0);
+    assert!((0.7..0.9).contains(&ratio), "{ratio}");
+
+    let mut fewer = own;
+    fewer.rest.pop();
+    fewer.parents.pop();
+    fewer.names.pop();
+    let error = renderer.with_bones(0, &fewer).err().expect("refused");
+    let error = error.to_string();
+    assert!(error.contains("23 joints, the person has 24"), "{error}");
+}
+
+#[test]
+fn what_splats_can_not_do_is_refused_by_name() {
+    let trainer = trainer(&[0, 1], 1);
+    let person = &people(&[0], 12, SIZE)[0];
+    // Splats have one kind of numerics.
+    let sound = shown(&trainer.renderer(), person, 0);
+    let other = trainer.renderer().with_numerics(Numerics::Reference);
+    assert_eq!(shown(&other, person, 0).rgb, sound.rgb);
+
+    let setting = "splats.count=3".parse::<Setting>().expect("a setting");
+    let error = config().with(&[setting]).expect_err("refused").to_string();
+    assert!(error.starts_with("splats.count: must be 64"), "{error}");
+
+    // Poses that are far from their masks.
+    let mut nobody = people(&[0], 12, SIZE);
+    let shard = std::sync::Arc::make_mut(&mut nobody[0].shard);
+    for frame in &mut shard.track.frames {
+        frame.translation[0] += 50.0;
+    }
+    let error = Trainer::new(config(), options(2), nobody, &Device::flex());
+    let error = error.err().expect("refused").to_string();
+    assert!(error.contains("poses and masks do not agree"), "{error}");
+}
+
+/// A frame that shows half of the person, and one that shows nobody, say nothing about what they lack.
+#[test]
+fn cropped_and_empty_frames_do_not_cut_the_person() {
+    let whole = people(&[0], 12, SIZE).remove(0);
+    let (track, mut images) = SyntheticPerson::cast(1, 7)[0].capture(12, SIZE);
+    let mut track = track;
+    // The picture ends above the hips.
+    let kept = SIZE as usize * 2 / 5;
+    for (frame, image) in track.frames.iter_mut().zip(&mut images).take(6) {
+        frame.k[1][2] += (SIZE as usize - kept) as f64;
+        let shift = SIZE as usize * (SIZE as usize - kept);
+        let left = image.mask.len() - shift;
+        image.rgb.copy_within(..3 * left, 3 * shift);
+        image.mask.copy_within(..left, shift);
+        image.rgb[..3 * shift].fill(0);
+        image.mask[..shift].fill(0);
+    }
+    images[7].mask.fill(0);
+    images[7].rgb.fill(0);
+    let mut builder = ShardBuilder::new(track);
+    for image in &images {
+        builder.push(image).expect("a frame");
+    }
+    let cropped = Person {
+        shard: Arc::new(builder.finish().expect("all frames")),
+        ..whole.clone()
+    };
+    let trainer = Trainer::new(config(), options(1), vec![cropped], &Device::flex());
+    let frame = shown(&trainer.expect("starts").renderer(), &whole, 9);
+    let mask = whole.shard.image(9).mask;
+    let feet = (SIZE * SIZE * 3 / 4) as usize..;
+    let covered: usize = mask[feet.clone()].iter().filter(|m| **m > 127).count();
+    let shown = mask[feet.clone()].iter().zip(&frame.alpha[feet]);
+    let shown = shown.filter(|(m, a)| **m > 127 && **a > 0.5).count();
+    assert!(covered > 20 && 2 * shown > covered, "{shown} of {covered}");
+}
+
+/// Without identities, everybody is one set of splats, from the first person's hull.
+#[test]
+fn people_without_identities_share_their_splats() {
+    let mut config = ModelConfig::named("splat", "no-identity").expect("a tier");
+    config.splats.as_mut().expect("splats").count = 500;
+    let both = people(&[0, 1], 12, SIZE);
+    let mut trainer =
+        Trainer::new(config, options(3), both.clone(), &Device::flex()).expect("starts");
+    run(&mut trainer, 3);
+    let renderer = trainer.renderer();
+    for person in &both {
+        assert!(mean_psnr(&renderer, person) > 12.0, "{}", person.name);
+    }
+    let dir = tempdir();
+    trainer.save(dir.path()).expect("saves");
+    let sets = weights(dir.path());
+    assert!(sets.contains_key("splats.0.means") && !sets.contains_key("splats.1.means"));
+}
+
+/// Frame 0 of each of `people` in one picture, the second `metres` nearer to the camera.
+fn scene(people: &[Person], metres: f32) -> SceneView {
+    let track = &people[0].shard.track;
+    let camera = Camera::from_frame(&track.frames[0], track.image_size).expect("a camera");
+    let actors = people.iter().zip([0.0, metres]).map(|(person, nearer)| {
+        let mut pose = Pose::from_frame(&person.shard.track.frames[0]).expect("a pose");
+        for (axis, along) in pose.translation.iter_mut().zip(camera.e[2]) {
+            *axis -= nearer * along as f32;
+        }
+        Actor {
+            slot: person.slot,
+            pose,
+            light: Light::Own,
+        }
+    });
+    SceneView {
+        actors: actors.collect(),
+        background: [0.0; 3],
+        camera,
+    }
+}
+
+fn rendered(renderer: &Renderer, view: &SceneView) -> Rendered {
+    renderer.render_scene(view, &mut |_| true).expect("renders")
+}
+
+#[test]
+fn a_splat_person_in_front_hides_the_other() {
+    let people = people(&[0, 1], 12, SIZE);
+    let renderer = trainer(&[0, 1], 1).renderer();
+    let scene = scene(&people, 1.0);
+    let both = rendered(&renderer, &scene);
+    let alone = |place: usize| {
+        let mut one = scene.clone();
+        one.actors = vec![scene.actors[place].clone()];
+        rendered(&renderer, &one)
+    };
+    let (back, front) = (alone(0), alone(1));
+    let mut hidden = 0;
+    for i in 0..both.alpha.len() {
+        let through = 1.0 - front.alpha[i];
+        for c in 0..3 {
+            let rgb = front.rgb[3 * i + c] + through * back.rgb[3 * i + c];
+            assert!((both.rgb[3 * i + c] - rgb).abs() < 2e-3);
+        }
+        hidden += usize::from(front.alpha[i] > 0.9 && back.alpha[i] > 0.9);
+    }
+    assert!(
+        hidden > 50,
+        "{hidden} pixels of the person behind are hidden"
+    );
+    let mut other = scene.clone();
+    other.actors.reverse();
+    assert_eq!(rendered(&renderer, &other).alpha.len(), both.alpha.len());
+    let apart = rendered(&renderer, &other).rgb;
+    let apart = apart.iter().zip(&both.rgb).map(|(a, b)| (a - b).abs());
+    assert!(
+        apart.fold(0.0, f32::max) < 1e-6,
+        "their order does not matter"
+    );
+}
+
+#[test]
+fn light_is_the_capture_s_none_or_another_person_s() {
+    let people = people(&[0, 1], 12, SIZE);
+    let mut trainer = trainer(&[0, 1], 60);
+    run(&mut trainer, 60);
+    let renderer = trainer.renderer();
+    let of = |slot: usize, light: Light| {
+        let mut view = scene(&people, 0.0);
+        view.actors = vec![view.actors[slot].clone()];
+        view.actors[0].light = light;
+        rendered(&renderer, &view)
+    };
+    let same = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let turn = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+    let own = of(0, Light::Own);
+    let named = of(
+        0,
+        Light::Of {
+            slot: 0,
+            turn: same,
+        },
+    );
+    assert_eq!(own.rgb, named.rgb);
+    let others = [
+        Light::Neutral,
+        Light::Of {
+            slot: 1,
+            turn: same,
+        },
+        Light::Of { slot: 0, turn },
+    ];
+    for light in others {
+        let lit = of(0, light);
+        assert_eq!(own.alpha, lit.alpha, "light moves nothing: {light:?}");
+        let apart = own.rgb.iter().zip(&lit.rgb).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f32::max) > 1e-3, "{light:?}");
+    }
+    let nobody = Light::Of {
+        slot: 7,
+        turn: same,
+    };
+    let mut view = scene(&people, 0.0);
+    view.actors[0].light = nobody;
+    assert!(renderer.render_scene(&view, &mut |_| true).is_err());
+}

@@ -1,0 +1,147 @@
+//! A person of whom the film shows one side only.
+
+mod support;
+
+use burn::tensor::Device;
+use std::sync::Arc;
+use support::{options, run};
+use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::render::{Actor, Light, SceneView};
+use yoto_avatar::train::{Person, TrainOptions, Trainer};
+use yoto_capture::ShardBuilder;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::SyntheticPerson;
+
+const SIZE: u32 = 64;
+const STEPS: u64 = 150;
+
+fn config() -> ModelConfig {
+    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+    config.splats.as_mut().expect("splats").count = 2000;
+    config.refinement.who = Refine::Never;
+    config
+}
+
+/// A camera at this angle around the person, radians, that looks at them as the filming one does.
+fn camera(angle: f64) -> Camera {
+    let front = SyntheticPerson::train_camera(SIZE);
+    let eye = [3.2 * angle.sin(), 1.15, 3.2 * angle.cos()];
+    Camera::look_at(
+        eye,
+        [0.0, 0.98, 0.0],
+        [0.0, 1.0, 0.0],
+        front.k[0][0],
+        SIZE,
+        SIZE,
+    )
+}
+
+/// The poses of a person's motion without its turns.
+fn poses(person: &SyntheticPerson) -> Vec<Pose> {
+    let mut poses = person.motion(16);
+    for pose in &mut poses {
+        pose.rotations[0] = [0.0; 3];
+        pose.translation = [0.0; 3];
+    }
+    poses
+}
+
+/// A film from the given angles, one after the other.
+fn film(person: &SyntheticPerson, angles: &[f64]) -> Person {
+    let poses = poses(person);
+    let shots: Vec<(Camera, &Pose)> = (poses.iter().enumerate())
+        .map(|(place, pose)| (camera(angles[place % angles.len()]), pose))
+        .collect();
+    let track = PoseTrack {
+        skeleton: person.skeleton(),
+        image_size: [SIZE, SIZE],
+        fps: 15.0,
+        distortion: [0.0; 5],
+        frames: (0..)
+            .zip(&shots)
+            .map(|(index, (camera, pose))| camera.to_frame(index, pose))
+            .collect(),
+    };
+    let mut shard = ShardBuilder::new(track);
+    for (camera, pose) in &shots {
+        shard.push(&person.render(pose, camera)).expect("a frame");
+    }
+    Person {
+        slot: 0,
+        name: "ada".into(),
+        shard: Arc::new(shard.finish().expect("a shard")),
+    }
+}
+
+fn trained(film: &Person, leave_unseen: bool) -> Trainer {
+    let options = TrainOptions {
+        leave_unseen,
+        ..options(STEPS)
+    };
+    let people = vec![film.clone()];
+    let mut trainer = Trainer::new(config(), options, people, &Device::flex()).expect("starts");
+    run(&mut trainer, STEPS as usize);
+    trainer
+}
+
+/// Mean difference of the colours from the truth where the person is whole in both, seen from `angle` without light.
+fn off(trainer: &Trainer, person: &SyntheticPerson, angle: f64) -> f64 {
+    let camera = camera(angle);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for pose in poses(person).into_iter().step_by(5) {
+        let truth = person.render(&pose, &camera);
+        let scene = SceneView {
+            actors: vec![Actor {
+                slot: 0,
+                pose,
+                light: Light::Neutral,
+            }],
+            camera: camera.clone(),
+            background: [0.0; 3],
+        };
+        let rendered = trainer.renderer().render_scene(&scene, &mut |_| true);
+        let rendered = rendered.expect("renders");
+        for (pixel, alpha) in rendered.alpha.iter().enumerate() {
+            if *alpha > 0.8 && truth.mask[pixel] == 255 {
+                for c in 0..3 {
+                    let value = f64::from(truth.rgb[3 * pixel + c]) / 255.0;
+                    sum += (f64::from(rendered.rgb[3 * pixel + c]) - value).abs();
+                    count += 1.0;
+                }
+            }
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn a_back_that_no_frame_shows_gets_colours_from_what_is_seen() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let film = film(person, &[-0.5, 0.0, 0.5]);
+    let (guessed, left) = (trained(&film, false), trained(&film, true));
+    let back = std::f64::consts::PI;
+    let (with, without) = (off(&guessed, person, back), off(&left, person, back));
+    assert!(with < 0.9 * without, "{with:.3}, {without:.3} without");
+    let (with, without) = (off(&guessed, person, 0.0), off(&left, person, 0.0));
+    assert!(
+        with < without + 0.01,
+        "the front stays: {with:.3}, {without:.3}"
+    );
+    let notes = guessed.notes().concat();
+    assert!(notes.contains("of the surface is in no frame"), "{notes}");
+    let notes = left.notes().concat();
+    assert!(!notes.contains("in no frame"), "{notes}");
+}
+
+#[test]
+fn a_side_that_no_frame_shows_looks_as_the_other() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let film = film(person, &[0.9, 1.6, 2.2]);
+    let (guessed, left) = (trained(&film, false), trained(&film, true));
+    let right = -std::f64::consts::FRAC_PI_2;
+    let (with, without) = (off(&guessed, person, right), off(&left, person, right));
+    assert!(with < 0.7 * without, "{with:.3}, {without:.3} without");
+    let notes = guessed.notes().concat();
+    assert!(notes.contains("from the other side"), "{notes}");
+}

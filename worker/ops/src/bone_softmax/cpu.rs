@@ -1,0 +1,238 @@
+//! The softmax over bones on CPU threads: blocks of nodes, whose columns are read row by row, in
+//! loops for which the compiler uses wide instructions.
+
+use super::BoneSoftmaxOps;
+use crate::flex::tensor;
+use crate::form::{Form, Work, multiply_add};
+use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use rayon::prelude::*;
+
+/// Nodes per block: their columns of 25 rows stay in the second-level cache.
+const BLOCK: usize = 1024;
+
+impl BoneSoftmaxOps for Flex {
+    fn bone_softmax(logits: FloatTensor<Self>, log_prior: FloatTensor<Self>) -> FloatTensor<Self> {
+        let [rows, nodes] = logits.shape().dims();
+        let [logits, log_prior] = [logits, log_prior].map(|tensor| tensor.to_contiguous());
+        let weights = forward(logits.storage(), log_prior.storage(), nodes);
+        tensor(weights, [rows, nodes])
+    }
+
+    fn bone_softmax_backward(
+        weights: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> FloatTensor<Self> {
+        let [rows, nodes] = weights.shape().dims();
+        let [weights, grad] = [weights, grad].map(|tensor| tensor.to_contiguous());
+        let to_logits = backward(weights.storage(), grad.storage(), nodes);
+        tensor(to_logits, [rows, nodes])
+    }
+}
+
+/// Weights `[K + 1, V]` as in [`super::bone_softmax`], of V = `nodes` nodes.
+///
+/// # Panics
+/// If the sizes differ or are not a multiple of `nodes`.
+pub fn forward(logits: &[f32], log_prior: &[f32], nodes: usize) -> Vec<f32> {
+    by_blocks(logits, log_prior, nodes, |from, output| {
+        Form::best().run(Shares { from, output });
+    })
+}
+
+/// Gradient to the logits `[K + 1, V]` from `weights` and the gradient to them.
+///
+/// # Panics
+/// If the sizes differ or are not a multiple of `nodes`.
+pub fn backward(weights: &[f32], grad: &[f32], nodes: usize) -> Vec<f32> {
+    by_blocks(weights, grad, nodes, |from, output| {
+        Form::best().run(ToLogits { from, output });
+    })
+}
+
+/// The same nodes of all rows of two inputs.
+struct Inputs<'a> {
+    pair: [&'a [f32]; 2],
+    nodes: usize,
+    first: usize,
+}
+
+impl Inputs<'_> {
+    /// `count` numbers of one row of both inputs.
+    #[inline(always)]
+    fn row(&self, row: usize, count: usize) -> (&[f32], &[f32]) {
+        let start = row * self.nodes + self.first;
+        let [one, other] = self.pair;
+        (&one[start..][..count], &other[start..][..count])
+    }
+}
+
+/// Fills a result of the size of both inputs, block by block; `work` gets the rows of a block.
+fn by_blocks(
+    one: &[f32],
+    other: &[f32],
+    nodes: usize,
+    work: impl Fn(Inputs<'_>, &mut [&mut [f32]]) + Sync,
+) -> Vec<f32> {
+    assert!(
+        one.len() == other.len() && one.len().is_multiple_of(nodes.max(1)),
+        "{} and {} numbers for {nodes} nodes",
+        one.len(),
+        other.len()
+    );
+    let mut output = vec![0f32; one.len()];
+    let mut blocks: Vec<Vec<&mut [f32]>> = Vec::new();
+    blocks.resize_with(nodes.div_ceil(BLOCK), Vec::new);
+    for row in output.chunks_mut(nodes.max(1)) {
+        for (block, part) in blocks.iter_mut().zip(row.chunks_mut(BLOCK)) {
+            block.push(part);
+        }
+    }
+    blocks.par_iter_mut().enumerate().for_each(|(block, rows)| {
+        let inputs = Inputs {
+            pair: [one, other],
+            nodes,
+            first: block * BLOCK,
+        };
+        work(inputs, rows);
+    });
+    output
+}
+
+/// Writes the softmax of the sum of both inputs.
+struct Shares<'a, 'b> {
+    from: Inputs<'a>,
+    output: &'a mut [&'b mut [f32]],
+}
+
+impl Work for Shares<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let count = self.output.first().map_or(0, |row| row.len());
+        let mut largest = [f32::NEG_INFINITY; BLOCK];
+        let largest = &mut largest[..count];
+        for (row, output) in self.output.iter_mut().enumerate() {
+            let (logits, prior) = self.from.row(row, count);
+            for i in 0..count {
+                let sum = logits[i] + prior[i];
+                output[i] = sum;
+                // Unlike max, this keeps a NaN of the first row, so that it stays visible.
+                largest[i] = if sum > largest[i] { sum } else { largest[i] };
+            }
+        }
+        let mut total = [0f32; BLOCK];
+        let total = &mut total[..count];
+        for output in self.output.iter_mut() {
+            for i in 0..count {
+                let share = exp_of_negative::<FMA>(output[i] - largest[i]);
+                output[i] = share;
+                total[i] += share;
+            }
+        }
+        for value in total.iter_mut() {
+            *value = 1.0 / *value;
+        }
+        for output in self.output.iter_mut() {
+            for i in 0..count {
+                output[i] *= total[i];
+            }
+        }
+    }
+}
+
+/// Writes w (g − Σ w g) for weights w and the gradient g to them.
+struct ToLogits<'a, 'b> {
+    from: Inputs<'a>,
+    output: &'a mut [&'b mut [f32]],
+}
+
+impl Work for ToLogits<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let count = self.output.first().map_or(0, |row| row.len());
+        let mut mean = [0f32; BLOCK];
+        let mean = &mut mean[..count];
+        for row in 0..self.output.len() {
+            let (weights, grad) = self.from.row(row, count);
+            for i in 0..count {
+                mean[i] = multiply_add::<FMA>(weights[i], grad[i], mean[i]);
+            }
+        }
+        for (row, output) in self.output.iter_mut().enumerate() {
+            let (weights, grad) = self.from.row(row, count);
+            for i in 0..count {
+                output[i] = weights[i] * (grad[i] - mean[i]);
+            }
+        }
+    }
+}
+
+/// e^x for x ≤ 0, to two units in the last place; 0 below −87, where results would be subnormal,
+/// and NaN for NaN. The polynomial is that of Cephes' `expf`.
+#[inline(always)]
+fn exp_of_negative<const FMA: bool>(x: f32) -> f32 {
+    /// Adding it rounds numbers of less than 2²² to whole ones, in the lowest bits.
+    const ROUND: f32 = 12_582_912.0;
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let shifted = multiply_add::<FMA>(x, std::f32::consts::LOG2_E, ROUND);
+    let whole = shifted - ROUND;
+    let r = multiply_add::<FMA>(whole, -LN_2_HIGH, x);
+    let r = multiply_add::<FMA>(whole, -LN_2_LOW, r);
+    let mut p = multiply_add::<FMA>(1.987_569_1e-4, r, 1.398_199_9e-3);
+    p = multiply_add::<FMA>(p, r, 8.333_452e-3);
+    p = multiply_add::<FMA>(p, r, 4.166_579_6e-2);
+    p = multiply_add::<FMA>(p, r, 1.666_666_5e-1);
+    p = multiply_add::<FMA>(p, r, 0.5);
+    p = multiply_add::<FMA>(p, r * r, r) + 1.0;
+    let exponent = (shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);
+    let power = f32::from_bits(exponent.wrapping_add(127).wrapping_shl(23) as u32);
+    if x < -87.0 { 0.0 } else { p * power }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exponential_is_exact_to_two_units_in_the_last_place() {
+        let check = |x: f32| {
+            for value in [exp_of_negative::<false>(x), exp_of_negative::<true>(x)] {
+                let exact = f64::from(x).exp();
+                let error = (f64::from(value) - exact).abs() / exact;
+                assert!(error < 2.4e-7, "e^{x} = {value}: {error:e}");
+            }
+        };
+        // Miri runs a thousandth of the points: each takes it a thousand times as long.
+        let points = if cfg!(miri) { 870 } else { 870_000 };
+        (0..points)
+            .map(|i| -87.0 * i as f32 / points as f32)
+            .for_each(check);
+        for x in [-87.1, -1e4, f32::NEG_INFINITY] {
+            assert_eq!(exp_of_negative::<true>(x), 0.0, "{x}");
+        }
+        assert_eq!(exp_of_negative::<true>(0.0), 1.0);
+        assert!(exp_of_negative::<true>(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn a_prior_of_zero_stays_zero_and_sums_are_one() {
+        let nodes = BLOCK + 3;
+        let rows = 4;
+        let logits: Vec<f32> = (0..rows * nodes)
+            .map(|i| ((i * 37 % 101) as f32 - 50.0) * 2.0)
+            .collect();
+        let mut prior = vec![0.0f32; rows * nodes];
+        prior[nodes..2 * nodes].fill(f32::NEG_INFINITY);
+        let weights = forward(&logits, &prior, nodes);
+        for node in 0..nodes {
+            let sum: f32 = (0..rows).map(|row| weights[row * nodes + node]).sum();
+            assert!((sum - 1.0).abs() < 1e-6, "node {node}: {sum}");
+            assert_eq!(weights[nodes + node], 0.0);
+        }
+        assert!(forward(&[], &[], 0).is_empty());
+    }
+}

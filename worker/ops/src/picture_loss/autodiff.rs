@@ -1,0 +1,46 @@
+//! Gradients of the comparison. They flow to the picture.
+
+use super::{PictureLossOps, Target};
+use crate::autodiff::{Saved, constants, record};
+use burn::backend::{
+    Autodiff, AutodiffBackend, Backend, autodiff::checkpoint::strategy::CheckpointStrategy,
+    tensor::FloatTensor,
+};
+
+#[derive(Clone, Debug)]
+struct SavedSlope<B: Backend>(FloatTensor<B>);
+
+impl<B: PictureLossOps> Saved<B, 1> for SavedSlope<B> {
+    fn gradients(self, grad: FloatTensor<B>, _: [bool; 1]) -> [FloatTensor<B>; 1] {
+        [B::picture_loss_backward(self.0, grad)]
+    }
+}
+
+impl<B: PictureLossOps, C: CheckpointStrategy> PictureLossOps for Autodiff<B, C> {
+    fn picture_loss(
+        picture: FloatTensor<Self>,
+        target: Target,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>) {
+        let mut kept = None;
+        let terms = record::<B, C, _, _>([picture], |[picture]| {
+            let (terms, slope) = B::picture_loss(picture, target);
+            kept = Some(slope.clone());
+            (terms, SavedSlope(slope))
+        });
+        let slope = kept.expect("record runs the forward pass");
+        (
+            terms,
+            <Autodiff<B, C> as AutodiffBackend>::from_inner(slope),
+        )
+    }
+
+    fn picture_loss_backward(
+        slope: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+    ) -> FloatTensor<Self> {
+        let [to_picture] = constants::<B, C, _, _>([slope, grad], |[slope, grad]| {
+            [B::picture_loss_backward(slope, grad)]
+        });
+        to_picture
+    }
+}

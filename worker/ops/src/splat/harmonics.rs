@@ -1,0 +1,217 @@
+//! Colours that depend on where they are seen from: a splat's colour plus Σ cₖ Yₖ(v), of the unit direction v from
+//! the camera to the splat, in the frame of the splat in the canonical pose, and the real spherical harmonics Yₖ
+//! of the first and second degree with the signs and the order of 3D Gaussian splatting (`utils/sh_utils.py` there).
+//! That frame is the one of files: a person in the rest pose has the same coefficients there.
+//!
+//! Directions have no gradients: a splat should move to where it is seen, not to where its colour suits.
+
+use super::{ROW, Sight, Splats};
+use burn::tensor::Tensor;
+use rayon::prelude::*;
+
+/// Number of harmonics above degree 0, up to degree 2.
+pub const HARMONICS: usize = 8;
+
+/// Splats per task.
+const BLOCK: usize = 1024;
+
+/// The factors of [`terms`].
+const FACTORS: [f32; HARMONICS] = [
+    -0.488_602_5,
+    0.488_602_5,
+    -0.488_602_5,
+    1.092_548_4,
+    -1.092_548_4,
+    0.315_391_57,
+    -1.092_548_4,
+    0.546_274_2,
+];
+
+/// Number of harmonics from degree 1 up to `degree`, which is 0, 1 or 2.
+pub const fn count(degree: usize) -> usize {
+    (degree + 1) * (degree + 1) - 1
+}
+
+/// The degree that `count` harmonics from degree 1 up reach.
+pub(crate) const fn degree(count: usize) -> usize {
+    (count + 1).isqrt() - 1
+}
+
+/// The harmonics of degree 1 and 2 in the unit direction.
+#[inline(always)]
+pub fn terms([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
+    let plain = [
+        y,
+        z,
+        x,
+        x * y,
+        y * z,
+        2.0 * z * z - x * x - y * y,
+        x * z,
+        x * x - y * y,
+    ];
+    std::array::from_fn(|k| FACTORS[k] * plain[k])
+}
+
+impl Sight {
+    /// The camera's centre in the frame of the body, −Eᵀ t, metres.
+    fn centre(&self) -> [f32; 3] {
+        std::array::from_fn(|c| -(0..3).map(|r| self.e[r][c] * self.e[r][3]).sum::<f32>())
+    }
+}
+
+impl Splats {
+    /// With the colours that a camera sees, which no longer depend on the view.
+    pub(crate) fn seen_from(mut self, sight: &Sight) -> Self {
+        let Some(harmonics) = self.harmonics.take() else {
+            return self;
+        };
+        let [_, numbers] = harmonics.dims();
+        let t = self.transforms.clone().detach();
+        let entry = |r: usize, c: usize| t.clone().narrow(1, 4 * r + c, 1);
+        let mean = self.means.clone().detach();
+        let eye = sight.centre();
+        let view: [Tensor<2>; 3] = std::array::from_fn(|r| {
+            let along = |c: usize| entry(r, c) * mean.clone().narrow(1, c, 1);
+            along(0) + along(1) + along(2) + entry(r, 3) - eye[r]
+        });
+        let [x, y, z]: [Tensor<2>; 3] = std::array::from_fn(|c| {
+            let along = |r: usize| entry(r, c) * view[r].clone();
+            along(0) + along(1) + along(2)
+        });
+        let square = |v: &Tensor<2>| v.clone() * v.clone();
+        let length = (square(&x) + square(&y) + square(&z))
+            .sqrt()
+            .clamp_min(f32::MIN_POSITIVE);
+        // Splats without a place are not drawn; nor should they learn.
+        let [x, y, z] = [x, y, z].map(|v| {
+            let part = v / length.clone();
+            part.clone().mask_fill(part.is_nan(), 0.0)
+        });
+        let plain = [
+            y.clone(),
+            z.clone(),
+            x.clone(),
+            x.clone() * y.clone(),
+            y.clone() * z.clone(),
+            square(&z) * 2.0 - square(&x) - square(&y),
+            x.clone() * z,
+            square(&x) - square(&y),
+        ];
+        let terms = plain.into_iter().zip(FACTORS).take(numbers / 3);
+        for (k, (term, factor)) in terms.enumerate() {
+            self.colours = self.colours + harmonics.clone().narrow(1, 3 * k, 3) * (term * factor);
+        }
+        self
+    }
+}
+
+/// Adds to the colours in `rows` `[N, 14]` what the camera sees of `harmonics` `[N, K, 3]`: [`Splats::seen_from`] in
+/// host memory. `transforms` `[N, 12]`.
+pub(crate) fn add_seen(rows: &mut [f32], harmonics: &[f32], transforms: &[f32], sight: &Sight) {
+    let rows = rows.as_chunks_mut::<ROW>().0;
+    let numbers = harmonics.len() / rows.len().max(1);
+    let eye = sight.centre();
+    let splats = rows.par_iter_mut().with_min_len(BLOCK);
+    let splats = splats.zip(harmonics.par_chunks_exact(numbers.max(1)));
+    let splats = splats.zip(transforms.as_chunks::<12>().0);
+    splats.for_each(|((row, harmonics), t)| {
+        let view: [f32; 3] = std::array::from_fn(|r| {
+            t[4 * r] * row[0] + t[4 * r + 1] * row[1] + t[4 * r + 2] * row[2] + t[4 * r + 3]
+                - eye[r]
+        });
+        let turned: [f32; 3] =
+            std::array::from_fn(|c| t[c] * view[0] + t[4 + c] * view[1] + t[8 + c] * view[2]);
+        let length = turned.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let terms = terms(turned.map(|v| v / length.max(f32::MIN_POSITIVE)));
+        for (term, own) in terms.iter().zip(harmonics.as_chunks::<3>().0) {
+            for c in 0..3 {
+                row[11 + c] += term * own[c];
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::light::LIGHTS;
+    use burn::tensor::{Device, TensorData};
+
+    #[test]
+    fn harmonics_are_orthonormal_over_the_sphere() {
+        // The corners of an icosahedron integrate polynomials of degree 5 exactly.
+        let golden = (1.0 + 5f32.sqrt()) / 2.0;
+        let mut corners = Vec::new();
+        for a in [1.0, -1.0] {
+            for b in [golden, -golden] {
+                corners.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
+            }
+        }
+        let length = (1.0 + golden * golden).sqrt();
+        for one in 0..HARMONICS {
+            for other in 0..HARMONICS {
+                let sum: f32 = (corners.iter())
+                    .map(|corner| terms(corner.map(|v| v / length)))
+                    .map(|terms| terms[one] * terms[other])
+                    .sum();
+                let wanted = if one == other { 1.0 } else { 0.0 };
+                let found = sum * 4.0 * std::f32::consts::PI / 12.0;
+                assert!((found - wanted).abs() < 1e-5, "{one} {other}: {found}");
+            }
+        }
+        assert_eq!([1, 2].map(count), [3, 8]);
+        assert_eq!([0, 3, 8].map(degree), [0, 1, 2]);
+    }
+
+    /// The camera stands 2 m before a splat that its bone has turned by a quarter about y, from z to x.
+    #[test]
+    fn colours_turn_with_the_bones() {
+        let device = Device::flex();
+        let matrix = |values: &[f32], columns: usize| {
+            let shape = [values.len() / columns, columns];
+            Tensor::<2>::from_data(TensorData::new(values.to_vec(), shape), &device)
+        };
+        let transform = [0.0, 0.0, 1.0, 0.3, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0];
+        let mut own = [0.0; 24];
+        // Of z, green; of x², blue.
+        own[3 + 1] = 1.0;
+        own[3 * 7 + 2] = 2.0;
+        let splats = Splats {
+            transforms: matrix(&transform, 12),
+            means: matrix(&[0.1, 0.0, 0.0], 3),
+            turns: matrix(&[1.0, 0.0, 0.0, 0.0], 4),
+            scales: matrix(&[-3.0; 3], 3),
+            opacities: Tensor::zeros([1], &device),
+            colours: matrix(&[0.5; 3], 3),
+            harmonics: Some(matrix(&own, 24)),
+            light: Tensor::zeros([3, LIGHTS], &device),
+        };
+        // The splat is at (0.3, 0, −0.1); the camera at (−1.7, 0, −0.1) looks along x.
+        let sight = Sight {
+            width: 8,
+            height: 8,
+            k: [[8.0, 0.0, 4.0], [0.0, 8.0, 4.0]],
+            e: [
+                [0.0, 0.0, -1.0, -0.1],
+                [0.0, 1.0, 0.0, 0.0],
+                [1.0, 0.0, 0.0, 1.7],
+            ],
+            world: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        };
+        // x of the world is z of the rest pose.
+        let along = terms([0.0, 0.0, 1.0]);
+        let wanted = [0.5, 0.5 + along[1], 0.5 + 2.0 * along[7]];
+        let mut rows: Vec<f32> = splats.rows().try_into_vec_as().expect("f32");
+        add_seen(&mut rows, &own, &transform, &sight);
+        let seen: Vec<f32> = splats
+            .seen_from(&sight)
+            .colours
+            .try_into_vec_as()
+            .expect("f32");
+        for c in 0..3 {
+            assert!((seen[c] - wanted[c]).abs() < 1e-5, "{seen:?} {wanted:?}");
+            assert!((rows[11 + c] - wanted[c]).abs() < 1e-5, "{rows:?}");
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Forward skinning on CPU threads. The backward pass runs over points, then over bones, so that the
+//! order of sums does not depend on the number of threads.
+
+use super::super::inverse::solve::Skinning;
+use super::{SkinOps, WarpGrid};
+use crate::flex::tensor;
+use crate::form::{Form, Work};
+use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use rayon::prelude::*;
+
+/// Points per task.
+const BLOCK: usize = 512;
+
+impl SkinOps for Flex {
+    fn skin(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self> {
+        let n = points.shape()[0];
+        let [weights, transforms, points] =
+            [weights, transforms, points].map(|tensor| tensor.to_contiguous());
+        let blended = forward(
+            weights.storage(),
+            transforms.storage(),
+            points.storage(),
+            &grid,
+        );
+        tensor(blended, [n, 12])
+    }
+
+    fn skin_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        let [rows, voxels] = weights.shape().dims();
+        let (bones, n) = (transforms.shape()[0], points.shape()[0]);
+        let [weights, transforms, points, grad] =
+            [weights, transforms, points, grad].map(|tensor| tensor.to_contiguous());
+        let gradients = backward(
+            weights.storage(),
+            transforms.storage(),
+            points.storage(),
+            grad.storage(),
+            &grid,
+        );
+        (
+            tensor(gradients.weights, [rows, voxels]),
+            tensor(gradients.transforms, [bones, 12]),
+            tensor(gradients.points, [n, 3]),
+        )
+    }
+}
+
+/// Canonical to posed `[N, 12]`, as [`super::skin`] of slices.
+pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
+    let skinning = Skinning::new(weights, transforms, grid);
+    let points = points.as_chunks::<3>().0;
+    let mut blended = vec![0f32; 12 * points.len()];
+    let rows = blended.as_chunks_mut::<12>().0;
+    rows.par_chunks_mut(BLOCK)
+        .zip(points.par_chunks(BLOCK))
+        .for_each(|(rows, points)| {
+            Form::best().run(Blends {
+                skinning: &skinning,
+                points,
+                rows,
+            });
+        });
+    blended
+}
+
+/// Blends the transforms of some points.
+struct Blends<'s, 'a> {
+    skinning: &'s Skinning<'a>,
+    points: &'s [[f32; 3]],
+    rows: &'s mut [[f32; 12]],
+}
+
+impl Work for Blends<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        for (row, at) in self.rows.iter_mut().zip(self.points) {
+            *row = match self.skinning.blend::<FMA>(*at) {
+                Some(blend) => blend.transform,
+                None => self.skinning.forward[0],
+            };
+        }
+    }
+}
+
+/// Gradients to the inputs, of their shapes.
+struct Gradients {
+    weights: Vec<f32>,
+    transforms: Vec<f32>,
+    points: Vec<f32>,
+}
+
+/// A bone with a weight at a point.
+struct Visit {
+    point: u32,
+    /// Its share in the blend.
+    share: f32,
+    /// Gradient to its weight.
+    to_weight: f32,
+}
+
+/// Visits of a block of points, bone by bone.
+type Visits = Vec<Vec<Visit>>;
+
+fn backward(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    grad: &[f32],
+    grid: &WarpGrid,
+) -> Gradients {
+    let skinning = Skinning::new(weights, transforms, grid);
+    let bones = transforms.as_chunks::<12>().0;
+    let (at, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<12>().0);
+    let mut to_points = vec![0f32; points.len()];
+    let pulled = to_points.as_chunks_mut::<3>().0;
+    let blocks: Vec<Visits> = at
+        .par_chunks(BLOCK)
+        .zip(grad.par_chunks(BLOCK))
+        .zip(pulled.par_chunks_mut(BLOCK))
+        .enumerate()
+        .map(|(block, ((at, grad), to_points))| {
+            Form::best().run(Visited {
+                skinning: &skinning,
+                bones: bones.len(),
+                first: block * BLOCK,
+                points: at,
+                grad,
+                to_points,
+            })
+        })
+        .collect();
+
+    let mut to_weights = vec![0f32; weights.len()];
+    let mut to_transforms = vec![0f32; transforms.len()];
+    to_weights
+        .par_chunks_mut(grid.voxels())
+        .zip(to_transforms.par_chunks_mut(12))
+        .enumerate()
+        .for_each(|(bone, (to_volume, to_transform))| {
+            let mut to_forward = [0f32; 12];
+            for visit in blocks.iter().flat_map(|visits| &visits[bone]) {
+                let point = visit.point as usize;
+                for (to, from) in to_forward.iter_mut().zip(&grad[point]) {
+                    *to += visit.share * from;
+                }
+                if visit.to_weight != 0.0
+                    && let Some(cell) = skinning.cell(at[point])
+                {
+                    let volume = skinning.volume(bone);
+                    cell.spread(volume, to_volume, visit.to_weight, grid.sides());
+                }
+            }
+            pull_rigid(&bones[bone], &to_forward, to_transform);
+        });
+    Gradients {
+        weights: to_weights,
+        transforms: to_transforms,
+        points: to_points,
+    }
+}
+
+/// The visits of a block of points.
+struct Visited<'s, 'a> {
+    skinning: &'s Skinning<'a>,
+    bones: usize,
+    first: usize,
+    points: &'s [[f32; 3]],
+    grad: &'s [[f32; 12]],
+    to_points: &'s mut [[f32; 3]],
+}
+
+impl Work for Visited<'_, '_> {
+    type Output = Visits;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> Visits {
+        visits::<FMA>(self)
+    }
+}
+
+/// The product of all numbers of two transforms.
+#[inline(always)]
+fn dot(a: &[f32; 12], b: &[f32; 12]) -> f32 {
+    let mut sums = [0f32; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        for lane in 0..4 {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// The visits of a block of points, and the gradients to these. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the
+/// derivative to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
+#[inline(always)]
+fn visits<const FMA: bool>(block: Visited<'_, '_>) -> Visits {
+    let Visited {
+        skinning,
+        bones,
+        first,
+        points,
+        grad,
+        to_points,
+    } = block;
+    let mut visits: Visits = (0..bones).map(|_| Vec::new()).collect();
+    for (i, ((at, grad), to_point)) in points.iter().zip(grad).zip(to_points).enumerate() {
+        if *grad == [0.0; 12] {
+            continue;
+        }
+        let point = (first + i) as u32;
+        let blended = skinning.cell(*at).zip(skinning.blend::<FMA>(*at));
+        let Some((cell, blend)) = blended else {
+            visits[0].push(Visit {
+                point,
+                share: 1.0,
+                to_weight: 0.0,
+            });
+            continue;
+        };
+        let mean = dot(grad, &blend.transform);
+        skinning.each_weight::<FMA>(&cell, |bone, weight| {
+            let to_weight = (dot(grad, &skinning.forward[bone]) - mean) / blend.sum;
+            let slope = skinning.slope(bone, &cell);
+            for (to, slope) in to_point.iter_mut().zip(slope) {
+                *to += to_weight * slope;
+            }
+            visits[bone].push(Visit {
+                point,
+                share: weight / blend.sum,
+                to_weight,
+            });
+        });
+    }
+    visits
+}
+
+/// Adds the gradient to a bone's posed-to-canonical transform [R, t], from that to its inverse
+/// [Rᵀ, −Rᵀ t].
+fn pull_rigid(bone: &[f32; 12], to_inverse: &[f32; 12], to: &mut [f32]) {
+    for a in 0..3 {
+        let shift = bone[4 * a + 3];
+        for b in 0..3 {
+            let to_shift = to_inverse[4 * b + 3];
+            to[4 * a + b] += to_inverse[4 * b + a] - to_shift * shift;
+            to[4 * a + 3] -= to_shift * bone[4 * a + b];
+        }
+    }
+}

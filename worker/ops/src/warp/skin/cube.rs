@@ -1,0 +1,373 @@
+//! Forward skinning on a GPU. Forward, and for the gradients to points, there is a thread for each
+//! point; for the other gradients a group of threads for each bone and run of points, as in
+//! [`super::super::cube`].
+
+use super::super::inverse::MIN_SUM;
+use super::super::lattice::{Lattice, Place, lattice, standing, tap, voxels};
+use super::{SkinOps, WarpGrid};
+use crate::cube::adding::{AddFloat, Bound, launch_adding};
+use crate::cube::tensors::{each, empty, rows, zeros};
+use burn::backend::tensor::FloatTensor;
+use burn::tensor::Shape;
+use burn_cubecl::CubeBackend;
+use burn_cubecl::tensor::CubeTensor;
+use cubecl::prelude::*;
+
+/// Threads per group of the backward pass. Every Vulkan device runs 128; they share 6 KiB.
+const GROUP: usize = 128;
+/// Points that a group sums over for its bone: enough that few groups add to the same sums.
+const RUN: usize = 1024;
+
+impl SkinOps for CubeBackend {
+    fn skin(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> FloatTensor<Self> {
+        forward(weights, transforms, points, &grid)
+    }
+
+    fn skin_backward(
+        weights: FloatTensor<Self>,
+        transforms: FloatTensor<Self>,
+        points: FloatTensor<Self>,
+        grad: FloatTensor<Self>,
+        grid: WarpGrid,
+    ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
+        backward(weights, transforms, points, grad, &grid)
+    }
+}
+
+/// `[N, 12]` as in [`super::skin`].
+fn forward(
+    weights: CubeTensor,
+    transforms: CubeTensor,
+    points: CubeTensor,
+    grid: &WarpGrid,
+) -> CubeTensor {
+    let (weights, transforms, points) = (rows(weights), rows(transforms), rows(points));
+    let n = points.meta.shape()[0];
+    let output = empty(&points, super::output_shape(points.meta.shape()));
+    let client = output.client.clone();
+    if n > 0 {
+        let (count, dim) = each(&client, n);
+        blend_bones::launch(
+            &client,
+            count,
+            dim,
+            weights.into_buffer_arg(),
+            transforms.into_buffer_arg(),
+            points.into_buffer_arg(),
+            output.clone().into_buffer_arg(),
+            lattice(grid),
+            grid.floor,
+        );
+    }
+    output
+}
+
+/// Gradients to weights (same shape), transforms `[K, 12]` and points `[N, 3]`, from `grad` `[N, 12]`.
+fn backward(
+    weights: CubeTensor,
+    transforms: CubeTensor,
+    points: CubeTensor,
+    grad: CubeTensor,
+    grid: &WarpGrid,
+) -> (CubeTensor, CubeTensor, CubeTensor) {
+    let (weights, transforms) = (rows(weights), rows(transforms));
+    let (points, grad) = (rows(points), rows(grad));
+    let to_weights = zeros(&weights, weights.meta.shape().clone());
+    let to_transforms = zeros(&weights, transforms.meta.shape().clone());
+    let to_points = empty(&points, points.meta.shape().clone());
+    let client = points.client.clone();
+    let (n, bones) = (points.meta.shape()[0], transforms.meta.shape()[0]);
+    if n > 0 {
+        let means = empty(&points, Shape::new([n, 2]));
+        let (count, dim) = each(&client, n);
+        pull_points::launch(
+            &client,
+            count,
+            dim,
+            weights.clone().into_buffer_arg(),
+            transforms.clone().into_buffer_arg(),
+            points.clone().into_buffer_arg(),
+            grad.clone().into_buffer_arg(),
+            means.clone().into_buffer_arg(),
+            to_points.clone().into_buffer_arg(),
+            lattice(grid),
+            grid.floor,
+        );
+        launch_adding!(
+            pull_bones,
+            &client,
+            CubeCount::new_2d(n.div_ceil(RUN) as u32, bones as u32),
+            CubeDim::new_1d(GROUP as u32),
+            weights.into_buffer_arg(),
+            transforms.into_buffer_arg(),
+            points.into_buffer_arg(),
+            grad.into_buffer_arg(),
+            means.into_buffer_arg(),
+            to_weights.clone().into_buffer_arg(),
+            to_transforms.clone().into_buffer_arg(),
+            lattice(grid),
+            grid.floor,
+        );
+    }
+    (to_weights, to_transforms, to_points)
+}
+
+/// A bone's weight at a place, 0 where it is at most `floor`.
+#[cube]
+fn weight(weights: &[f32], bone: usize, place: &Place, lattice: &Lattice, floor: f32) -> f32 {
+    let volume = bone * voxels(lattice);
+    let mut sum = 0.0f32;
+    for corner in 0..8u32 {
+        let tap = tap(place, corner, lattice);
+        if tap.inside {
+            sum += tap.u * tap.v * tap.w * weights[volume + tap.node];
+        }
+    }
+    if sum <= floor {
+        sum = 0.0;
+    }
+    sum
+}
+
+/// Canonical to posed of the bone number `bone`, row-major 3x4: [Rᵀ, −Rᵀ t] of [R, t].
+#[cube]
+fn posing(transforms: &[f32], bone: usize) -> Array<f32> {
+    let t = 12 * bone;
+    let mut posing = Array::<f32>::new(12usize);
+    #[unroll]
+    for row in 0..3usize {
+        let mut shift = 0.0f32;
+        #[unroll]
+        for column in 0..3usize {
+            let turn = transforms[t + 4 * column + row];
+            posing[4 * row + column] = turn;
+            shift += turn * transforms[t + 4 * column + 3];
+        }
+        posing[4 * row + 3] = -shift;
+    }
+    posing
+}
+
+/// The product of all numbers of the row number `i` of `grad` and of a transform.
+#[cube]
+fn product(grad: &[f32], i: usize, transform: &Array<f32>) -> f32 {
+    let mut sum = 0.0f32;
+    #[unroll]
+    for k in 0..12usize {
+        sum += grad[12 * i + k] * transform[k];
+    }
+    sum
+}
+
+#[cube(launch)]
+fn blend_bones(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    output: &mut [f32],
+    lattice: &Lattice,
+    floor: f32,
+) {
+    let i = ABSOLUTE_POS;
+    if i >= points.len() / 3 {
+        terminate!();
+    }
+    let place = standing(points, i, lattice);
+    let mut blend = Array::<f32>::new(12usize);
+    #[unroll]
+    for k in 0..12usize {
+        blend[k] = 0.0;
+    }
+    let mut sum = 0.0f32;
+    if place.inside {
+        for bone in 0..transforms.len() / 12 {
+            let weight = weight(weights, bone, &place, lattice, floor);
+            if weight > 0.0 {
+                sum += weight;
+                let posing = posing(transforms, bone);
+                #[unroll]
+                for k in 0..12usize {
+                    blend[k] += weight * posing[k];
+                }
+            }
+        }
+    }
+    if sum > MIN_SUM {
+        #[unroll]
+        for k in 0..12usize {
+            output[12 * i + k] = blend[k] / sum;
+        }
+    } else {
+        let posing = posing(transforms, 0usize);
+        #[unroll]
+        for k in 0..12usize {
+            output[12 * i + k] = posing[k];
+        }
+    }
+}
+
+/// Gradients to the points `[N, 3]`, and `means` `[N, 2]`, the part of a point's gradient that involves
+/// all bones: 1 / Σ w, and the product of the gradient and the blend. The first is 0 where the gradient
+/// is exactly zero, and −1 where no bone has a weight. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the derivative to
+/// vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
+#[cube(launch)]
+#[allow(clippy::too_many_arguments)]
+fn pull_points(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    grad: &[f32],
+    means: &mut [f32],
+    to_points: &mut [f32],
+    lattice: &Lattice,
+    floor: f32,
+) {
+    let i = ABSOLUTE_POS;
+    if i >= points.len() / 3 {
+        terminate!();
+    }
+    let bones = transforms.len() / 12;
+    let voxels = voxels(lattice);
+    let mut has_grad = false;
+    #[unroll]
+    for k in 0..12usize {
+        has_grad = has_grad || grad[12 * i + k] != 0.0;
+    }
+    let place = standing(points, i, lattice);
+    let mut sum = 0.0f32;
+    let mut mean = 0.0f32;
+    if has_grad && place.inside {
+        for bone in 0..bones {
+            let weight = weight(weights, bone, &place, lattice, floor);
+            if weight > 0.0 {
+                sum += weight;
+                mean += weight * product(grad, i, &posing(transforms, bone));
+            }
+        }
+    }
+    let mut inverse = 0.0f32;
+    let mut to_x = 0.0f32;
+    let mut to_y = 0.0f32;
+    let mut to_z = 0.0f32;
+    if sum > MIN_SUM {
+        inverse = 1.0 / sum;
+        mean *= inverse;
+        for bone in 0..bones {
+            if weight(weights, bone, &place, lattice, floor) > 0.0 {
+                let by = (product(grad, i, &posing(transforms, bone)) - mean) * inverse;
+                for corner in 0..8u32 {
+                    let tap = tap(&place, corner, lattice);
+                    if tap.inside {
+                        let value = by * weights[bone * voxels + tap.node];
+                        to_x += tap.du * tap.v * tap.w * value;
+                        to_y += tap.u * tap.dv * tap.w * value;
+                        to_z += tap.u * tap.v * tap.dw * value;
+                    }
+                }
+            }
+        }
+    } else if has_grad {
+        inverse = -1.0f32;
+    }
+    means[2 * i] = inverse;
+    means[2 * i + 1] = mean;
+    to_points[3 * i] = to_x * lattice.scale_x;
+    to_points[3 * i + 1] = to_y * lattice.scale_y;
+    to_points[3 * i + 2] = to_z * lattice.scale_z;
+}
+
+/// Gradients to weights and transforms: a group of threads for each run of points (x) and bone (y).
+#[cube(launch)]
+#[allow(clippy::too_many_arguments)]
+fn pull_bones<A: AddFloat>(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    grad: &[f32],
+    means: &[f32],
+    to_weights: &mut [Atomic<Bound<A>>],
+    to_transforms: &mut [Atomic<Bound<A>>],
+    lattice: &Lattice,
+    floor: f32,
+) {
+    let n = points.len() / 3;
+    let bone = CUBE_POS_Y as usize;
+    let volume = bone * voxels(lattice);
+    let unit = UNIT_POS as usize;
+    let first = CUBE_POS_X as usize * RUN;
+    let posing = posing(transforms, bone);
+    let mut own = Array::<f32>::new(12usize);
+    #[unroll]
+    for k in 0..12usize {
+        own[k] = 0.0;
+    }
+    for step in 0..RUN / GROUP {
+        let i = first + step * GROUP + unit;
+        let mut inverse = 0.0f32;
+        if i < n {
+            inverse = means[2 * i];
+        }
+        let mut share = 0.0f32;
+        if inverse > 0.0 {
+            let place = standing(points, i, lattice);
+            let weight = weight(weights, bone, &place, lattice, floor);
+            if weight > 0.0 {
+                share = weight * inverse;
+                let to_weight = (product(grad, i, &posing) - means[2 * i + 1]) * inverse;
+                for corner in 0..8u32 {
+                    let tap = tap(&place, corner, lattice);
+                    if tap.inside {
+                        A::add(
+                            &mut to_weights[volume + tap.node],
+                            tap.u * tap.v * tap.w * to_weight,
+                        );
+                    }
+                }
+            }
+        } else if inverse < 0.0 && bone == 0 {
+            share = 1.0;
+        }
+        if share > 0.0 {
+            #[unroll]
+            for k in 0..12usize {
+                own[k] += share * grad[12 * i + k];
+            }
+        }
+    }
+    let mut shared = Shared::<[f32]>::new_slice(12 * GROUP);
+    #[unroll]
+    for k in 0..12usize {
+        shared[k * GROUP + unit] = own[k];
+    }
+    let mut sums = Shared::<[f32]>::new_slice(12usize);
+    sync_cube();
+    if unit < 12 {
+        let mut sum = 0.0f32;
+        for other in 0..GROUP {
+            sum += shared[unit * GROUP + other];
+        }
+        sums[unit] = sum;
+    }
+    sync_cube();
+    // From [Rᵀ, −Rᵀ t] to [R, t].
+    if unit < 12 {
+        let t = 12 * bone;
+        let row = unit / 4;
+        let column = unit % 4;
+        let mut to = 0.0f32;
+        if column == 3 {
+            #[unroll]
+            for b in 0..3usize {
+                to -= sums[4 * b + 3] * transforms[t + 4 * row + b];
+            }
+        } else {
+            to = sums[4 * column + row] - sums[4 * column + 3] * transforms[t + 4 * row + 3];
+        }
+        A::add(&mut to_transforms[t + unit], to);
+    }
+}

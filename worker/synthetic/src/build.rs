@@ -1,0 +1,453 @@
+//! A person's proportions, and the joints and flesh that follow from them.
+
+use super::drape::{Drape, Garment};
+use yoto_capture::skeleton::smpl::JOINTS;
+use yoto_capture::skeleton::transform::{add, dot, length, scale, sub};
+use yoto_capture::skeleton::{Skeleton, Vec3};
+
+/// Indices of [`JOINTS`] by name; the right side's follow the left's.
+pub(crate) mod joint {
+    pub const PELVIS: usize = 0;
+    pub const L_HIP: usize = 1;
+    pub const SPINE1: usize = 3;
+    pub const L_KNEE: usize = 4;
+    pub const SPINE2: usize = 6;
+    pub const L_ANKLE: usize = 7;
+    pub const SPINE3: usize = 9;
+    pub const L_FOOT: usize = 10;
+    pub const NECK: usize = 12;
+    pub const L_COLLAR: usize = 13;
+    pub const HEAD: usize = 15;
+    pub const L_SHOULDER: usize = 16;
+    pub const L_ELBOW: usize = 18;
+    pub const L_WRIST: usize = 20;
+    pub const L_HAND: usize = 22;
+}
+
+/// Proportions; 1 is average, unless a unit is given.
+#[derive(Clone, Debug)]
+pub(crate) struct Build {
+    /// Standing height, metres.
+    pub height: f64,
+    /// Shoulder breadth.
+    pub shoulders: f64,
+    /// Hip breadth.
+    pub hips: f64,
+    /// Thickness of the torso.
+    pub girth: f64,
+    /// Thickness of arms and legs.
+    pub limbs: f64,
+    /// How far the belly stands out, metres.
+    pub belly: f64,
+}
+
+/// What a capsule is part of: decides which clothes cover it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Torso,
+    Neck,
+    Head,
+    Hair,
+    UpperArm,
+    Forearm,
+    Hand,
+    Thigh,
+    Shin,
+    Foot,
+    /// The part of a skirt or coat that hangs from the hips.
+    Hem,
+}
+
+impl Part {
+    /// The rule that moves its cloth with the pose, for parts that can have any.
+    pub fn garment(self) -> Option<Garment> {
+        match self {
+            Self::Hem => Some(Garment::Hem),
+            Self::UpperArm | Self::Forearm => Some(Garment::Sleeve),
+            _ => None,
+        }
+    }
+}
+
+/// A tapered capsule that rides on a joint. Ends are in rest-pose coordinates, metres.
+#[derive(Clone, Debug)]
+pub(crate) struct Capsule {
+    pub joint: usize,
+    pub part: Part,
+    pub from: Vec3,
+    pub to: Vec3,
+    pub radii: [f64; 2],
+    /// Height that it is cut off at; rounded where there is none.
+    pub cut: Option<f64>,
+}
+
+impl Capsule {
+    /// Signed distance from a point of the unposed body, metres; a little too large on slopes.
+    pub fn distance(&self, p: Vec3) -> f64 {
+        let axis = sub(self.to, self.from);
+        let share = share_along(self.from, axis, p);
+        let off = length(sub(p, add(self.from, scale(axis, share))));
+        let round = off - (self.radii[0] + (self.radii[1] - self.radii[0]) * share);
+        self.cut.map_or(round, |height| round.max(height - p[1]))
+    }
+
+    /// The point of its axis nearest to `p`.
+    pub fn centre(&self, p: Vec3) -> Vec3 {
+        let axis = sub(self.to, self.from);
+        add(self.from, scale(axis, share_along(self.from, axis, p)))
+    }
+}
+
+/// Where between `from` (0) and `from + axis` (1) is nearest to `p`.
+pub(crate) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
+    let squared = dot(axis, axis);
+    if squared > 0.0 {
+        (dot(sub(p, from), axis) / squared).clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// Shapes that clothes and hair add to the body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extras {
+    /// Where a skirt or a coat ends: 1 at the knee, none without either.
+    pub hem: Option<f64>,
+    /// Width of a hem's edge; 1 hangs straight.
+    pub flare: f64,
+    pub hair: Hair,
+    /// Thickness of sleeves at the wrist; 1 is the arm's.
+    pub sleeves: f64,
+    /// Thickness of trousers at the ankle; 1 is the leg's.
+    pub trousers: f64,
+    /// Thickness of what is carried on the back, metres; 0 without.
+    pub pack: f64,
+}
+
+impl Default for Extras {
+    /// Short hair and tight clothes.
+    fn default() -> Self {
+        Self {
+            hem: None,
+            flare: 1.0,
+            hair: Hair::Short,
+            sleeves: 1.0,
+            trousers: 1.0,
+            pack: 0.0,
+        }
+    }
+}
+
+/// How hair is worn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Hair {
+    Short,
+    Long,
+    Ponytail,
+    Bun,
+    /// Standing off on all sides.
+    Full,
+}
+
+/// Height of the unscaled body below, metres.
+const MODEL_HEIGHT: f64 = 1.78;
+
+impl Build {
+    /// The rest pose: standing on the floor, arms out.
+    pub fn skeleton(&self) -> Skeleton {
+        let left = |x: f64, y: f64, z: f64| [x, y, z];
+        let right = |x: f64, y: f64, z: f64| [-x, y, z];
+        let reach = 0.18 * self.shoulders;
+        let hip = 0.085 * self.hips;
+        let side = |at: &dyn Fn(f64, f64, f64) -> Vec3| -> [Vec3; 9] {
+            [
+                at(hip, 0.9, 0.0),
+                at(hip + 0.01, 0.49, 0.005),
+                at(hip + 0.015, 0.085, -0.025),
+                at(hip + 0.02, 0.03, 0.1),
+                at(0.075 * self.shoulders, 1.42, -0.01),
+                at(reach, 1.43, -0.01),
+                at(reach + 0.27, 1.43, -0.015),
+                at(reach + 0.52, 1.43, -0.01),
+                at(reach + 0.6, 1.43, -0.005),
+            ]
+        };
+        let (l, r) = (side(&left), side(&right));
+        let middle = |y: f64, z: f64| [0.0, y, z];
+        let rest = [
+            middle(0.95, 0.0),
+            l[0],
+            r[0],
+            middle(1.06, -0.005),
+            l[1],
+            r[1],
+            middle(1.18, -0.005),
+            l[2],
+            r[2],
+            middle(1.27, -0.005),
+            l[3],
+            r[3],
+            middle(1.47, -0.01),
+            l[4],
+            r[4],
+            middle(1.57, 0.01),
+            l[5],
+            r[5],
+            l[6],
+            r[6],
+            l[7],
+            r[7],
+            l[8],
+            r[8],
+        ];
+        Skeleton {
+            names: JOINTS.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            parents: JOINTS.iter().map(|(_, parent)| *parent).collect(),
+            rest: rest.map(|p| scale(p, self.scale())).to_vec(),
+        }
+    }
+
+    /// Scale of lengths against the unscaled body.
+    pub fn scale(&self) -> f64 {
+        self.height / MODEL_HEIGHT
+    }
+
+    /// The flesh and the shapes of clothes around `skeleton`, which is this build's.
+    pub fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
+        let mut parts = Vec::new();
+        self.torso(skeleton, &mut parts);
+        self.pack(extras, &mut parts);
+        self.head(skeleton, extras, &mut parts);
+        for side in 0..2 {
+            self.arm(skeleton, side, extras, &mut parts);
+            self.leg(skeleton, side, extras, &mut parts);
+        }
+        parts
+    }
+
+    fn torso(&self, skeleton: &Skeleton, parts: &mut Vec<Capsule>) {
+        let s = self.scale();
+        // Joint, half breadth, height, forward shift, radius: one slice of the torso each.
+        let slices = [
+            (joint::PELVIS, 0.075 * self.hips, 0.93, -0.005, 0.112),
+            (joint::SPINE1, 0.06, 1.05, 0.6 * self.belly, 0.108),
+            (joint::SPINE2, 0.062, 1.17, 0.4 * self.belly, 0.108),
+            (joint::SPINE3, 0.08 * self.shoulders, 1.29, 0.0, 0.112),
+            (joint::SPINE3, 0.095 * self.shoulders, 1.37, -0.01, 0.088),
+        ];
+        for (joint, breadth, height, forward, radius) in slices {
+            let end = |sign: f64| scale([sign * breadth, height, forward], s);
+            let belly = if forward > 0.0 { forward * 0.5 } else { 0.0 };
+            let radius = (radius * self.girth + belly) * s;
+            parts.push(Capsule {
+                joint,
+                part: Part::Torso,
+                from: end(-1.0),
+                to: end(1.0),
+                radii: [radius; 2],
+                cut: None,
+            });
+        }
+        for side in 0..2 {
+            let collar = joint::L_COLLAR + side;
+            let shoulder = skeleton.rest[joint::L_SHOULDER + side];
+            let from = scale(shoulder, 0.25);
+            parts.push(Capsule {
+                joint: collar,
+                part: Part::Torso,
+                from: [from[0], skeleton.rest[collar][1], shoulder[2]],
+                to: add(shoulder, [0.0, -0.005 * s, 0.0]),
+                radii: [0.062 * s, 0.056 * self.limbs * s],
+                cut: None,
+            });
+        }
+    }
+
+    fn head(&self, skeleton: &Skeleton, extras: Extras, parts: &mut Vec<Capsule>) {
+        let s = self.scale();
+        let neck = skeleton.rest[joint::NECK];
+        let head = skeleton.rest[joint::HEAD];
+        let mut push = |joint, part, from: Vec3, to: Vec3, radii: [f64; 2]| {
+            parts.push(Capsule {
+                joint,
+                part,
+                from,
+                to,
+                radii: radii.map(|r| r * s),
+                cut: None,
+            });
+        };
+        let beside = |[x, y, z]: Vec3| add(head, scale([x, y, z], s));
+        let base = add(neck, [0.0, -0.05 * s, 0.0]);
+        push(joint::NECK, Part::Neck, base, head, [0.056, 0.052]);
+        let (chin, crown) = (beside([0.0, 0.035, 0.03]), beside([0.0, 0.115, 0.012]));
+        push(joint::HEAD, Part::Head, chin, crown, [0.07, 0.092]);
+        let nose = beside([0.0, 0.055, 0.105]);
+        push(joint::HEAD, Part::Head, nose, nose, [0.014, 0.014]);
+        let (front, back) = (beside([0.0, 0.135, 0.015]), beside([0.0, 0.1, -0.03]));
+        push(joint::HEAD, Part::Hair, front, back, [0.088, 0.09]);
+        match extras.hair {
+            Hair::Short => {}
+            Hair::Long => {
+                let ends = beside([0.0, -0.1, -0.075]);
+                push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
+            }
+            Hair::Ponytail => {
+                let (tie, ends) = (beside([0.0, 0.12, -0.15]), beside([0.0, -0.2, -0.19]));
+                push(joint::HEAD, Part::Hair, tie, ends, [0.045, 0.03]);
+            }
+            Hair::Bun => {
+                let bun = beside([0.0, 0.21, -0.08]);
+                push(joint::HEAD, Part::Hair, bun, bun, [0.065; 2]);
+            }
+            Hair::Full => {
+                let (low, high) = (beside([0.0, 0.04, -0.05]), beside([0.0, 0.17, -0.03]));
+                push(joint::HEAD, Part::Hair, low, high, [0.13, 0.15]);
+            }
+        }
+    }
+
+    fn pack(&self, extras: Extras, parts: &mut Vec<Capsule>) {
+        if extras.pack <= 0.0 {
+            return;
+        }
+        let s = self.scale();
+        let behind = -0.1 * self.girth - 0.5 * extras.pack;
+        parts.push(Capsule {
+            joint: joint::SPINE3,
+            part: Part::Torso,
+            from: scale([0.0, 1.12, behind], s),
+            to: scale([0.0, 1.36, behind], s),
+            radii: [0.6 * extras.pack + 0.05; 2],
+            cut: None,
+        });
+    }
+
+    fn arm(&self, skeleton: &Skeleton, side: usize, extras: Extras, parts: &mut Vec<Capsule>) {
+        let at = |joint: usize| skeleton.rest[joint + side];
+        let fingers = add(
+            at(joint::L_HAND),
+            scale(sub(at(joint::L_HAND), at(joint::L_WRIST)), 0.9),
+        );
+        let thickness = self.scale() * self.limbs;
+        // Half of what sleeves are wider at the wrist, they are at the elbow.
+        let wide = 0.5 * (1.0 + extras.sleeves);
+        let bones = [
+            (
+                joint::L_SHOULDER,
+                Part::UpperArm,
+                at(joint::L_ELBOW),
+                [0.056, 0.045 * wide],
+            ),
+            (
+                joint::L_ELBOW,
+                Part::Forearm,
+                at(joint::L_WRIST),
+                [0.045 * wide, 0.034 * extras.sleeves],
+            ),
+            (
+                joint::L_WRIST,
+                Part::Hand,
+                at(joint::L_HAND),
+                [0.034, 0.038],
+            ),
+            (joint::L_HAND, Part::Hand, fingers, [0.038, 0.026]),
+        ];
+        for (joint, part, to, radii) in bones {
+            parts.push(Capsule {
+                joint: joint + side,
+                part,
+                from: at(joint),
+                to,
+                radii: radii.map(|r| r * thickness),
+                cut: None,
+            });
+        }
+    }
+
+    fn leg(&self, skeleton: &Skeleton, side: usize, extras: Extras, parts: &mut Vec<Capsule>) {
+        let s = self.scale();
+        let at = |joint: usize| skeleton.rest[joint + side];
+        let (hip, knee, ankle) = (at(joint::L_HIP), at(joint::L_KNEE), at(joint::L_ANKLE));
+        let foot = at(joint::L_FOOT);
+        let beside = |p: Vec3, y: f64, z: f64| [p[0], y * s, p[2] + z * s];
+        let limb = |radii: [f64; 2]| radii.map(|r| r * s * self.limbs);
+        let wide = 0.5 * (1.0 + extras.trousers);
+        let mut push = |joint: usize, part, from, to, radii| {
+            parts.push(Capsule {
+                joint,
+                part,
+                from,
+                to,
+                radii,
+                cut: None,
+            });
+        };
+        push(
+            joint::L_HIP + side,
+            Part::Thigh,
+            hip,
+            knee,
+            limb([0.09, 0.062 * wide]),
+        );
+        push(
+            joint::L_KNEE + side,
+            Part::Shin,
+            knee,
+            ankle,
+            limb([0.062 * wide, 0.044 * extras.trousers]),
+        );
+        let heel = beside(ankle, 0.045, -0.03);
+        let ball = beside(foot, 0.042, 0.0);
+        push(
+            joint::L_ANKLE + side,
+            Part::Foot,
+            heel,
+            ball,
+            [0.045 * s, 0.043 * s],
+        );
+        let toes = beside(foot, 0.036, 0.07);
+        push(
+            joint::L_FOOT + side,
+            Part::Foot,
+            ball,
+            toes,
+            [0.043 * s, 0.034 * s],
+        );
+        if let Some(length) = extras.hem {
+            let hem = self.hem(hip, knee, length);
+            let radii = [0.115 * s * self.girth, extras.flare * self.hem_radius()];
+            // Cloth between the legs, which hangs from the pelvis.
+            let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
+            let middle = scale(add(hip, hem), 0.5);
+            push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
+            parts.push(Capsule {
+                joint: joint::L_HIP + side,
+                part: Part::Hem,
+                from: hip,
+                to: hem,
+                radii,
+                cut: Some(hem[1]),
+            });
+        }
+    }
+
+    fn hem(&self, hip: Vec3, knee: Vec3, length: f64) -> Vec3 {
+        add(hip, scale(sub(knee, hip), length))
+    }
+
+    /// Thickness of a hem's edge around each leg, metres.
+    fn hem_radius(&self) -> f64 {
+        0.125 * self.scale() * self.girth
+    }
+
+    /// The clothes that move: a hem if there is one, and sleeves that end at `sleeves`.
+    pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
+        let hem = extras.hem.map(|length| {
+            let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
+            let radius = extras.flare * self.hem_radius();
+            (self.hem(hip, knee, length)[1], radius)
+        });
+        Drape::new(skeleton, self.scale(), hem, sleeves)
+    }
+}

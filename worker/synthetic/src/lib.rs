@@ -1,0 +1,150 @@
+//! Made-up people: textured, clothed, moving, and seen from wherever one likes.
+//!
+//! A capture whose truth is known from every side, in poses that no camera filmed, and free
+//! to copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
+//! belongs to a place on a bone, and shading to the unposed body, so that what one sees
+//! depends on neither light nor viewer, as the model assumes. Hems and sleeves move with the
+//! pose beyond what bones do, by a rule that [`SyntheticPerson::offset`] tells.
+
+mod body;
+mod build;
+mod cast;
+mod cloth;
+mod drape;
+mod estimator;
+mod motion;
+mod outfit;
+mod raycast;
+mod varied;
+
+pub use estimator::{Estimate, Estimator, Mistake};
+
+use body::PosedBody;
+use build::Capsule;
+use drape::Drape;
+use outfit::Outfit;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::Pose;
+use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_proto::pose_track::{self, PoseTrack};
+
+/// Frames per second of a synthetic capture.
+const FPS: f64 = 15.0;
+/// What cameras look at: the middle of a standing person with arms raised, metres.
+const TARGET: Vec3 = [0.0, 0.98, 0.0];
+/// How much of the world an image shows at the target, metres from top to bottom.
+const VIEW_HEIGHT: f64 = 2.3;
+const UP: Vec3 = [0.0, 1.0, 0.0];
+
+/// One made-up person.
+#[derive(Clone, Debug)]
+pub struct SyntheticPerson {
+    name: String,
+    skeleton: Skeleton,
+    capsules: Vec<Capsule>,
+    outfit: Outfit,
+    drape: Drape,
+    gait: motion::Gait,
+}
+
+impl SyntheticPerson {
+    /// `n` people who differ in build, clothes, colours and gait. The same seed gives the
+    /// same people, and a larger `n` only adds to them.
+    pub fn cast(n: usize, seed: u64) -> Vec<Self> {
+        cast::cast(n, seed)
+    }
+
+    /// `n` people as unlike as those who are filmed: thin and stout, in skirts, coats, wide sleeves and
+    /// trousers, with ponytails, full hair and bags, in colours from black to white, who turn once or
+    /// twice and raise their arms or not. The same seed gives the same people, and a larger `n` only
+    /// adds to them.
+    pub fn varied(n: usize, seed: u64) -> Vec<Self> {
+        varied::varied(n, seed)
+    }
+
+    /// A name that no other person of the cast has.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The 24 SMPL joints in this person's proportions: y up, metres, T-pose on the floor
+    /// (y = 0), facing +z, left hand at +x.
+    pub fn skeleton(&self) -> pose_track::Skeleton {
+        self.skeleton.to_track()
+    }
+
+    /// What `camera` sees of the person in `pose`: colours premultiplied by coverage, over
+    /// black.
+    pub fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
+        raycast::render(&self.posed(pose, &self.drape), camera)
+    }
+
+    /// Signed distance of a point to the surface in the rest pose, metres, negative inside.
+    pub fn distance_at_rest(&self, point: Vec3) -> f64 {
+        let rest = Pose::rest(self.skeleton.joints());
+        let all: Vec<usize> = (0..self.capsules.len()).collect();
+        self.posed(&rest, &self.drape).distance(point, &all)
+    }
+
+    fn posed<'a>(&'a self, pose: &Pose, drape: &'a Drape) -> PosedBody<'a> {
+        PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, drape, pose)
+    }
+
+    /// `frames` poses to be filmed: walking on the spot through two whole turns, waving and
+    /// raising the arms, so that one camera sees every side.
+    pub fn motion(&self, frames: usize) -> Vec<Pose> {
+        self.gait.filmed(&self.skeleton, frames)
+    }
+
+    /// `frames` poses that [`SyntheticPerson::motion`] does not hold: jumping jacks, then
+    /// squats.
+    pub fn unseen_motion(&self, frames: usize) -> Vec<Pose> {
+        self.gait.unseen(&self.skeleton, frames)
+    }
+
+    /// The camera that films: 3.2 m in front, images of `size` x `size` pixels.
+    pub fn train_camera(size: u32) -> Camera {
+        camera_at(0.0, 1.15, size)
+    }
+
+    /// Four cameras around the person, raised a little, none where the filming one stands.
+    pub fn held_out_cameras(size: u32) -> Vec<Camera> {
+        [60.0, 150.0, 240.0, 330.0]
+            .into_iter()
+            .map(|degrees: f64| camera_at(degrees.to_radians(), 1.5, size))
+            .collect()
+    }
+
+    /// A film of [`SyntheticPerson::motion`] by [`SyntheticPerson::train_camera`].
+    pub fn capture(&self, frames: usize, size: u32) -> (PoseTrack, Vec<FrameImage>) {
+        let camera = Self::train_camera(size);
+        let poses = self.motion(frames);
+        let images = poses
+            .iter()
+            .map(|pose| self.render(pose, &camera))
+            .collect();
+        let track = PoseTrack {
+            skeleton: self.skeleton(),
+            image_size: [size, size],
+            fps: FPS,
+            distortion: [0.0; 5],
+            frames: (0..)
+                .zip(&poses)
+                .map(|(index, pose)| camera.to_frame(index, pose))
+                .collect(),
+        };
+        (track, images)
+    }
+}
+
+/// A camera 3.2 m from the target's axis, `angle` radians to the left of the person's front.
+fn camera_at(angle: f64, height: f64, size: u32) -> Camera {
+    const DISTANCE: f64 = 3.2;
+    let eye = [DISTANCE * angle.sin(), height, DISTANCE * angle.cos()];
+    let focal = f64::from(size) * DISTANCE / VIEW_HEIGHT;
+    Camera::look_at(eye, TARGET, UP, focal, size, size)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,237 @@
+//! How a made-up person moves.
+
+use super::build::joint;
+use std::f64::consts::{PI, TAU};
+use yoto_capture::skeleton::Pose;
+use yoto_capture::skeleton::transform::{cross, dot, length, scale};
+use yoto_capture::skeleton::{Skeleton, Vec3};
+
+/// What tells one person's movements from another's.
+#[derive(Clone, Debug)]
+pub(crate) struct Gait {
+    /// Which way they turn: 1 or -1.
+    pub turn: f64,
+    /// Phase of their steps, radians.
+    pub phase: f64,
+    /// Size of their steps and arm swings; 1 is average.
+    pub vigour: f64,
+    /// Turns in a filmed motion.
+    pub turns: f64,
+    /// Strides in a filmed motion; no multiple of the turns.
+    pub strides: f64,
+    /// How far arms are raised in a filmed motion: 1 above the shoulders, 0 not at all.
+    pub arms: f64,
+}
+
+impl Default for Gait {
+    /// Two turns, so that each side is seen in different steps.
+    fn default() -> Self {
+        Self {
+            turn: 1.0,
+            phase: 0.0,
+            vigour: 1.0,
+            turns: 2.0,
+            strides: 7.0,
+            arms: 1.0,
+        }
+    }
+}
+
+/// Joint rotations, radians, being put together.
+struct Stance(Vec<Vec3>);
+
+impl Stance {
+    fn set(&mut self, joint: usize, rotation: Vec3) {
+        self.0[joint] = rotation;
+    }
+
+    /// The left joint and, mirrored about the body's middle, the right one beside it.
+    fn set_both(&mut self, left: usize, rotation: Vec3) {
+        let [x, y, z] = rotation;
+        self.set(left, rotation);
+        self.set(left + 1, [x, -y, -z]);
+    }
+
+    /// As a pose whose lowest foot stands on the floor, `lift` metres above it in a jump.
+    fn stand(self, skeleton: &Skeleton, lift: f64) -> Pose {
+        let mut pose = Pose {
+            rotations: self.0.iter().map(|r| r.map(|v| v as f32)).collect(),
+            translation: [0.0; 3],
+        };
+        let feet = [joint::L_ANKLE, joint::L_FOOT].map(|left| [left, left + 1]);
+        let lowest = |joints: &[Vec3]| {
+            let heights = feet.as_flattened().iter().map(|&joint| joints[joint][1]);
+            heights.fold(f64::INFINITY, f64::min)
+        };
+        let sunk = lowest(&skeleton.rest) - lowest(&skeleton.posed_joints(&pose));
+        pose.translation[1] = (sunk + lift) as f32;
+        pose
+    }
+}
+
+impl Gait {
+    /// Walking on the spot, turning, waving, raising the arms.
+    pub fn filmed(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
+        (0..frames)
+            .map(|frame| {
+                let time = frame as f64 / frames as f64;
+                self.walk(skeleton, time)
+            })
+            .collect()
+    }
+
+    fn walk(&self, skeleton: &Skeleton, time: f64) -> Pose {
+        let step = TAU * self.strides * time + self.phase;
+        let swing = step.sin() * self.vigour;
+        let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+        stance.set(
+            joint::PELVIS,
+            [0.0, wrapped(self.turn * TAU * self.turns * time), 0.0],
+        );
+        for (side, swing) in [(0, swing), (1, -swing)] {
+            let lifted = (0.5 + 0.5 * (step + PI * side as f64).cos()) * self.vigour;
+            stance.set(
+                joint::L_HIP + side,
+                [-0.4 * swing - 0.25 * lifted, 0.0, 0.0],
+            );
+            stance.set(joint::L_KNEE + side, [0.1 + 0.9 * lifted, 0.0, 0.0]);
+            stance.set(
+                joint::L_ANKLE + side,
+                [0.25 * swing - 0.2 * lifted, 0.0, 0.0],
+            );
+        }
+        stance.set(joint::SPINE1, [0.05, 0.1 * swing, 0.03 * swing]);
+        stance.set(joint::SPINE3, [0.0, -0.18 * swing, 0.0]);
+        stance.set(joint::NECK, [0.1 * (2.0 * step).sin(), 0.0, 0.0]);
+        stance.set(joint::HEAD, [0.0, 0.35 * (TAU * 3.0 * time).sin(), 0.0]);
+
+        // Raised over part of the time each: 0 hangs down, 1 is straight out, 1.6 is up.
+        let right = 1.65 * bump(time, 0.08, 0.3) + 1.1 * bump(time, 0.62, 0.8);
+        let left = 1.55 * bump(time, 0.36, 0.58) + 1.1 * bump(time, 0.62, 0.8);
+        for (side, sign, raised, swing) in [(0, 1.0, left, -swing), (1, -1.0, right, swing)] {
+            let raised = self.arms * raised;
+            let hanging = (1.0 - raised).clamp(0.0, 1.0);
+            let lowered = -sign * 1.25 * (1.0 - raised);
+            let forward = [-0.55 * swing * hanging, 0.0, 0.0];
+            stance.set(
+                joint::L_SHOULDER + side,
+                product(forward, [0.0, 0.0, lowered]),
+            );
+            let bend = 0.25 + 0.85 * hanging * (0.5 + 0.5 * swing);
+            let waving = bump(raised, 1.0, 2.0) * (0.8 + 0.5 * (TAU * 9.0 * time).sin());
+            stance.set(
+                joint::L_ELBOW + side,
+                product([0.0, -sign * bend, 0.0], [0.0, 0.0, sign * waving]),
+            );
+            stance.set(joint::L_WRIST + side, [0.0, 0.0, -sign * 0.2 * waving]);
+        }
+        stance.stand(skeleton, 0.0)
+    }
+
+    /// Jumping jacks in the first half, squats in the second.
+    pub fn unseen(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
+        (0..frames)
+            .map(|frame| {
+                let time = frame as f64 / frames as f64;
+                let effort = 0.5 - 0.5 * (TAU * 4.0 * time).cos();
+                let facing = wrapped(self.turn * (TAU * time - 0.6));
+                if time < 0.5 {
+                    jack(skeleton, facing, effort)
+                } else {
+                    squat(skeleton, facing, effort)
+                }
+            })
+            .collect()
+    }
+}
+
+fn jack(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
+    let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+    stance.set(joint::PELVIS, [0.0, facing, 0.0]);
+    stance.set_both(joint::L_HIP, [-0.1, 0.0, 0.4 * effort]);
+    stance.set_both(joint::L_KNEE, [0.2, 0.0, 0.0]);
+    stance.set_both(joint::L_ANKLE, [-0.1, 0.0, -0.2 * effort]);
+    stance.set_both(joint::L_SHOULDER, [0.0, 0.0, -1.2 + 1.75 * effort]);
+    stance.set_both(joint::L_ELBOW, [0.0, -0.2 - 0.7 * effort, 0.15]);
+    stance.stand(skeleton, 0.05 * effort)
+}
+
+fn squat(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
+    let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+    stance.set(joint::PELVIS, [0.0, facing, 0.0]);
+    stance.set_both(joint::L_HIP, [-1.35 * effort, 0.0, 0.2]);
+    stance.set_both(joint::L_KNEE, [1.9 * effort, 0.0, 0.0]);
+    stance.set_both(joint::L_ANKLE, [-0.6 * effort, 0.0, -0.15]);
+    stance.set(joint::SPINE1, [0.35 * effort, 0.0, 0.0]);
+    stance.set(joint::SPINE2, [0.2 * effort, 0.0, 0.0]);
+    stance.set(joint::NECK, [-0.3 * effort, 0.0, 0.0]);
+    let arms = product([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
+    stance.set_both(joint::L_SHOULDER, arms);
+    stance.set_both(joint::L_ELBOW, [0.0, -0.3 - 0.8 * effort, 0.0]);
+    stance.stand(skeleton, 0.0)
+}
+
+/// Rises from 0 at `from` to 1 midway to `to` and falls again.
+fn bump(x: f64, from: f64, to: f64) -> f64 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    (t * PI).sin().powi(2)
+}
+
+/// The same angle between -π and π.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(TAU) - PI
+}
+
+/// First the rotation `b`, then `a`; all axis-angle, radians.
+fn product(a: Vec3, b: Vec3) -> Vec3 {
+    let quaternion = |r: Vec3| {
+        let angle = length(r);
+        // sin(θ/2)/θ, by its limit where θ is tiny.
+        let factor = if angle > 1e-9 {
+            (angle / 2.0).sin() / angle
+        } else {
+            0.5
+        };
+        ((angle / 2.0).cos(), scale(r, factor))
+    };
+    let ((aw, av), (bw, bv)) = (quaternion(a), quaternion(b));
+    let w = aw * bw - dot(av, bv);
+    let across = cross(av, bv);
+    let v: Vec3 = std::array::from_fn(|i| aw * bv[i] + bw * av[i] + across[i]);
+    let sine = length(v);
+    if sine < 1e-12 {
+        return [0.0; 3];
+    }
+    // The shorter way round, so that angles stay under π.
+    let angle = 2.0
+        * if w < 0.0 {
+            -sine.atan2(-w)
+        } else {
+            sine.atan2(w)
+        };
+    scale(v, angle / sine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_capture::skeleton::transform::{IDENTITY, compose, rigid, rodrigues};
+
+    #[test]
+    fn products_turn_as_their_matrices_do() {
+        for (a, b) in [
+            ([0.3, -0.2, 1.0], [1.1, 0.4, -0.6]),
+            ([0.0; 3], [0.1, 0.0, 0.0]),
+            ([2.5, 0.0, 0.0], [2.0, 0.3, 0.0]),
+            ([0.4, 0.0, 0.0], [-0.4, 0.0, 0.0]),
+        ] {
+            let of = |r: Vec3| rigid(rodrigues(r), [0.0; 3]);
+            let (found, expected) = (of(product(a, b)), compose(&of(a), &of(b)));
+            for i in 0..3 {
+                for j in 0..IDENTITY[0].len() {
+                    assert!((found[i][j] - expected[i][j]).abs() < 1e-12, "{a:?} {b:?}");
+                }
+            }
+        }
+    }
+}
