@@ -70,7 +70,7 @@ impl ClientError {
     }
 
     /// Adds action and path to an I/O error.
-    pub(crate) fn file(
+    pub fn file(
         action: &'static str,
         path: impl Into<PathBuf>,
     ) -> impl FnOnce(std::io::Error) -> Self {

@@ -4,13 +4,14 @@ use super::capture_example::Example;
 use super::correction::CorrectionArgs;
 use super::ffmpeg_arg::FfmpegArg;
 use super::media_args::MediaArgs;
-use crate::{capture_check, output};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use image::ImageFormat;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use yoto_capture::check::Report;
+use yoto_import::capture_check;
+use yoto_terminal::output;
 
 const CHECK_HELP: &str = "\
 Projects the skeleton onto the frames, measures how well bodies, masks and images agree, and

@@ -1,8 +1,6 @@
 //! The catalogue over gRPC: request ids, pages, slots, and the requirements of queued jobs.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused};
+use crate::support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
 use yoto_proto::v1::{
     AddIdentityRequest, CreateJobRequest, CreateModelRequest, CreateRenderRequest,

@@ -1,9 +1,8 @@
 //! Deletions: refused while something is in use, complete otherwise, and done once.
 
-mod support;
-
+use crate::support;
+use crate::support::{Service, assert_refused, id};
 use std::time::Duration;
-use support::{Service, assert_refused, id};
 use tonic::{Code, Response, Status};
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, DeleteCaptureRequest, DeleteCheckpointRequest,

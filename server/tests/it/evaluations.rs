@@ -1,8 +1,6 @@
 //! Evaluate jobs: requirements, inputs, and valid results.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused};
+use crate::support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
 use yoto_proto::names;
 use yoto_proto::v1::{

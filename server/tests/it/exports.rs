@@ -1,9 +1,7 @@
 //! Export jobs: requirements, inputs, committed files, valid results, and what goes with them.
 
-mod support;
-
+use crate::support::{Service, assert_invalid, assert_refused, claim, id};
 use std::time::Duration;
-use support::{Service, assert_invalid, assert_refused, claim, id};
 use tonic::{Code, Status};
 use yoto_proto::{
     keys,

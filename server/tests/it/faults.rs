@@ -1,13 +1,11 @@
 //! Faults on purpose: calls arrive several times, answers get lost, and the moments of a call are told in
 //! their order.
 
-mod support;
-
+use crate::support::Service;
 use std::{
     sync::{Arc, Mutex},
     time::{Duration, Instant},
 };
-use support::Service;
 use tonic::Code;
 use yoto_proto::v1::{CreateSubjectRequest, ListSubjectsRequest};
 use yoto_server::faults::{Delivery, Faults, Moment};

@@ -1,9 +1,8 @@
 //! Bytes: removed once nothing refers to them, and never before.
 
-mod support;
-
+use crate::support;
+use crate::support::{Service, assert_refused, chunks, file, headers, id, job_name};
 use std::{fs, time::Duration};
-use support::{Service, assert_refused, chunks, file, headers, id, job_name};
 use tonic::Code;
 use yoto_proto::{
     keys,

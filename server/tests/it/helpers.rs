@@ -1,9 +1,7 @@
 //! Several workers at one render: each has a lease of its own, and draws ranges that are nobody else's.
 
-mod support;
-
+use crate::support::{Service, assert_refused, id, job_error, job_name};
 use std::{collections::BTreeMap, sync::Arc};
-use support::{Service, assert_refused, id, job_error, job_name};
 use tonic::{Code, Status};
 use yoto_proto::{
     keys,

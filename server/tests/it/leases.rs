@@ -1,9 +1,7 @@
 //! Leases: guarded writes, lost workers, ends of jobs. The clock is the tests' own.
 
-mod support;
-
+use crate::support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
 use std::sync::Arc;
-use support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
 use tonic::{Code, Status};
 use yoto_proto::v1::{
     CancelJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest, Progress,

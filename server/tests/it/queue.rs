@@ -1,8 +1,7 @@
 //! The queue: whose turn it is, pauses, and inputs that were chosen when a job was queued.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
+use crate::support;
+use crate::support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
 use tonic::Code;
 use yoto_proto::{
     keys,

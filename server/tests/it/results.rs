@@ -1,9 +1,8 @@
 //! Results of workers, and their delivery to users.
 
-mod support;
-
+use crate::support;
+use crate::support::{Service, assert_invalid, assert_refused, id, job_name};
 use futures::TryStreamExt;
-use support::{Service, assert_invalid, assert_refused, id, job_name};
 use tonic::{Code, Status};
 use yoto_proto::{
     keys,

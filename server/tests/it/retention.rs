@@ -1,8 +1,7 @@
 //! Checkpoints that models keep, and why.
 
-mod support;
-
-use support::{Service, assert_invalid};
+use crate::support;
+use crate::support::{Service, assert_invalid};
 use yoto_proto::v1::{CreateModelRequest, Lease, Model, Retention, UpdateModelRequest};
 
 /// A service whose models keep `newest`, and every so many-th; a model in training.

@@ -1,9 +1,7 @@
 //! Scenes with people of several models: each model must be able to show its people, and what a scene uses of a
 //! model stays while the scene waits or is drawn.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused, claim, id, job_name};
+use crate::support::{Service, assert_invalid, assert_refused, claim, id, job_name};
 use tonic::{Code, Status};
 use yoto_proto::{
     keys,

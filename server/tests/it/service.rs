@@ -1,9 +1,8 @@
 //! The service as a whole: one process per folder, state that outlives it, health, reflection.
 
-mod support;
-
+use crate::support;
+use crate::support::{Service, file, job_name};
 use futures::stream;
-use support::{Service, file, job_name};
 use tokio::net::TcpListener;
 use tokio_stream::{StreamExt, wrappers::TcpListenerStream};
 use tonic::{Code, transport::Endpoint};

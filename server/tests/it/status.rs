@@ -1,8 +1,6 @@
 //! The state of the service, jobs by state, and requests that the catalogue alone can refuse.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused, claim, job_name};
+use crate::support::{Service, assert_invalid, assert_refused, claim, job_name};
 use tonic::Code;
 use yoto_proto::{
     keys,

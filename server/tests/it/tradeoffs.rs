@@ -1,9 +1,8 @@
 //! Trade-offs: measured by evaluate jobs, kept with checkpoints, required by renders with a
 //! quality instead of settings.
 
-mod support;
-
-use support::{Service, assert_invalid, assert_refused, id};
+use crate::support;
+use crate::support::{Service, assert_invalid, assert_refused, id};
 use tonic::Code;
 use yoto_proto::{
     keys, tiers,

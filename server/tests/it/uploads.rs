@@ -1,12 +1,11 @@
 //! Uploads: a good one starts an ingest job, a bad one is refused, a cut one goes on.
 
-mod support;
-
-use futures::stream::{self, StreamExt};
-use std::time::Duration;
-use support::{
+use crate::support;
+use crate::support::{
     File, Service, assert_invalid, assert_refused, chunk, chunks, eventually, file, headers, id,
 };
+use futures::stream::{self, StreamExt};
+use std::time::Duration;
 use tonic::{Code, Status};
 use yoto_proto::{
     keys,

@@ -1,10 +1,8 @@
 //! Watches of jobs: in order, resumable, and ended by the terminal state.
 
-mod support;
-
+use crate::support::{Service, assert_refused, claim, job_error};
 use futures::{StreamExt, TryStreamExt};
 use std::time::Duration;
-use support::{Service, assert_refused, claim, job_error};
 use tonic::{Code, Streaming};
 use yoto_proto::v1::{
     CancelJobRequest, HeartbeatRequest, Job, Progress, WatchJobRequest, WatchJobResponse,

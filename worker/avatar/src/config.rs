@@ -13,6 +13,7 @@ mod setting;
 mod sharing;
 mod splats;
 
+pub(crate) use check::check_precision;
 pub use exposure::{ExposureConfig, LearnExposure};
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};

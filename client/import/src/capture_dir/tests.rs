@@ -168,7 +168,6 @@ fn a_correction_goes_up_beside_the_files_as_they_are() {
     );
 }
 
-#[cfg(feature = "embedded")]
 #[test]
 fn the_model_reads_the_same_files() {
     use std::collections::BTreeSet;

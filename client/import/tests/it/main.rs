@@ -2,9 +2,10 @@
 //! joint of each frame must land where the script that wrote them says.
 
 mod bad;
-#[path = "../../../tests/src/bvh.rs"]
+#[path = "../../../../tests/src/bvh.rs"]
 mod bvh;
 mod bvh_clip;
+mod capture_check;
 mod captures;
 mod dialects;
 mod ffmpeg;
@@ -15,7 +16,7 @@ mod matting;
 mod motions;
 mod moving_camera;
 #[cfg(feature = "matting")]
-#[path = "../../../worker/matting/tests/networks/mod.rs"]
+#[path = "../../../../worker/matting/tests/networks/mod.rs"]
 mod networks;
 mod npz;
 mod own_skeleton;
@@ -32,7 +33,7 @@ use std::path::PathBuf;
 /// A file or folder that the script wrote.
 fn captures(name: &str) -> PathBuf {
     let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"));
-    here.join("../tests/formats/captures").join(name)
+    here.join("../../tests/formats/captures").join(name)
 }
 
 /// What the script says of a capture.

@@ -4,8 +4,8 @@ use crate::{captures, expected};
 use std::collections::HashMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_synthetic::SyntheticPerson;
 use yoto_import::motion::{Motion, MotionOptions, Up, read};
+use yoto_synthetic::SyntheticPerson;
 
 type Vec3 = [f64; 3];
 

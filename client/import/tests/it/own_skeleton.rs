@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::{Mat3, product, transposed};
-use yoto_import::{Format, Imported, Options, read};
 use yoto_formats::Array;
+use yoto_import::{Format, Imported, Options, read};
 use yoto_proto::pose_track;
 use yoto_proto::smpl::JOINTS;
 

@@ -226,7 +226,7 @@ impl Renderer {
     /// Names the first invalid field; the settings stay unchanged.
     pub fn set(&mut self, settings: &RenderSettings) -> Result<(), RenderError> {
         settings.check()?;
-        check_device(settings.precision, &self.device())?;
+        check_precision(settings.precision, &self.device())?;
         settings.apply(&mut self.config);
         self.avatar.set_precision(settings.precision);
         self.settings = *settings;
@@ -236,7 +236,7 @@ impl Renderer {
     /// Precisions that this renderer's device supports.
     pub fn precisions(&self) -> Vec<Precision> {
         let device = self.device();
-        let supported = |precision: &Precision| check_device(*precision, &device).is_ok();
+        let supported = |precision: &Precision| check_precision(*precision, &device).is_ok();
         let all = [Precision::F32, Precision::Bf16];
         all.into_iter().filter(supported).collect()
     }

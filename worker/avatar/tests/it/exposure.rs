@@ -1,10 +1,8 @@
 //! Trainings of films whose frames are exposed differently.
 
-mod support;
-
+use crate::support::{options, run, tempdir};
 use burn::tensor::Device;
 use std::sync::Arc;
-use support::{options, run, tempdir};
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{FrameExposure, RenderView};

@@ -2,16 +2,14 @@
 //! where a closed form exists, the error against f64 is bounded.
 //!
 //! Prints the table of `docs/numerics.md`:
-//! `cargo test --workspace --test extremes -- --nocapture --test-threads=1 | grep -o '| .* |'`.
+//! `cargo test -p yoto-avatar --test it extremes:: -- --nocapture --test-threads=1 | grep -o '| .* |'`.
 
-mod extremes {
-    pub mod model;
-    pub mod table;
-}
+mod model;
+mod table;
 
 use burn::tensor::{Device, Tensor, TensorData};
-use extremes::table::{error, report, values};
 use std::f32::consts::{PI, TAU};
+use table::{error, report, values};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::prior::{canonical_grid, prior};

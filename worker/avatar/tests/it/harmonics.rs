@@ -1,10 +1,8 @@
 //! Colours of splats that depend on the view: they are learned, kept, and can be given to a model later.
 
-mod support;
-
+use crate::support::{options, people, run, tempdir, weights};
 use burn::tensor::Device;
 use std::sync::Arc;
-use support::{options, people, run, tempdir, weights};
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::RenderView;

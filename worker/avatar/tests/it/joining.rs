@@ -1,12 +1,11 @@
 //! Somebody joins a trained model: they learn, and nothing else changes by a bit.
 
-mod support;
-
+use crate::support;
+use crate::support::{options, run, tempdir, weights};
 use burn::tensor::Device;
 use burn_pack::Reader;
 use std::collections::BTreeMap;
 use std::path::Path;
-use support::{options, run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::{Budget, Learn, ModelState, Person, TrainOptions, Trainer, Validation};

@@ -1,12 +1,11 @@
 //! Somebody leaves a model: nothing of theirs is left in its files, and everybody else is as before.
 
-mod support;
-
+use crate::support;
+use crate::support::{options, run, tempdir, weights};
 use burn::tensor::Device;
 use burn_pack::Reader;
 use std::collections::BTreeMap;
 use std::path::Path;
-use support::{options, run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::train::leaving::{Residue, Trunk, remove_person};

@@ -1,11 +1,9 @@
 //! Refinement of estimated poses: it brings poses closer to the exact ones, and stays finite where
 //! there is nothing to refine or everything is extreme.
 
-mod support;
-
+use crate::support::{options, run};
 use burn::tensor::Device;
 use std::sync::Arc;
-use support::{options, run};
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::train::{Person, Trainer};
 use yoto_capture::camera::{Camera, Pose};

@@ -1,13 +1,12 @@
 //! Hash tables that people share: the cost of an additional person, the people whose parameters
 //! change when one is trained, and the growth of a model.
 
-mod support;
-
+use crate::support;
+use crate::support::{options, run, tempdir, weights};
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor};
 use std::collections::BTreeMap;
 use std::path::Path;
-use support::{options, run, tempdir, weights};
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, ModelConfig, Sharing};
 use yoto_avatar::train::{Person, Trainer};

@@ -1,11 +1,9 @@
 //! Trainings of splats: they learn what they are shown, resume where they stopped, and leave earlier people
 //! as they were.
 
-mod support;
-
+use crate::support::{options, people, run, tempdir, weights};
 use burn::tensor::Device;
 use std::sync::Arc;
-use support::{options, people, run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{Actor, Light, RenderView, Rendered, Renderer, SceneView};

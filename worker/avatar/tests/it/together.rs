@@ -1,9 +1,7 @@
 //! A person of a field and one of splats, of two models, in one picture.
 
-mod support;
-
+use crate::support::{options, people, run};
 use burn::tensor::Device;
-use support::{options, people, run};
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{
     Actor, Guest, Light, RenderError, Rendered, Renderer, SceneView, render_together,

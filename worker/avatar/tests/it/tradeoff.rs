@@ -1,7 +1,6 @@
 //! Settings that replace a model's own, and sweeps over them.
 
-mod support;
-
+use crate::support;
 use burn::tensor::Device;
 use yoto_avatar::config::{ModelConfig, Precision};
 use yoto_avatar::render::{RenderError, RenderSettings, RenderView, Renderer};

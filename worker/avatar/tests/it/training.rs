@@ -1,11 +1,10 @@
 //! Complete trainings: they learn, they resume where they stopped, and samples that are left out do
 //! not change the result visibly.
 
-mod support;
-
+use crate::support;
+use crate::support::{run, tempdir, weights};
 use burn::tensor::Device;
 use std::path::Path;
-use support::{run, tempdir, weights};
 use yoto_avatar::config::{ModelConfig, Precision, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};

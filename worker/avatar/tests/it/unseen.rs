@@ -1,10 +1,8 @@
 //! A person of whom the film shows one side only.
 
-mod support;
-
+use crate::support::{options, run};
 use burn::tensor::Device;
 use std::sync::Arc;
-use support::{options, run};
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{Actor, Light, SceneView};
 use yoto_avatar::train::{Person, TrainOptions, Trainer};

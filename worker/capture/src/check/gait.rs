@@ -60,3 +60,74 @@ pub(super) fn mirror(
     search.best = *first;
     search.best_fit = fit;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{causes, fit, plan};
+    use super::*;
+    use yoto_proto::correction::{Correction, Mirror};
+    use yoto_proto::pose_track::PoseTrack;
+    use yoto_synthetic::SyntheticPerson;
+
+    /// A film by a camera to the front and left, where left and right differ in every frame.
+    fn film() -> (PoseTrack, Vec<crate::FrameImage>) {
+        const SIZE: u32 = 96;
+        let person = &SyntheticPerson::cast(1, 5)[0];
+        let camera = &SyntheticPerson::held_out_cameras(SIZE)[0];
+        let poses = person.motion(60);
+        // The crate of made-up people was compiled with another copy of this crate's types.
+        let images = poses.iter().map(|pose| {
+            let image = person.render(pose, camera);
+            crate::FrameImage {
+                width: image.width,
+                height: image.height,
+                rgb: image.rgb,
+                mask: image.mask,
+            }
+        });
+        let track = PoseTrack {
+            skeleton: person.skeleton(),
+            image_size: [SIZE; 2],
+            distortion: [0.0; 5],
+            fps: 15.0,
+            frames: (0..)
+                .zip(&poses)
+                .map(|(index, pose)| camera.to_frame(index, pose))
+                .collect(),
+        };
+        (track, images.collect())
+    }
+
+    #[test]
+    fn sides_are_told_by_how_outlines_move() {
+        let (track, images) = film();
+        let mirror = |mirror| Correction {
+            mirror,
+            ..Correction::default()
+        };
+        for (mistake, options) in [
+            (Mirror::None, None),
+            (Mirror::Poses, Some("--mirror poses")),
+            (Mirror::Limbs, Some("--mirror limbs")),
+        ] {
+            let read = mirror(mistake).apply(&track).expect("applies").track;
+            let looked = images.iter().enumerate();
+            let seen: Vec<_> = looked.map(|(i, it)| Observation::of(i, it)).collect();
+            let people = plan::spread(&seen.iter().collect::<Vec<_>>(), 12);
+            let mut fitter = fit::Fitter::new(&read, people);
+            let given = fitter.fit(&Correction::default()).expect("a fit");
+            // As if single outlines had told nothing.
+            let mut search = causes::Search {
+                best: Correction::default(),
+                best_fit: given.clone(),
+                given,
+                cause: None,
+                tried: Vec::new(),
+            };
+            super::mirror(&mut search, &mut fitter, &read, &seen);
+            let found = search.cause.as_ref().map(|it| it.options.as_str());
+            assert_eq!(found, options);
+            assert_eq!(search.best, mirror(mistake));
+        }
+    }
+}

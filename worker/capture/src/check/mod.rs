@@ -88,6 +88,3 @@ impl Checker {
         measures::report(&self.track, &self.skeleton, &self.seen)
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,10 +1,12 @@
 //! Deliberate errors on a made-up person, of whom everything is known: each is named, and
 //! what is right passes.
 
-use super::*;
-use crate::camera::Camera;
 use std::sync::OnceLock;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::Camera;
+use yoto_capture::check::*;
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror};
+use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::{Estimator, SyntheticPerson};
 
 const SIZE: u32 = 96;
@@ -297,7 +299,7 @@ fn poses_that_wander_are_less_precise() {
     assert!(wandering > 1.5 * exact, "{exact} {wandering}");
 
     let (track, images) = film();
-    let mut shard = crate::ShardBuilder::new(track);
+    let mut shard = yoto_capture::ShardBuilder::new(track);
     for image in &images {
         shard.push(image).expect("fits");
     }
@@ -341,7 +343,7 @@ fn few_small_frames_tell_estimated_poses_too() {
     };
     let estimate = estimator.estimate(&track, 1).expect("an estimate").track;
     let value = |track: PoseTrack| {
-        let mut shard = crate::ShardBuilder::new(track);
+        let mut shard = yoto_capture::ShardBuilder::new(track);
         for image in &images {
             shard.push(image).expect("fits");
         }
@@ -350,39 +352,6 @@ fn few_small_frames_tell_estimated_poses_too() {
     };
     let (exact, found) = (value(track), value(estimate));
     assert!(exact < PRECISE && found > PRECISE, "{exact} {found}");
-}
-
-#[test]
-fn sides_are_told_by_how_outlines_move() {
-    let (track, images) = film();
-    let mirror = |mirror| Correction {
-        mirror,
-        ..Correction::default()
-    };
-    for (mistake, options) in [
-        (Mirror::None, None),
-        (Mirror::Poses, Some("--mirror poses")),
-        (Mirror::Limbs, Some("--mirror limbs")),
-    ] {
-        let read = mirror(mistake).apply(&track).expect("applies").track;
-        let looked = images.iter().enumerate();
-        let seen: Vec<_> = looked.map(|(i, it)| Observation::of(i, it)).collect();
-        let people = plan::spread(&seen.iter().collect::<Vec<_>>(), 12);
-        let mut fitter = fit::Fitter::new(&read, people);
-        let given = fitter.fit(&Correction::default()).expect("a fit");
-        // As if single outlines had told nothing.
-        let mut search = causes::Search {
-            best: Correction::default(),
-            best_fit: given.clone(),
-            given,
-            cause: None,
-            tried: Vec::new(),
-        };
-        gait::mirror(&mut search, &mut fitter, &read, &seen);
-        let found = search.cause.as_ref().map(|it| it.options.as_str());
-        assert_eq!(found, options);
-        assert_eq!(search.best, mirror(mistake));
-    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
 /// Factors of y and z in the hash of a node (Instant NGP's).
-pub(crate) const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
+pub const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
 /// Position of a level's entries in the table, and how a node's entry is found.
 #[derive(Clone, Copy, Debug, PartialEq)]

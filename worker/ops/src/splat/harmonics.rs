@@ -33,7 +33,7 @@ pub const fn count(degree: usize) -> usize {
 }
 
 /// The degree that `count` harmonics from degree 1 up reach.
-pub(crate) const fn degree(count: usize) -> usize {
+pub const fn degree(count: usize) -> usize {
     (count + 1).isqrt() - 1
 }
 
@@ -62,7 +62,7 @@ impl Sight {
 
 impl Splats {
     /// With the colours that a camera sees, which no longer depend on the view.
-    pub(crate) fn seen_from(mut self, sight: &Sight) -> Self {
+    pub fn seen_from(mut self, sight: &Sight) -> Self {
         let Some(harmonics) = self.harmonics.take() else {
             return self;
         };
@@ -108,7 +108,7 @@ impl Splats {
 
 /// Adds to the colours in `rows` `[N, 14]` what the camera sees of `harmonics` `[N, K, 3]`: [`Splats::seen_from`] in
 /// host memory. `transforms` `[N, 12]`.
-pub(crate) fn add_seen(rows: &mut [f32], harmonics: &[f32], transforms: &[f32], sight: &Sight) {
+pub fn add_seen(rows: &mut [f32], harmonics: &[f32], transforms: &[f32], sight: &Sight) {
     let rows = rows.as_chunks_mut::<ROW>().0;
     let numbers = harmonics.len() / rows.len().max(1);
     let eye = sight.centre();

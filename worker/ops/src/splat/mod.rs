@@ -14,7 +14,7 @@ mod cube;
 mod flat;
 pub mod harmonics;
 pub mod light;
-pub(crate) mod probe;
+pub mod probe;
 mod raster;
 pub mod reference;
 mod tiles;
@@ -36,7 +36,7 @@ pub const LEAST: f32 = 1.0 / 255.0;
 pub const NEAR: f32 = 0.05;
 
 /// Numbers of a splat: place, turn, scales, opacity and colour.
-pub(crate) const ROW: usize = 14;
+pub const ROW: usize = 14;
 
 /// A camera in the frame of the body.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,7 +97,7 @@ impl Splats {
 
     /// `[N, 14]`: place, turn, scales, opacity and colour of each, as the operation takes them, without what colours
     /// gain by the view.
-    pub(crate) fn rows(&self) -> Tensor<2> {
+    pub fn rows(&self) -> Tensor<2> {
         let [n, _] = self.means.dims();
         let opacities = self.opacities.clone().reshape([n, 1]);
         let parts = [&self.means, &self.turns, &self.scales].map(Tensor::clone);

@@ -9,7 +9,7 @@ use super::{LEAST, MOST, Sight};
 use crate::form::Form;
 
 /// A picture that is asked pixel by pixel.
-pub(crate) struct Probe<'a> {
+pub struct Probe<'a> {
     numbers: Numbers<'a>,
     light: [[f32; LIGHTS]; 3],
     sight: &'a Sight,
@@ -28,7 +28,8 @@ struct Layer {
 }
 
 /// The gradient of a pixel to the transform of a splat.
-pub(crate) struct SplatPull {
+pub struct SplatPull {
+    /// Index of the splat.
     pub splat: usize,
     /// Row-major 3x4.
     pub to_transform: [f32; 12],

@@ -1,8 +1,6 @@
 //! Fits of made-up people, whose true joints are known, and of what can't be fitted.
 
-mod people;
-
-use people::{Clip, Errors, camera, clip, error, joints};
+use crate::people::{Clip, Errors, camera, clip, error, joints};
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPointSet, KeyPoints, PoseError, fit};
 use yoto_synthetic::SyntheticPerson;
 

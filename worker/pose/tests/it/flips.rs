@@ -2,9 +2,7 @@
 //! body turns and by its colours, and how often that turns a body that was right.
 
 #[allow(dead_code, reason = "other tests use the rest")]
-mod people;
-
-use people::{Clip, Errors, camera, clip, joints};
+use crate::people::{Clip, Errors, camera, clip, joints};
 use yoto_capture::skeleton::transform::{dot, sub};
 use yoto_pose::{FitOptions, KeyPointSet, fit, patches};
 use yoto_synthetic::SyntheticPerson;

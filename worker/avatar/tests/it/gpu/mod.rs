@@ -8,7 +8,6 @@
 //!
 //! Use `--features yoto-avatar/gpu`, that is without `autotune`, which compiles a dozen kernels for
 //! every shape of a matrix product: ten minutes with a software driver.
-#![cfg(feature = "gpu")]
 
 mod compare;
 mod device;

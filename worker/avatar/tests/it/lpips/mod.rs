@@ -2,13 +2,12 @@
 //! points where its gradient could fail, and with invalid files.
 
 mod generated;
-#[path = "../support/mod.rs"]
-mod support;
 
+use crate::support;
+use crate::support::{case_file, values};
 use burn::tensor::{Device, Tensor, TensorData};
 use safetensors::SafeTensors;
 use std::path::Path;
-use support::{case_file, values};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::lpips::{Lpips, LpipsError, LpipsWeights};

@@ -1,6 +1,6 @@
 //! Compares results with those of a case, and prints the rows of the table.
 
-use crate::case::Case;
+use crate::parity::case::Case;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;

@@ -1,9 +1,9 @@
 //! Encodings, the pose-conditioned code, and both networks. The reference concatenates codes and
 //! skips to a layer's input; this crate multiplies them by separate weights.
 
-use crate::case::Case;
-use crate::check::{Check, GRADIENTS, VALUES};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, GRADIENTS, VALUES};
+use crate::parity::small;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
 use yoto_avatar::config::Encoding;

@@ -1,8 +1,8 @@
 //! Rotations, forward kinematics and bone transforms, the correction of poses.
 
-use crate::case::Case;
-use crate::check::{Check, GRADIENTS, VALUES};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, GRADIENTS, VALUES};
+use crate::parity::small;
 use burn::optim::GradientsParams;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::motion::posed::{corrected_transforms, relative_joints, transforms};

@@ -1,8 +1,8 @@
 //! The prior of the motion weights, their volume, and the warp.
 
-use crate::case::Case;
-use crate::check::{Check, GRADIENTS, VALUES};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, GRADIENTS, VALUES};
+use crate::parity::small;
 use burn::optim::GradientsParams;
 use yoto_avatar::config::MotionForm;
 use yoto_avatar::motion::body::Body;

@@ -1,8 +1,8 @@
 //! The objective without LPIPS, and Adam.
 
-use crate::case::Case;
-use crate::check::{Check, GRADIENTS, VALUES};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, GRADIENTS, VALUES};
+use crate::parity::small;
 use burn::tensor::{Device, Tensor};
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_ops::adam::{AdamRates, update};

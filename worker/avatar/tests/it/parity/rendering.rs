@@ -1,8 +1,8 @@
 //! Compositing, with opaque samples, empty rays and samples with a likelihood of 0.
 
-use crate::case::Case;
-use crate::check::{Check, GRADIENTS, VALUES};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, GRADIENTS, VALUES};
+use crate::parity::small;
 use yoto_avatar::render::composite::composite;
 use yoto_avatar::render::samples::Samples;
 

@@ -1,6 +1,6 @@
 //! The small complete model of `tests/reference/model.py`, with its weights.
 
-use crate::case::path;
+use crate::parity::case::path;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::Device;
 use yoto_avatar::avatar::Avatar;

@@ -1,9 +1,9 @@
 //! One complete training step of the small model: the colours of its rays, the loss, the gradients
 //! of all parameters, and the parameters after Adam.
 
-use crate::case::Case;
-use crate::check::{Check, by_path, relative_error};
-use crate::small;
+use crate::parity::case::Case;
+use crate::parity::check::{Check, by_path, relative_error};
+use crate::parity::small;
 use burn::optim::GradientsParams;
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::config::{Encoding, OptimiseConfig};

@@ -12,7 +12,7 @@ mod autodiff;
 pub mod cpu;
 pub mod pulls;
 pub mod reference;
-pub(crate) mod solve;
+pub mod solve;
 
 use super::WarpGrid;
 use crate::on_cpu;

@@ -18,7 +18,7 @@ type Vec3 = [f32; 3];
 type Mat3 = [[f32; 3]; 3];
 
 /// A posed body in host memory.
-pub(crate) struct Skinning<'a> {
+pub struct Skinning<'a> {
     weights: &'a [f32],
     /// `[V, K]`, K a multiple of [`LANES`]: the weights of all bones at a node follow each other.
     nodes: Vec<f32>,
@@ -268,7 +268,7 @@ pub(super) fn inverse(m: &Mat3) -> Option<Mat3> {
 
 /// A 3x4 transform applied to a point.
 #[inline(always)]
-pub(crate) fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
+pub fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
     std::array::from_fn(|r| {
         t[4 * r] * x[0] + t[4 * r + 1] * x[1] + t[4 * r + 2] * x[2] + t[4 * r + 3]
     })

@@ -7,7 +7,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
 pub mod reference;
-pub(crate) mod shares;
+pub mod shares;
 
 use super::WarpGrid;
 use crate::has_own_form;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 const BLOCK: usize = 512;
 
 /// The bones that carry each point, and their shares, which sum to 1.
-pub(crate) struct Shares {
+pub struct Shares {
     /// `[N + 1]`: the bones of point i are entries `starts[i]..starts[i + 1]`.
     starts: Vec<u32>,
     bones: Vec<(u32, f32)>,

@@ -1,0 +1,20 @@
+//! The coordinator as its clients and workers see it.
+
+mod catalogue;
+mod deletions;
+mod evaluations;
+mod exports;
+mod faults;
+mod garbage;
+mod helpers;
+mod leases;
+mod queue;
+mod results;
+mod retention;
+mod scenes;
+mod service;
+mod status;
+mod support;
+mod tradeoffs;
+mod uploads;
+mod watching;

@@ -1,0 +1,25 @@
+//! The model as a library: training, pictures, and numbers that a reference computed.
+
+mod distill;
+mod exposure;
+mod extremes;
+mod finite_diff;
+#[cfg(feature = "gpu")]
+mod gpu;
+mod harmonics;
+mod humannerf;
+mod joining;
+mod leaving;
+mod lpips;
+mod mlp;
+mod parity;
+mod picture_loss;
+mod plain;
+mod refinement;
+mod sharing;
+mod splats;
+mod support;
+mod together;
+mod tradeoff;
+mod training;
+mod unseen;

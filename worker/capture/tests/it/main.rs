@@ -1,0 +1,3 @@
+//! What the check of a capture says of made-up people.
+
+mod check;

@@ -1,0 +1,4 @@
+//! Films and pictures of real encoders, in and out.
+
+mod film;
+mod video;

@@ -1,0 +1,5 @@
+//! Poses from key points of made-up people.
+
+mod fit;
+mod flips;
+mod people;
