@@ -1,9 +1,7 @@
 //! Pauses between attempts.
 
-use std::{
-    hash::{BuildHasher, RandomState},
-    time::Duration,
-};
+use std::hash::{BuildHasher, RandomState};
+use std::time::Duration;
 
 /// Share by which a pause is longer or shorter by chance: what one fault put back together does not come
 /// back all at once.

@@ -1,7 +1,8 @@
 //! What an export is made of where its order says nothing, the files of each form, and whom it needs.
 
 use crate::render_needs::Need;
-use crate::v1::{Distillation, ExportForm, ExportSpec, export_motion::Motion};
+use crate::v1::export_motion::Motion;
+use crate::v1::{Distillation, ExportForm, ExportSpec};
 
 /// Most triangles of a mesh.
 pub const TRIANGLES: u32 = 20_000;

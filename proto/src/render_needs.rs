@@ -1,6 +1,8 @@
 //! The people and the models that a render needs.
 
-use crate::v1::{Actor, Light, RenderSpec, actor::Motion, light, render_spec::What};
+use crate::v1::actor::Motion;
+use crate::v1::render_spec::What;
+use crate::v1::{Actor, Light, RenderSpec, light};
 
 /// A subject whose capture a render or an export needs.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,10 +1,8 @@
 //! The time by which leases run: the coordinator's alone, never a worker's.
 
-use std::{
-    fmt::Debug,
-    sync::{Mutex, PoisonError},
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::fmt::Debug;
+use std::sync::{Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A clock; seconds since 1970.
 pub trait Clock: Debug + Send + Sync {

@@ -1,12 +1,12 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::{
-    checkpoints::retention::Retention,
-    clock::{Clock, SystemClock},
-    error::ServerError,
-    faults::Faults,
-};
-use std::{path::PathBuf, sync::Arc, time::Duration};
+use crate::checkpoints::retention::Retention;
+use crate::clock::{Clock, SystemClock};
+use crate::error::ServerError;
+use crate::faults::Faults;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
 use url::Url;
 use yoto_proto::limits;
 

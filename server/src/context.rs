@@ -1,15 +1,16 @@
 //! State that all services and background tasks of a coordinator share.
 
-use crate::{
-    config::ServerConfig,
-    error::RequestError,
-    jobs::{changes::JobChanges, roster::Roster},
-    lock::DataDirLock,
-    objects::{disk::ObjectDisk, room},
-    store::Store,
-    uploads::Turns,
-};
-use std::{sync::Arc, time::SystemTime};
+use crate::config::ServerConfig;
+use crate::error::RequestError;
+use crate::jobs::changes::JobChanges;
+use crate::jobs::roster::Roster;
+use crate::lock::DataDirLock;
+use crate::objects::disk::ObjectDisk;
+use crate::objects::room;
+use crate::store::Store;
+use crate::uploads::Turns;
+use std::sync::Arc;
+use std::time::SystemTime;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_objects::Objects;

@@ -28,15 +28,19 @@ pub use yoto_objects::ObjectsError;
 
 use context::Context;
 use futures::Stream;
-use jobs::{changes::JobChanges, reaper, roster::Roster};
+use jobs::changes::JobChanges;
+use jobs::reaper;
+use jobs::roster::Roster;
 use lock::DataDirLock;
-use objects::{collect, disk::ObjectDisk};
-use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
+use objects::collect;
+use objects::disk::ObjectDisk;
+use std::future::Future;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::SystemTime;
 use store::SqliteStore;
-use tokio::{
-    io::{AsyncRead, AsyncWrite},
-    task::JoinHandle,
-};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::Connected;
 use uploads::Turns;

@@ -2,17 +2,15 @@
 //! soon as there is a place for it. No step is made twice.
 
 use anyhow::{Context, ensure};
-use std::{
-    fs,
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
-use yoto_proto::v1::{Job, TrainSpec, job::State, job_result::Kind};
+use yoto_proto::v1::job::State;
+use yoto_proto::v1::job_result::Kind;
+use yoto_proto::v1::{Job, TrainSpec};
 use yoto_synthetic::SyntheticPerson;
-use yoto_tests::{
-    people::write_capture,
-    process::{PATIENCE, Service, succeed},
-};
+use yoto_tests::people::write_capture;
+use yoto_tests::process::{PATIENCE, Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const STEPS: u64 = 60;

@@ -5,9 +5,9 @@ use anyhow::{Context, ensure};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
-use yoto_proto::v1::{
-    Job, Orbit, RenderSpec, RenderedFile, job, job_attempt::Outcome, job_result, render_spec::What,
-};
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{Job, Orbit, RenderSpec, RenderedFile, job, job_result};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};

@@ -5,11 +5,12 @@ use anyhow::{Context, ensure};
 use std::time::Instant;
 use tonic::Code;
 use yoto_client::YotoClient;
+use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
     Claim, EndJobRequest, HeartbeatRequest, Job, JobResult, PoseRefinement,
-    PublishCheckpointRequest, TrainSpec, end_job_request::Outcome, job_result,
+    PublishCheckpointRequest, TrainSpec, job_result,
 };
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;

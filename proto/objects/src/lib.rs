@@ -11,12 +11,18 @@ mod read;
 pub use error::ObjectsError;
 
 use bytes::Bytes;
-use object_store::{
-    ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key, prefix::PrefixStore,
-};
-use std::{future::Future, path::PathBuf, sync::Arc, time::Duration};
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use object_store::prefix::PrefixStore;
+use object_store::{ObjectStore, ObjectStoreExt};
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
 use url::Url;
-use yoto_proto::{backoff::Backoff, sha256_hex, v1::ObjectRef};
+use yoto_proto::backoff::Backoff;
+use yoto_proto::sha256_hex;
+use yoto_proto::v1::ObjectRef;
 
 /// Attempts of a patient store.
 const ATTEMPTS: u32 = 8;

@@ -3,12 +3,16 @@
 
 use super::{Objects, ObjectsError, parse, same_size};
 use bytes::Bytes;
-use futures::{Stream, StreamExt, TryStreamExt, stream, stream::BoxStream};
+use futures::stream::BoxStream;
+use futures::{Stream, StreamExt, TryStreamExt, stream};
 use object_store::{GetOptions, GetRange, ObjectStoreExt};
 use sha2::{Digest, Sha256};
-use std::{ops::Range, path::Path};
-use tokio::{fs::File, io::AsyncWriteExt};
-use yoto_proto::{hex, v1::ObjectRef};
+use std::ops::Range;
+use std::path::Path;
+use tokio::fs::File;
+use tokio::io::AsyncWriteExt;
+use yoto_proto::hex;
+use yoto_proto::v1::ObjectRef;
 
 type Chunks = BoxStream<'static, Result<Bytes, ObjectsError>>;
 

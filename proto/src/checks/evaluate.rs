@@ -1,11 +1,10 @@
 //! Orders to measure a model.
 
-use super::{Fault, Faults, scene::MAX_SIDE};
-use crate::{
-    protocols::{HELD_OUT, PROTOCOLS, is_protocol},
-    tiers,
-    v1::EvaluateSpec,
-};
+use super::scene::MAX_SIDE;
+use super::{Fault, Faults};
+use crate::protocols::{HELD_OUT, PROTOCOLS, is_protocol};
+use crate::tiers;
+use crate::v1::EvaluateSpec;
 use std::ops::RangeInclusive;
 
 /// Sides of measured pictures, pixels: SSIM needs a window.

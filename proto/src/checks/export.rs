@@ -1,11 +1,11 @@
 //! Orders to export.
 
-use super::{Fault, Faults, scene::RATES};
-use crate::{
-    exports::is_file_name,
-    pose_track::MAX_FRAMES,
-    v1::{Distillation, ExportForm, ExportMotion, ExportSpec, export_motion::Motion},
-};
+use super::scene::RATES;
+use super::{Fault, Faults};
+use crate::exports::is_file_name;
+use crate::pose_track::MAX_FRAMES;
+use crate::v1::export_motion::Motion;
+use crate::v1::{Distillation, ExportForm, ExportMotion, ExportSpec};
 use std::ops::RangeInclusive;
 
 /// Clips of one export.

@@ -1,13 +1,9 @@
 //! Poses, cameras and motions of orders.
 
-use super::{
-    Faults,
-    scene::{MAX_PICTURES, SIDES},
-};
-use crate::{
-    pose_track::{MAX_JOINTS, Skeleton},
-    v1::{BodyPose, Camera, MotionClip, View},
-};
+use super::Faults;
+use super::scene::{MAX_PICTURES, SIDES};
+use crate::pose_track::{MAX_JOINTS, Skeleton};
+use crate::v1::{BodyPose, Camera, MotionClip, View};
 use std::fmt::Display;
 
 /// A number of either width.

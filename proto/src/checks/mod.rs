@@ -11,9 +11,11 @@ pub mod render;
 pub mod scene;
 pub mod train;
 
-use crate::v1::{JobSpec, job_spec::Kind};
+use crate::v1::JobSpec;
+use crate::v1::job_spec::Kind;
 use prost::Message;
-use std::{fmt::Display, ops::RangeInclusive};
+use std::fmt::Display;
+use std::ops::RangeInclusive;
 
 /// Longest encoded order, bytes: a job must fit into a message beside its result.
 pub const SPEC_BYTES: usize = 8 << 20;
@@ -99,7 +101,8 @@ fn join(outer: &str, inner: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::v1::{RenderSpec, TrainSpec, View, ViewList, render_spec::What};
+    use crate::v1::render_spec::What;
+    use crate::v1::{RenderSpec, TrainSpec, View, ViewList};
 
     fn fields(spec: &JobSpec) -> Vec<String> {
         job(spec).into_iter().map(|fault| fault.field).collect()

@@ -1,13 +1,11 @@
 //! Orders to render.
 
 use super::{Fault, Faults, scene};
-use crate::{
-    render_needs::{model_of, other_models},
-    tiers,
-    v1::{
-        Between, Layer, RenderQuality, RenderSpec, Scene, render_quality::Want, render_spec::What,
-    },
-};
+use crate::render_needs::{model_of, other_models};
+use crate::tiers;
+use crate::v1::render_quality::Want;
+use crate::v1::render_spec::What;
+use crate::v1::{Between, Layer, RenderQuality, RenderSpec, Scene};
 use std::ops::RangeInclusive;
 
 /// Frame rates of an animation, per second; 0 leaves it to the worker.
@@ -197,9 +195,10 @@ fn check_layer(found: &mut Faults, render: &RenderSpec) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::v1::actor::Motion;
     use crate::v1::{
         Actor, BodyPose, Camera, CaptureMotion, Light, MotionClip, MotionTransfer, Orbit, Scene,
-        Skeleton, View, ViewList, actor::Motion,
+        Skeleton, View, ViewList,
     };
 
     fn with(what: What) -> RenderSpec {

@@ -2,10 +2,9 @@
 
 use super::{Fault, Faults};
 use crate::names::Collection;
-use crate::v1::{
-    Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
-    scene_camera::Path,
-};
+use crate::v1::actor::Motion;
+use crate::v1::scene_camera::Path;
+use crate::v1::{Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, light};
 use std::ops::RangeInclusive;
 
 /// Actors of a scene.

@@ -1,11 +1,9 @@
 //! Orders to train.
 
 use super::{Fault, Faults};
-use crate::{
-    pose_track::MAX_SIDE,
-    tiers::SPLATS,
-    v1::{ExposureLearning, PoseRefinement, TrainSpec},
-};
+use crate::pose_track::MAX_SIDE;
+use crate::tiers::SPLATS;
+use crate::v1::{ExposureLearning, PoseRefinement, TrainSpec};
 use std::ops::RangeInclusive;
 
 /// Longest training budget, seconds: 90 days. Anything longer is a unit error.

@@ -1,31 +1,25 @@
 //! `yoto.v1.ModelService`.
 
 use super::{fields, paging};
-use crate::{
-    checkpoints::best::best_first,
-    context::Context,
-    error::RequestError,
-    store::{NewModel, Target},
-};
-use futures::{
-    StreamExt,
-    stream::{self, BoxStream},
-};
+use crate::checkpoints::best::best_first;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{NewModel, Target};
+use futures::StreamExt;
+use futures::stream::{self, BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits::CHUNK_BYTES,
-    manifest::{Manifest, files},
-    names::{self, Collection},
-    tiers,
-    v1::{
-        AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
-        DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
-        GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
-        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
-        RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
-        model_service_server::ModelService,
-    },
+use yoto_proto::limits::CHUNK_BYTES;
+use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::tiers;
+use yoto_proto::v1::model_service_server::ModelService;
+use yoto_proto::v1::{
+    AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
+    GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
+    ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
+    RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
 };
 
 /// The field of a model that can be changed.

@@ -1,18 +1,18 @@
 //! `yoto.v1.ObjectService`.
 
 use super::{fields, paging};
-use crate::{context::Context, error::RequestError};
-use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use crate::context::Context;
+use crate::error::RequestError;
+use futures::stream::BoxStream;
+use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    manifest::{Manifest, files},
-    names::{self, Collection},
-    v1::{
-        DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
-        ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
-        object_service_server::ObjectService,
-    },
+use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::v1::object_service_server::ObjectService;
+use yoto_proto::v1::{
+    DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
+    ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
 };
 
 /// File of a measured trade-off.

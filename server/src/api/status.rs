@@ -3,7 +3,8 @@
 //! Faults of a request are reported in full. Internal errors are logged here, once, and not
 //! reported: internal details help attackers, not callers.
 
-use crate::{error::RequestError, store::StoreError};
+use crate::error::RequestError;
+use crate::store::StoreError;
 use std::collections::HashMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};

@@ -1,18 +1,12 @@
 //! `yoto.v1.StorageService`.
 
-use crate::{
-    context::Context,
-    objects::collect::{self, Found},
-};
+use crate::context::Context;
+use crate::objects::collect::{self, Found};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits::LONGEST_PAGE_ENTRIES,
-    v1::{
-        CollectGarbageRequest, CollectGarbageResponse, GarbageFolder,
-        storage_service_server::StorageService,
-    },
-};
+use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
+use yoto_proto::v1::storage_service_server::StorageService;
+use yoto_proto::v1::{CollectGarbageRequest, CollectGarbageResponse, GarbageFolder};
 
 /// The object store, for operators.
 pub struct StorageApi {

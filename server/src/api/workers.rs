@@ -1,24 +1,21 @@
 //! `yoto.v1.WorkerService`.
 
 use super::{fields, worker_text};
-use crate::{
-    context::Context,
-    error::RequestError,
-    jobs::{lease, report},
-    store::{Ending, LeaseKey, NewWorker},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::jobs::{lease, report};
+use crate::store::{Ending, LeaseKey, NewWorker};
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
-        HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
-        PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
-        RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, end_job_request::Outcome,
-        worker_service_server::WorkerService,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::worker_service_server::WorkerService;
+use yoto_proto::v1::{
+    Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
+    HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
+    PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
+    RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
 };
 
 /// The workers' side of the coordinator.

@@ -5,16 +5,12 @@ use futures::future::BoxFuture;
 use http_body_util::{BodyExt, Full};
 use prost::Message;
 use prost_types::FileDescriptorSet;
-use std::{
-    collections::HashSet,
-    sync::Arc,
-    task::{Context, Poll},
-};
-use tonic::{
-    Status,
-    body::Body,
-    codegen::http::{Request, Response},
-};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::http::{Request, Response};
 use tower::{Layer, Service};
 
 /// Wraps the services of a coordinator.

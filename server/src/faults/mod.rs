@@ -8,7 +8,9 @@ mod layer;
 
 pub(crate) use layer::FaultLayer;
 
-use std::{fmt::Debug, sync::Arc, time::Duration};
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// A moment of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,12 +4,12 @@
 //! process) only delays its watchers.
 
 use crate::context::Context;
-use std::{
-    collections::{HashMap, hash_map::Entry},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, watch};
-use yoto_proto::{names::Collection, v1::Job};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::Job;
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]

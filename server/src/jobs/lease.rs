@@ -1,10 +1,8 @@
 //! Hands queued jobs to workers.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{LeasedJob, NewWorker},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{LeasedJob, NewWorker};
 use std::time::SystemTime;
 use yoto_proto::v1::Lease;
 

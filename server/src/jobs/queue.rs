@@ -4,22 +4,16 @@
 //! entries (shards, the checkpoint to use, slots) are not removed while a job that uses them waits or
 //! runs, so the checks still hold when the job is leased.
 
-use crate::{
-    checkpoints::best::best_first,
-    context::Context,
-    error::RequestError,
-    store::{JobKind, NewJob, RequestKey, StoreError},
+use crate::checkpoints::best::best_first;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{JobKind, NewJob, RequestKey, StoreError};
+use yoto_proto::names::Collection;
+use yoto_proto::render_needs::{Need, needs, other_models};
+use yoto_proto::v1::{
+    Checkpoint, EvaluateSpec, ExportSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec, job_spec,
 };
-use yoto_proto::{
-    checks, exports,
-    names::Collection,
-    render_needs::{Need, needs, other_models},
-    tiers,
-    v1::{
-        Checkpoint, EvaluateSpec, ExportSpec, Job, Model, RenderSpec, SubjectShard, TrainSpec,
-        job_spec,
-    },
-};
+use yoto_proto::{checks, exports, tiers};
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
 const MIN_TRAIN_FRAMES: u32 = 2;

@@ -1,9 +1,7 @@
 //! Takes jobs back from silent workers.
 
-use crate::{
-    context::Context,
-    store::{Reaped, StoreError},
-};
+use crate::context::Context;
+use crate::store::{Reaped, StoreError};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 

@@ -3,23 +3,18 @@
 //! A report is checked before it enters the catalogue: keys must be those that this job may
 //! write under this token, and the objects must exist.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    objects::upload::is_sha256,
-    store::{Ending, LeaseKey, StoreError, Taken},
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::upload::is_sha256;
+use crate::store::{Ending, LeaseKey, StoreError, Taken};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::render_needs::other_models;
+use yoto_proto::v1::{
+    Checkpoint, EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile, IngestResult,
+    JobResult, JobSpec, ObjectRef, Progress, RenderResult, RenderSpec, RenderedFile, Scores,
+    job_result, job_spec,
 };
-use yoto_proto::{
-    keys,
-    names::{self, Collection},
-    render_needs::other_models,
-    tiers,
-    v1::{
-        Checkpoint, EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile,
-        IngestResult, JobResult, JobSpec, ObjectRef, Progress, RenderResult, RenderSpec,
-        RenderedFile, Scores, job_result, job_spec,
-    },
-};
+use yoto_proto::{keys, tiers};
 
 /// Largest stored trade-off, bytes: it must fit into one message.
 const MAX_TRADEOFF_BYTES: u64 = 1 << 20;

@@ -1,7 +1,8 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
 use super::changes::{Seen, subscribe};
-use crate::{context::Context, error::RequestError};
+use crate::context::Context;
+use crate::error::RequestError;
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;

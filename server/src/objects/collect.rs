@@ -5,15 +5,11 @@
 //! back by hand, and whoever reads it can end.
 
 use super::folders::Folder;
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{Horizons, KnownGarbage, Reference},
-};
-use std::{
-    collections::{HashMap, HashSet},
-    sync::Arc,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{Horizons, KnownGarbage, Reference};
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 use yoto_proto::keys;
 

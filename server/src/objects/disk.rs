@@ -1,10 +1,8 @@
 //! The folder in which the objects are.
 
 use super::room::Room;
-use std::{
-    io::{self, ErrorKind},
-    path::{Path, PathBuf},
-};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 use url::Url;
 use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::keys;

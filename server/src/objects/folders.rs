@@ -1,11 +1,9 @@
 //! The folders of a local store that live and end as a whole, with their sizes.
 
 use super::disk::{ObjectDisk, failed};
-use std::{
-    fs::{self, DirEntry},
-    io::{self, ErrorKind},
-    path::Path,
-};
+use std::fs::{self, DirEntry};
+use std::io::{self, ErrorKind};
+use std::path::Path;
 use yoto_objects::ObjectsError;
 use yoto_proto::keys;
 

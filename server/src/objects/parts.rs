@@ -6,12 +6,10 @@
 use super::disk::{ObjectDisk, failed};
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
-use std::{
-    collections::HashSet,
-    fs::{self, File, OpenOptions},
-    io::{self, Read, Seek, SeekFrom, Write},
-    path::{Path, PathBuf},
-};
+use std::collections::HashSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 use yoto_objects::ObjectsError;
 use yoto_proto::hex;
 

@@ -1,12 +1,10 @@
 //! Jobs and leases as the store takes and gives them.
 
 use super::StoreError;
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job,
-        job_attempt::Outcome, job_spec,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{
+    self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job, job_spec,
 };
 
 /// Kind of a job.

@@ -1,8 +1,9 @@
 //! Another try of an ingest: what was the machine's fault costs nobody a second upload.
 
-use crate::{
-    context::Context, error::RequestError, objects::upload::input_file, store::RequestKey,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::upload::input_file;
+use crate::store::RequestKey;
 use yoto_proto::v1::{Capture, capture};
 
 /// Queues another ingest job of a capture whose last one brought nothing.

@@ -1,11 +1,10 @@
 //! Chunks on their way to the disk, and their commit.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    objects::{disk, parts::Piece},
-    store::CommittedPart,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::disk;
+use crate::objects::parts::Piece;
+use crate::store::CommittedPart;
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;

@@ -1,13 +1,12 @@
 //! The end of an upload: its files are what was announced, and its ingest job is queued.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{RequestKey, UploadFile},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{RequestKey, UploadFile};
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
-use yoto_proto::{keys, v1::Capture};
+use yoto_proto::keys;
+use yoto_proto::v1::Capture;
 
 /// Files that are hashed at once.
 const HASHED_AT_ONCE: usize = 2;

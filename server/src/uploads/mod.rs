@@ -18,7 +18,9 @@ pub use finish::finish;
 pub use turns::Turns;
 pub use write::receive;
 
-use crate::{context::Context, error::RequestError, store::Upload};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::Upload;
 
 /// The open upload with this id.
 ///

@@ -1,10 +1,8 @@
 //! One writer of an upload at a time: the newest. A connection may be lost long before the service
 //! notices, and whoever goes on elsewhere must not wait for that.
 
-use std::{
-    collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::OwnedMutexGuard;
 use tokio_util::sync::CancellationToken;
 

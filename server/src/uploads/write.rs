@@ -1,19 +1,17 @@
 //! The bytes of an upload: checked as they arrive, committed in parts.
 
-use super::{
-    batch::{Batch, Committer},
-    open,
-    turns::Turn,
-};
-use crate::{context::Context, error::RequestError};
+use super::batch::{Batch, Committer};
+use super::open;
+use super::turns::Turn;
+use crate::context::Context;
+use crate::error::RequestError;
 use futures::{Stream, StreamExt};
-use std::{collections::HashMap, sync::Arc};
+use std::collections::HashMap;
+use std::sync::Arc;
 use tonic::Status;
-use yoto_proto::{
-    crc32c,
-    names::Collection,
-    v1::{WriteUploadRequest, WriteUploadResponse},
-};
+use yoto_proto::crc32c;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{WriteUploadRequest, WriteUploadResponse};
 
 /// Receives chunks until the stream ends, and commits all that are good, whatever ends it.
 ///

@@ -2,11 +2,12 @@
 
 use crate::support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
+use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     AddIdentityRequest, CreateJobRequest, CreateModelRequest, CreateRenderRequest,
     CreateSubjectRequest, GetModelRequest, GetSubjectRequest, IngestSpec, JobSpec,
     ListCheckpointsRequest, ListJobsRequest, ListSubjectsRequest, Orbit, RemoveIdentityRequest,
-    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec, render_spec::What,
+    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec,
 };
 
 #[tokio::test]

@@ -4,11 +4,11 @@ use crate::support;
 use crate::support::{Service, assert_refused, id};
 use std::time::Duration;
 use tonic::{Code, Response, Status};
+use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
     DeleteJobRequest, DeleteModelRequest, DeleteSubjectRequest, Deleted, GetCaptureRequest,
     ListJobsRequest, MotionTransfer, RemoveIdentityRequest, RenderSpec, job_spec,
-    render_spec::What,
 };
 
 type Answer = Result<Response<Deleted>, Status>;

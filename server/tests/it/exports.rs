@@ -3,16 +3,14 @@
 use crate::support::{Service, assert_invalid, assert_refused, claim, id};
 use std::time::Duration;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    names::object,
-    v1::{
-        CaptureMotion, Checkpoint, CommitOutputRequest, DeleteCaptureRequest,
-        DeleteCheckpointRequest, DeleteModelRequest, Distillation, DistilledSplats, ExportForm,
-        ExportMotion, ExportResult, ExportSpec, ExportedFile, Job, JobKind, Lease, ListJobsRequest,
-        ListObjectsRequest, Model, NamedObject, PauseJobsRequest, RenderedFile, ResumeJobsRequest,
-        Subject, export_motion, job, job_result, job_spec,
-    },
+use yoto_proto::keys;
+use yoto_proto::names::object;
+use yoto_proto::v1::{
+    CaptureMotion, Checkpoint, CommitOutputRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Distillation, DistilledSplats, ExportForm, ExportMotion, ExportResult,
+    ExportSpec, ExportedFile, Job, JobKind, Lease, ListJobsRequest, ListObjectsRequest, Model,
+    NamedObject, PauseJobsRequest, RenderedFile, ResumeJobsRequest, Subject, export_motion, job,
+    job_result, job_spec,
 };
 
 fn spec(model: &Model, subject: &Subject, form: ExportForm) -> ExportSpec {

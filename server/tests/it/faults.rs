@@ -2,10 +2,8 @@
 //! their order.
 
 use crate::support::Service;
-use std::{
-    sync::{Arc, Mutex},
-    time::{Duration, Instant},
-};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tonic::Code;
 use yoto_proto::v1::{CreateSubjectRequest, ListSubjectsRequest};
 use yoto_server::faults::{Delivery, Faults, Moment};

@@ -2,14 +2,13 @@
 
 use crate::support;
 use crate::support::{Service, assert_refused, chunks, file, headers, id, job_name};
-use std::{fs, time::Duration};
+use std::fs;
+use std::time::Duration;
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec,
-        end_job_request::Outcome, job_spec,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::{
+    CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec, job_spec,
 };
 use yoto_server::ServerConfig;
 

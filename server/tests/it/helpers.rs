@@ -1,21 +1,18 @@
 //! Several workers at one render: each has a lease of its own, and draws ranges that are nobody else's.
 
 use crate::support::{Service, assert_refused, id, job_error, job_name};
-use std::{collections::BTreeMap, sync::Arc};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        CancelJobRequest, Claim, CommitOutputRequest, CreateJobRequest, EndJobRequest,
-        HeartbeatRequest, Job, JobKind, JobPriority, JobResult, JobSpec, Lease, ListObjectsRequest,
-        Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec, RenderedFile,
-        ResumeJobsRequest, Subject, TakeRangeRequest, TakeRangeResponse,
-        end_job_request::{Cancelled, Outcome, Returned},
-        job,
-        job_attempt::Outcome as Ended,
-        job_result, job_spec,
-        render_spec::What,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::v1::job_attempt::Outcome as Ended;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    CancelJobRequest, Claim, CommitOutputRequest, CreateJobRequest, EndJobRequest,
+    HeartbeatRequest, Job, JobKind, JobPriority, JobResult, JobSpec, Lease, ListObjectsRequest,
+    Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec, RenderedFile,
+    ResumeJobsRequest, Subject, TakeRangeRequest, TakeRangeResponse, job, job_result, job_spec,
 };
 use yoto_server::clock::ManualClock;
 

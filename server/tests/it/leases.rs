@@ -3,13 +3,11 @@
 use crate::support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
 use std::sync::Arc;
 use tonic::{Code, Status};
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::v1::job_attempt::Outcome as Ended;
 use yoto_proto::v1::{
     CancelJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest, Progress,
-    TrainResult, capture,
-    end_job_request::{Cancelled, Outcome, Returned},
-    job,
-    job_attempt::Outcome as Ended,
-    job_result,
+    TrainResult, capture, job, job_result,
 };
 use yoto_server::clock::ManualClock;
 

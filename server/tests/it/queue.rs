@@ -3,17 +3,14 @@
 use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority,
-        JobSpec, JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-        PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
-        TrainSpec, WorkerDevice,
-        end_job_request::{Outcome, Returned},
-        job, job_result, job_spec,
-        status_service_client::StatusServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::v1::status_service_client::StatusServiceClient;
+use yoto_proto::v1::{
+    CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec,
+    JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
+    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
+    TrainSpec, WorkerDevice, job, job_result, job_spec,
 };
 
 async fn train_for(service: &Service, model: &Model, owner: &str, priority: JobPriority) -> Job {

@@ -3,14 +3,14 @@
 
 use crate::support::{Service, assert_invalid, assert_refused, claim, id, job_name};
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        Actor, CaptureMotion, CommitOutputRequest, DeleteCheckpointRequest, DeleteJobRequest,
-        DeleteModelRequest, Job, Lease, Model, RemoveIdentityRequest, RenderQuality, RenderResult,
-        RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, actor::Motion, job_result,
-        job_spec, render_quality::Want, render_spec::What,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::actor::Motion;
+use yoto_proto::v1::render_quality::Want;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    Actor, CaptureMotion, CommitOutputRequest, DeleteCheckpointRequest, DeleteJobRequest,
+    DeleteModelRequest, Job, Lease, Model, RemoveIdentityRequest, RenderQuality, RenderResult,
+    RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, job_result, job_spec,
 };
 
 /// Ada, who is in the models duo and fog, of which only duo is trained; Bob is in fog alone.

@@ -2,13 +2,13 @@
 
 use crate::support::{Service, assert_invalid, assert_refused, claim, job_name};
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest,
-        IngestResult, JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec,
-        job, job_result, job_spec, render_spec::What, status_service_client::StatusServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::status_service_client::StatusServiceClient;
+use yoto_proto::v1::{
+    CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest, IngestResult,
+    JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec, job, job_result,
+    job_spec,
 };
 
 #[tokio::test]

@@ -4,14 +4,14 @@
 use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, id};
 use tonic::Code;
-use yoto_proto::{
-    keys, tiers,
-    v1::{
-        EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model,
-        Orbit, RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject,
-        SubjectScores, TradeoffSpec, job_result, job_spec, render_quality::Want, render_spec::What,
-    },
+use yoto_proto::v1::render_quality::Want;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model, Orbit,
+    RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject, SubjectScores,
+    TradeoffSpec, job_result, job_spec,
 };
+use yoto_proto::{keys, tiers};
 
 fn evaluate(model: &Model, tradeoff: bool) -> job_spec::Kind {
     job_spec::Kind::Evaluate(EvaluateSpec {

@@ -7,15 +7,12 @@ use crate::support::{
 use futures::stream::{self, StreamExt};
 use std::time::Duration;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
-        JobError, Lease, Violation, capture,
-        end_job_request::{Cancelled, Outcome},
-        job, subject, upload,
-        upload_service_client::UploadServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome};
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::{
+    CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
+    JobError, Lease, Violation, capture, job, subject, upload,
 };
 
 #[tokio::test]

@@ -5,15 +5,15 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
 use yoto_client::YotoClient;
-use yoto_proto::{
-    keys, names, sha256_hex,
-    v1::{
-        Checkpoint, Claim, EndJobRequest, IngestResult, JobKind, JobResult, LeaseJobRequest,
-        ObjectRef, Orbit, PublishCheckpointRequest, RegisterWorkerRequest, RenderSpec, TrainResult,
-        TrainSpec, WorkerDevice, end_job_request::Outcome, job_result, job_spec, render_spec::What,
-        worker_service_client::WorkerServiceClient,
-    },
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{
+    Checkpoint, Claim, EndJobRequest, IngestResult, JobKind, JobResult, LeaseJobRequest, ObjectRef,
+    Orbit, PublishCheckpointRequest, RegisterWorkerRequest, RenderSpec, TrainResult, TrainSpec,
+    WorkerDevice, job_result, job_spec,
 };
+use yoto_proto::{keys, names, sha256_hex};
 
 /// A running job.
 pub struct Lessee {

@@ -1,12 +1,10 @@
 //! Latencies of calls, and the memory of a process.
 
 use anyhow::{Context, Result};
-use std::{
-    fmt,
-    future::Future,
-    sync::{Mutex, PoisonError},
-    time::{Duration, Instant},
-};
+use std::fmt;
+use std::future::Future;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Latencies of one kind of calls.
 pub struct Latencies {

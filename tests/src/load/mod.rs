@@ -14,10 +14,11 @@ use measure::{Latencies, resident_bytes};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tonic::transport::{Channel, Endpoint};
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
     GetJobRequest, HeartbeatRequest, JobKind, LeaseJobRequest, ListJobsRequest, PauseJobsRequest,
-    Progress, WatchJobRequest, job_service_client::JobServiceClient,
-    worker_service_client::WorkerServiceClient,
+    Progress, WatchJobRequest,
 };
 
 /// Sizes of the load.

@@ -1,28 +1,22 @@
 //! Breaks the service in one way, and watches it recover.
 
-use super::{
-    calls::Calls,
-    fault::Fault,
-    history::{Event, History},
-    late::write_late,
-    load::{Avatar, Load, is_ended, render, train},
-    observer::newest_attempt,
-    parts::StoreFault,
-    processes::Fleet,
-    proxy::Proxy,
-};
+use super::calls::Calls;
+use super::fault::Fault;
+use super::history::{Event, History};
+use super::late::write_late;
+use super::load::{Avatar, Load, is_ended, render, train};
+use super::observer::newest_attempt;
+use super::parts::StoreFault;
+use super::processes::Fleet;
+use super::proxy::Proxy;
 use anyhow::{Context, Result, bail, ensure};
 use nix::sys::signal::Signal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use yoto_proto::{
-    manifest::{Manifest, files},
-    v1::{Job, JobAttempt, WatchJobResponse, job, job_attempt, job_result},
-};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::v1::{Job, JobAttempt, WatchJobResponse, job, job_attempt, job_result};
 
 /// Longest wait for something that has to happen.
 const PATIENCE: Duration = Duration::from_secs(60);

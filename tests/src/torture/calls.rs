@@ -1,18 +1,19 @@
 //! The calls of a client that repeats each, under its request id, until it has a definite answer.
 
 use anyhow::{Context, Result};
-use std::{
-    future::Future,
-    time::{Duration, Instant},
-};
-use tonic::{Code, Response, Status, transport::Channel};
+use std::future::Future;
+use std::time::{Duration, Instant};
+use tonic::transport::Channel;
+use tonic::{Code, Response, Status};
 use yoto_client::endpoint;
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::model_service_client::ModelServiceClient;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, Capture, Checkpoint, CreateJobRequest,
     CreateModelRequest, CreateSubjectRequest, DeleteJobRequest, GetCaptureRequest, GetJobRequest,
     Job, ListCheckpointsRequest, ListJobsRequest, WatchJobRequest, WatchJobResponse, job,
-    job_service_client::JobServiceClient, model_service_client::ModelServiceClient,
-    subject_service_client::SubjectServiceClient, worker_service_client::WorkerServiceClient,
 };
 
 /// Longest wait for one answer.

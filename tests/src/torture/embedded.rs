@@ -1,25 +1,20 @@
 //! The service in one process is killed in the middle of a training, and started again on its folder.
 
-use super::{
-    calls::Calls,
-    checker::Final,
-    ending,
-    fault::Fault,
-    history::{Event, History},
-    load::Load,
-    load::train,
-    observer::newest_attempt,
-    processes::{Fleet, free_port},
-    proxy::Proxy,
-};
+use super::calls::Calls;
+use super::checker::Final;
+use super::ending;
+use super::fault::Fault;
+use super::history::{Event, History};
+use super::load::{Load, train};
+use super::observer::newest_attempt;
+use super::processes::{Fleet, free_port};
+use super::proxy::Proxy;
 use anyhow::{Context, Result, ensure};
-use std::{
-    net::{Ipv4Addr, SocketAddr},
-    path::Path,
-    process::Child,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::process::Child;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 use yoto_proto::v1::job;
 
 /// Longest wait for something that has to happen.

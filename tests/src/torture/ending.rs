@@ -1,22 +1,16 @@
 //! What the service says and stores at the end.
 
-use super::{
-    calls::Calls,
-    checker::{Final, FinalJob},
-    history::Event,
-    load::{Load, is_ended},
-};
+use super::calls::Calls;
+use super::checker::{Final, FinalJob};
+use super::history::Event;
+use super::load::{Load, is_ended};
 use anyhow::{Context, Result};
-use std::{
-    collections::BTreeSet,
-    path::Path,
-    time::{Duration, Instant},
-};
-use yoto_proto::{
-    manifest::Manifest,
-    sha256_hex,
-    v1::{Job, ObjectRef, job, job_result},
-};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use yoto_proto::manifest::Manifest;
+use yoto_proto::sha256_hex;
+use yoto_proto::v1::{Job, ObjectRef, job, job_result};
 
 /// Waits until no job is open, for at most `limit`: what stays open is the checker's.
 ///

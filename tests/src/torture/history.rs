@@ -3,13 +3,11 @@
 use super::fault::Fault;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
-use std::{
-    fs::File,
-    io::Write,
-    path::Path,
-    sync::{Mutex, PoisonError},
-    time::Instant,
-};
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// One observation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,18 +1,15 @@
 //! Writes under claims that are not a job's newest: of a worker that lost it, and of one that never had it.
 
-use super::{
-    calls::{Calls, answered},
-    history::{Event, History},
-};
+use super::calls::{Calls, answered};
+use super::history::{Event, History};
 use anyhow::{Context, Result};
 use tonic::Status;
 use tonic_types::StatusExt;
+use yoto_proto::v1::end_job_request::{Outcome, Returned};
 use yoto_proto::v1::{
     Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobKind,
     JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, TakeRangeRequest,
-    WorkerDevice,
-    end_job_request::{Outcome, Returned},
-    job_attempt,
+    WorkerDevice, job_attempt,
 };
 
 /// Registers a worker that never gets a job.

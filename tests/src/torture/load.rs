@@ -1,29 +1,24 @@
 //! What clients ask of the service meanwhile: people, models, short trainings, pictures, measurements,
 //! exports, cancels and deletions.
 
-use super::{
-    calls::{Calls, is_transient},
-    history::{Event, History},
-    proxy::Proxy,
-};
-use crate::{people::write_capture, upload::files};
+use super::calls::{Calls, is_transient};
+use super::history::{Event, History};
+use super::proxy::Proxy;
+use crate::people::write_capture;
+use crate::upload::files;
 use anyhow::{Context, Result, bail, ensure};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::{
-    path::Path,
-    sync::{Arc, Mutex, PoisonError},
-    time::{Duration, Instant},
-};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tonic::Code;
 use yoto_client::{ClientError, UploadFile, YotoClient};
-use yoto_proto::{
-    protocols::HELD_OUT,
-    v1::{
-        CreateJobRequest, Distillation, EvaluateSpec, ExportForm, ExportSpec, Job, JobKind,
-        JobPriority, JobSpec, Orbit, RenderSpec, TrainSpec, capture, job, job_spec,
-        render_spec::What,
-    },
+use yoto_proto::protocols::HELD_OUT;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    CreateJobRequest, Distillation, EvaluateSpec, ExportForm, ExportSpec, Job, JobKind,
+    JobPriority, JobSpec, Orbit, RenderSpec, TrainSpec, capture, job, job_spec,
 };
 use yoto_synthetic::SyntheticPerson;
 

@@ -1,12 +1,11 @@
 //! Writes down each state in which a job is seen.
 
-use super::{
-    calls::Calls,
-    history::{Event, History},
-    load::is_ended,
-};
+use super::calls::Calls;
+use super::history::{Event, History};
+use super::load::is_ended;
 use anyhow::Result;
-use std::{collections::HashMap, time::Duration};
+use std::collections::HashMap;
+use std::time::Duration;
 use tonic::Code;
 use yoto_proto::v1::Job;
 

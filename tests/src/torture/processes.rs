@@ -1,19 +1,16 @@
 //! The processes of the service: started, killed, stopped, and started again when they have ended.
 
-use super::{parts::Controls, proxy::Proxy};
+use super::parts::Controls;
+use super::proxy::Proxy;
 use anyhow::{Context, Result};
-use nix::{
-    sys::signal::{self, Signal},
-    unistd::Pid,
-};
-use std::{
-    fs::OpenOptions,
-    net::{Ipv4Addr, SocketAddr, TcpListener},
-    path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
-    sync::{Mutex, MutexGuard, PoisonError},
-    time::{Duration, Instant},
-};
+use nix::sys::signal::{self, Signal};
+use nix::unistd::Pid;
+use std::fs::OpenOptions;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// A coordinator and its workers in a folder.
 #[derive(Debug)]

@@ -1,7 +1,9 @@
 //! The table at the end.
 
-use super::{checker::Findings, fault::Fault};
-use std::{collections::BTreeMap, fmt};
+use super::checker::Findings;
+use super::fault::Fault;
+use std::collections::BTreeMap;
+use std::fmt;
 
 /// Counts of faults, and findings.
 #[derive(Debug)]

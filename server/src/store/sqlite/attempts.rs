@@ -1,16 +1,13 @@
 //! The history of a job: each of its leases, and its end.
 
-use super::{
-    ranges,
-    rows::{Columns, During, state},
-};
+use super::ranges;
+use super::rows::{Columns, During, state};
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    names::Collection,
-    v1::{JobAttempt, JobError, job_attempt::Outcome},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{JobAttempt, JobError};
 
 /// Most attempts of one job that are shown, the newest ones.
 const SHOWN: u32 = 100;

@@ -1,16 +1,12 @@
 //! Captures: what their ingest jobs have made of them.
 
 use super::rows::{Columns, During, integer, state};
-use crate::{
-    rules::etag,
-    store::{StoreError, UploadedFile},
-};
+use crate::rules::etag;
+use crate::store::{StoreError, UploadedFile};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    limits,
-    names::Collection,
-    v1::{Capture, IngestResult, Violation, capture},
-};
+use yoto_proto::limits;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Capture, IngestResult, Violation, capture};
 
 fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {

@@ -1,20 +1,15 @@
 //! Checkpoints of models: recorded, listed, thinned out.
 
-use super::{
-    garbage, models, pins,
-    rows::{Columns, During, integer},
-};
-use crate::{
-    checkpoints::retention::{self, Published, Retention},
-    rules::etag,
-    store::StoreError,
-};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    keys,
-    names::{self, Collection},
-    v1::{Checkpoint, ObjectRef},
-};
+use super::rows::{Columns, During, integer};
+use super::{garbage, models, pins};
+use crate::checkpoints::retention::{self, Published, Retention};
+use crate::rules::etag;
+use crate::store::StoreError;
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::keys;
+use yoto_proto::names::{self, Collection};
+use yoto_proto::v1::{Checkpoint, ObjectRef};
 
 /// Checkpoints of a model, newest first.
 pub async fn list(

@@ -3,22 +3,15 @@
 //! What an open job uses is not deleted; the refusal names the job. Nor is a person whom a model has: the
 //! model's checkpoints would still hold what it has learned of them, without anybody to account for it.
 
-use super::{
-    captures, checkpoints, garbage, jobs, models, pins, requests,
-    rows::{Columns, During},
-    subjects, uploads,
-};
-use crate::{
-    rules::etag,
-    store::{RequestKey, StoreError, Target},
-};
+use super::rows::{Columns, During};
+use super::{captures, checkpoints, garbage, jobs, models, pins, requests, subjects, uploads};
+use crate::rules::etag;
+use crate::store::{RequestKey, StoreError, Target};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    exports, keys,
-    names::{self, Collection},
-    render_needs::needs,
-    v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
-};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::render_needs::needs;
+use yoto_proto::v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec};
+use yoto_proto::{exports, keys};
 
 /// Deletes `target` and what goes with it if its version is `etag` (empty: any), or repeats what `request`
 /// deleted before.

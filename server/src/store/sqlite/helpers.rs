@@ -2,15 +2,13 @@
 //!
 //! Such a lease is an attempt with a deadline. Its end, whatever it is, ends no job: its ranges go to others.
 
-use super::{
-    attempts, jobs,
-    leases::{Ask, refusal},
-    outcome,
-    rows::{Columns, During},
-};
+use super::leases::{Ask, refusal};
+use super::rows::{Columns, During};
+use super::{attempts, jobs, outcome};
 use crate::store::{Ending, LeaseKey, StoreError};
 use sqlx::SqliteConnection;
-use yoto_proto::v1::{job, job_attempt::Outcome};
+use yoto_proto::v1::job;
+use yoto_proto::v1::job_attempt::Outcome;
 
 /// Lets the worker of `ask` help with a running render.
 pub async fn begin(

@@ -2,20 +2,15 @@
 //! calls, and nothing can change between its lease and its inputs.
 
 use super::{captures, checkpoints, models, outputs, pins, subjects};
-use crate::{
-    checkpoints::best::to_use,
-    store::{StoreError, UploadedFile},
-};
+use crate::checkpoints::best::to_use;
+use crate::store::{StoreError, UploadedFile};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    keys,
-    names::{Collection, NameError},
-    tiers,
-    v1::{
-        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
-        SubjectShard, job_spec,
-    },
+use yoto_proto::names::{Collection, NameError};
+use yoto_proto::v1::{
+    Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
+    SubjectShard, job_spec,
 };
+use yoto_proto::{keys, tiers};
 
 /// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
 const CHECKPOINTS: usize = 8;

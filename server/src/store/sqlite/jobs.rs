@@ -1,16 +1,13 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::{
-    attempts, models, outcome, pins, requests,
-    rows::{Columns, During, state},
-};
+use super::rows::{Columns, During, state};
+use super::{attempts, models, outcome, pins, requests};
 use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, StoreError, new_id};
 use prost::Message;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{Job, JobPriority, JobSpec, job, job_spec},
-};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Job, JobPriority, JobSpec, job, job_spec};
 
 /// Priorities by their column.
 const PRIORITIES: [JobPriority; 4] = [

@@ -4,21 +4,16 @@
 //! worker and the state RUNNING; a worker that lost its lease matches no row. Workers that help with a render
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
-use super::{
-    attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, ranges,
-    rows::{Columns, During, integer},
-    turn,
-};
-use crate::{
-    checkpoints::retention::Retention,
-    store::{LeaseKey, LeasedJob, StoreError, Turn},
-};
+use super::rows::{Columns, During, integer};
+use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, ranges, turn};
+use crate::checkpoints::retention::Retention;
+use crate::store::{LeaseKey, LeasedJob, StoreError, Turn};
 use prost::Message;
-use sqlx::{Sqlite, SqliteConnection, query::Query, sqlite::SqliteArguments};
-use yoto_proto::{
-    names::Collection,
-    v1::{Checkpoint, JobError, JobSpec, Progress},
-};
+use sqlx::query::Query;
+use sqlx::sqlite::SqliteArguments;
+use sqlx::{Sqlite, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Checkpoint, JobError, JobSpec, Progress};
 
 /// A statement on the job of a lease, in which the first three parameters are those of [`bound`]: it matches
 /// no row once the lease is another's. What follows the condition comes last.

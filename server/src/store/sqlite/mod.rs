@@ -34,19 +34,17 @@ use super::{
     NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
     StoreError, Taken, Target, Turn, Upload, UploadedFile,
 };
-use crate::{
-    checkpoints::retention::Retention,
-    clock::Clock,
-    faults::{self, Moment},
-};
+use crate::checkpoints::retention::Retention;
+use crate::clock::Clock;
+use crate::faults::{self, Moment};
 use async_trait::async_trait;
 use rows::During;
-use sqlx::{
-    Acquire, Sqlite, SqlitePool, Transaction,
-    pool::PoolConnection,
-    sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
-};
-use std::{path::Path, sync::Arc, time::Duration};
+use sqlx::pool::PoolConnection;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Acquire, Sqlite, SqlitePool, Transaction};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
     RenderedFile, Subject, SubjectShard, WorkerStatus,

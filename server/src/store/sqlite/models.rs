@@ -1,20 +1,14 @@
 //! Models, their identity slots, and their checkpoints.
 
-use super::{
-    checkpoints, pins, requests,
-    rows::{Columns, During},
-    subjects,
-};
-use crate::{
-    checkpoints::retention::Retention,
-    rules::etag,
-    store::{Entry, NewModel, Page, RequestKey, StoreError, new_id},
-};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{self, IdentitySlot, Model, subject},
-};
+use super::rows::{Columns, During};
+use super::{checkpoints, pins, requests, subjects};
+use crate::checkpoints::retention::Retention;
+use crate::rules::etag;
+use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{self, IdentitySlot, Model, subject};
 
 /// The variant with a single subject per model.
 const SINGLE_SUBJECT_VARIANT: &str = "humannerf";

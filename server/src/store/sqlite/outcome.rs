@@ -3,20 +3,16 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{
-    attempts, captures, checkpoints, helpers, jobs,
-    leases::{self, bound, guarded},
-    rows::{Columns, During},
-};
-use crate::{
-    rules::retries,
-    store::{Ending, LeaseKey, StoreError},
-};
+use super::leases::{self, bound, guarded};
+use super::rows::{Columns, During};
+use super::{attempts, captures, checkpoints, helpers, jobs};
+use crate::rules::retries;
+use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::v1::{
-    JobError, JobResult, Progress, Violation, job, job_attempt::Outcome, job_result,
-};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{JobError, JobResult, Progress, Violation, job, job_result};
 
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
 pub async fn end(

@@ -1,9 +1,7 @@
 //! Files of renders and exports, committed one by one.
 
-use super::{
-    leases::{self, bound, held},
-    rows::{Columns, During, integer},
-};
+use super::leases::{self, bound, held};
+use super::rows::{Columns, During, integer};
 use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
 use yoto_proto::v1::RenderedFile;

@@ -8,22 +8,16 @@
 //! between, the one that the order was checked with stays. A scene with people of other models uses the best
 //! one of each of these as well, which is chosen and kept in the same way.
 
-use super::{
-    checkpoints,
-    rows::{Columns, During, integer},
-};
-use crate::{
-    checkpoints::{best::to_use, retention::Pins},
-    store::StoreError,
-};
+use super::checkpoints;
+use super::rows::{Columns, During, integer};
+use crate::checkpoints::best::to_use;
+use crate::checkpoints::retention::Pins;
+use crate::store::StoreError;
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    exports,
-    names::Collection,
-    render_needs::{Need, needs, other_models},
-    tiers,
-    v1::{JobSpec, Model, job_spec},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::render_needs::{Need, needs, other_models};
+use yoto_proto::v1::{JobSpec, Model, job_spec};
+use yoto_proto::{exports, tiers};
 
 /// Step of the checkpoint that a job uses.
 pub async fn of_job(conn: &mut SqliteConnection, job_id: &str) -> Result<Option<u64>, StoreError> {

@@ -1,16 +1,13 @@
 //! Ranges of a render's pictures, each drawn by one lease at a time.
 
-use super::{
-    leases::{is_held, refusal},
-    outputs,
-    rows::{Columns, During},
-};
-use crate::{
-    rules::ranges::split,
-    store::{LeaseKey, StoreError, Taken},
-};
+use super::leases::{is_held, refusal};
+use super::outputs;
+use super::rows::{Columns, During};
+use crate::rules::ranges::split;
+use crate::store::{LeaseKey, StoreError, Taken};
 use sqlx::SqliteConnection;
-use yoto_proto::{keys, v1::PictureRange};
+use yoto_proto::keys;
+use yoto_proto::v1::PictureRange;
 
 /// Notes the range from `drawn` on as drawn by the lease, and gives it the next one, or the one that it has
 /// already.

@@ -1,21 +1,15 @@
 //! Jobs of silent workers.
 
-use super::{
-    helpers, jobs, outcome,
-    rows::{Columns, During},
-};
-use crate::{
-    rules::{
-        losses::{Verdict, verdict},
-        outage,
-    },
-    store::{LeaseKey, Reaped, StoreError},
-};
-use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{job, job_attempt::Outcome},
-};
+use super::rows::{Columns, During};
+use super::{helpers, jobs, outcome};
+use crate::rules::losses::{Verdict, verdict};
+use crate::rules::outage;
+use crate::store::{LeaseKey, Reaped, StoreError};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job;
+use yoto_proto::v1::job_attempt::Outcome;
 
 /// Shares of a lease between two ticks that are recorded: an outage is known to within this.
 const TICKS_PER_LEASE: f64 = 8.0;

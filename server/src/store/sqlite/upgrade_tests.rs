@@ -1,15 +1,12 @@
 //! Databases of earlier schemas, opened by this program.
 
-use super::{SqliteStore, migrations::migrations};
-use crate::{
-    checkpoints::retention::Retention,
-    clock::SystemClock,
-    store::{JobKind, NewJob, NewWorker, Store},
-};
-use sqlx::{
-    Executor, Row,
-    sqlite::{SqliteConnectOptions, SqlitePoolOptions},
-};
+use super::SqliteStore;
+use super::migrations::migrations;
+use crate::checkpoints::retention::Retention;
+use crate::clock::SystemClock;
+use crate::store::{JobKind, NewJob, NewWorker, Store};
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
+use sqlx::{Executor, Row};
 use std::sync::Arc;
 use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
 

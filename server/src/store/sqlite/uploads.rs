@@ -1,17 +1,13 @@
 //! Uploads: captures on their way, of which each file has a number of committed bytes.
 
-use super::{
-    captures, garbage, jobs, requests,
-    rows::{Columns, During, integer},
-};
+use super::rows::{Columns, During, integer};
+use super::{captures, garbage, jobs, requests};
 use crate::store::{
     CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
 };
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
-use yoto_proto::{
-    names::Collection,
-    v1::{Capture, IngestSpec, JobSpec, job_spec},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Capture, IngestSpec, JobSpec, job_spec};
 
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
 const ROWS_PER_STATEMENT: usize = 4000;

@@ -2,11 +2,10 @@
 
 use super::rows::{Columns, During};
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{WorkerDevice, WorkerStatus},
-};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{WorkerDevice, WorkerStatus};
 
 /// Adds a worker.
 pub async fn register(

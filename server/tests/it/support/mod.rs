@@ -13,29 +13,37 @@ pub use capture::{File, chunk, chunks, file, headers};
 pub use expect::{assert_invalid, assert_refused, eventually};
 
 use futures::stream;
-use object_store::{ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
-use sqlx::{ConnectOptions, sqlite::SqliteConnectOptions};
-use std::{path::PathBuf, time::Duration};
+use object_store::ObjectStoreExt;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
+use std::path::PathBuf;
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
-use tonic::{Status, transport::Channel};
-use yoto_proto::{
-    keys, names, sha256_hex,
-    v1::{
-        AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest,
-        CollectGarbageResponse, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
-        CreateUploadRequest, EndJobRequest, FinishUploadRequest, GetCaptureRequest, GetJobRequest,
-        GetSubjectRequest, GetUploadRequest, IngestResult, Job, JobError, JobKind, JobResult,
-        JobSpec, Lease, LeaseJobRequest, ListCheckpointsRequest, Model, ObjectRef, Orbit,
-        PublishCheckpointRequest, RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile,
-        Subject, TrainResult, TrainSpec, Upload, WorkerDevice, WriteUploadRequest,
-        end_job_request::Outcome, job_result, job_service_client::JobServiceClient, job_spec,
-        model_service_client::ModelServiceClient, object_service_client::ObjectServiceClient,
-        render_service_client::RenderServiceClient, render_spec::What,
-        storage_service_client::StorageServiceClient, subject_service_client::SubjectServiceClient,
-        upload_service_client::UploadServiceClient, worker_service_client::WorkerServiceClient,
-    },
+use tonic::Status;
+use tonic::transport::Channel;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::model_service_client::ModelServiceClient;
+use yoto_proto::v1::object_service_client::ObjectServiceClient;
+use yoto_proto::v1::render_service_client::RenderServiceClient;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::storage_service_client::StorageServiceClient;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{
+    AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest, CollectGarbageResponse,
+    CreateJobRequest, CreateModelRequest, CreateSubjectRequest, CreateUploadRequest, EndJobRequest,
+    FinishUploadRequest, GetCaptureRequest, GetJobRequest, GetSubjectRequest, GetUploadRequest,
+    IngestResult, Job, JobError, JobKind, JobResult, JobSpec, Lease, LeaseJobRequest,
+    ListCheckpointsRequest, Model, ObjectRef, Orbit, PublishCheckpointRequest,
+    RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec,
+    Upload, WorkerDevice, WriteUploadRequest, job_result, job_spec,
 };
+use yoto_proto::{keys, names, sha256_hex};
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
 
 /// A running coordinator.

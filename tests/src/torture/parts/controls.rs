@@ -3,13 +3,12 @@
 
 use crate::torture::fault::Fault;
 use anyhow::{Context, Result};
-use nix::{sys::signal, unistd::Pid};
-use std::{
-    collections::BTreeMap,
-    fs::OpenOptions,
-    io::Write,
-    path::{Path, PathBuf},
-};
+use nix::sys::signal;
+use nix::unistd::Pid;
+use std::collections::BTreeMap;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use yoto_server::faults::Moment;
 
 /// How the workers' object store fails.

@@ -1,25 +1,22 @@
 //! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, and which ends at
 //! chosen moments.
 
-use super::{asked_to_stop, controls::Controls};
+use super::asked_to_stop;
+use super::controls::Controls;
 use crate::torture::fault::Fault;
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::{
-    net::Ipv4Addr,
-    ops::RangeInclusive,
-    path::PathBuf,
-    sync::{Arc, Mutex, PoisonError},
-    time::Duration,
-};
+use std::net::Ipv4Addr;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::TcpListenerStream;
-use yoto_server::{
-    Coordinator, ServerConfig,
-    clock::{Clock, SystemClock},
-    faults::{Delivery, Faults, Moment},
-};
+use yoto_server::clock::{Clock, SystemClock};
+use yoto_server::faults::{Delivery, Faults, Moment};
+use yoto_server::{Coordinator, ServerConfig};
 
 /// Time from garbage to its removal: what is still in use must not be garbage.
 const GRACE: Duration = Duration::from_secs(6);

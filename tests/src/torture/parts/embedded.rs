@@ -2,10 +2,8 @@
 
 use super::asked_to_stop;
 use anyhow::Result;
-use std::{
-    net::{Ipv4Addr, SocketAddr},
-    path::PathBuf,
-};
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use yoto::embedded::{Embedded, EmbeddedOptions};
 use yoto_ingest::IngestSettings;
 use yoto_server::StorageLimits;

@@ -3,17 +3,17 @@
 use super::controls::{Controls, StoreFault};
 use crate::torture::fault::Fault;
 use async_trait::async_trait;
-use futures::{StreamExt, stream, stream::BoxStream};
+use futures::stream::BoxStream;
+use futures::{StreamExt, stream};
+use object_store::local::LocalFileSystem;
+use object_store::path::Path;
 use object_store::{
     CopyOptions, Error, GetOptions, GetResult, GetResultPayload, ListResult, MultipartUpload,
     ObjectMeta, ObjectStore, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result,
-    local::LocalFileSystem, path::Path,
 };
-use std::{
-    fmt,
-    sync::atomic::{AtomicU64, Ordering},
-    time::Duration,
-};
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 /// Time that a late answer takes.
 const LATE: Duration = Duration::from_millis(700);

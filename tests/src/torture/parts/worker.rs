@@ -1,13 +1,14 @@
 //! A worker with a faulty object store, and with a full disk if told so.
 
-use super::{asked_to_stop, controls::Controls, store::FaultyStore};
+use super::asked_to_stop;
+use super::controls::Controls;
+use super::store::FaultyStore;
 use anyhow::{Context, Result};
-use nix::sys::{
-    resource::{Resource, setrlimit},
-    signal::{SigHandler, Signal, signal},
-};
+use nix::sys::resource::{Resource, setrlimit};
+use nix::sys::signal::{SigHandler, Signal, signal};
 use object_store::local::LocalFileSystem;
-use std::{path::Path, sync::Arc};
+use std::path::Path;
+use std::sync::Arc;
 use yoto_client::endpoint;
 use yoto_objects::Objects;
 use yoto_worker::{Worker, WorkerConfig};
