@@ -232,9 +232,9 @@ impl Correction {
             if let Some(rotation) = frame.pose.first_chunk_mut::<3>() {
                 *rotation = turned(*rotation, degrees);
             }
-            let place = std::array::from_fn(|i| root[i] + frame.translation[i]);
-            let place = turned_about_x(place, degrees);
-            frame.translation = std::array::from_fn(|i| place[i] - root[i]);
+            let position = std::array::from_fn(|i| root[i] + frame.translation[i]);
+            let position = turned_about_x(position, degrees);
+            frame.translation = std::array::from_fn(|i| position[i] - root[i]);
         }
         if self.mirror == Mirror::None {
             return;

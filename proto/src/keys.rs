@@ -38,9 +38,9 @@ pub fn render(job_id: &str, token: u64, file: &str) -> String {
     format!("renders/{job_id}/{token}/{file}")
 }
 
-/// The name among the files of a render of the picture at this `place`, from 0.
-pub fn picture(place: u32) -> String {
-    format!("{place:06}.png")
+/// File name of the picture with this `index` in a render, from 0.
+pub fn picture(index: u32) -> String {
+    format!("{index:06}.png")
 }
 
 /// Folders at the root of a store, and how many levels below each the folders are that live and end as a

@@ -189,7 +189,7 @@ mod tests {
             what: Some(What::Scene(scene)),
             ..RenderSpec::default()
         };
-        let at = |place: usize, name: &str| format!("scene.actors[{place}].{name}");
+        let at = |index: usize, name: &str| format!("scene.actors[{index}].{name}");
         let expected = [
             (at(0, "subject"), "subjects/a", true, Some(3)),
             (at(1, "capture.driver"), "subjects/c", false, Some(9)),
@@ -217,7 +217,7 @@ mod tests {
             })),
             ..RenderSpec::default()
         };
-        let at = |place: usize| format!("scene.actors[{place}].model");
+        let at = |index: usize| format!("scene.actors[{index}].model");
         let others = [(at(0), "models/fog"), (at(3), "models/ice")];
         assert_eq!(other_models(&render), others);
         let models: Vec<&str> = needs(&render).iter().map(|it| it.model).collect();

@@ -8,7 +8,7 @@ use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;
 use crate::objects::room;
 use crate::store::Store;
-use crate::uploads::Turns;
+use crate::uploads::UploadLocks;
 use std::sync::Arc;
 use std::time::SystemTime;
 use tokio_util::sync::CancellationToken;
@@ -41,7 +41,7 @@ pub struct Context {
     /// Held during a collection of garbage: one at a time.
     pub collecting: tokio::sync::Mutex<()>,
     /// Who writes to which upload.
-    pub turns: Turns,
+    pub upload_locks: UploadLocks,
 }
 
 impl Context {

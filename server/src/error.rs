@@ -74,7 +74,7 @@ pub enum RequestError {
     CorruptChunk {
         /// The file.
         path: String,
-        /// Place of the chunk.
+        /// Offset of the chunk in the file, bytes.
         offset: u64,
         /// As sent.
         told: u32,

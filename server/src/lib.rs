@@ -43,7 +43,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::Connected;
-use uploads::Turns;
+use uploads::UploadLocks;
 use url::Url;
 
 /// The database's file in the data folder.
@@ -88,7 +88,7 @@ impl Coordinator {
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),
-            turns: Turns::default(),
+            upload_locks: UploadLocks::default(),
         });
         reaper::take_back_embedded(&context).await?;
         let tasks = vec![

@@ -32,9 +32,9 @@ async fn rendered(client: &YotoClient, what: What) -> anyhow::Result<Vec<u8>> {
     Ok(client.object(file).await?)
 }
 
-/// The frame at `place` of `track`, as a view.
-fn view(track: &PoseTrack, place: usize) -> anyhow::Result<What> {
-    let frame = &track.frames[place];
+/// The frame at `index` of `track`, as a view.
+fn view(track: &PoseTrack, index: usize) -> anyhow::Result<What> {
+    let frame = &track.frames[index];
     let camera = Camera::from_frame(frame, track.image_size)?;
     Ok(What::Views(ViewList {
         views: vec![View {
@@ -108,18 +108,18 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
     let model = client.find_model("solo").await?.name;
     let ada = client.find_subject("ada").await?.name;
     let refined = client.refined_poses(&model, &ada).await?;
-    let place = 5;
+    let index = 5;
     let motion = What::Motion(MotionTransfer {
         driver: ada,
-        first_frame: Some(refined.frames[place].index),
+        first_frame: Some(refined.frames[index].index),
         frame_count: 1,
         frame_step: 1,
         size: SIZE,
         ..MotionTransfer::default()
     });
     let shown = rendered(&client, motion).await?;
-    let as_refined = rendered(&client, view(&refined, place)?).await?;
-    let as_given = rendered(&client, view(&given, place)?).await?;
+    let as_refined = rendered(&client, view(&refined, index)?).await?;
+    let as_given = rendered(&client, view(&given, index)?).await?;
     ensure!(shown == as_refined, "the motion is not the refined one");
     ensure!(as_refined != as_given, "a change shows");
     Ok(())

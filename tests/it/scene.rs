@@ -16,8 +16,8 @@ const FRAMES: usize = 12;
 const SIZE: u32 = 96;
 
 /// A picture that `yoto render` has written into `folder`.
-fn picture(folder: &Path, place: usize) -> anyhow::Result<RgbaImage> {
-    Ok(image::open(folder.join(format!("{place:06}.png")))?.to_rgba8())
+fn picture(folder: &Path, index: usize) -> anyhow::Result<RgbaImage> {
+    Ok(image::open(folder.join(format!("{index:06}.png")))?.to_rgba8())
 }
 
 fn values(picture: &RgbaImage) -> Vec<f32> {
@@ -101,10 +101,10 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
         &format!("{motion} --size {SIZE} --out {}", at("motion")),
         succeed,
     )?;
-    for place in 0..4 {
-        let [one, other] = ["filmed", "motion"].map(|it| picture(&dir.path().join(it), place));
+    for index in 0..4 {
+        let [one, other] = ["filmed", "motion"].map(|it| picture(&dir.path().join(it), index));
         let likeness = psnr(&values(&one?), &values(&other?));
-        ensure!(likeness > 45.0, "picture {place}: {likeness} dB");
+        ensure!(likeness > 45.0, "picture {index}: {likeness} dB");
     }
     // So does a held-out camera at the same place, in a part of the film.
     let poses = std::fs::read(dir.path().join("ada/poses.json"))?;

@@ -71,9 +71,9 @@ impl Objects {
     /// # Errors
     /// When the key is malformed or the store fails.
     pub async fn put(&self, key: &str, bytes: Bytes) -> Result<ObjectRef, ObjectsError> {
-        let place = parse(key)?;
+        let path = parse(key)?;
         self.attempt("writing", key, || {
-            self.store.put(&place, bytes.clone().into())
+            self.store.put(&path, bytes.clone().into())
         })
         .await?;
         Ok(ObjectRef {
@@ -88,8 +88,8 @@ impl Objects {
     /// # Errors
     /// When it does not, or the store fails.
     pub async fn require(&self, object: &ObjectRef) -> Result<(), ObjectsError> {
-        let place = parse(&object.key)?;
-        let found = self.attempt("looking for", &object.key, || self.store.head(&place));
+        let path = parse(&object.key)?;
+        let found = self.attempt("looking for", &object.key, || self.store.head(&path));
         same_size(object, found.await?.size)
     }
 

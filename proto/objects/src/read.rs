@@ -22,9 +22,9 @@ impl Objects {
     /// # Errors
     /// When it is missing or differs from `object`, or the store fails.
     pub async fn read(&self, object: &ObjectRef) -> Result<Bytes, ObjectsError> {
-        let (key, place) = (&object.key, parse(&object.key)?);
+        let (key, path) = (&object.key, parse(&object.key)?);
         let bytes = self.attempt("reading", key, || async {
-            self.store.get(&place).await?.bytes().await
+            self.store.get(&path).await?.bytes().await
         });
         let bytes = bytes.await?;
         same_size(object, bytes.len() as u64)?;
@@ -65,14 +65,14 @@ impl Objects {
         object: &ObjectRef,
         range: Option<Range<u64>>,
     ) -> Result<Chunks, ObjectsError> {
-        let (key, place) = (object.key.clone(), parse(&object.key)?);
+        let (key, path) = (object.key.clone(), parse(&object.key)?);
         let is_whole = range.as_ref().is_none_or(|it| *it == (0..object.bytes));
         let options = GetOptions {
             range: range.map(GetRange::Bounded),
             ..GetOptions::default()
         };
         let found = self.attempt("reading", &key, || {
-            self.store.get_opts(&place, options.clone())
+            self.store.get_opts(&path, options.clone())
         });
         let found = found.await?;
         same_size(object, found.meta.size)?;

@@ -19,7 +19,7 @@ pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 pub const FOV: f64 = 35.0;
 /// Bytes of the picture behind a scene: with the rest of the request, they fit in one message.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
-/// Farthest place from the middle of a scene, metres.
+/// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;
 /// Length of a scene, seconds.
 const LONGEST: f64 = 10_000.0;
@@ -88,11 +88,11 @@ impl Faults {
     }
 
     /// `N` numbers, none farther from 0 than [`FARTHEST`].
-    fn place<const N: usize>(&mut self, field: &str, place: &[f64]) {
+    fn position<const N: usize>(&mut self, field: &str, position: &[f64]) {
         let near = |value: &f64| value.abs() <= FARTHEST;
-        let good = place.len() == N && place.iter().all(near);
+        let good = position.len() == N && position.iter().all(near);
         self.unless(good, field, || {
-            format!("{place:?}: {N} numbers from -{FARTHEST} to {FARTHEST}, metres")
+            format!("{position:?}: {N} numbers from -{FARTHEST} to {FARTHEST}, metres")
         });
     }
 }
@@ -121,7 +121,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
         }
     }
     if !actor.at.is_empty() {
-        found.place::<2>(&field("at"), &actor.at);
+        found.position::<2>(&field("at"), &actor.at);
     }
     if !actor.model.is_empty()
         && let Err(error) = Collection::Models.parse(&actor.model)
@@ -207,8 +207,8 @@ fn check_keys(found: &mut Faults, keys: &CameraKeys) {
             format!("{} is not after the key before", key.seconds)
         });
         last = Some(key.seconds);
-        found.place::<3>(&field("eye"), &key.eye);
-        found.place::<3>(&field("target"), &key.target);
+        found.position::<3>(&field("eye"), &key.eye);
+        found.position::<3>(&field("target"), &key.target);
         found.unless(key.eye != key.target, &field("target"), || {
             "is where the eye is".into()
         });

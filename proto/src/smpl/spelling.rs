@@ -1,7 +1,7 @@
 //! The spellings of SMPL's joints in files of other programs.
 //!
 //! One word may stand for several joints: a `LeftFoot` is the ankle for most animation programs and
-//! the foot for SMPL's own; only the place in the tree tells which.
+//! the foot for SMPL's own; only the position in the tree tells which.
 
 /// Beginnings that rigs put before every name.
 const RIGS: [&str; 6] = ["mixamorig", "bip001", "bip01", "mavg", "favg", "def"];

@@ -1,7 +1,7 @@
 //! `yoto.v1.StorageService`.
 
 use crate::context::Context;
-use crate::objects::collect::{self, Found};
+use crate::objects::collect::{self, Garbage};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
@@ -24,7 +24,7 @@ impl StorageService for StorageApi {
         let options = collect::Options { dry_run, now };
         let mut found = collect::collect(&self.context, options).await?;
         found.sort_by_key(|it| std::cmp::Reverse(it.folder.bytes));
-        let bytes = |it: &Found| it.folder.bytes;
+        let bytes = |it: &Garbage| it.folder.bytes;
         let grace = self.context.config.storage.grace;
         Ok(Response::new(CollectGarbageResponse {
             count: found.len() as u64,
@@ -40,7 +40,7 @@ impl StorageService for StorageApi {
     }
 }
 
-fn listed(found: Found) -> GarbageFolder {
+fn listed(found: Garbage) -> GarbageFolder {
     GarbageFolder {
         key: found.folder.key,
         files: found.folder.files,

@@ -37,7 +37,7 @@ pub fn alike(a: &Checkpoint, b: &Checkpoint) -> bool {
     (&a.slots, a.image_size, &a.shards) == (&b.slots, b.image_size, &b.shards)
 }
 
-/// Place of the best one; `None` without any.
+/// Index of the best one; `None` without any.
 fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     let newest = checkpoints.first()?;
     // An earlier version's checkpoint does not say what it can be compared with.
@@ -46,14 +46,14 @@ fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     }
     let measured = checkpoints.iter().enumerate();
     let measured = measured.filter(|(_, it)| alike(it, newest));
-    let measured = measured.filter_map(|(place, it)| Some((place, it.psnr?)));
+    let measured = measured.filter_map(|(index, it)| Some((index, it.psnr?)));
     let measured: Vec<(usize, f64)> = measured.collect();
     let best = measured
         .iter()
         .map(|(_, psnr)| *psnr)
         .fold(f64::MIN, f64::max);
     let nearly = |(_, psnr): &&(usize, f64)| *psnr > best - CLEARLY;
-    Some(measured.iter().find(nearly).map_or(0, |(place, _)| *place))
+    Some(measured.iter().find(nearly).map_or(0, |(index, _)| *index))
 }
 
 #[cfg(test)]

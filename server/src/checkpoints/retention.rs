@@ -1,7 +1,7 @@
 //! Which checkpoints a model keeps, and why.
 //!
 //! A training saves every half a minute; nobody needs all of that for long. What is kept serves to go on
-//! (the newest), to render (the best) and to look back (every so many-th).
+//! (the newest), to render (the best) and to look back (every n-th).
 
 use super::best::{alike, best_first};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ use yoto_proto::v1::Checkpoint;
 pub struct Retention {
     /// The newest ones, at least 1.
     pub newest: u32,
-    /// Every so many-th that was published; 0: none of them.
+    /// Keeps every n-th published checkpoint; 0: keeps none for this reason.
     pub every: u32,
 }
 
@@ -21,7 +21,7 @@ pub struct Retention {
 pub struct Published {
     /// The entry.
     pub checkpoint: Checkpoint,
-    /// It was the so many-th that was published of its model, counted from 1.
+    /// Its number among the published checkpoints of its model, from 1.
     pub number: u64,
 }
 
@@ -40,10 +40,10 @@ pub fn reasons(published: &[Published], rule: Retention, pins: &Pins) -> Vec<Vec
     let (best, highest) = best_of_each_kind(published);
     let last = newest_numbers(published, rule.newest);
     let mut reasons = Vec::with_capacity(published.len());
-    for (place, it) in published.iter().enumerate() {
+    for (index, it) in published.iter().enumerate() {
         let mut why = Vec::new();
         // A training that resumed from an earlier step publishes steps below the highest.
-        if place < rule.newest as usize || last.contains(&it.number) {
+        if index < rule.newest as usize || last.contains(&it.number) {
             why.push(match rule.newest {
                 1 => "newest".to_owned(),
                 newest => format!("newest {newest}"),

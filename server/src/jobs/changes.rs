@@ -13,7 +13,7 @@ use yoto_proto::v1::Job;
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]
-pub enum Seen {
+pub enum WatchedState {
     /// It was not read yet.
     Nothing,
     /// Its newest state.
@@ -26,7 +26,7 @@ pub enum Seen {
 #[derive(Debug)]
 struct Watched {
     changed: Arc<Notify>,
-    seen: watch::Sender<Seen>,
+    seen: watch::Sender<WatchedState>,
 }
 
 /// The watched jobs, by `jobs/{id}`.
@@ -49,12 +49,15 @@ impl JobChanges {
 }
 
 /// The states of the job with this id, from now on.
-pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<Seen> {
+pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedState> {
     let mut watched = context.changes.lock();
     match watched.entry(Collection::Jobs.name(id)) {
         Entry::Occupied(entry) => entry.get().seen.subscribe(),
         Entry::Vacant(entry) => {
-            let (seen, changed) = (watch::Sender::new(Seen::Nothing), Arc::<Notify>::default());
+            let (seen, changed) = (
+                watch::Sender::new(WatchedState::Nothing),
+                Arc::<Notify>::default(),
+            );
             let receiver = seen.subscribe();
             tokio::spawn(follow(context.clone(), id.to_owned(), changed.clone()));
             entry.insert(Watched { changed, seen });
@@ -68,8 +71,8 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
         let seen = match context.store.job(&id).await {
-            Ok(job) => Seen::Job(Arc::new(job)),
-            Err(_) => Seen::Unreadable,
+            Ok(job) => WatchedState::Job(Arc::new(job)),
+            Err(_) => WatchedState::Unreadable,
         };
         if !told(&context.changes, &name, seen) {
             return;
@@ -84,7 +87,7 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
 
 /// Tells the watchers of a job what they do not know yet. Returns false once nobody watches it; the job is
 /// then forgotten here.
-fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
+fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {
         return false;
@@ -95,7 +98,7 @@ fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
     }
     watched.seen.send_if_modified(|last| {
         let news = match (&*last, &seen) {
-            (Seen::Job(last), Seen::Job(job)) => last.sequence != job.sequence,
+            (WatchedState::Job(last), WatchedState::Job(job)) => last.sequence != job.sequence,
             _ => true,
         };
         if news {

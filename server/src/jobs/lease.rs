@@ -23,7 +23,7 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
     Ok(id)
 }
 
-/// Leases the job whose turn it is at the worker, with its inputs, if there is one; otherwise a part of a
+/// Leases the first job in the queue that the worker may run, with its inputs, if there is one; otherwise a part of a
 /// running render, if the worker may `help`. A repeated
 /// `request_id` finds its lease again. A job whose inputs can't be found FAILS.
 ///
@@ -36,16 +36,16 @@ pub async fn lease(
     help: bool,
 ) -> Result<Option<Lease>, RequestError> {
     let lease_seconds = context.config.lease_seconds;
-    let turn = (context
+    let outcome = (context
         .store
         .lease_job(worker_id, request_id, help, lease_seconds))
     .await?;
     context.roster.asked(worker_id, SystemTime::now());
-    for (job, reason) in &turn.failed {
+    for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
         context.changes.announce(job);
     }
-    let Some(leased) = turn.leased else {
+    let Some(leased) = outcome.leased else {
         return Ok(None);
     };
     let LeasedJob {

@@ -5,15 +5,15 @@ use crate::store::{Reaped, StoreError};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// Reaps until the coordinator stops. A failure is logged and retried at the next turn:
+/// Reaps until the coordinator stops. A failure is logged and retried at the next tick:
 /// nothing else takes the jobs back.
 pub async fn run(context: Arc<Context>) {
-    let mut turns = interval(context.config.reap_interval);
-    turns.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(context.config.reap_interval);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             () = context.stop.cancelled() => return,
-            _ = turns.tick() => {}
+            _ = ticks.tick() => {}
         }
         if let Err(error) = tick(&context).await {
             tracing::error!(%error, "could not take back jobs of lost workers");

@@ -1,6 +1,6 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
-use super::changes::{Seen, subscribe};
+use super::changes::{WatchedState, subscribe};
 use crate::context::Context;
 use crate::error::RequestError;
 use futures::{Stream, stream};
@@ -24,7 +24,7 @@ struct Watcher {
     known: u64,
     /// Whether the current state was read.
     began: bool,
-    states: watch::Receiver<Seen>,
+    states: watch::Receiver<WatchedState>,
     stop: CancellationToken,
     ended: bool,
 }
@@ -80,13 +80,13 @@ impl Watcher {
         loop {
             let seen = self.states.borrow_and_update().clone();
             match seen {
-                Seen::Job(job) if job.sequence > self.known => {
+                WatchedState::Job(job) if job.sequence > self.known => {
                     self.known = job.sequence;
                     return Ok(Some(Job::clone(&job)));
                 }
                 // The reason, unless it can be read again by now.
-                Seen::Unreadable => drop(self.context.store.job(&self.id).await?),
-                Seen::Job(_) | Seen::Nothing => {}
+                WatchedState::Unreadable => drop(self.context.store.job(&self.id).await?),
+                WatchedState::Job(_) | WatchedState::Nothing => {}
             }
             tokio::select! {
                 changed = self.states.changed() => if changed.is_err() {

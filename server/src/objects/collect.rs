@@ -24,7 +24,7 @@ pub struct Options {
 
 /// A folder that is garbage.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct Garbage {
     /// The folder.
     pub folder: Folder,
     /// Whether it belonged to something that was deleted.
@@ -37,12 +37,12 @@ pub struct Found {
 
 /// Collects at once and then at each interval, until the coordinator stops.
 pub async fn run(context: Arc<Context>) {
-    let mut turns = interval(context.config.storage.collect_interval);
-    turns.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(context.config.storage.collect_interval);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             () = context.stop.cancelled() => return,
-            _ = turns.tick() => {}
+            _ = ticks.tick() => {}
         }
         if let Err(error) = collect(&context, Options::default()).await {
             tracing::error!(%error, "could not collect garbage");
@@ -65,7 +65,7 @@ pub async fn run(context: Arc<Context>) {
 ///
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
-pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, RequestError> {
+pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
     let _one_at_a_time = context.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();
@@ -115,13 +115,13 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
     Ok(found)
 }
 
-/// The garbage among `folders`, none of it due yet.
 /// Seconds for which uploads that were read are kept.
 fn kept(context: &Context) -> f64 {
     context.config.storage.keep_uploads.as_secs_f64()
 }
 
-fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Found> {
+/// The garbage among `folders`, none of it due yet.
+fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Garbage> {
     let known: HashMap<&str, &KnownGarbage> =
         known.iter().map(|it| (it.folder.as_str(), it)).collect();
     let judged = folders.into_iter().zip(references);
@@ -135,7 +135,7 @@ fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage])
             Reference::Lease => deleted.is_none(),
             Reference::Nothing => false,
         };
-        (!live).then_some(Found {
+        (!live).then_some(Garbage {
             deleted: deleted.is_some(),
             age,
             due: false,
@@ -157,13 +157,13 @@ fn deleted<'a>(known: &HashMap<&str, &'a KnownGarbage>, key: &str) -> Option<&'a
     None
 }
 
-/// The notes that are of no more use: of folders that are not there, or not garbage. That of a checkpoint
+/// The notes to delete: of folders that do not exist, or are not garbage. The note of a checkpoint
 /// stays while its training runs, so that a late call can't publish it again.
 async fn forgotten(
     context: &Context,
     known: &[KnownGarbage],
     listed: &[String],
-    found: &[Found],
+    found: &[Garbage],
 ) -> Result<Vec<String>, RequestError> {
     let garbage: HashSet<&str> = found.iter().map(|it| it.folder.key.as_str()).collect();
     let inside = |key: &str, folder: &str| {

@@ -40,14 +40,14 @@ impl ObjectDisk {
     }
 }
 
-/// Appends the folders that are `depth` levels below `place`.
-fn collect(place: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> io::Result<()> {
+/// Appends the folders that are `depth` levels below `folder`.
+fn collect(folder: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> io::Result<()> {
     if depth == 0 {
-        let (files, bytes) = size(place)?;
+        let (files, bytes) = size(folder)?;
         found.push(Folder { key, files, bytes });
         return Ok(());
     }
-    for entry in entries(place)? {
+    for entry in entries(folder)? {
         // Keys are ASCII: a name that is not UTF-8 is nobody's.
         if let (true, Some(name)) = (is_folder(&entry)?, entry.file_name().to_str()) {
             collect(&entry.path(), format!("{key}/{name}"), depth - 1, found)?;
@@ -56,10 +56,10 @@ fn collect(place: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> 
     Ok(())
 }
 
-/// Number and bytes of the files below `place`.
-fn size(place: &Path) -> io::Result<(u64, u64)> {
+/// Number and bytes of the files below `folder`.
+fn size(folder: &Path) -> io::Result<(u64, u64)> {
     let (mut files, mut bytes) = (0, 0);
-    for entry in entries(place)? {
+    for entry in entries(folder)? {
         let (more, larger) = if is_folder(&entry)? {
             size(&entry.path())?
         } else {
@@ -72,8 +72,8 @@ fn size(place: &Path) -> io::Result<(u64, u64)> {
 }
 
 /// The entries of a folder; none of one that is gone.
-fn entries(place: &Path) -> io::Result<Vec<DirEntry>> {
-    gone(fs::read_dir(place))?.map_or(Ok(Vec::new()), Iterator::collect)
+fn entries(folder: &Path) -> io::Result<Vec<DirEntry>> {
+    gone(fs::read_dir(folder))?.map_or(Ok(Vec::new()), Iterator::collect)
 }
 
 /// Whether the entry is a folder, and not a link to one.

@@ -1,7 +1,7 @@
 //! Files that are written piece by piece, each piece durable before the next begins.
 //!
 //! An object of the store appears as a whole or not at all; a file of an upload grows, and the catalogue
-//! says how much of it counts. What is behind that was never acknowledged, and is written over.
+//! says how much of it counts. Bytes after that were never acknowledged and are overwritten.
 
 use super::disk::{ObjectDisk, failed};
 use bytes::Bytes;
@@ -21,7 +21,7 @@ const READ_BYTES: usize = 1 << 20;
 pub struct Piece {
     /// Key of the file.
     pub key: String,
-    /// Place of its first byte, up to which the file is there.
+    /// Offset of its first byte in the file; the bytes before it are written already.
     pub offset: u64,
     /// The bytes, in order.
     pub chunks: Vec<Bytes>,

@@ -6,7 +6,7 @@ use yoto_proto::v1::JobError;
 /// What becomes of a job whose worker went silent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// It goes back to its place in the queue.
+    /// It goes back to its position in the queue.
     Requeue,
     /// Its cancel was requested, and nobody is left to stop it.
     Cancel,

@@ -126,7 +126,7 @@ pub struct LeasedJob {
 
 /// What a lease of a render draws next.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
+pub struct TakenRange {
     /// Its pictures; none if others have the rest, or nothing is left.
     pub range: Option<PictureRange>,
     /// The committed files of the range; of a finished render, all of its files.
@@ -139,7 +139,7 @@ pub struct Taken {
 
 /// What came of a worker's request for a job.
 #[derive(Debug, Default)]
-pub struct Turn {
+pub struct LeaseOutcome {
     /// The leased job, if one waited.
     pub leased: Option<LeasedJob>,
     /// Jobs that FAILED instead, since their inputs can't be found, `jobs/{id}` with the reason.
@@ -151,7 +151,7 @@ pub struct Turn {
 pub struct NewJob {
     /// The order.
     pub spec: JobSpec,
-    /// Whose turn it is: 0 (low) to 3 (urgent).
+    /// Priority in the queue: 0 (low) to 3 (urgent).
     pub priority: u8,
     /// For whom it runs.
     pub owner: String,

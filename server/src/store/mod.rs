@@ -7,7 +7,9 @@ mod job_types;
 mod sqlite;
 mod types;
 
-pub use job_types::{Ending, JobFilter, JobKind, LeaseKey, LeasedJob, NewJob, Reaped, Taken, Turn};
+pub use job_types::{
+    Ending, JobFilter, JobKind, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped, TakenRange,
+};
 pub use sqlite::SqliteStore;
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
@@ -176,7 +178,7 @@ pub trait Store: Send + Sync + 'static {
         page: Page,
         lease_seconds: f64,
     ) -> Result<Vec<Entry<WorkerStatus>>, StoreError>;
-    /// Leases the job whose turn it is at the worker, with its inputs, or, if it may `help`, a part of a
+    /// Leases the first job in the queue that the worker may run, with its inputs, or, if it may `help`, a part of a
     /// running render; a repeated `request_id` finds its lease again, as long as it runs.
     async fn lease_job(
         &self,
@@ -184,7 +186,7 @@ pub trait Store: Send + Sync + 'static {
         request_id: &str,
         help: bool,
         lease_seconds: f64,
-    ) -> Result<Turn, StoreError>;
+    ) -> Result<LeaseOutcome, StoreError>;
     /// The order of a leased job.
     async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError>;
     /// Extends a lease and records progress. Returns whether the job is to be cancelled.
@@ -211,7 +213,7 @@ pub trait Store: Send + Sync + 'static {
         lease: &LeaseKey,
         pictures: u32,
         drawn: Option<u32>,
-    ) -> Result<Taken, StoreError>;
+    ) -> Result<TakenRange, StoreError>;
     /// Ends a lease; a helper's end is not the job's. In the same transaction, an ingest job's capture becomes READY, REJECTED if its files
     /// are at fault, or UPLOADED otherwise, and a measured trade-off is stored with its checkpoint. A
     /// repeated call changes nothing.

@@ -24,7 +24,7 @@ pub async fn finish(
     if let Some(id) = context.store.answered(request.as_ref()).await? {
         return Ok(context.store.capture(&id).await?);
     }
-    let _turn = context.turns.take(id).await;
+    let _lock = context.upload_locks.acquire(id).await;
     let upload = context.store.upload(id).await?;
     if upload.open {
         if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {

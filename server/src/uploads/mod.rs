@@ -8,14 +8,15 @@ mod again;
 mod announce;
 mod batch;
 mod finish;
+mod locks;
 mod paths;
-mod turns;
+
 mod write;
 
 pub use again::ingest_again;
 pub use announce::{create, describe};
 pub use finish::finish;
-pub use turns::Turns;
+pub use locks::UploadLocks;
 pub use write::receive;
 
 use crate::context::Context;
@@ -40,8 +41,8 @@ async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
 /// # Errors
 /// When there is none.
 pub async fn get(context: &Context, id: &str, stop_writer: bool) -> Result<Upload, RequestError> {
-    let _turn = match stop_writer {
-        true => Some(context.turns.take(id).await),
+    let _lock = match stop_writer {
+        true => Some(context.upload_locks.acquire(id).await),
         false => None,
     };
     Ok(context.store.upload(id).await?)

@@ -1,8 +1,8 @@
 //! The bytes of an upload: checked as they arrive, committed in parts.
 
 use super::batch::{Batch, Committer};
+use super::locks::UploadLock;
 use super::open;
-use super::turns::Turn;
 use crate::context::Context;
 use crate::error::RequestError;
 use futures::{Stream, StreamExt};
@@ -33,7 +33,7 @@ where
         .parse(&first.upload)
         .map_err(|error| RequestError::invalid("upload", error.to_string()))?
         .to_owned();
-    let turn = context.turns.take(&id).await;
+    let lock = context.upload_locks.acquire(&id).await;
     let upload = open(&context, &id).await?;
     let mut writer = Writer {
         name: first.upload.clone(),
@@ -44,14 +44,14 @@ where
         bytes: upload.files.iter().map(|file| file.committed).sum(),
     };
     for file in upload.files {
-        let place = Place {
+        let file_state = Received {
             next: file.committed,
             end: file.bytes,
         };
-        writer.files.insert(file.path, place);
+        writer.files.insert(file.path, file_state);
     }
     let taken = match writer.take(first).await {
-        Ok(()) => writer.take_all(&context, &turn, &mut chunks).await,
+        Ok(()) => writer.take_all(&context, &lock, &mut chunks).await,
         Err(error) => Err(error),
     };
     // What the disk refused matters more than how the stream ended.
@@ -73,15 +73,17 @@ async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T
 }
 
 /// How much of a file has come.
-struct Place {
+struct Received {
+    /// The next byte of the file to come.
     next: u64,
+    /// Bytes of the whole file.
     end: u64,
 }
 
 struct Writer {
     /// `uploads/{id}`.
     name: String,
-    files: HashMap<String, Place>,
+    files: HashMap<String, Received>,
     batch: Batch,
     committer: Committer,
     part_bytes: u64,
@@ -93,7 +95,7 @@ impl Writer {
     async fn take_all<S>(
         &mut self,
         context: &Context,
-        turn: &Turn,
+        lock: &UploadLock,
         chunks: &mut S,
     ) -> Result<(), RequestError>
     where
@@ -103,7 +105,7 @@ impl Writer {
             let next = tokio::select! {
                 biased;
                 () = context.stop.cancelled() => return Err(RequestError::ShuttingDown),
-                () = turn.stopped() => {
+                () = lock.wanted() => {
                     let message = format!("another call goes on with {}", self.name);
                     return Err(RequestError::precondition("UPLOAD_TAKEN_OVER", message));
                 }
@@ -131,7 +133,7 @@ impl Writer {
             let message = format!("one stream writes to one upload, {}", self.name);
             return Err(RequestError::invalid("upload", message));
         }
-        let Some(place) = self.files.get_mut(&path) else {
+        let Some(file_state) = self.files.get_mut(&path) else {
             let message = format!("{shown}: no file of {}", self.name);
             return Err(RequestError::invalid("path", message));
         };
@@ -144,22 +146,22 @@ impl Writer {
                 found,
             });
         }
-        if offset != place.next {
-            let message = format!("{shown}: byte {} is next, not {offset}", place.next);
+        if offset != file_state.next {
+            let message = format!("{shown}: byte {} is next, not {offset}", file_state.next);
             return Err(RequestError::precondition("UPLOAD_OFFSET", message));
         }
         let length = chunk.len() as u64;
-        if length > place.end - place.next {
+        if length > file_state.end - file_state.next {
             let message = format!(
                 "{shown}: {length} bytes at {offset}, but {} bytes in all were announced",
-                place.end
+                file_state.end
             );
             return Err(RequestError::invalid("chunk", message));
         }
         if length == 0 {
             return Ok(());
         }
-        place.next += length;
+        file_state.next += length;
         self.bytes += length;
         self.batch.push(&path, offset, chunk);
         if self.batch.is_full(self.part_bytes) {

@@ -118,9 +118,9 @@ impl Stage {
         taken.map(|answer| answer.into_inner())
     }
 
-    /// Commits the picture at `place`.
-    async fn draw(&self, hand: &Hand, place: u32) -> Result<RenderedFile, Status> {
-        let file = keys::picture(place);
+    /// Commits the picture at `index`.
+    async fn draw(&self, hand: &Hand, index: u32) -> Result<RenderedFile, Status> {
+        let file = keys::picture(index);
         let key = keys::render(id(&job_name(&hand.lease)), hand.lease.token, &file);
         let object = Some(self.service.put(&key, file.as_bytes()).await);
         let file = RenderedFile { file, object };
@@ -134,8 +134,8 @@ impl Stage {
 
     async fn draw_all(&self, hand: &Hand, taken: &TakeRangeResponse) -> u32 {
         let range = taken.range.expect("a range");
-        for place in range.first..range.first + range.count {
-            self.draw(hand, place).await.expect("commits");
+        for index in range.first..range.first + range.count {
+            self.draw(hand, index).await.expect("commits");
         }
         range.first
     }
@@ -267,12 +267,12 @@ async fn two_workers_draw_every_picture_of_a_render_once() {
 
     let all = stage.take(&first, None).await.expect("answers");
     let files = all.outputs.clone();
-    let places: BTreeMap<&str, &str> = (files.iter())
+    let keys_by_file: BTreeMap<&str, &str> = (files.iter())
         .map(|it| (&*it.file, it.object.as_ref().map_or("", |it| &it.key)))
         .collect();
-    assert_eq!((files.len(), places.len()), (10, 10));
-    for (place, (file, key)) in places.into_iter().enumerate() {
-        let token = if place < 4 { 1 } else { 2 };
+    assert_eq!((files.len(), keys_by_file.len()), (10, 10));
+    for (index, (file, key)) in keys_by_file.into_iter().enumerate() {
+        let token = if index < 4 { 1 } else { 2 };
         assert_eq!(key, keys::render(id(&job), token, file));
     }
     stage

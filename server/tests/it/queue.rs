@@ -1,4 +1,4 @@
-//! The queue: whose turn it is, pauses, and inputs that were chosen when a job was queued.
+//! The queue: its order, pauses, and inputs that were chosen when a job was queued.
 
 use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
@@ -319,7 +319,7 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_worker_at_once
     let workers = workers.expect("lists").into_inner().workers;
     let running = workers.iter().find(|it| it.name == remote);
     assert_eq!(running.expect("is listed").job, elsewhere.name);
-    let again = eventually("the next turn", || service.lease(&remote)).await;
+    let again = eventually("the next lease", || service.lease(&remote)).await;
     assert_eq!(job_name(&again), own.name);
 }
 

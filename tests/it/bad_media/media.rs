@@ -5,7 +5,7 @@ use anyhow::Context;
 use yoto_client::UploadFile;
 use yoto_tests::film::mp4;
 
-/// The first place of `name` in a file's boxes.
+/// The first offset of `name` in a file's boxes.
 fn box_at(bytes: &[u8], name: &[u8; 4]) -> anyhow::Result<usize> {
     let at = bytes.windows(4).position(|it| it == name);
     at.with_context(|| String::from_utf8_lossy(name).into_owned())

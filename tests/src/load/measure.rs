@@ -54,9 +54,9 @@ impl fmt::Display for Latencies {
             .clone();
         times.sort_unstable();
         let at = |share: f64| {
-            let place = (share * times.len().saturating_sub(1) as f64).round() as usize;
+            let index = (share * times.len().saturating_sub(1) as f64).round() as usize;
             times
-                .get(place)
+                .get(index)
                 .map_or(0.0, |time| time.as_secs_f64() * 1e3)
         };
         let (half, most) = (at(0.5), at(0.99));

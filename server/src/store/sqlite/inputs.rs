@@ -131,9 +131,9 @@ async fn shard(
 
 /// With the checkpoint of the `pinned` step, which stays while the job runs, first.
 fn pinned_first(mut all: Vec<Checkpoint>, pinned: Option<u64>) -> Vec<Checkpoint> {
-    let place = all.iter().position(|it| Some(it.step) == pinned);
-    if let Some(place) = place {
-        let used = all.remove(place);
+    let index = all.iter().position(|it| Some(it.step) == pinned);
+    if let Some(index) = index {
+        let used = all.remove(index);
         all.insert(0, used);
     }
     all

@@ -17,7 +17,7 @@ const PRIORITIES: [JobPriority; 4] = [
     JobPriority::Urgent,
 ];
 
-/// Selects jobs with their place in the queue, and everything but their orders.
+/// Selects jobs with their position in the queue, and everything but their orders.
 macro_rules! select_jobs {
     ($rest:literal) => {
         concat!(

@@ -5,9 +5,9 @@
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::rows::{Columns, During, integer};
-use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, ranges, turn};
+use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges};
 use crate::checkpoints::retention::Retention;
-use crate::store::{LeaseKey, LeasedJob, StoreError, Turn};
+use crate::store::{LeaseKey, LeaseOutcome, LeasedJob, StoreError};
 use prost::Message;
 use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
@@ -69,33 +69,34 @@ pub struct Ask<'a> {
     pub now: f64,
 }
 
-/// The lease that an earlier call with the same id got, as long as it runs; else a lease on the job
-/// whose turn it is, or on a part of a render of a higher priority. A job whose inputs can't be found FAILS, so that it never stands before the others.
-pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, StoreError> {
+/// The lease of an earlier call with the same id, while it lasts; otherwise a lease of the first queued job
+/// that the worker may run, or of a part of a running render with a higher priority. A job whose inputs can't be
+/// found FAILS, so that it never blocks the others.
+pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOutcome, StoreError> {
     let mut failed = Vec::new();
     if let Some(leased) = again(conn, ask).await? {
-        return Ok(Turn {
+        return Ok(LeaseOutcome {
             leased: Some(leased),
             failed,
         });
     }
     loop {
-        let next = turn::next(conn, ask.worker_id, ask.now).await?;
+        let next = queue::next(conn, ask.worker_id, ask.now).await?;
         let priority = next.as_ref().map(|it| it.priority);
         if ask.help
-            && let Some(id) = turn::to_help(conn, ask.worker_id, priority).await?
+            && let Some(id) = queue::to_help(conn, ask.worker_id, priority).await?
         {
             let key = helpers::begin(conn, ask, &id).await?;
             let leased = Some(leased(conn, &key).await?);
-            return Ok(Turn { leased, failed });
+            return Ok(LeaseOutcome { leased, failed });
         }
-        let Some(turn::Next { id, .. }) = next else {
+        let Some(queue::Next { id, .. }) = next else {
             break;
         };
         let key = begin(conn, ask, &id).await?;
         match inputs_of(conn, &key).await {
             Ok(leased) => {
-                return Ok(Turn {
+                return Ok(LeaseOutcome {
                     leased: Some(leased),
                     failed,
                 });
@@ -113,7 +114,7 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, S
             }
         }
     }
-    Ok(Turn {
+    Ok(LeaseOutcome {
         leased: None,
         failed,
     })
@@ -125,7 +126,7 @@ async fn begin(
     ask: &Ask<'_>,
     job_id: &str,
 ) -> Result<LeaseKey, StoreError> {
-    look_after(conn, ask.now).await?;
+    start_lease_clock(conn, ask.now).await?;
     let row = sqlx::query(
         "UPDATE jobs SET state = 'RUNNING', lease = last_token + 1, last_token = last_token + 1, worker = ?2, lease_request = ?3,
              lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
@@ -160,8 +161,8 @@ async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<Leased
     leased(conn, key).await
 }
 
-/// The first lease after a time without any is no end of an outage.
-async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
+/// Restarts the lease clock if no lease runs: the gap before the first lease is not an outage.
+async fn start_lease_clock(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO lease_clock (id, last_tick)
          SELECT 1, ?1 WHERE NOT EXISTS (SELECT 1 FROM leases)
@@ -170,7 +171,7 @@ async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreEr
     .bind(now)
     .execute(conn)
     .await
-    .during("starting to look after leases")?;
+    .during("starting the lease clock")?;
     Ok(())
 }
 

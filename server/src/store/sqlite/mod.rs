@@ -18,21 +18,22 @@ mod outcome;
 mod outputs;
 mod pauses;
 mod pins;
+mod queue;
 mod ranges;
 mod reaping;
 mod requests;
 mod rows;
 mod subjects;
-mod turn;
+
 #[cfg(test)]
 mod upgrade_tests;
 mod uploads;
 mod workers;
 
 use super::{
-    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob,
-    NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
-    StoreError, Taken, Target, Turn, Upload, UploadedFile,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey,
+    LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference,
+    RequestKey, Store, StoreError, TakenRange, Target, Upload, UploadedFile,
 };
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
@@ -404,14 +405,17 @@ impl Store for SqliteStore {
         request_id: &str,
         help: bool,
         lease_seconds: f64,
-    ) -> Result<Turn, StoreError> {
+    ) -> Result<LeaseOutcome, StoreError> {
         let now = self.clock.now();
         let mut reader = self.read().await?;
         let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
-            || turn::any(&mut reader, worker_id, now).await?
-            || help && turn::to_help(&mut reader, worker_id, None).await?.is_some();
+            || queue::any(&mut reader, worker_id, now).await?
+            || help
+                && queue::to_help(&mut reader, worker_id, None)
+                    .await?
+                    .is_some();
         if !work {
-            return Ok(Turn::default());
+            return Ok(LeaseOutcome::default());
         }
         drop(reader);
         let mut tx = self.write().await?;
@@ -422,9 +426,9 @@ impl Store for SqliteStore {
             lease_seconds,
             now: self.clock.now(),
         };
-        let turn = leases::lease(&mut tx, &ask).await?;
+        let outcome = leases::lease(&mut tx, &ask).await?;
         commit(tx).await?;
-        Ok(turn)
+        Ok(outcome)
     }
 
     async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
@@ -466,7 +470,7 @@ impl Store for SqliteStore {
         lease: &LeaseKey,
         pictures: u32,
         drawn: Option<u32>,
-    ) -> Result<Taken, StoreError> {
+    ) -> Result<TakenRange, StoreError> {
         let mut tx = self.write().await?;
         let taken = ranges::take(&mut tx, lease, pictures, drawn).await?;
         commit(tx).await?;

@@ -162,7 +162,7 @@ pub async fn cancel(
     end_ingest(conn, &row, &[]).await
 }
 
-/// Returns the leased job to its old place in the queue; `outcome` is that of the attempt.
+/// Returns the leased job to its old position in the queue; `outcome` is that of the attempt.
 pub async fn requeue(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,

@@ -4,7 +4,7 @@ use super::leases::{is_held, refusal};
 use super::outputs;
 use super::rows::{Columns, During};
 use crate::rules::ranges::split;
-use crate::store::{LeaseKey, StoreError, Taken};
+use crate::store::{LeaseKey, StoreError, TakenRange};
 use sqlx::SqliteConnection;
 use yoto_proto::keys;
 use yoto_proto::v1::PictureRange;
@@ -16,7 +16,7 @@ pub async fn take(
     lease: &LeaseKey,
     pictures: u32,
     drawn: Option<u32>,
-) -> Result<Taken, StoreError> {
+) -> Result<TakenRange, StoreError> {
     if !is_held(conn, lease).await? {
         return Err(refusal(conn, lease).await);
     }
@@ -44,12 +44,12 @@ pub async fn take(
     let committed = outputs.len() as u32;
     if !finished {
         let inside = |file: &str| {
-            let mut places = range.iter().flat_map(|it| it.first..it.first + it.count);
-            places.any(|place| keys::picture(place) == file)
+            let mut indices = range.iter().flat_map(|it| it.first..it.first + it.count);
+            indices.any(|index| keys::picture(index) == file)
         };
         outputs.retain(|it| inside(&it.file));
     }
-    Ok(Taken {
+    Ok(TakenRange {
         range,
         outputs,
         committed,

@@ -91,11 +91,11 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         kinds: vec![JobKind::Evaluate],
     };
     let worker = store.register_worker(new).await.expect("registers");
-    let turn = store
+    let outcome = store
         .lease_job(&worker, "", false, 60.0)
         .await
         .expect("answers");
-    let leased = turn.leased;
+    let leased = outcome.leased;
     assert_eq!(leased.map(|it| it.job.name), Some(evaluation.name));
     // References to the recreated tables are still enforced.
     let error = store

@@ -1,4 +1,4 @@
-//! Whose turn it is: the highest priority, then the owner with the fewest running jobs, then the
+//! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the
 //! oldest job. A model has one trainer at a time, and paused kinds wait. A worker for which no job waits helps
 //! with a render.
 
@@ -11,7 +11,7 @@ use yoto_proto::names::Collection;
 /// and only losses of the worker that runs the job count against it.
 const LOSSES: u32 = 4;
 
-/// The job whose turn it is.
+/// The first job of the queue.
 #[derive(Debug)]
 pub struct Next {
     /// Its id.
@@ -57,7 +57,7 @@ pub async fn any(
     }
 }
 
-/// The job whose turn it is at the worker.
+/// The first job in the queue that the worker may run.
 pub async fn next(
     conn: &mut SqliteConnection,
     worker_id: &str,
