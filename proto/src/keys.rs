@@ -43,7 +43,7 @@ pub fn picture(index: u32) -> String {
     format!("{index:06}.png")
 }
 
-/// Folders at the root of a store, and how many levels below each the folders are that live and end as a
+/// Folders at the root of a store, each with the depth below it of the folders that are kept or deleted as a
 /// whole.
 pub const ROOTS: &[(&str, usize)] = &[
     ("uploads", 1),
@@ -52,7 +52,7 @@ pub const ROOTS: &[(&str, usize)] = &[
     ("renders", 2),
 ];
 
-/// What a folder belongs to, which lives and ends as a whole.
+/// The owner of a folder that is kept or deleted as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Folder<'a> {
     /// The files of an upload.
@@ -60,7 +60,7 @@ pub enum Folder<'a> {
         /// Its capture's id.
         capture: &'a str,
     },
-    /// What an ingest job has made of a capture.
+    /// The results of an ingest job of a capture.
     Shard {
         /// The capture's id.
         capture: &'a str,
@@ -91,7 +91,7 @@ pub struct Lease<'a> {
 }
 
 impl<'a> Folder<'a> {
-    /// What the folder `key` belongs to; `None` for a folder of no known kind.
+    /// The owner of the folder `key`; `None` for a folder of an unknown kind.
     pub fn parse(key: &'a str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         match parts.as_slice() {
@@ -132,7 +132,7 @@ impl<'a> Lease<'a> {
     }
 }
 
-/// The folder of the object `key`, and so of its manifest or shard that a row names.
+/// The folder of the object `key`, such as of a manifest or shard that a row names.
 pub fn folder(key: &str) -> &str {
     key.rsplit_once('/').map_or("", |(folder, _)| folder)
 }

@@ -11,7 +11,7 @@ pub struct Need<'a> {
     pub field: String,
     /// Name of the subject.
     pub subject: &'a str,
-    /// Name of the model that draws the person for whom the subject is needed.
+    /// Name of the model that draws the person; the subject is needed for that person.
     pub model: &'a str,
     /// Whether the subject must have a slot in that model.
     pub slot: bool,
@@ -42,7 +42,7 @@ pub fn other_models(render: &RenderSpec) -> Vec<(String, &str)> {
     found
 }
 
-/// Everybody whom `render` needs; a subject may come more than once.
+/// The people that `render` needs; a subject may appear more than once.
 pub fn needs(render: &RenderSpec) -> Vec<Need<'_>> {
     let mut found = Vec::new();
     if let Some(What::Scene(scene)) = &render.what {

@@ -1,4 +1,4 @@
-//! The time by which leases run: the coordinator's alone, never a worker's.
+//! The clock of leases: always the coordinator's, never a worker's.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
@@ -10,7 +10,7 @@ pub trait Clock: Debug + Send + Sync {
     fn now(&self) -> f64;
 }
 
-/// The system's clock, which may be set, and stands still while the machine sleeps.
+/// The system's clock. It may be set, and it stands still while the machine sleeps.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemClock;
 
@@ -22,7 +22,7 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that moves only when it is told to: tests of leases need no waiting.
+/// A clock that moves only on request, so that tests of leases need not wait.
 #[derive(Debug)]
 pub struct ManualClock(Mutex<f64>);
 

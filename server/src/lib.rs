@@ -59,8 +59,8 @@ pub struct Coordinator {
 }
 
 impl Coordinator {
-    /// Opens the data folder and creates missing parts. Uploads that the end of an earlier process
-    /// interrupted go on where they were.
+    /// Opens the data folder and creates missing parts. Uploads that an earlier process left open continue
+    /// where they were.
     ///
     /// # Errors
     /// [`ServerError::DataDirInUse`] when another coordinator has the folder; others when
@@ -119,8 +119,7 @@ impl Coordinator {
         serve::serve(Arc::clone(&self.context), incoming, shutdown)
     }
 
-    /// Looks after all leases now, as the coordinator does by itself at every
-    /// [`ServerConfig::reap_interval`].
+    /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].
     ///
     /// # Errors
     /// When the database fails.

@@ -192,7 +192,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
     assert!((view[1] - before.context("psnr")?).abs() < 0.006, "{said}");
 
     let by = |protocol: &'static str| [&measure[..], &["--protocol", protocol]].concat();
-    // Black outside the box in both pictures, and frame 0 alone: 5 is no multiple of 30.
+    // Black outside the box in both pictures, and only frame 0: 5 is not a multiple of 30.
     let said = succeed(YOTO, &by("zju-step30"))?;
     check_row(&said, "mean, held-out views", 2)?;
     let swapped = [&measure[..4], &[bob, ada]].concat();

@@ -1,4 +1,4 @@
-//! Results of jobs that nobody waited for, and files that nothing may replace unasked.
+//! Results of jobs are fetched later, and existing files are not replaced without the option.
 
 use anyhow::{Context, ensure};
 use image::AnimationDecoder;

@@ -15,7 +15,7 @@ const SIZE: u32 = 64;
 /// Joints that another program does not have.
 const WITHOUT: [&str; 5] = ["spine2", "l_collar", "r_collar", "l_hand", "r_hand"];
 
-/// `track` with 19 joints, called as no other program calls them, in the same places.
+/// `track` with 19 joints at the same positions, with names that no other program uses.
 fn with_own_tree(track: &mut PoseTrack) -> anyhow::Result<()> {
     let whole = Skeleton::from_track(&track.skeleton)?;
     let names = &track.skeleton.names;
@@ -97,7 +97,8 @@ fn a_person_with_another_joint_tree_is_trained_and_rendered_as_they_are() -> any
     );
     yoto(&file, succeed)?;
 
-    // Somebody else's tree moves nothing, and is not trained together: both are told by name.
+    // A motion with another person's tree is refused, and so is training both together: each refusal names the
+    // tree.
     let motion = format!(
         "render own --subject ada --motion bruno --out {}",
         out("motion")

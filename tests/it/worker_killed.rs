@@ -93,7 +93,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     };
     let job = client.train(spec).await?.name;
 
-    // Until there is a checkpoint to resume from, and several steps after it.
+    // Waits for a checkpoint to resume from, and several steps after it.
     let kept = loop {
         let running = until(&client, &job, "a step was taken", |job| {
             job.progress.as_ref().is_some_and(|p| p.step > 0)

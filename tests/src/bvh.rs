@@ -35,8 +35,8 @@ pub const MIXAMO: [&str; 24] = [
     "RightHandMiddle1",
 ];
 
-/// `track`, whose joints are SMPL's, with Mixamo's names, in units of which one is `unit` metres, in a
-/// world to which `world` rotates the track's, and with a rest pose that `rest` rotates from SMPL's.
+/// Writes `track`, which has SMPL's joints, with Mixamo's names, in units of `unit` metres. `world` rotates the
+/// track's world into the file's, `rest` SMPL's rest pose into the file's.
 pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let mut text = "HIERARCHY\n".to_owned();
     let mut order = Vec::new();

@@ -7,7 +7,7 @@ use crate::tiers;
 use crate::v1::EvaluateSpec;
 use std::ops::RangeInclusive;
 
-/// Sides of measured pictures, pixels: SSIM needs a window.
+/// Sides of measured pictures, pixels: SSIM needs room for its window.
 const SIDES: RangeInclusive<u32> = 16..=MAX_SIDE;
 /// Pictures of a trade-off measurement.
 const TRADEOFF_VIEWS: RangeInclusive<u32> = 0..=64;

@@ -58,7 +58,7 @@ pub fn faults(export: &ExportSpec) -> Vec<Fault> {
     found.0
 }
 
-/// What of motions a form has.
+/// The motions that a form contains.
 fn check_motions(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
     let count = export.motions.len();
     if form.is_still() {
@@ -110,7 +110,7 @@ fn check_motion(found: &mut Faults, at: &str, motion: &ExportMotion) {
         None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(capture)) => {
             let count = capture.frame_count as usize;
-            // With an end, the most that there could be.
+            // With an end, this is only an upper limit.
             let few = count <= MAX_FRAMES || capture.end_frame.is_some();
             found.unless(few, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_FRAMES} are allowed")

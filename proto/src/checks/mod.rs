@@ -1,8 +1,7 @@
-//! Checks of orders, each by itself: the service makes them before a job is queued, a worker before it
-//! begins, and a client may before it calls. What the catalogue must hold for an order is the service's to
-//! check.
+//! Checks of orders without the catalogue: the service runs them before it queues a job, a worker before it
+//! begins, and a client may before it calls. Only the service checks an order against the catalogue.
 //!
-//! Every check gives all faults it finds, with paths of fields that begin in the order's own message.
+//! Every check returns all faults, with field paths relative to the order's own message.
 
 pub mod evaluate;
 pub mod export;
@@ -68,7 +67,7 @@ impl Faults {
         }
     }
 
-    /// `value` is in `range`, and so a number.
+    /// Checks that `value` is in `range`, and therefore not NaN.
     fn between<T: PartialOrd + Display>(
         &mut self,
         field: &str,

@@ -15,9 +15,9 @@ pub const MAX_PICTURES: u32 = 10_000;
 pub const MAX_SIDE: u32 = 4096;
 /// Sides of a picture, pixels.
 pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
-/// Vertical field of view where none is given, degrees.
+/// Default vertical field of view, degrees.
 pub const FOV: f64 = 35.0;
-/// Bytes of the picture behind a scene: with the rest of the request, they fit in one message.
+/// Bytes of the picture behind a scene: it must fit in one message with the rest of the request.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
 /// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;
@@ -77,7 +77,7 @@ impl Faults {
         }
     }
 
-    /// The end of a capture's motion at `field`, which begins with the frame `first`.
+    /// Checks the end of the capture motion at `field`, which begins with the frame `first`.
     pub(super) fn end_frame(&mut self, field: &str, first: Option<u32>, end: Option<u32>) {
         if let Some(end) = end {
             let first = first.unwrap_or_default();
@@ -103,7 +103,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
         None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(motion)) => {
             let count = motion.frame_count;
-            // With an end, the most that there could be.
+            // With an end, this is only an upper limit.
             let few = count <= MAX_PICTURES || motion.end_frame.is_some();
             found.unless(few, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_PICTURES} are allowed")
@@ -138,7 +138,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
     }
 }
 
-/// Checks the camera's path; whether it is a list of cameras.
+/// Checks the camera's path. Returns whether it is a list of cameras.
 fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
     let Some(SceneCamera { path }) = &scene.camera else {
         return false;

@@ -62,7 +62,7 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
     found.0
 }
 
-/// What a model of this `tier` lacks for an order to train it.
+/// Faults of an order to train a model of this `tier`.
 pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<Fault> {
     let mut found = Faults::default();
     let degree = train.harmonics.unwrap_or_default();

@@ -1,7 +1,7 @@
 //! Poses beyond the end of a capture's video.
 //!
-//! Pose tools often write a pose more than the video has frames, or stop a little after it. A few
-//! such poses are left out; many of them mean that track and video don't belong together.
+//! Pose tools often write one pose more than the video has frames, or stop a little after its end. A few such
+//! poses are left out; many of them mean that track and video don't belong together.
 
 use super::{Planned, Timing};
 use crate::pose_track::violation;
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::pose_track::{Frame, NO_DISTORTION, PoseTrack, Skeleton, describe};
 
-    /// Poses of the first `count` frames, 15 a second, the mask of each one frame later.
+    /// Poses of the first `count` frames, 15 per second; the mask of each is one frame later.
     fn planned(count: u32) -> Planned {
         let frame = |index| Frame {
             index,
@@ -166,7 +166,8 @@ mod tests {
         let told = "video.mp4 has 300 frames: the poses of frames 300 to 314 are left out";
         assert_eq!(images(315, 300), Ok((300, vec![told.into()])));
         assert_eq!(images(15, 10).map(|(left, _)| left), Ok(10));
-        let (left, notes) = cut(300, 300, VideoContent::Masks, Timing::Index).expect("one is missing");
+        let (left, notes) =
+            cut(300, 300, VideoContent::Masks, Timing::Index).expect("one is missing");
         let told = "video.mp4 has 300 frames: the pose whose mask is frame 300 is left out";
         assert_eq!((left, notes), (299, vec![told.into()]));
     }
@@ -195,7 +196,8 @@ mod tests {
     #[test]
     fn by_time_the_last_frame_counts_for_half_a_pose_frame_more() {
         let by_time = |poses, frames| cut(poses, frames, VideoContent::Images, Timing::Time);
-        // 60 frames at 30 a second end at 1.967 s, 29.5 poses at 15 a second: pose 30 is half a frame away.
+        // 60 frames at 30 per second end at 1.967 s, which is pose 29.5 at 15 per second: pose 30 is half a
+        // frame away.
         assert_eq!(by_time(31, 60).map(|(left, _)| left), Ok(31));
         let (left, notes) = by_time(33, 60).expect("two are missing");
         assert_eq!(left, 31, "{notes:?}");

@@ -5,9 +5,9 @@ use super::JOINTS;
 use super::spelling::may_be;
 use crate::pose_track::{PoseTrack, Skeleton};
 
-/// Gives a track whose joint tree is SMPL's, under other names or in another order, the names and
-/// the order of [`JOINTS`]: skeleton and poses. Returns a note for people. A track that has them
-/// already, or whose tree or names are others, stays as it is, and `None` is returned.
+/// Renames and reorders the joints of a track with SMPL's joint tree, in its skeleton and poses, to the names
+/// and order of [`JOINTS`]. Returns a note for people. A track that has these already, or has another tree or
+/// unknown names, is not changed, and the result is `None`.
 ///
 /// The track must be valid.
 pub fn unify(track: &mut PoseTrack) -> Option<String> {
@@ -19,7 +19,10 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
     if !matched(skeleton, 0, 0, &mut indices) {
         return None;
     }
-    let reordered = indices.iter().enumerate().any(|(joint, index)| joint != *index);
+    let reordered = indices
+        .iter()
+        .enumerate()
+        .any(|(joint, index)| joint != *index);
     let other = |&(joint, index): &(usize, usize)| {
         let (name, (own, _)) = (skeleton.names.get(index), JOINTS.get(joint)?);
         name.filter(|name| name != own).map(|name| (own, name))
@@ -96,7 +99,7 @@ fn matched(
     let mut found: Vec<usize> = (0..skeleton.parents.len())
         .filter(|&it| skeleton.parents.get(it).copied() == i32::try_from(index).ok())
         .collect();
-    // No word stands for two joints below one, so the first that fits is the only one.
+    // No word stands for two children of the same joint, so the first match is the only one.
     below.len() == found.len()
         && below.into_iter().all(|joint| {
             let fits = found

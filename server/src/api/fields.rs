@@ -38,7 +38,7 @@ pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestEr
     Ok(text.to_owned())
 }
 
-/// Kinds of jobs. An unknown one would match no job.
+/// Kinds of jobs. An unknown kind is refused: it would match no job.
 pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
     let known = |number: &i32| job_kind(field, *number);
     numbers.iter().map(known).collect()

@@ -19,7 +19,8 @@ use yoto_proto::v1::{
     ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job,
 };
 
-/// The states with these numbers. An unknown one would match no job, and so look like an empty queue.
+/// The states with these numbers. An unknown number is refused: it would match no job, and look like an empty
+/// queue.
 fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
     let known = |number: &i32| {
         let state = job::State::try_from(*number).ok();

@@ -40,7 +40,7 @@ impl Request {
         }
     }
 
-    /// Entries of a list that is read as a whole, from this page on.
+    /// Entries from this page on, of a list that is read as a whole.
     pub fn of_all<T>(&self, all: Vec<T>) -> Vec<Entry<T>> {
         let entries = (1_i64..).zip(all);
         let entries = entries.map(|(position, item)| Entry { position, item });

@@ -31,7 +31,7 @@ impl SubjectService for SubjectApi {
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
         let store = &self.context.store;
-        // Before every check: what was accepted once is accepted again.
+        // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
             .answered(key.as_ref())
             .await

@@ -22,7 +22,7 @@ use yoto_proto::v1::{
 pub struct WorkerApi {
     /// The shared parts.
     pub context: Arc<Context>,
-    /// Once cancelled, there are no new leases; running jobs may still report.
+    /// Once cancelled, no new leases are given; running jobs may still report.
     pub drain: CancellationToken,
 }
 
@@ -35,7 +35,7 @@ fn lease_key(claim: Option<Claim>) -> Result<LeaseKey, RequestError> {
     })
 }
 
-/// The end that a worker reports. An error has a code, by which people can look it up.
+/// The outcome that a worker reports. An error must have a code, so that people can look it up.
 fn ending(outcome: Option<Outcome>) -> Result<Ending, RequestError> {
     let coded = |field: &str, error: JobError| {
         if error.code.is_empty() {

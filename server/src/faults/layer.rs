@@ -1,4 +1,4 @@
-//! Delivers calls as [`Faults`] say.
+//! Delivers calls as the [`Faults`] decide.
 
 use super::{CURRENT, Current, Delivery, Faults, Moment, reached};
 use futures::future::BoxFuture;
@@ -89,7 +89,7 @@ where
         let name = path.rsplit('/').next().unwrap_or_default().to_owned();
         let faults = Arc::clone(&self.layer.faults);
         let delivery = faults.delivery(&name);
-        // Only this service was polled until it was ready, not its clone.
+        // Only this service was polled until it was ready; its clone was not.
         let spare = self.inner.clone();
         let inner = std::mem::replace(&mut self.inner, spare);
         let call = Current { name, faults };
@@ -97,8 +97,8 @@ where
     }
 }
 
-/// Has `inner` serve the request as often as it is delivered, and drops all answers but the last. A late copy comes
-/// when the caller may have gone on to other calls.
+/// Calls `inner` once for each delivery, and drops all answers but the last. A late copy arrives when the
+/// caller may have made other calls already.
 async fn deliver<S>(
     mut inner: S,
     request: Request<Body>,

@@ -18,7 +18,7 @@ pub enum WatchedState {
     Nothing,
     /// Its newest state.
     Job(Arc<Job>),
-    /// It can't be read: each watcher asks for the reason by itself.
+    /// It can't be read: each watcher reads it again to get the reason.
     Unreadable,
 }
 
@@ -85,8 +85,7 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     }
 }
 
-/// Tells the watchers of a job what they do not know yet. Returns false once nobody watches it; the job is
-/// then forgotten here.
+/// Sends a changed state to the watchers of a job. Returns false, and forgets the job, once nobody watches it.
 fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {

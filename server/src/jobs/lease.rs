@@ -23,9 +23,9 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
     Ok(id)
 }
 
-/// Leases the first job in the queue that the worker may run, with its inputs, if there is one; otherwise a part of a
-/// running render, if the worker may `help`. A repeated
-/// `request_id` finds its lease again. A job whose inputs can't be found FAILS.
+/// Leases the first queued job that the worker may run, with its inputs. If there is none, and `help` is set,
+/// leases a part of a running render. A repeated `request_id` gets the same lease again. A job whose inputs
+/// can't be found FAILS.
 ///
 /// # Errors
 /// When the worker is unknown or the store fails.

@@ -20,7 +20,7 @@ pub async fn create(
     new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    // Before every check: what was accepted once is accepted again, whatever has changed since.
+    // Comes before every check: a repeated request gets its first answer, whatever has changed since.
     if let Some(id) = context.store.answered(request.as_ref()).await? {
         return Ok(context.store.job(&id).await?);
     }
@@ -34,7 +34,7 @@ pub async fn create(
     Ok(job)
 }
 
-/// The path in a request of the order's `field`.
+/// The path of the order's `field` in the request.
 fn path(field: &str) -> String {
     match field {
         "" => "spec".into(),

@@ -21,7 +21,7 @@ pub async fn run(context: Arc<Context>) {
     }
 }
 
-/// Looks after all leases once.
+/// Checks all leases once.
 ///
 /// # Errors
 /// When the store fails.
@@ -34,7 +34,7 @@ pub async fn tick(context: &Context) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Takes back the jobs of workers that ran in an earlier process of this coordinator, and ended with it.
+/// Takes back the jobs of embedded workers, which ended with an earlier process of this coordinator.
 ///
 /// # Errors
 /// When the store fails.

@@ -65,7 +65,8 @@ pub fn watch(
 impl Watcher {
     async fn next(&mut self) -> Result<Option<Job>, RequestError> {
         if !self.began {
-            // Not what other watchers have seen last: the caller may know more.
+            // Reads the job itself instead of the last state sent to other watchers: the caller may know a
+            // newer one.
             self.began = true;
             let job = self.context.store.job(&self.id).await?;
             let known = self.known == job.sequence;
@@ -84,7 +85,7 @@ impl Watcher {
                     self.known = job.sequence;
                     return Ok(Some(Job::clone(&job)));
                 }
-                // The reason, unless it can be read again by now.
+                // Reads again to get the reason, or the state if reading works again.
                 WatchedState::Unreadable => drop(self.context.store.job(&self.id).await?),
                 WatchedState::Job(_) | WatchedState::Nothing => {}
             }

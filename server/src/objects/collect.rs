@@ -1,8 +1,8 @@
-//! Collection of garbage: folders of the object store that nothing refers to.
+//! Garbage collection: folders of the object store that nothing refers to.
 //!
-//! A folder lives while a row names its objects, or a job runs under its token. Any other is noted, and
-//! removed once it was garbage for a time of grace, in which an operator can still get a deleted thing
-//! back by hand, and whoever reads it can end.
+//! A folder is kept while a row names its objects, or a job runs under its token. Any other folder is noted,
+//! and removed after a time of grace. During that time an operator can still restore deleted objects by hand,
+//! and open reads can finish.
 
 use super::folders::Folder;
 use crate::context::Context;
@@ -18,7 +18,7 @@ use yoto_proto::keys;
 pub struct Options {
     /// Change nothing.
     pub dry_run: bool,
-    /// Do not wait for the time of grace with what belonged to deleted things.
+    /// Do not wait for the time of grace for objects of deleted resources.
     pub now: bool,
 }
 
@@ -27,11 +27,11 @@ pub struct Options {
 pub struct Garbage {
     /// The folder.
     pub folder: Folder,
-    /// Whether it belonged to something that was deleted.
+    /// Whether it belonged to a deleted resource.
     pub deleted: bool,
     /// Seconds since it was found.
     pub age: f64,
-    /// Whether it was removed, or would be if that was not excluded.
+    /// Whether it was removed, or would be without `dry_run`.
     pub due: bool,
 }
 
@@ -129,7 +129,7 @@ fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage])
         let deleted = deleted(&known, &folder.key);
         let found = known.get(folder.key.as_str()).or(deleted.as_ref());
         let age = found.map_or(0.0, |it| it.age);
-        // A training removes checkpoints while it runs.
+        // A running training removes its own old checkpoints, so a lease does not keep what was deleted.
         let live = match reference {
             Reference::Row => true,
             Reference::Lease => deleted.is_none(),
@@ -145,7 +145,7 @@ fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage])
     garbage.collect()
 }
 
-/// The note that this folder, or one above it, was deleted.
+/// The note that this folder, or a parent folder, was deleted.
 fn deleted<'a>(known: &HashMap<&str, &'a KnownGarbage>, key: &str) -> Option<&'a KnownGarbage> {
     let mut at = key;
     while !at.is_empty() {

@@ -1,4 +1,4 @@
-//! The folders of a local store that live and end as a whole, with their sizes.
+//! The folders of a local store that are kept or deleted as a whole, with their sizes.
 
 use super::disk::{ObjectDisk, failed};
 use std::fs::{self, DirEntry};
@@ -12,15 +12,15 @@ use yoto_proto::keys;
 pub struct Folder {
     /// Its key.
     pub key: String,
-    /// Number of files in it, those that were never completed included.
+    /// Number of files in it, including incomplete ones.
     pub files: u64,
     /// Their bytes.
     pub bytes: u64,
 }
 
 impl ObjectDisk {
-    /// All folders, as the file system has them: unlike a list of objects, this has the remains of a
-    /// writer that was killed, and folders that are empty.
+    /// All folders in the file system. Unlike a list of objects, this includes the remains of a writer that was
+    /// killed, and empty folders.
     ///
     /// # Errors
     /// When a folder can't be read.
@@ -48,7 +48,7 @@ fn collect(folder: &Path, key: String, depth: usize, found: &mut Vec<Folder>) ->
         return Ok(());
     }
     for entry in entries(folder)? {
-        // Keys are ASCII: a name that is not UTF-8 is nobody's.
+        // Keys are ASCII, so a name that is not UTF-8 is no key.
         if let (true, Some(name)) = (is_folder(&entry)?, entry.file_name().to_str()) {
             collect(&entry.path(), format!("{key}/{name}"), depth - 1, found)?;
         }
@@ -71,7 +71,7 @@ fn size(folder: &Path) -> io::Result<(u64, u64)> {
     Ok((files, bytes))
 }
 
-/// The entries of a folder; none of one that is gone.
+/// The entries of a folder; empty if the folder is gone.
 fn entries(folder: &Path) -> io::Result<Vec<DirEntry>> {
     gone(fs::read_dir(folder))?.map_or(Ok(Vec::new()), Iterator::collect)
 }

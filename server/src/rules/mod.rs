@@ -1,5 +1,5 @@
-//! The rules of the queue, as functions of figures alone: the store applies them in its
-//! transactions, and they hold for every database alike.
+//! The rules of the queue, as pure functions of numbers. The store applies them in its transactions; they are
+//! the same for every database.
 //!
 //! | rule | where |
 //! |---|---|
@@ -7,7 +7,7 @@
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
 //! | how a render is divided among workers | [`ranges`] |
-//! | what was deleted is what its caller has seen | [`etag`] |
+//! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
 
 pub mod etag;

@@ -36,7 +36,7 @@ pub async fn create(
     Ok(context.store.upload(&id).await?)
 }
 
-/// The files, if together they can be a capture.
+/// Checks that the files can be a capture together.
 fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFile>, RequestError> {
     let of_all = |message: String| Err(RequestError::invalid("files", message));
     if files.len() > limits.files {
@@ -47,7 +47,7 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
         ));
     }
     let (mut paths, mut bytes, mut listing) = (CapturePaths::default(), 0_u64, 0);
-    // As long as any other.
+    // As long as any other id.
     let example_id = new_id();
     let mut checked = Vec::with_capacity(files.len());
     for (number, file) in files.into_iter().enumerate() {

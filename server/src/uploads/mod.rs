@@ -1,8 +1,8 @@
 //! Uploads of captures: announced, written in parts that are committed one by one, and finished.
 //!
-//! A byte is acknowledged once it is on disk and its file's row says so. Whatever breaks (the connection,
-//! the client, this process), the upload goes on from there. Content is not read here: a capture that
-//! arrives complete but is faulty becomes REJECTED by its ingest job, so that its owner sees the faults.
+//! A byte is acknowledged once it is on disk and the row of its file counts it. Whatever breaks (the
+//! connection, the client, this process), the upload continues from there. Content is not read here: a capture
+//! that arrives complete but is faulty becomes REJECTED by its ingest job, so that its owner sees the faults.
 
 mod again;
 mod announce;
@@ -36,7 +36,7 @@ async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
     Err(RequestError::precondition("UPLOAD_FINISHED", message))
 }
 
-/// What the service says of an upload; with `stop_writer`, once nobody writes to it.
+/// The state of an upload; with `stop_writer`, after the current writer has stopped.
 ///
 /// # Errors
 /// When there is none.

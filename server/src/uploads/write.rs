@@ -13,11 +13,11 @@ use yoto_proto::crc32c;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{WriteUploadRequest, WriteUploadResponse};
 
-/// Receives chunks until the stream ends, and commits all that are good, whatever ends it.
+/// Receives chunks until the stream ends, and commits all valid ones, however it ends.
 ///
 /// # Errors
-/// When a chunk does not belong where it says, the stream breaks off or falls silent, somebody else
-/// writes to the upload, or the disk fails.
+/// When a chunk has a wrong offset or file, the stream breaks off or falls silent, another call writes to the
+/// upload, or the disk fails.
 pub async fn receive<S>(
     context: Arc<Context>,
     mut chunks: S,
@@ -54,7 +54,7 @@ where
         Ok(()) => writer.take_all(&context, &lock, &mut chunks).await,
         Err(error) => Err(error),
     };
-    // What the disk refused matters more than how the stream ended.
+    // An error of the disk matters more than one of the stream.
     writer.end().await?;
     taken?;
     Ok(WriteUploadResponse {
@@ -62,7 +62,7 @@ where
     })
 }
 
-/// What `next` brings, unless that takes longer than a client may be silent.
+/// The output of `next`, or an error if it takes longer than a client may be silent.
 async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T, RequestError> {
     let idle = context.config.upload.idle;
     let came = tokio::time::timeout(idle, next).await;
@@ -72,9 +72,9 @@ async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T
     })
 }
 
-/// How much of a file has come.
+/// How much of a file has arrived.
 struct Received {
-    /// The next byte of the file to come.
+    /// Offset of the next byte to arrive.
     next: u64,
     /// Bytes of the whole file.
     end: u64,
@@ -87,7 +87,7 @@ struct Writer {
     batch: Batch,
     committer: Committer,
     part_bytes: u64,
-    /// Of all files, with those on their way to the disk.
+    /// Received bytes of all files, including those not yet committed.
     bytes: u64,
 }
 
@@ -119,7 +119,7 @@ impl Writer {
         }
     }
 
-    /// Checks a chunk, and commits what is complete with it.
+    /// Checks a chunk, and starts a commit if the batch is full with it.
     async fn take(&mut self, message: WriteUploadRequest) -> Result<(), RequestError> {
         let WriteUploadRequest {
             upload,
@@ -172,7 +172,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Commits what has come.
+    /// Commits all that has arrived.
     async fn end(&mut self) -> Result<(), RequestError> {
         self.committer
             .start(std::mem::take(&mut self.batch))

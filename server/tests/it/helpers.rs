@@ -1,4 +1,4 @@
-//! Several workers at one render: each has a lease of its own, and draws ranges that are nobody else's.
+//! Several workers at one render: each has its own lease and draws its own ranges.
 
 use crate::support::{Service, assert_refused, id, job_error, job_name};
 use std::collections::BTreeMap;

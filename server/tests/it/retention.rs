@@ -4,7 +4,7 @@ use crate::support;
 use crate::support::{Service, assert_invalid};
 use yoto_proto::v1::{CreateModelRequest, Lease, Model, Retention, UpdateModelRequest};
 
-/// A service whose models keep `newest`, and every so many-th; a model in training.
+/// A service whose models keep the `newest` checkpoints and every n-th; with a model in training.
 async fn training(newest: u32, every: u32) -> (Service, Model, Lease) {
     let service = Service::start_with(|config| {
         config.storage.keep_newest = newest;

@@ -13,7 +13,7 @@ use yoto_proto::v1::{
     RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, job_result, job_spec,
 };
 
-/// Ada, who is in the models duo and fog, of which only duo is trained; Bob is in fog alone.
+/// Ada is in the models duo and fog; only duo is trained. Bob is in fog alone.
 struct Stage {
     service: Service,
     ada: Subject,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use yoto_media::{Limits, video};
-use yoto_proto::media_plan::{Pictures, Planned, VideoContent, Sources, Timing};
+use yoto_proto::media_plan::{Pictures, Planned, Sources, Timing, VideoContent};
 use yoto_proto::v1::Violation;
 
 /// Leaves out the few frames of `planned` that are beyond the end of a video of `sources`, and

@@ -9,16 +9,16 @@ use yoto_proto::names::Collection;
 use yoto_proto::render_needs::Need;
 use yoto_proto::v1::{Checkpoint, Model, SubjectShard};
 
-/// Somebody who has a slot in a model.
+/// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {
     pub slot: u32,
-    /// Who asks for them, e.g. `scene.actors[1].subject`.
+    /// Field of the order that names the person, e.g. `scene.actors[1].subject`.
     pub field: String,
     pub person: String,
 }
 
-/// Checks that everybody whom the specification at `field` needs has a capture, with the requested frame. Returns those who
-/// must have a slot in the model.
+/// Checks that each needed person has a capture with the requested frame. Returns the people who must have a
+/// slot in the model. `field` is the path of the specification.
 pub(super) async fn check_needs(
     context: &Context,
     field: &str,
@@ -44,7 +44,7 @@ pub(super) async fn check_needs(
     Ok(shown)
 }
 
-/// The checkpoint `used` knows everybody who is `shown`.
+/// Checks that the checkpoint was trained with all required slots.
 pub(super) fn check_known(
     used: &Checkpoint,
     model: &Model,
@@ -63,7 +63,7 @@ pub(super) fn check_known(
     Ok(())
 }
 
-/// The subject's slot in the model; the subject exists.
+/// The subject's slot in the model. Fails if the subject does not exist or has no slot.
 pub(super) async fn require_slot(
     context: &Context,
     model: &Model,
@@ -78,7 +78,7 @@ pub(super) async fn require_slot(
     Err(RequestError::precondition("NO_SLOT", message))
 }
 
-/// The model's checkpoint called `wanted`, or its best one, for the specification at `field`.
+/// The model's checkpoint with the name `wanted`, or its best one if that is empty.
 pub(super) async fn require_checkpoint(
     context: &Context,
     field: &str,
@@ -112,8 +112,8 @@ pub(super) async fn model(
         .await?)
 }
 
-/// Checks that the `wanted` frame is not beyond the frames of a capture, where they are known. It may
-/// still lack a frame between them: the worker tells.
+/// Checks that the `wanted` frame lies between the first and the last frame of the capture, where these are
+/// known. A frame between them may still be missing: the worker finds that out.
 fn check_frame(shard: &SubjectShard, field: &str, wanted: u32) -> Result<(), RequestError> {
     let (Some(first), Some(last)) = (shard.first_frame, shard.last_frame) else {
         return Ok(());
@@ -126,7 +126,7 @@ fn check_frame(shard: &SubjectShard, field: &str, wanted: u32) -> Result<(), Req
     Err(RequestError::invalid(field, message))
 }
 
-/// The shard of the subject, which must exist and have one.
+/// The shard of the subject. Fails if the subject does not exist or has no shard.
 pub(super) async fn require_shard(
     context: &Context,
     field: &str,

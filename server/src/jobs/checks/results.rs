@@ -97,7 +97,7 @@ async fn check_checkpoint(
     Err(RequestError::invalid(field, message))
 }
 
-/// Checks the figures: finite, and of all requested subjects.
+/// Checks that the figures are finite and cover all requested subjects.
 async fn check_evaluate(
     context: &Context,
     spec: &EvaluateSpec,
@@ -117,7 +117,7 @@ async fn check_evaluate(
     check_scores("result.evaluate.mean", result.mean.as_ref())
 }
 
-/// The trade-off of the measured checkpoint, if and only if it was requested.
+/// Checks that there is a trade-off of the measured checkpoint if and only if the order asked for one.
 async fn check_tradeoff(
     context: &Context,
     lease: &LeaseKey,
@@ -174,7 +174,7 @@ async fn check_render(
     spec: &RenderSpec,
     result: &RenderResult,
 ) -> Result<(), RequestError> {
-    // Splats in real time need no choice, but there may be one.
+    // A render of splats in real time may report a choice of settings, but does not have to.
     let may = spec.quality.is_some();
     let must = spec.quality.as_ref().is_some_and(tiers::needs_tradeoff);
     if (result.choice.is_some() && !may) || (result.choice.is_none() && must) {
@@ -184,7 +184,7 @@ async fn check_render(
     check_others(spec, result)?;
     let committed = context.store.outputs(&lease.job_id).await?;
     for (i, file) in result.files.iter().enumerate() {
-        // Of an earlier lease, perhaps.
+        // Files of earlier leases were checked when they were committed.
         if committed.contains(file) {
             continue;
         }
@@ -195,8 +195,8 @@ async fn check_render(
     Ok(())
 }
 
-/// Checks that the result has a checkpoint of each other model of a scene: a worker of a version that knows one
-/// model per scene draws everybody by that one.
+/// Checks that the result has a checkpoint for each other model of a scene. An older worker, which knows one
+/// model per scene, would draw all people with that model.
 fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestError> {
     let used = result.other_checkpoints.iter();
     let used = used.map(|name| names::parse_checkpoint(name).ok().map(|(id, _)| id));
@@ -213,7 +213,7 @@ fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestE
     ))
 }
 
-/// Checks that the files are those of the form, and the figures finite.
+/// Checks that the files have the extensions of the form, and that the figures are finite.
 async fn check_export(
     context: &Context,
     lease: &LeaseKey,

@@ -20,7 +20,7 @@ const MIN_TRAIN_FRAMES: u32 = 2;
 /// Checks that the catalogue holds all that the order needs.
 ///
 /// # Errors
-/// When it names a missing resource, or can't be served yet.
+/// When the order names a missing resource, or can't be served yet.
 pub async fn check_spec(context: &Context, spec: &JobSpec) -> Result<(), RequestError> {
     match &spec.kind {
         Some(job_spec::Kind::Train(train)) => check_train(context, train).await,
@@ -67,7 +67,7 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
     Ok(())
 }
 
-/// Somebody is trained alone in a model whose trunk is trained.
+/// Checks that one person can be trained alone: the shared weights of the model must be trained before.
 async fn check_only<'a>(
     context: &Context,
     model: &Model,
@@ -109,8 +109,8 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     Ok(())
 }
 
-/// Checks what a render needs of one of its models: its own, or one that the field `actor` of its scene names.
-/// Returns the checkpoint that it uses.
+/// Checks that a render can use one of its models: its own, or the one that the field `actor` of its scene
+/// names. Returns the checkpoint to use.
 async fn check_shown(
     context: &Context,
     render: &RenderSpec,

@@ -1,6 +1,6 @@
 //! Leases of workers that draw pictures of a render beside the worker that runs it.
 //!
-//! Such a lease is an attempt with a deadline. Its end, whatever it is, ends no job: its ranges go to others.
+//! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
 use super::leases::{Ask, refusal};
 use super::rows::{Columns, During};
@@ -44,7 +44,7 @@ pub async fn begin(
     Ok(key)
 }
 
-/// The helper's lease of an earlier call with the same id, which begins anew.
+/// The helper's lease of an earlier call with the same id, with a new deadline.
 pub async fn again(
     conn: &mut SqliteConnection,
     ask: &Ask<'_>,
@@ -94,7 +94,7 @@ pub async fn heartbeat(
     }
 }
 
-/// Whether this is a helper's lease that lasts.
+/// Whether this is a current helper's lease.
 async fn lasts(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, StoreError> {
     sqlx::query(
         "SELECT EXISTS (SELECT 1 FROM job_attempts
@@ -109,7 +109,7 @@ async fn lasts(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, St
     .flag("found")
 }
 
-/// Ends a helper's lease. Returns false if this is none that lasts.
+/// Ends a helper's lease. Returns false if this is not a current helper's lease.
 pub async fn end(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -182,7 +182,7 @@ pub async fn dismiss(
     Ok(())
 }
 
-/// A job's attempts have changed, and nothing else of it.
+/// Only the attempts of the job have changed.
 async fn changed(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     sqlx::query("UPDATE jobs SET sequence = sequence + 1 WHERE id = ?1")
         .bind(job_id)

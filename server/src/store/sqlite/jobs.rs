@@ -202,7 +202,7 @@ pub async fn with_attempts(conn: &mut SqliteConnection, id: &str) -> Result<Job,
     })
 }
 
-/// Jobs that pass the filter, newest first; with their orders if `full`.
+/// Jobs that match the filter, newest first; with their orders if `full`.
 pub async fn list(
     conn: &mut SqliteConnection,
     page: Page,

@@ -15,8 +15,8 @@ use sqlx::{Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Checkpoint, JobError, JobSpec, Progress};
 
-/// A statement on the job of a lease, in which the first three parameters are those of [`bound`]: it matches
-/// no row once the lease is another's. What follows the condition comes last.
+/// A statement on the job of a lease. Its first three parameters are those of [`bound`]; it matches no row once
+/// the lease is stale. `$tail` follows the condition.
 macro_rules! guarded {
     ($head:literal) => {
         guarded!($head, "")
@@ -31,7 +31,7 @@ macro_rules! guarded {
 }
 pub(super) use guarded;
 
-/// The same for a lease of the worker that runs the job or of one that helps with it.
+/// The same for any current lease of the job: of the worker that runs it, or of a helper.
 macro_rules! held {
     ($head:literal) => {
         held!($head, "")
@@ -47,7 +47,7 @@ macro_rules! held {
 }
 pub(super) use held;
 
-/// The guarded `statement`, with the claim of `lease`.
+/// The guarded `statement` with the claim of `lease` bound to its first three parameters.
 pub(super) fn bound<'q>(
     statement: &'static str,
     lease: &'q LeaseKey,
@@ -152,7 +152,7 @@ async fn begin(
 
 /// Chooses the checkpoint of a job that was just leased, and finds its inputs.
 async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
-    // A film that has begun goes on with the checkpoint that it began with.
+    // A render that has begun continues with the checkpoint that it began with.
     let begun = !outputs::list(conn, &key.job_id).await?.is_empty();
     if !begun && !ranges::any(conn, &key.job_id).await? {
         let spec = jobs::spec(conn, &key.job_id).await?;
@@ -193,8 +193,8 @@ pub async fn is_repeat(
     .flag("found")
 }
 
-/// The lease of an earlier call with the same id, whose answer was lost. It begins anew, since the
-/// worker counts it from this call.
+/// The lease of an earlier call with the same id, whose answer was lost. Its deadline is renewed, since the
+/// worker counts from this call.
 async fn again(
     conn: &mut SqliteConnection,
     ask: &Ask<'_>,
@@ -242,7 +242,7 @@ async fn leased(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob
     })
 }
 
-/// Whether the lease lasts, of the worker that runs the job or of one that helps with it.
+/// Whether the lease is current: of the worker that runs the job, or of a helper.
 pub async fn is_held(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, StoreError> {
     let row = bound(held!("SELECT 1 FROM jobs"), lease)?
         .fetch_optional(conn)
@@ -271,7 +271,7 @@ pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSp
     }
 }
 
-/// Extends the lease and records progress; that of a helper is not the job's.
+/// Extends the lease and records progress; the progress of a helper is not recorded.
 pub async fn heartbeat(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -296,8 +296,8 @@ pub async fn heartbeat(
     }
 }
 
-/// Records a checkpoint of the leased train job's model, and removes those that it no longer keeps. The
-/// workers that were lost before it no longer count.
+/// Records a checkpoint of the leased train job's model, and removes those that the model no longer keeps. The
+/// count of lost workers starts again at 0.
 pub async fn publish(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,

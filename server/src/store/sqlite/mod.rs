@@ -162,7 +162,7 @@ impl Store for SqliteStore {
 
     async fn upload(&self, id: &str) -> Result<Upload, StoreError> {
         let mut conn = self.read().await?;
-        // Both of its reads see the same state.
+        // In a transaction, so that both reads see the same state.
         let mut tx = conn.begin().await.during("starting to read an upload")?;
         uploads::get(&mut tx, id).await
     }

@@ -163,8 +163,8 @@ pub async fn list(
     Ok(entries)
 }
 
-/// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`:
-/// a slot that was removed since is not given anew.
+/// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`: a
+/// slot that was removed since then is not created again.
 pub async fn add_identity(
     conn: &mut SqliteConnection,
     model_id: &str,
@@ -237,7 +237,7 @@ async fn next_identity(
     })
 }
 
-/// Takes a subject's slot away, which no checkpoint knows yet. Its number is not used again.
+/// Removes a subject's slot that no checkpoint was trained with. Its number is not used again.
 pub async fn remove_identity(
     conn: &mut SqliteConnection,
     model_id: &str,

@@ -43,7 +43,7 @@ pub async fn end(
     }
 }
 
-/// The refusal of a cancel that nobody asked for.
+/// The refusal of a cancel that was not requested.
 pub fn not_requested() -> StoreError {
     StoreError::Rule {
         reason: "CANCEL_NOT_REQUESTED",
@@ -51,8 +51,8 @@ pub fn not_requested() -> StoreError {
     }
 }
 
-/// Whether an attempt that `ended` so did so by this `ending`: a cancel, or too many retries, may have
-/// turned the one into the other.
+/// Whether an attempt with the outcome `ended` may come from this `ending`: a cancel, or too many retries, can
+/// change the outcome.
 fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
     let asked = ending.outcome();
     ended == asked
@@ -61,7 +61,7 @@ fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
         || (ended == Outcome::Helped && asked == Outcome::Succeeded)
 }
 
-/// Whether a cancel of the leased job was requested; none if the lease is stale.
+/// Whether a cancel of the leased job was requested; `None` if the lease is stale.
 async fn cancel_requested(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -101,7 +101,7 @@ async fn complete(
     Ok(())
 }
 
-/// Sets the progress of a job that succeeded to its end: the last heartbeat came before it.
+/// Sets the progress of a succeeded job to complete: the last heartbeat came before the end.
 async fn end_progress(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     let progress = Progress {
         phase: "done".into(),
@@ -183,7 +183,7 @@ pub async fn requeue(
     attempts::end(conn, lease, outcome, None, now).await
 }
 
-/// Returns the leased job to the queue for later, with the reason for which it waits, or ends it as FAILED
+/// Returns the leased job to the queue for a later attempt, with the reason for the wait, or ends it as FAILED
 /// after too many retries.
 async fn postpone(
     conn: &mut SqliteConnection,
@@ -221,7 +221,7 @@ async fn postpone(
     attempts::end(conn, lease, Outcome::Postponed, Some(&error), now).await
 }
 
-/// A job that nobody runs makes no steps: its last speed and time left are those of a worker that is gone.
+/// Removes speed and time left from the progress of a job without a worker: they are those of the last worker.
 async fn stand_still(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     let Some(progress) = jobs::get(conn, job_id).await?.progress else {
         return Ok(());
@@ -265,8 +265,8 @@ pub async fn cancel_queued(
     }
 }
 
-/// What becomes of the capture of an ingest job without a result; other jobs have no capture. Only a
-/// fault of its files rejects it.
+/// Updates the capture of an ingest job that ended without a result; other jobs have no capture. Only a fault
+/// in its files rejects it.
 async fn end_ingest(
     conn: &mut SqliteConnection,
     job: &SqliteRow,

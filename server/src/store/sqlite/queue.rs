@@ -1,5 +1,5 @@
-//! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the
-//! oldest job. A model has one trainer at a time, and paused kinds wait. A worker for which no job waits helps
+//! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the oldest
+//! job. A model has one trainer at a time, and paused kinds wait. A worker without a job in the queue helps
 //! with a render.
 
 use super::rows::{Columns, During};
@@ -7,8 +7,8 @@ use crate::store::StoreError;
 use sqlx::SqliteConnection;
 use yoto_proto::names::Collection;
 
-/// Workers lost over a render after which nobody helps with it any more: its pictures may be what ends them,
-/// and only losses of the worker that runs the job count against it.
+/// Number of workers lost over a render after which no more helpers are assigned: its pictures may be what
+/// crashes them, and only losses of the worker that runs the job count towards its failure.
 const LOSSES: u32 = 4;
 
 /// The first job of the queue.
@@ -20,7 +20,7 @@ pub struct Next {
     pub priority: i64,
 }
 
-/// Jobs `q` that worker `?1` may have at time `?2`.
+/// Jobs `q` that worker `?1` may lease at time `?2`.
 macro_rules! waiting {
     () => {
         "q.state = 'QUEUED' AND (q.not_before IS NULL OR q.not_before <= ?2)
@@ -85,9 +85,9 @@ pub async fn next(
     .transpose()
 }
 
-/// The running render that has pictures for the worker to draw, of a priority `above` that of the job which
-/// waits for it: the highest priority, then the one with the fewest workers, then the oldest one. A worker
-/// that has failed at it, or was lost, does not help with it.
+/// A running render with undrawn pictures and a priority higher than `above`, that of the next queued job. The
+/// highest priority comes first, then the render with the fewest workers, then the oldest one. A worker that
+/// has failed at a render, or was lost, does not help with it again.
 pub async fn to_help(
     conn: &mut SqliteConnection,
     worker_id: &str,

@@ -9,8 +9,8 @@ use sqlx::SqliteConnection;
 use yoto_proto::keys;
 use yoto_proto::v1::PictureRange;
 
-/// Notes the range from `drawn` on as drawn by the lease, and gives it the next one, or the one that it has
-/// already.
+/// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
+/// range that it already has.
 pub async fn take(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -57,8 +57,8 @@ pub async fn take(
     })
 }
 
-/// Divides the render into ranges, unless an earlier lease has. What the worker that runs the job counts
-/// holds: it may be of a later version than the last one.
+/// Divides the render into ranges, unless an earlier lease did. The count of the worker that runs the job
+/// decides, since its version may be newer than that of the last one.
 async fn divide(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -126,7 +126,7 @@ async fn next(
     .transpose()
 }
 
-/// Whether a render was divided: somebody has begun to draw it.
+/// Whether a render was divided into ranges, that is, a worker has begun to draw it.
 pub async fn any(conn: &mut SqliteConnection, job_id: &str) -> Result<bool, StoreError> {
     sqlx::query("SELECT EXISTS (SELECT 1 FROM render_ranges WHERE job = ?1) AS found")
         .bind(job_id)
@@ -136,7 +136,7 @@ pub async fn any(conn: &mut SqliteConnection, job_id: &str) -> Result<bool, Stor
         .flag("found")
 }
 
-/// Leaves what a lease that ends has not drawn to others.
+/// Frees the ranges that an ending lease has not drawn.
 pub async fn release(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
     sqlx::query("UPDATE render_ranges SET token = NULL WHERE job = ?1 AND token = ?2")
         .bind(&lease.job_id)

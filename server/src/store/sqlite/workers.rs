@@ -1,4 +1,4 @@
-//! Workers and what they can run.
+//! Workers and the kinds of jobs that they run.
 
 use super::rows::{Columns, During};
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
@@ -14,7 +14,7 @@ pub async fn register(
     now: f64,
 ) -> Result<String, StoreError> {
     let id = new_id();
-    // A device with more memory than fits into the column does not exist.
+    // No device has more memory than fits into the column.
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sqlx::query(
         "INSERT INTO workers

@@ -112,7 +112,7 @@ impl Service {
         StorageServiceClient::new(self.channel.clone())
     }
 
-    /// The garbage of the object store, of which what is due is removed.
+    /// Collects garbage: removes what is due, and returns all garbage.
     pub async fn collect(&self, dry_run: bool, now: bool) -> CollectGarbageResponse {
         let request = CollectGarbageRequest { dry_run, now };
         self.storage()
@@ -186,7 +186,7 @@ impl Service {
         written.map(|answer| answer.into_inner().committed_bytes)
     }
 
-    /// An upload, once nobody writes to it.
+    /// An upload, after its writer has stopped.
     pub async fn get_upload(&self, name: &str) -> Result<Upload, Status> {
         let request = GetUploadRequest {
             name: name.into(),

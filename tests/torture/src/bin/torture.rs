@@ -1,9 +1,9 @@
 //! Breaks the service by a plan, and checks that it keeps its promises:
-//! `cargo run -p yoto-tests --bin torture -- --minutes 10 --seed 1`. docs/jobs.md explains the table.
+//! `cargo run -p yoto-torture --bin torture -- --minutes 10 --seed 1`. docs/jobs.md explains the table.
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
-use yoto_tests::torture::{Options, Part, run};
+use yoto_torture::{Options, Part, run};
 
 /// Breaks real processes of the service, and checks what clients were promised.
 #[derive(Debug, Parser)]

@@ -1,7 +1,7 @@
-//! What is to go wrong, in a folder of small files: the torture writes them, its processes read them and
-//! note what happened, so that a process that ends itself has been heard.
+//! The requested faults, in a folder of small files. The torture writes them; its processes read them and note
+//! what happened, so that even a process that ends itself leaves a note.
 
-use crate::torture::fault::Fault;
+use crate::fault::Fault;
 use anyhow::{Context, Result};
 use nix::sys::signal;
 use nix::unistd::Pid;

@@ -3,7 +3,7 @@
 use super::calls::Calls;
 use super::checker::{Final, FinalJob};
 use super::history::Event;
-use super::load::{Load, is_ended};
+use super::workload::{Workload, is_ended};
 use anyhow::{Context, Result};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -12,7 +12,7 @@ use yoto_proto::manifest::Manifest;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{Job, ObjectRef, job, job_result};
 
-/// Waits until no job is open, for at most `limit`: what stays open is the checker's.
+/// Waits until no job is open, for at most `limit`. The checker reports jobs that stay open.
 ///
 /// # Errors
 /// When the service gives no definite answer.
@@ -92,8 +92,8 @@ pub async fn collect(
 ///
 /// # Errors
 /// When the service gives no definite answer, or refuses.
-pub async fn repeat(calls: &Calls, load: &Load, end: &mut Final) -> Result<()> {
-    for (request, job) in load.asked() {
+pub async fn repeat(calls: &Calls, workload: &Workload, end: &mut Final) -> Result<()> {
+    for (request, job) in workload.asked() {
         if end.jobs.get(&job).is_some_and(|it| !it.state.is_empty()) {
             let again = calls.create_job(&request).await;
             let again = again.with_context(|| format!("repeating the call that made {job}"))?;
@@ -122,7 +122,7 @@ fn objects_of(job: &Job) -> Vec<&ObjectRef> {
     }
 }
 
-/// Hashes the object's file; its bytes if they are right.
+/// Hashes the object's file. Returns its bytes if the hash matches.
 fn check(folder: &Path, object: &ObjectRef, end: &mut Final) -> Option<Vec<u8>> {
     let fault = match std::fs::read(folder.join(&object.key)) {
         Ok(bytes) if bytes.len() as u64 == object.bytes && sha256_hex(&bytes) == object.sha256 => {

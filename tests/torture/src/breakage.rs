@@ -4,11 +4,11 @@ use super::calls::Calls;
 use super::fault::Fault;
 use super::history::{Event, History};
 use super::late::write_late;
-use super::load::{Avatar, Load, is_ended, render, train};
 use super::observer::newest_attempt;
 use super::parts::StoreFault;
 use super::processes::Fleet;
 use super::proxy::Proxy;
+use super::workload::{Avatar, Workload, is_ended, render, train};
 use anyhow::{Context, Result, bail, ensure};
 use nix::sys::signal::Signal;
 use rand::RngExt;
@@ -35,13 +35,13 @@ const SILENT: usize = 20;
 pub struct Breaker {
     /// The processes.
     pub fleet: Arc<Fleet>,
-    /// People whose trainings lose their workers, in turn, since a model has one trainer at a time; no other
-    /// client cancels them.
+    /// People whose trainings lose their workers, one after another, since a model has one trainer at a time;
+    /// no other client cancels them.
     pub victims: [Avatar; 2],
     /// A client.
     pub calls: Calls,
     /// What asks for jobs.
-    pub load: Arc<Load>,
+    pub workload: Arc<Workload>,
     /// In front of uploads.
     pub proxy: Proxy,
     /// What was seen.
@@ -93,7 +93,9 @@ impl Breaker {
         self.victims.rotate_left(1);
         let began = Instant::now();
         while began.elapsed() < PATIENCE {
-            let asked = self.load.ask(train(&self.victims[0].model, STEPS), true);
+            let asked = self
+                .workload
+                .ask(train(&self.victims[0].model, STEPS), true);
             let name = asked.await?.context("a training")?;
             loop {
                 let job = self.calls.job(&name).await?;
@@ -218,7 +220,7 @@ impl Breaker {
         self.late(&job.name).await
     }
 
-    /// A worker that nobody hears loses its job; what it says then comes too late.
+    /// A worker that can't reach the coordinator loses its job; its later calls are refused.
     async fn part_worker(&mut self) -> Result<()> {
         let (job, worker) = self.training().await?;
         ensure!(self.fleet.hold(&worker, true), "{worker} ended by itself");
@@ -258,14 +260,14 @@ impl Breaker {
 
     /// A job that ends each of its workers comes to an end itself.
     async fn poison(&self) -> Result<()> {
-        let avatar = self.load.avatar().await?;
+        let avatar = self.workload.avatar().await?;
         let id = avatar.model.trim_start_matches("models/");
         self.fleet.controls().set_poison(id)?;
         let ended = async {
-            let job = self.load.ask(train(&avatar.model, 30), true).await?;
+            let job = self.workload.ask(train(&avatar.model, 30), true).await?;
             let job = job.context("a training")?;
             self.history.record(Event::Doomed { job: job.clone() })?;
-            self.load.wait(&job).await
+            self.workload.wait(&job).await
         };
         let ended = ended.await;
         self.fleet.controls().set_poison("")?;
@@ -282,9 +284,9 @@ impl Breaker {
 
     async fn cut_upload(&mut self) -> Result<()> {
         let before = self.proxy.cuts();
-        let bytes = self.load.upload_bytes();
+        let bytes = self.workload.upload_bytes();
         self.proxy.cut_after(self.chance.random_range(1..bytes));
-        self.load.person(0).await?;
+        self.workload.person(0).await?;
         ensure!(self.proxy.cuts() > before, "the upload was not cut");
         self.broken(Fault::UploadCut)
     }
@@ -307,13 +309,13 @@ impl Breaker {
 
     /// A job on a worker with a full disk waits, says why, and goes on elsewhere.
     async fn fill_disk(&self) -> Result<()> {
-        let avatar = self.load.avatar().await?;
+        let avatar = self.workload.avatar().await?;
         let full = self.fleet.start_full(FULL)?;
         let postponed = self.postponed(&avatar.model, &full).await;
         self.fleet.signal_worker(&full, Signal::SIGKILL)?;
         let job = postponed?;
         self.broken(Fault::DiskFull)?;
-        let ended = self.load.wait(&job).await?;
+        let ended = self.workload.wait(&job).await?;
         ensure!(
             ended.state() == job::State::Succeeded,
             "a training that met a full disk is {}: {:?}",
@@ -327,7 +329,7 @@ impl Breaker {
     async fn postponed(&self, model: &str, worker: &str) -> Result<String> {
         let began = Instant::now();
         while began.elapsed() < 2 * PATIENCE {
-            let job = self.load.ask(train(model, 20), true).await?;
+            let job = self.workload.ask(train(model, 20), true).await?;
             let name = job.context("a training")?;
             loop {
                 let job = self.calls.job(&name).await?;
@@ -350,13 +352,13 @@ impl Breaker {
 
     /// The checkpoint before a damaged one serves.
     async fn flip_bit(&self) -> Result<()> {
-        let avatar = self.load.avatar().await?;
+        let avatar = self.workload.avatar().await?;
         let mut checkpoints = self.calls.checkpoints(&avatar.model).await?;
         let began = Instant::now();
         while checkpoints.len() < 2 {
             ensure!(began.elapsed() < 2 * PATIENCE, "{checkpoints:?}");
-            let job = self.load.ask(train(&avatar.model, 60), true).await?;
-            self.load.wait(&job.context("a training")?).await?;
+            let job = self.workload.ask(train(&avatar.model, 60), true).await?;
+            self.workload.wait(&job.context("a training")?).await?;
             checkpoints = self.calls.checkpoints(&avatar.model).await?;
         }
         let newest = checkpoints.iter().max_by_key(|it| it.step);
@@ -377,8 +379,8 @@ impl Breaker {
             key,
             checkpoint: newest.name.clone(),
         })?;
-        let job = self.load.ask(render(&avatar, 1), true).await?;
-        let ended = self.load.wait(&job.context("a render")?).await?;
+        let job = self.workload.ask(render(&avatar, 1), true).await?;
+        let ended = self.workload.wait(&job.context("a render")?).await?;
         let result = ended.result.and_then(|result| result.kind);
         let Some(job_result::Kind::Render(result)) = result else {
             bail!("a render beside a damaged checkpoint: {:?}", ended.error);

@@ -1,6 +1,5 @@
 //! A person, a model and a checkpoint without anything behind them, made by the calls that workers make.
 
-use crate::upload::file;
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
@@ -14,6 +13,7 @@ use yoto_proto::v1::{
     WorkerDevice, job_result, job_spec,
 };
 use yoto_proto::{keys, names, sha256_hex};
+use yoto_tests::upload::file;
 
 /// A running job.
 pub struct Lessee {

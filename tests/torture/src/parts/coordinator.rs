@@ -3,7 +3,7 @@
 
 use super::asked_to_stop;
 use super::controls::Controls;
-use crate::torture::fault::Fault;
+use crate::fault::Fault;
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,12 +22,12 @@ use yoto_server::{Coordinator, ServerConfig};
 const GRACE: Duration = Duration::from_secs(6);
 /// Share of the calls that arrive more than once.
 const REPEATED: f64 = 0.1;
-/// Share of the calls of which a copy arrives late.
+/// Share of the calls that are followed by a late copy.
 const LATE: f64 = 0.05;
 /// Times after which it does, milliseconds.
 const LATE_BY: RangeInclusive<u64> = 50..=4000;
-/// Calls that are not copied: nobody would know of what a late copy of them leases or registers, and it
-/// would be lost with its worker.
+/// Calls that are not copied late: no worker would know of a job leased by the copy, and the job would count as
+/// lost with its worker.
 const NEVER_LATE: [&str; 2] = ["LeaseJob", "RegisterWorker"];
 /// Share of the calls whose answer is lost.
 const LOST: f64 = 0.05;
@@ -88,7 +88,7 @@ impl Disturbed {
 impl Faults for Disturbed {
     fn reached(&self, call: &str, moment: Moment) {
         if let Some(fault) = self.controls.end(call, moment) {
-            // Once: the next process is to live.
+            // Only once: the next process must live.
             self.controls.withdraw_end();
             self.controls.end_here(fault);
         }

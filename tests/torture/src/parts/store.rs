@@ -1,7 +1,7 @@
 //! An object store that fails as the controls say.
 
 use super::controls::{Controls, StoreFault};
-use crate::torture::fault::Fault;
+use crate::fault::Fault;
 use async_trait::async_trait;
 use futures::stream::BoxStream;
 use futures::{StreamExt, stream};

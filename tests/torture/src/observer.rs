@@ -2,7 +2,7 @@
 
 use super::calls::Calls;
 use super::history::{Event, History};
-use super::load::is_ended;
+use super::workload::is_ended;
 use anyhow::Result;
 use std::collections::HashMap;
 use std::time::Duration;

@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 /// States in which a job has ended.
 const TERMINAL: [&str; 3] = ["SUCCEEDED", "FAILED", "CANCELLED"];
 
-/// Most checkpoints of a model that nothing keeps: jobs had them that ended after the last one was published.
+/// Most checkpoints of a model without a reason to keep: jobs that used them may end after the last one was
+/// published.
 const SPARE: usize = 4;
 
 /// A job at the end.
@@ -40,7 +41,7 @@ pub struct Final {
     pub repeated: Vec<(String, String)>,
 }
 
-/// What was found, one line each.
+/// Broken promises, one line each.
 #[derive(Debug, Default)]
 pub struct Findings {
     /// Number of acknowledged jobs.
@@ -51,7 +52,7 @@ pub struct Findings {
     pub duplicated: Vec<String>,
     /// Jobs that left a terminal state, or whose fencing tokens fell.
     pub unordered: Vec<String>,
-    /// Jobs that failed or were cancelled though nobody asked for it.
+    /// Jobs that failed, or were cancelled without a request.
     pub failed: Vec<String>,
     /// Number of late writes.
     pub stale_tried: usize,
@@ -94,7 +95,7 @@ impl Findings {
         .collect()
     }
 
-    /// The shortest recovery that a `share` of all do not exceed (nearest rank); `None` without any.
+    /// The `share` quantile of all recoveries (nearest rank); `None` without any.
     pub fn recovery(&self, share: f64) -> Option<f64> {
         let rank = (share * self.recoveries.len() as f64).ceil() as usize;
         let at = rank.checked_sub(1)?;
@@ -102,7 +103,7 @@ impl Findings {
     }
 }
 
-/// Goes over `events` and the `end`.
+/// Checks the `events` and the state at the `end`.
 pub fn check(events: &[Event], end: &Final) -> Findings {
     let mut found = Findings::default();
     let deleted: BTreeSet<&str> = events
@@ -220,7 +221,7 @@ fn check_jobs(end: &Final, found: &mut Findings) {
     }
 }
 
-/// No job pays for the faults around it.
+/// No job may fail because of faults outside it.
 fn check_failures(events: &[Event], end: &Final, found: &mut Findings) {
     let (mut doomed, mut cancelled) = (BTreeSet::new(), BTreeSet::new());
     for event in events {
@@ -244,7 +245,7 @@ fn check_failures(events: &[Event], end: &Final, found: &mut Findings) {
     }
 }
 
-/// One request has one job, however often it was sent.
+/// One request makes one job, however often it is sent.
 fn check_requests(events: &[Event], end: &Final, found: &mut Findings) {
     let mut jobs: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for event in events {

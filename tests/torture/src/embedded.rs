@@ -5,10 +5,10 @@ use super::checker::Final;
 use super::ending;
 use super::fault::Fault;
 use super::history::{Event, History};
-use super::load::{Load, train};
 use super::observer::newest_attempt;
 use super::processes::{Fleet, free_port};
 use super::proxy::Proxy;
+use super::workload::{Workload, train};
 use anyhow::{Context, Result, ensure};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -33,7 +33,7 @@ impl Drop for Ending {
     }
 }
 
-/// Kills it, and checks its jobs and objects with those that `history` has of it.
+/// Kills the service, and checks its jobs and objects against the `history`.
 ///
 /// # Errors
 /// When it does not recover, or a promise is broken.
@@ -46,9 +46,9 @@ pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
     // A history of its own: its jobs are not in the other service.
     let own = Arc::new(History::create(&fleet.folder().join("embedded.jsonl"))?);
     let proxy = Proxy::start(address).await?;
-    let load = Load::new(calls.clone(), proxy, Arc::clone(&own), fleet.folder())?;
-    let avatar = load.avatar().await?;
-    let job = load.ask(train(&avatar.model, STEPS), false).await?;
+    let workload = Workload::new(calls.clone(), proxy, Arc::clone(&own), fleet.folder())?;
+    let avatar = workload.avatar().await?;
+    let job = workload.ask(train(&avatar.model, STEPS), false).await?;
     let job = job.context("a training")?;
     let began = Instant::now();
     let before = loop {
@@ -75,17 +75,17 @@ pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
         fault: Fault::EmbeddedKilled,
         seconds: killed.elapsed().as_secs_f64(),
     })?;
-    let ended = load.wait(&job).await?;
+    let ended = workload.wait(&job).await?;
     ensure!(ended.state() == job::State::Succeeded, "{:?}", ended.error);
-    check(&calls, &load, &folder.join("objects"), &own).await?;
+    check(&calls, &workload, &folder.join("objects"), &own).await?;
     drop(service);
     Ok(())
 }
 
-async fn check(calls: &Calls, load: &Load, objects: &Path, own: &History) -> Result<()> {
+async fn check(calls: &Calls, workload: &Workload, objects: &Path, own: &History) -> Result<()> {
     let (events, mut end) = (own.events(), Final::default());
     ending::collect(calls, objects, &events, &mut end).await?;
-    ending::repeat(calls, load, &mut end).await?;
+    ending::repeat(calls, workload, &mut end).await?;
     let found = super::checker::check(&events, &end);
     ensure!(found.is_clean(), "embedded: {:?}", found.broken());
     Ok(())

@@ -38,7 +38,7 @@ struct Inside {
 struct Member {
     name: String,
     child: Child,
-    /// Its connections to the coordinator, which another gets when it ends; none: that is not replaced.
+    /// Its proxy to the coordinator, which its replacement takes over; `None`: the worker is not replaced.
     line: Option<Proxy>,
 }
 
@@ -71,7 +71,7 @@ impl Fleet {
         &self.folder
     }
 
-    /// Address of the coordinator, of all its processes in turn.
+    /// Address of the coordinator, the same for each of its processes.
     pub fn address(&self) -> SocketAddr {
         SocketAddr::from((Ipv4Addr::LOCALHOST, self.port))
     }
@@ -109,8 +109,8 @@ impl Fleet {
         Ok(())
     }
 
-    /// Starts a worker that another replaces when it ends. It reaches the coordinator by a line of its own,
-    /// which can be held.
+    /// Starts a worker that is replaced when it ends. It reaches the coordinator through its own proxy, which
+    /// can be blocked.
     ///
     /// # Errors
     /// When the process can't be started.
@@ -218,7 +218,7 @@ impl Fleet {
         self.inside().gave_up
     }
 
-    /// Holds the line of the worker with this display name, or lets it pass; whether it has one.
+    /// Blocks or unblocks the proxy of the worker with this display name. Returns whether it has one.
     pub fn hold(&self, name: &str, held: bool) -> bool {
         let inside = self.inside();
         let member = inside.workers.iter().find(|it| it.name == name);
@@ -295,7 +295,7 @@ fn send(child: &Child, signal: Signal) -> Result<()> {
     signal::kill(id, signal).with_context(|| format!("sending {signal}"))
 }
 
-/// A port that nobody listens at.
+/// A free port.
 ///
 /// # Errors
 /// When there is none.

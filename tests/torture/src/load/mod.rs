@@ -6,7 +6,6 @@
 mod fake;
 mod measure;
 
-use crate::process::Process;
 use anyhow::{Context, Result, ensure};
 use fake::{Lessee, Scene};
 use futures::future::try_join_all;
@@ -20,6 +19,7 @@ use yoto_proto::v1::{
     GetJobRequest, HeartbeatRequest, JobKind, LeaseJobRequest, ListJobsRequest, PauseJobsRequest,
     Progress, WatchJobRequest,
 };
+use yoto_tests::process::Process;
 
 /// Sizes of the load.
 #[derive(Debug)]

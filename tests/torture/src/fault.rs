@@ -24,7 +24,7 @@ pub enum Fault {
     JobHung,
     /// A call that arrives two or three times.
     CallRepeated,
-    /// A call of which a copy arrives after later ones.
+    /// A copy of a call arrives after later calls.
     CallLate,
     /// A call that is carried out, and answered with UNAVAILABLE.
     AnswerLost,

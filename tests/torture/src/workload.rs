@@ -4,8 +4,6 @@
 use super::calls::{Calls, is_transient};
 use super::history::{Event, History};
 use super::proxy::Proxy;
-use crate::people::write_capture;
-use crate::upload::files;
 use anyhow::{Context, Result, bail, ensure};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -21,11 +19,13 @@ use yoto_proto::v1::{
     JobPriority, JobSpec, Orbit, RenderSpec, TrainSpec, capture, job, job_spec,
 };
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::people::write_capture;
+use yoto_tests::upload::files;
 
 /// Frames of a capture, and their edge in pixels.
 const FRAMES: usize = 12;
 const SIZE: u32 = 32;
-/// Most jobs that wait or run at once for the load to add another.
+/// Number of open jobs from which on the load adds no more.
 const OPEN: usize = 4;
 /// Longest life of a job.
 const PATIENCE: Duration = Duration::from_secs(150);
@@ -40,7 +40,7 @@ pub struct Avatar {
 }
 
 /// A client that keeps the service busy.
-pub struct Load {
+pub struct Workload {
     calls: Calls,
     /// Uploads go through a proxy that may cut them.
     proxy: Proxy,
@@ -51,7 +51,7 @@ pub struct Load {
     asked: Mutex<Vec<(CreateJobRequest, String)>>,
 }
 
-impl Load {
+impl Workload {
     /// A load whose people are made in `folder`.
     ///
     /// # Errors
@@ -315,7 +315,7 @@ pub fn train(model: &str, steps: u64) -> job_spec::Kind {
     })
 }
 
-/// A turn around a person.
+/// An orbit around a person.
 pub fn render(avatar: &Avatar, views: u32) -> job_spec::Kind {
     job_spec::Kind::Render(RenderSpec {
         model: avatar.model.clone(),
@@ -339,7 +339,7 @@ fn evaluate(avatar: &Avatar) -> job_spec::Kind {
     })
 }
 
-/// Splats of a person, who is a field: they are trained on the way.
+/// An export as splats of a person with a field, which trains the splats.
 fn export(avatar: &Avatar) -> job_spec::Kind {
     job_spec::Kind::Export(ExportSpec {
         model: avatar.model.clone(),

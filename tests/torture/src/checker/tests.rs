@@ -1,7 +1,7 @@
 //! The checker finds what a broken guard would leave behind.
 
 use super::*;
-use crate::torture::fault::Fault;
+use crate::fault::Fault;
 
 fn acknowledged(job: &str, request: &str) -> Event {
     Event::Acknowledged {

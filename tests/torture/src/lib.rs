@@ -6,10 +6,11 @@
 //! | `fault`, `plan` | what can go wrong, and in which order it does |
 //! | `parts` | the processes, made to fail as told |
 //! | `processes`, `proxy` | started, killed, stopped; connections cut |
-//! | `calls`, `load` | clients that repeat calls by their request ids |
+//! | `calls`, `workload` | clients that repeat calls by their request ids |
 //! | `breakage`, `late`, `embedded` | each fault, and the recovery from it |
 //! | `history`, `observer`, `ending` | what was seen, and what is left |
 //! | `checker`, `report` | whether the promises were kept |
+//! | `load` | not faults, but a measurement: the coordinator under the load of a cluster |
 
 mod breakage;
 mod calls;
@@ -19,13 +20,14 @@ mod ending;
 mod fault;
 mod history;
 mod late;
-mod load;
+pub mod load;
 mod observer;
 mod parts;
 mod plan;
 mod processes;
 mod proxy;
 mod report;
+mod workload;
 
 pub use parts::Part;
 
@@ -37,7 +39,6 @@ use clap::Args;
 use fault::Fault;
 use futures::FutureExt;
 use history::{Event, History};
-use load::{Avatar, Load};
 use plan::Plan;
 use processes::Fleet;
 use proxy::Proxy;
@@ -49,6 +50,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use workload::{Avatar, Workload};
 
 /// Worker processes.
 const WORKERS: usize = 3;
@@ -172,28 +174,28 @@ struct Torture {
 }
 
 impl Torture {
-    /// Breaks the running service; adds to the `failures` what did not go as it has to, and leaves the `end`.
+    /// Breaks the running service. Adds errors to `failures`, and writes the state at the end to `end`.
     async fn run(&self, folder: &Path, failures: &mut Vec<String>, end: &mut Final) -> Result<()> {
         let proxy = Proxy::start(self.fleet.address()).await?;
         let (calls, history) = (self.calls.clone(), Arc::clone(&self.history));
-        let load = Load::new(calls, proxy.clone(), history, folder)?;
-        let load = Arc::new(load);
-        let avatar = load.avatar().await.context("the first person")?;
+        let workload = Workload::new(calls, proxy.clone(), history, folder)?;
+        let workload = Arc::new(workload);
+        let avatar = workload.avatar().await.context("the first person")?;
         let mut breaker = Breaker {
             fleet: Arc::clone(&self.fleet),
             victims: [
-                load.avatar().await.context("the second person")?,
-                load.avatar().await.context("the third person")?,
+                workload.avatar().await.context("the second person")?,
+                workload.avatar().await.context("the third person")?,
             ],
             calls: self.calls.clone(),
-            load: Arc::clone(&load),
+            workload: Arc::clone(&workload),
             proxy,
             history: Arc::clone(&self.history),
             stranger: late::register_stranger(&self.calls).await?,
             chance: ChaCha8Rng::seed_from_u64(self.options.seed),
             silent: Vec::new(),
         };
-        self.breaking(&mut breaker, &load, &avatar, failures)
+        self.breaking(&mut breaker, &workload, &avatar, failures)
             .await?;
         ending::settle(&self.calls, SETTLE).await?;
         for it in self.calls.list_jobs(&[]).await? {
@@ -203,20 +205,20 @@ impl Torture {
         }
         let events = self.history.events();
         ending::collect(&self.calls, &self.fleet.objects(), &events, end).await?;
-        ending::repeat(&self.calls, &load, end).await
+        ending::repeat(&self.calls, &workload, end).await
     }
 
-    /// Load, observer and faults side by side, until the plan is through.
+    /// Runs workload, observer and faults concurrently, until the plan is complete.
     async fn breaking(
         &self,
         breaker: &mut Breaker,
-        load: &Load,
+        workload: &Workload,
         avatar: &Avatar,
         failures: &mut Vec<String>,
     ) -> Result<()> {
         let done = AtomicBool::new(false);
         let is_done = || done.load(Ordering::SeqCst);
-        let asking = load.run(avatar, self.options.seed, &is_done);
+        let asking = workload.run(avatar, self.options.seed, &is_done);
         let observing = observer::observe(&self.calls, &self.history, &is_done);
         let breaking = async {
             self.faults(breaker, failures).await;
