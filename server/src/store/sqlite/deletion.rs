@@ -1,8 +1,8 @@
 //! Deletions: rows go at once, objects are noted as garbage in the same transaction.
 //!
 //! A resource that an open job uses is not deleted; the refusal names the job. A person in a model is not
-//! deleted either: the model's checkpoints would still contain what was learned from them, without a record of
-//! whom it belongs to.
+//! deleted either: the model's checkpoints would still contain what was learned from them, with no record of
+//! that person left.
 
 use super::rows::{Columns, During};
 use super::{captures, checkpoints, garbage, jobs, models, pins, requests, subjects, uploads};
