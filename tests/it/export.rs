@@ -1,4 +1,4 @@
-//! People leave in files that other programs play.
+//! Exports of people to files that other programs play.
 
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
@@ -156,7 +156,7 @@ fn motion_files(stage: &Stage) -> anyhow::Result<()> {
 
 fn other_forms(stage: &Stage) -> anyhow::Result<()> {
     let export = stage.export();
-    // Other forms: their own tests look inside.
+    // Other forms; their contents have their own tests.
     for (name, options, start) in [
         ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
         ("splats.glb", " --frame 5 --format splats", &b"glTF"[..]),
@@ -221,7 +221,7 @@ fn films(stage: &Stage) -> anyhow::Result<()> {
 
 fn existing_files(stage: &Stage) -> anyhow::Result<()> {
     let (film, export) = (stage.film(), stage.export());
-    // Over an existing file only if asked.
+    // An existing file is replaced only on request.
     let said = stage.yoto(&film, fail)?;
     ensure!(said.contains("walk.mp4 is there already"), "{said}");
     let said = stage.yoto(&format!("{export} --out {}", stage.at("ada.html")), fail)?;
@@ -378,7 +378,7 @@ fn a_browser_plays_a_film_and_jumps_in_it() -> anyhow::Result<()> {
         film.push(&[grey(frame); 3 * 64 * 48])?;
     }
     film.finish()?;
-    // Forth and back; from the 31st frame on, there is another one to begin with.
+    // Jumps forth and back; frame 31 follows the second key frame.
     let frames = [38, 3, 22, 31];
     let times = frames.map(|frame| (frame as f64 + 0.5) / FPS);
     let playback = played(&browser, &bytes, FPS, &times)?;

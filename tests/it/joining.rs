@@ -61,7 +61,7 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
     let said = yoto("model add-person duo cleo", fail)?;
     ensure!(said.contains("train duo --only cleo"), "{said}");
 
-    // Trained together, everybody changes again.
+    // A training of all people changes all of them.
     yoto("train duo --only cleo --steps 10", succeed)?;
     ensure!(before[0] == picture("ada", "ada-still")?);
     yoto("train duo --steps 30", succeed)?;

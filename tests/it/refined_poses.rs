@@ -66,7 +66,7 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
     let [out, sheet] = ["refined.json", "sheet.png"].map(|name| dir.path().join(name));
     let [file, sheet] = [&out, &sheet].map(|path| path.to_str().unwrap_or_default());
 
-    // Nothing is refined against the user's will, and that is said.
+    // Nothing is refined if the user forbids it, and the output says so.
     yoto(
         "train plain --subjects ada --tier draft --steps 2 --refine-poses=never",
         succeed,

@@ -1,5 +1,5 @@
-//! Two workers draw one render. One of them is killed, and the other draws what it had: every picture is there
-//! once, and has the bytes that a worker alone gives it.
+//! Two workers draw one render. One of them is killed, and the other draws the rest of its range: every picture
+//! exists once, with the same bytes as from a single worker.
 
 use anyhow::{Context, ensure};
 use std::collections::BTreeSet;
@@ -92,7 +92,7 @@ async fn two_workers_draw_one_render_and_one_of_them_is_killed() -> anyhow::Resu
             && job.attempts.len() == 2
     })
     .await?;
-    // Whichever asked first runs the render; the other one helps, and is killed.
+    // The worker that asked first runs the render; the other one helps, and is killed.
     let helper = both.attempts.iter().find(|it| it.worker != both.worker);
     let helper = helper.context("a helper")?.worker_display_name.clone();
     let killed = if helper == "first" {

@@ -366,7 +366,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
         let mut client = service.models();
         async move { client.remove_identity(request).await }
     };
-    // A training may be about to publish what it knows of them.
+    // A training may be about to publish a checkpoint with them.
     assert_refused(remove(&bob).await, Code::FailedPrecondition, "MODEL_BUSY");
     let result = TrainResult {
         checkpoint: published.name,

@@ -200,7 +200,7 @@ async fn a_job_is_deleted_once_it_has_ended() {
 }
 
 #[tokio::test]
-async fn a_person_whom_a_model_or_a_job_has_is_not_deleted() {
+async fn a_person_in_a_model_or_a_job_is_not_deleted() {
     let service = service().await;
     let (ada, bob) = (
         service.ready_subject("Ada").await,

@@ -1,5 +1,4 @@
-//! Faults on purpose: calls arrive several times, answers get lost, and the moments of a call are told in
-//! their order.
+//! Injected faults: calls arrive several times, answers get lost, and the moments of a call come in order.
 
 use crate::support::Service;
 use std::sync::{Arc, Mutex};

@@ -1,4 +1,4 @@
-//! Bytes: removed once nothing refers to them, and never before.
+//! Objects are removed once nothing refers to them, and never before.
 
 use crate::support;
 use crate::support::{Service, assert_refused, chunks, file, headers, id, job_name};
@@ -126,7 +126,7 @@ async fn a_removed_checkpoint_goes_while_its_training_runs() {
     let first = first.manifest.expect("has one").key;
     service.collect(false, false).await;
     assert!(!service.has(&first));
-    // The objects are written again, the call comes late: the row must not come back without them.
+    // A late call whose objects were removed must not bring back the row.
     service
         .publish_with(&lease, 1, 20.0)
         .await

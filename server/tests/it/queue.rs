@@ -173,7 +173,7 @@ async fn a_job_without_its_inputs_fails_and_does_not_stand_before_the_others() {
     let ada = service.ready_subject("Ada").await;
     let broken = service.train(&service.model_of(&ada).await).await;
     let other = service.train(&service.model_of(&ada).await).await;
-    // No call leaves a job without its model's slots' captures; a damaged database does.
+    // Only a damaged database can leave a job without captures.
     let database = service.dir.path().join("yoto.db");
     let job = id(&broken.name);
     let damage = format!("UPDATE jobs SET spec = x'ff' WHERE id = '{job}'");

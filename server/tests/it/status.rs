@@ -151,7 +151,7 @@ async fn requests_that_no_worker_could_serve_are_refused_at_once() {
         "NO_CHECKPOINT",
     );
 
-    // Faults have the names that people gave.
+    // Errors use display names.
     let dan = filmed(&service, "dan", 1).await;
     let status = render(&dan, 5).await.expect_err("is refused");
     assert!(

@@ -121,7 +121,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
     let listed = listed.expect("lists").into_inner().checkpoints;
     assert_eq!(listed[0].tradeoff, kept.tradeoff);
 
-    // Queued while its checkpoint was the newest, the render keeps to it.
+    // The render keeps the checkpoint that was the newest when it was queued.
     service.create_job(wish()).await.expect("is measured now");
     service.publish(&training, 50).await.expect("publishes");
     let lease = service.lease(&worker).await.expect("the render waits");

@@ -11,7 +11,7 @@ fn box_at(bytes: &[u8], name: &[u8; 4]) -> anyhow::Result<usize> {
     at.with_context(|| String::from_utf8_lossy(name).into_owned())
 }
 
-/// The film with `count` frames of a byte declared, and nothing else changed.
+/// The film with its header changed to declare `count` frames of one byte.
 fn declaring(film: &[u8], count: u32) -> anyhow::Result<Vec<u8>> {
     let mut film = film.to_vec();
     let sizes = box_at(&film, b"stsz")? + 8;

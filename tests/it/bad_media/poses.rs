@@ -221,7 +221,7 @@ fn frames(good: &Good) -> anyhow::Result<Vec<Case>> {
     ])
 }
 
-/// The pictures of `good` as a whole capture in an archive, which may lack anything.
+/// The pictures of `good` in an archive, without a pose track.
 fn packed(good: &[UploadFile]) -> anyhow::Result<Vec<UploadFile>> {
     let mut builder = tar::Builder::new(Vec::new());
     for file in good.iter().filter(|file| file.path != "poses.json") {

@@ -26,7 +26,7 @@ const JUMP: f64 = 3600.0;
 const CALLS: [&str; 4] = ["EndJob", "LeaseJob", "Heartbeat", "PublishCheckpoint"];
 /// Largest file of a worker with a full disk, bytes.
 const FULL: u64 = 4096;
-/// Steps of a training that is to lose its worker: seconds.
+/// Steps of a training that will lose its worker; they take seconds.
 const STEPS: u64 = 100;
 /// Watchers of one job that never read.
 const SILENT: usize = 20;
@@ -40,9 +40,9 @@ pub struct Breaker {
     pub victims: [Avatar; 2],
     /// A client.
     pub calls: Calls,
-    /// What asks for jobs.
+    /// The clients that ask for jobs.
     pub workload: Arc<Workload>,
-    /// In front of uploads.
+    /// Proxy for uploads.
     pub proxy: Proxy,
     /// What was seen.
     pub history: Arc<History>,
@@ -131,7 +131,7 @@ impl Breaker {
         bail!("no job runs")
     }
 
-    /// Waits until `job` has another lease or has ended; whether it has another lease.
+    /// Waits until `job` has another lease or has ended. Returns whether it has another lease.
     async fn leased_again(&self, job: &Job) -> Result<bool> {
         let (before, began) = (newest_attempt(job), Instant::now());
         loop {
@@ -307,7 +307,7 @@ impl Breaker {
         Ok(())
     }
 
-    /// A job on a worker with a full disk waits, says why, and goes on elsewhere.
+    /// A job on a worker with a full disk waits, says why, and continues elsewhere.
     async fn fill_disk(&self) -> Result<()> {
         let avatar = self.workload.avatar().await?;
         let full = self.fleet.start_full(FULL)?;
@@ -325,7 +325,7 @@ impl Breaker {
         Ok(())
     }
 
-    /// Asks for trainings until the `worker` with the full disk has had to put one off.
+    /// Asks for trainings until the `worker` with the full disk has postponed one.
     async fn postponed(&self, model: &str, worker: &str) -> Result<String> {
         let began = Instant::now();
         while began.elapsed() < 2 * PATIENCE {
@@ -350,7 +350,7 @@ impl Breaker {
         bail!("{worker} never put off a training for its full disk")
     }
 
-    /// The checkpoint before a damaged one serves.
+    /// The checkpoint before a damaged one is used.
     async fn flip_bit(&self) -> Result<()> {
         let avatar = self.workload.avatar().await?;
         let mut checkpoints = self.calls.checkpoints(&avatar.model).await?;

@@ -46,7 +46,7 @@ where
     }
 }
 
-/// Whether a broken connection or an end of the coordinator may be behind a failure.
+/// Whether a broken connection or an end of the coordinator can cause this failure.
 pub fn is_transient(code: Code) -> bool {
     matches!(
         code,
@@ -64,10 +64,10 @@ pub fn is_transient(code: Code) -> bool {
 pub struct Calls(Channel);
 
 impl Calls {
-    /// A client of the service at `address`, which may not be there yet.
+    /// A client of the service at `address`, which need not run yet.
     ///
     /// # Errors
-    /// When the address is none.
+    /// When the address is invalid.
     pub fn to(address: std::net::SocketAddr) -> Result<Self> {
         let endpoint = endpoint(&format!("http://{address}")).context("the address")?;
         Ok(Self(endpoint.connect_lazy()))
@@ -217,7 +217,7 @@ impl Calls {
         .await
     }
 
-    /// Deletes a job; one that is gone was deleted by an earlier delivery.
+    /// Deletes a job. NOT_FOUND counts as success: an earlier delivery deleted it.
     ///
     /// # Errors
     /// When the service refuses.

@@ -18,9 +18,9 @@ pub enum Fault {
     EndBeforeReply,
     /// SIGSTOP of a worker past its lease, then SIGCONT.
     WorkerStopped,
-    /// A worker that can't reach the coordinator past its lease, and goes on.
+    /// A worker that can't reach the coordinator until after its lease, and continues.
     Partition,
-    /// A job whose thread never goes on.
+    /// A job with a thread that hangs.
     JobHung,
     /// A call that arrives two or three times.
     CallRepeated,

@@ -35,7 +35,7 @@ pub enum Event {
         /// `jobs/{id}`.
         job: String,
     },
-    /// The plan has a job fail.
+    /// The plan makes a job fail.
     Doomed {
         /// `jobs/{id}`.
         job: String,
@@ -49,7 +49,7 @@ pub enum Event {
         /// Number of its newest attempt; 0 before the first.
         attempt: u64,
     },
-    /// Something was broken by the plan.
+    /// The plan made a fault happen.
     Broken {
         /// What.
         fault: Fault,

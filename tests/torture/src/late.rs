@@ -1,4 +1,4 @@
-//! Writes under claims that are not a job's newest: of a worker that lost it, and of one that never had it.
+//! Writes with stale claims: by a worker that lost the job, and by one that never had it.
 
 use super::calls::{Calls, answered};
 use super::history::{Event, History};
@@ -30,7 +30,7 @@ pub async fn register_stranger(calls: &Calls) -> Result<String> {
     Ok(registered.await.context("registering a worker")?.worker)
 }
 
-/// Tries all of them on a job as it was just read.
+/// Tries all late writes on a job that was just read.
 ///
 /// # Errors
 /// When there is no definite answer.
@@ -136,7 +136,7 @@ fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) 
     })
 }
 
-/// Whether the claim was refused, and not merely what came with it: then the guard let it pass.
+/// Whether the claim itself was refused. If only the content was, the guard let the claim pass.
 fn is_refused_as_late(status: &Status) -> bool {
     let details = status.get_error_details();
     let reason = details.error_info().map(|info| info.reason.as_str());

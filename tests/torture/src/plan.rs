@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 /// Faults that last from the first call to the last: the coordinator makes them by itself.
 const CONSTANT: [Fault; 3] = [Fault::CallRepeated, Fault::CallLate, Fault::AnswerLost];
 
-/// Faults one after another: each kind once, in an order of its own for each seed, then any.
+/// The sequence of faults: each kind once, in a seeded random order, then any kind.
 #[derive(Debug)]
 pub struct Plan {
     chance: ChaCha8Rng,
@@ -35,7 +35,7 @@ impl Plan {
         }
     }
 
-    /// Whether each kind has had its turn.
+    /// Whether each kind has happened once.
     pub fn is_complete(&self) -> bool {
         self.first.is_empty()
     }

@@ -43,8 +43,8 @@ pub async fn register(
     Ok(id)
 }
 
-/// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds before its
-/// lease ends.
+/// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds
+/// before its lease ends.
 macro_rules! select_workers {
     ($rest:literal) => {
         concat!(

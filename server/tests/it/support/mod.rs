@@ -180,7 +180,7 @@ impl Service {
         opened.map(|answer| answer.into_inner())
     }
 
-    /// Sends `messages` in one stream; the bytes that are committed then.
+    /// Sends `messages` in one stream. Returns the committed bytes.
     pub async fn write(&self, messages: Vec<WriteUploadRequest>) -> Result<u64, Status> {
         let written = self.uploads().write_upload(stream::iter(messages)).await;
         written.map(|answer| answer.into_inner().committed_bytes)
@@ -249,7 +249,7 @@ impl Service {
         self.lease_or_help(worker, request_id, false).await
     }
 
-    /// The same of a worker that may `help` with a render.
+    /// The same for a worker that may `help` with a render.
     pub async fn lease_or_help(&self, worker: &str, request_id: &str, help: bool) -> Option<Lease> {
         let request = LeaseJobRequest {
             worker: worker.into(),

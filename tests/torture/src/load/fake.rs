@@ -1,4 +1,4 @@
-//! A person, a model and a checkpoint without anything behind them, made by the calls that workers make.
+//! A person, a model and a checkpoint without real contents, made by the calls that workers make.
 
 use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub struct Lessee {
     pub claim: Claim,
 }
 
-/// What renders are of.
+/// The person and model of all renders.
 pub struct Scene {
     client: YotoClient,
     channel: Channel,

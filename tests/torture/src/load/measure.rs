@@ -72,7 +72,7 @@ impl fmt::Display for Latencies {
 /// Memory of a process that is in RAM.
 ///
 /// # Errors
-/// Where the system does not tell as Linux does.
+/// When the system is not Linux.
 pub fn resident_bytes(process: u32) -> Result<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status"))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

@@ -1,7 +1,7 @@
 //! A coordinator in a process of its own under the load of a cluster: a thousand polling workers, a
 //! hundred running jobs, a queue of twenty thousand, and five hundred watchers of one of them.
 //!
-//! The workers are calls alone: nothing is computed.
+//! The workers are only calls: nothing is computed.
 
 mod fake;
 mod measure;
