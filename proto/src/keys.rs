@@ -3,7 +3,7 @@
 //! Everything a worker writes has its job and fencing token in the key, so that a worker
 //! that lost its lease can't overwrite what its successor wrote. The database row that
 //! names a key is the commit point; an object without a row is garbage, which is collected by the
-//! folder ([`Folder`]).
+//! folder ([`FolderOwner`]).
 
 /// An uploaded file of a capture: `uploads/{capture}/{path}`.
 pub fn upload(capture_id: &str, path: &str) -> String {
@@ -54,7 +54,7 @@ pub const ROOTS: &[(&str, usize)] = &[
 
 /// The owner of a folder that is kept or deleted as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Folder<'a> {
+pub enum FolderOwner<'a> {
     /// The files of an upload.
     Upload {
         /// Its capture's id.
@@ -90,7 +90,7 @@ pub struct Lease<'a> {
     pub token: u64,
 }
 
-impl<'a> Folder<'a> {
+impl<'a> FolderOwner<'a> {
     /// The owner of the folder `key`; `None` for a folder of an unknown kind.
     pub fn parse(key: &'a str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
@@ -148,24 +148,33 @@ mod tests {
             token: 7,
         };
         let made = [
-            (shard("c", "j-1", 7), Folder::Shard { capture: "c", by }),
-            (check("c", "j-1", 7), Folder::Shard { capture: "c", by }),
+            (
+                shard("c", "j-1", 7),
+                FolderOwner::Shard { capture: "c", by },
+            ),
+            (
+                check("c", "j-1", 7),
+                FolderOwner::Shard { capture: "c", by },
+            ),
             (
                 tradeoff("m", "j-1", 7, 40),
-                Folder::Checkpoint { model: "m", by },
+                FolderOwner::Checkpoint { model: "m", by },
             ),
-            (render("j-1", 7, "0.png"), Folder::Render { by }),
-            (upload("c", "poses.json"), Folder::Upload { capture: "c" }),
+            (render("j-1", 7, "0.png"), FolderOwner::Render { by }),
+            (
+                upload("c", "poses.json"),
+                FolderOwner::Upload { capture: "c" },
+            ),
         ];
         for (key, expected) in made {
             let found = folder(&key);
-            assert_eq!(Folder::parse(found), Some(expected), "{key}");
+            assert_eq!(FolderOwner::parse(found), Some(expected), "{key}");
             let depth = found.split('/').count() - 1;
             let root = found.split('/').next().unwrap_or_default();
             assert!(ROOTS.contains(&(root, depth)), "{key}");
         }
         for other in ["", "uploads", "models/m/j/5", "renders/j/x", "lost+found/a"] {
-            assert_eq!(Folder::parse(other), None, "{other}");
+            assert_eq!(FolderOwner::parse(other), None, "{other}");
         }
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use yoto_objects::ObjectsError;
 use yoto_proto::keys;
 
-/// A folder of the object store ([`keys::Folder`]).
+/// A folder of the object store ([`keys::FolderOwner`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Folder {
     /// Its key.

@@ -39,7 +39,7 @@ struct Member {
     name: String,
     child: Child,
     /// Its proxy to the coordinator, which its replacement takes over; `None`: the worker is not replaced.
-    line: Option<Proxy>,
+    proxy: Option<Proxy>,
 }
 
 impl Fleet {
@@ -115,8 +115,8 @@ impl Fleet {
     /// # Errors
     /// When the process can't be started.
     pub async fn start_lasting(&self) -> Result<String> {
-        let line = Proxy::start(self.address()).await?;
-        self.start_worker(Some(line), None)
+        let proxy = Proxy::start(self.address()).await?;
+        self.start_worker(Some(proxy), None)
     }
 
     /// Starts a worker that can't write files above `largest_file` bytes. Nothing replaces it.
@@ -128,11 +128,11 @@ impl Fleet {
     }
 
     /// Starts a worker and returns its display name.
-    fn start_worker(&self, line: Option<Proxy>, largest_file: Option<u64>) -> Result<String> {
+    fn start_worker(&self, proxy: Option<Proxy>, largest_file: Option<u64>) -> Result<String> {
         let mut inside = self.inside();
         inside.started += 1;
         let name = format!("worker-{}", inside.started);
-        let server = line.as_ref().map_or(self.address(), Proxy::address);
+        let server = proxy.as_ref().map_or(self.address(), Proxy::address);
         let mut arguments = vec![
             "worker".to_owned(),
             format!("--server=http://{server}"),
@@ -145,7 +145,7 @@ impl Fleet {
         inside.workers.push(Member {
             name: name.clone(),
             child,
-            line,
+            proxy,
         });
         Ok(name)
     }
@@ -183,7 +183,7 @@ impl Fleet {
     /// # Errors
     /// When a process can't be started.
     pub fn tend(&self) -> Result<Option<Instant>> {
-        let (mut ended, mut lines) = (None, Vec::new());
+        let (mut ended, mut proxies) = (None, Vec::new());
         {
             let mut inside = self.inside();
             if let Some(child) = &mut inside.coordinator
@@ -198,7 +198,7 @@ impl Fleet {
                     Some(status) => {
                         // A killed one has no code.
                         inside.gave_up += u64::from(status.code().is_some_and(|code| code != 0));
-                        lines.extend(member.line);
+                        proxies.extend(member.proxy);
                     }
                 }
             }
@@ -207,8 +207,8 @@ impl Fleet {
         if ended.is_some() {
             self.start_coordinator()?;
         }
-        for line in lines {
-            self.start_worker(Some(line), None)?;
+        for proxy in proxies {
+            self.start_worker(Some(proxy), None)?;
         }
         Ok(ended)
     }
@@ -222,8 +222,8 @@ impl Fleet {
     pub fn hold(&self, name: &str, held: bool) -> bool {
         let inside = self.inside();
         let member = inside.workers.iter().find(|it| it.name == name);
-        let line = member.and_then(|it| it.line.as_ref());
-        line.map(|line| line.hold(held)).is_some()
+        let proxy = member.and_then(|it| it.proxy.as_ref());
+        proxy.map(|proxy| proxy.hold(held)).is_some()
     }
 
     /// Kills the coordinator (SIGKILL).

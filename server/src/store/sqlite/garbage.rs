@@ -7,7 +7,7 @@
 use super::rows::{Columns, During};
 use crate::store::{KnownGarbage, Reference, StoreError};
 use sqlx::SqliteConnection;
-use yoto_proto::keys::{Folder, Lease};
+use yoto_proto::keys::{FolderOwner, Lease};
 
 /// Notes a folder, with everything below it, as part of a deleted resource.
 pub async fn deleted(conn: &mut SqliteConnection, folder: &str) -> Result<(), StoreError> {
@@ -84,7 +84,7 @@ pub async fn references(
 ) -> Result<Vec<Reference>, StoreError> {
     let mut references = Vec::with_capacity(folders.len());
     for key in folders {
-        let reference = match Folder::parse(key) {
+        let reference = match FolderOwner::parse(key) {
             None => Reference::Row,
             Some(folder) => {
                 // In this order: a job that ends between the two has left its row before the second.
@@ -106,12 +106,12 @@ pub async fn references(
 async fn named(
     conn: &mut SqliteConnection,
     key: &str,
-    folder: Folder<'_>,
+    folder: FolderOwner<'_>,
     keep_uploads: f64,
 ) -> Result<bool, StoreError> {
     let inside = format!("{key}/");
     let found = match folder {
-        Folder::Upload { capture } => {
+        FolderOwner::Upload { capture } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
                      WHERE id = ?1 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
@@ -122,7 +122,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Shard { capture, .. } => {
+        FolderOwner::Shard { capture, .. } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
                      WHERE id = ?1 AND substr(shard_key, 1, length(?2)) = ?2) AS found",
@@ -132,7 +132,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Checkpoint { model, by } => {
+        FolderOwner::Checkpoint { model, by } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM checkpoints WHERE model = ?1
                          AND (substr(manifest_key, 1, length(?2)) = ?2
@@ -147,7 +147,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Render { by } => {
+        FolderOwner::Render { by } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND lease = ?2
                          AND kind IN ('render', 'export') AND state = 'SUCCEEDED')
