@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use yoto_media::{Limits, video};
-use yoto_proto::media_plan::{Pictures, Planned, Shown, Sources, Timing};
+use yoto_proto::media_plan::{Pictures, Planned, Sources, Timing, VideoContent};
 use yoto_proto::v1::Violation;
 
 /// Leaves out the few frames of `planned` that are beyond the end of a video of `sources`, and
@@ -19,8 +19,8 @@ pub fn end_with_videos(
     timing: Timing,
     limits: &Limits,
 ) -> Result<(), Violation> {
-    let images = (Some(sources.images.clone()), Shown::Images);
-    for (pictures, shows) in [images, (sources.mask_pictures(), Shown::Masks)] {
+    let images = (Some(sources.images.clone()), VideoContent::Images);
+    for (pictures, shows) in [images, (sources.mask_pictures(), VideoContent::Masks)] {
         let Some(Pictures::Video(name)) = pictures else {
             continue;
         };
