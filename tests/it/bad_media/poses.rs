@@ -82,7 +82,7 @@ fn unreadable_texts(good: &Good) -> Vec<Case> {
     vec![
         Case::new(
             "cut",
-            good.raw(&good.text[..text.len() / 2]),
+            good.raw(&good.text[..good.text.len() / 2]),
             "UNREADABLE",
             "poses.json: frames[",
         ),
