@@ -1,7 +1,7 @@
 //! Pose tracks as BVH files, as motion-capture programs write them.
 
 use std::fmt::Write;
-use yoto_capture::skeleton::transform::{Mat3, product, rodrigues, transposed, turned};
+use yoto_capture::skeleton::transform::{Mat3, matmul, rodrigues, transpose, matvec};
 use yoto_proto::pose_track::{PoseTrack, Skeleton};
 
 /// No turn.
@@ -43,7 +43,7 @@ pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let turn = rest;
     let mut resting = track.skeleton.clone();
     for joint in &mut resting.rest_joints {
-        *joint = turned(turn, *joint).map(|v| v / unit);
+        *joint = matvec(turn, *joint).map(|v| v / unit);
     }
     joint(&mut text, &resting, 0, 0, &mut order);
     let _ = writeln!(
@@ -55,12 +55,12 @@ pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let rest = track.skeleton.rest_joints[0];
     for frame in &track.frames {
         let place = std::array::from_fn(|i| (rest[i] + frame.translation[i]) / unit);
-        let mut numbers: Vec<f64> = turned(world, place).to_vec();
+        let mut numbers: Vec<f64> = matvec(world, place).to_vec();
         for at in &order {
             let r = &frame.pose[3 * at..3 * at + 3];
             let local = rodrigues([r[0], r[1], r[2]]);
             let above = if *at == 0 { world } else { turn };
-            let local = product(&product(above, &local), &transposed(turn));
+            let local = matmul(&matmul(above, &local), &transpose(turn));
             numbers.extend(zxy(&local).map(f64::to_degrees));
         }
         let line: Vec<String> = numbers.iter().map(|it| format!("{it:.6}")).collect();

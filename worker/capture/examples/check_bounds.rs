@@ -1,12 +1,12 @@
-//! The bounds of the check of a capture, held against made-up people whose truth is known.
+//! The bounds of the check of a capture, tested on synthetic people with known poses.
 //!
 //! `cargo run --release -p yoto-capture --example check_bounds -- [PEOPLE] [PIXELS] [FRAMES] [SEED]`
 //!
-//! `YOTO_CASES=noise` tries only the mistakes whose names hold that word.
+//! `YOTO_CASES=noise` tries only the mistakes with that word in their names.
 //!
-//! Films people as unlike as [`SyntheticPerson::varied`] makes them, checks each film with its exact
-//! poses and with every mistake, and prints for each measure what it found in exact films, how many
-//! of them it doubts wrongly, and for each mistake how often it is named.
+//! Films the people of [`SyntheticPerson::varied`], checks each film with its exact poses and with every
+//! mistake, and prints for each measure its values in exact films and its number of false alarms, and for
+//! each mistake how often it is named.
 
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -83,9 +83,9 @@ fn cases() -> [Case; 10] {
                 let mut track = track.clone();
                 let count = track.frames.len();
                 let first = 5 + seed as usize % (count / 2);
-                for place in [first, first + count / 3] {
-                    let other = track.frames[(place + count / 2) % count].pose.clone();
-                    let frame = &mut track.frames[place];
+                for position in [first, first + count / 3] {
+                    let other = track.frames[(position + count / 2) % count].pose.clone();
+                    let frame = &mut track.frames[position];
                     frame.pose = other;
                     frame.translation[0] += 0.4;
                 }
@@ -192,7 +192,8 @@ fn check(track: PoseTrack, images: &[FrameImage]) -> Result<Report, Fault> {
     Ok(checker.finish())
 }
 
-/// Jumping jacks at two a second and squats, in which a body jumps with its feet, not from frame to frame.
+/// Frames with false jumps per person, in jumping jacks at two per second and squats: fast motion, but without
+/// jumps of the tracking.
 fn jumps_in_fast_motion(cast: &[SyntheticPerson], fps: usize) -> Result<Vec<usize>, Fault> {
     let camera = camera(0, 96);
     let found = cast.iter().map(|person| {
@@ -212,8 +213,8 @@ fn jumps_in_fast_motion(cast: &[SyntheticPerson], fps: usize) -> Result<Vec<usiz
 fn quantiles(mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| {
-        let place = (share * values.len().saturating_sub(1) as f64).round() as usize;
-        values.get(place).copied().unwrap_or(f64::NAN)
+        let index = (share * values.len().saturating_sub(1) as f64).round() as usize;
+        values.get(index).copied().unwrap_or(f64::NAN)
     };
     [0.0, 0.05, 0.5, 0.95, 1.0]
         .map(|share| format!("{:>9.4}", at(share)))
@@ -269,12 +270,12 @@ fn main() -> Result<(), Fault> {
             quantiles(values.collect())
         );
     }
-    println!("\nfast motion without jumps: people in whom jumps are found, and at how many frames");
+    println!("\nfast motion without jumps: people with false jumps, and frames with them");
     for fps in [15, 30, 60] {
         let found = jumps_in_fast_motion(&cast, fps)?;
         let people = found.iter().filter(|jumps| **jumps > 0).count();
         println!(
-            "{fps:>2} frames a second{people:>10}{:>6}",
+            "{fps:>2} frames per second{people:>10}{:>6}",
             found.iter().sum::<usize>()
         );
     }

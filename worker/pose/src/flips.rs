@@ -5,7 +5,7 @@
 //! the run that turns as people can is taken.
 
 use crate::parameters::Stance;
-use crate::rotation::{logarithm, product, transposed};
+use crate::rotation::{log_map, matmul, transpose};
 use yoto_capture::skeleton::transform::length;
 
 /// Faster turns of the root are mistakes, rad/s.
@@ -92,8 +92,8 @@ pub(crate) fn steadiest(
 
 /// The angle between two stances' roots, radians.
 fn turn(a: &Stance, b: &Stance) -> f64 {
-    length(logarithm(&product(
-        &transposed(&a.rotations[0]),
+    length(log_map(&matmul(
+        &transpose(&a.rotations[0]),
         &b.rotations[0],
     )))
 }

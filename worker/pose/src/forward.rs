@@ -3,7 +3,7 @@
 use crate::joints::{COLUMN, PLACE};
 use crate::markers::Marker;
 use crate::parameters::{PLACES, Shared, Stance};
-use crate::rotation::{column, product, turned};
+use crate::rotation::{column, matmul, matvec};
 use crate::skeleton::{COUNT, GROUP, chain, growing, offsets, parent};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, add, cross, scale, sub};
@@ -34,11 +34,11 @@ impl Posed {
         };
         for joint in 1..COUNT {
             let above = parent(joint);
-            let bone = turned(&posed.rotations[above], offsets[joint]);
-            posed.rotations[joint] = product(&posed.rotations[above], &stance.rotations[joint]);
+            let bone = matvec(&posed.rotations[above], offsets[joint]);
+            posed.rotations[joint] = matmul(&posed.rotations[above], &stance.rotations[joint]);
             posed.joints[joint] = add(posed.joints[above], bone);
             if let Some(group) = GROUP[joint] {
-                let growing = turned(&posed.rotations[above], growing(joint));
+                let growing = matvec(&posed.rotations[above], growing(joint));
                 posed.growth[joint] = scale(growing, factors[group]);
             }
         }
@@ -48,7 +48,7 @@ impl Posed {
     /// Where a marker is.
     pub fn marker(&self, marker: &Marker, shared: &Shared) -> Vec3 {
         let [x, y, z] = shared.offset(marker.place);
-        let offset = turned(&self.rotations[marker.joint], [marker.side * x, y, z]);
+        let offset = matvec(&self.rotations[marker.joint], [marker.side * x, y, z]);
         add(self.joints[marker.joint], offset)
     }
 

@@ -6,7 +6,7 @@ use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
 use crate::residuals::shared::{held, rows as shared_rows};
 use crate::residuals::{self, Columns, Rows, smooth};
-use crate::rotation::{product, transposed, turned};
+use crate::rotation::{matmul, matvec, transpose};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
@@ -109,12 +109,12 @@ impl Normal {
     fn add_bend(&mut self, first: usize, bend: &smooth::Bend) {
         let column = bend.column;
         for (i, slope) in bend.slopes.iter().enumerate() {
-            let back = transposed(slope);
+            let back = transpose(slope);
             let Some(block) = self.blocks.get_mut(first + i) else {
                 return;
             };
-            let pull = turned(&back, bend.value);
-            let own = product(&back, slope);
+            let pull = matvec(&back, bend.value);
+            let own = matmul(&back, slope);
             for row in 0..3 {
                 block.border[(column + row, 0)] += pull[row];
                 for (other, by) in own[row].iter().enumerate() {
@@ -122,7 +122,7 @@ impl Normal {
                 }
             }
             for (ahead, later) in bend.slopes.iter().skip(i + 1).enumerate() {
-                let coupling = product(&transposed(later), slope);
+                let coupling = matmul(&transpose(later), slope);
                 let sum = &mut block.ahead[ahead][column / 3];
                 for (to, from) in sum.iter_mut().flatten().zip(coupling.iter().flatten()) {
                     *to += from;

@@ -2,7 +2,7 @@
 
 use crate::joints::{ACTIVE, PLACE};
 use crate::markers::Markers;
-use crate::rotation::product;
+use crate::rotation::matmul;
 use crate::skeleton::{COUNT, GROUPS};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, add, rodrigues};
@@ -74,7 +74,7 @@ impl Stance {
         let mut moved = self.clone();
         let three = |at: usize| -> Vec3 { std::array::from_fn(|i| step[at + i]) };
         for (at, &joint) in ACTIVE.iter().enumerate() {
-            moved.rotations[joint] = product(&self.rotations[joint], &rodrigues(three(3 * at)));
+            moved.rotations[joint] = matmul(&self.rotations[joint], &rodrigues(three(3 * at)));
         }
         moved.root = add(self.root, three(PLACE));
         moved

@@ -4,14 +4,14 @@
 //! by that δ.
 
 pub(crate) use yoto_capture::skeleton::transform::{
-    UNTURNED, logarithm, product, transposed, turned,
+    IDENTITY_ROTATION, log_map, matmul, matvec, transpose,
 };
 
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{self, Mat3, cross, length, normalised, rodrigues, scale};
 
 /// `v` turned back by `a`.
-pub(crate) fn unturned(a: &Mat3, v: Vec3) -> Vec3 {
+pub(crate) fn transpose_matvec(a: &Mat3, v: Vec3) -> Vec3 {
     std::array::from_fn(|j| (0..3).map(|i| a[i][j] * v[i]).sum())
 }
 
@@ -22,12 +22,12 @@ pub(crate) fn column(a: &Mat3, axis: usize) -> Vec3 {
 
 /// The matrix with these columns.
 pub(crate) fn from_columns(columns: [Vec3; 3]) -> Mat3 {
-    transposed(&columns)
+    transpose(&columns)
 }
 
 /// The derivative of `logarithm(R exp(δ))` by δ at 0, where `r` is the logarithm of R. Its
 /// transpose is the derivative for `exp(δ) R`.
-pub(crate) fn logarithm_derivative(r: Vec3) -> Mat3 {
+pub(crate) fn log_map_derivative(r: Vec3) -> Mat3 {
     let angle = length(r);
     let square = if angle < 1e-3 {
         1.0 / 12.0
@@ -36,15 +36,15 @@ pub(crate) fn logarithm_derivative(r: Vec3) -> Mat3 {
     };
     let [x, y, z] = r;
     let skew = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-    let squared = product(&skew, &skew);
+    let squared = matmul(&skew, &skew);
     std::array::from_fn(|i| {
-        std::array::from_fn(|j| UNTURNED[i][j] + 0.5 * skew[i][j] + square * squared[i][j])
+        std::array::from_fn(|j| IDENTITY_ROTATION[i][j] + 0.5 * skew[i][j] + square * squared[i][j])
     })
 }
 
 /// The shortest rotation from the direction `from` to `to`; none where either has no length.
-pub(crate) fn between(from: Vec3, to: Vec3) -> Mat3 {
-    transform::between(from, to).unwrap_or(UNTURNED)
+pub(crate) fn rotation_between(from: Vec3, to: Vec3) -> Mat3 {
+    transform::rotation_between(from, to).unwrap_or(IDENTITY_ROTATION)
 }
 
 /// The rotation whose x axis is near `x` and whose y axis is `y`, as far as both have a direction.
@@ -59,9 +59,9 @@ pub(crate) fn from_axes(x: Vec3, y: Vec3) -> Option<Mat3> {
 }
 
 /// The turn `share` of the way from `a` to `b`.
-pub(crate) fn mixed(a: &Mat3, b: &Mat3, share: f64) -> Mat3 {
-    let turn = logarithm(&product(&transposed(a), b));
-    product(a, &rodrigues(scale(turn, share)))
+pub(crate) fn slerp(a: &Mat3, b: &Mat3, share: f64) -> Mat3 {
+    let turn = log_map(&matmul(&transpose(a), b));
+    matmul(a, &rodrigues(scale(turn, share)))
 }
 
 #[cfg(test)]
@@ -81,12 +81,12 @@ mod tests {
     #[test]
     fn derivatives_of_logarithms_agree_with_differences() {
         for turn in TURNS {
-            let exact = logarithm_derivative(turn);
+            let exact = log_map_derivative(turn);
             for axis in 0..3 {
                 let step = |by: f64| {
                     let mut small = [0.0; 3];
                     small[axis] = by;
-                    logarithm(&product(&rodrigues(turn), &rodrigues(small)))
+                    log_map(&matmul(&rodrigues(turn), &rodrigues(small)))
                 };
                 let slope = scale(sub(step(1e-5), step(-1e-5)), 0.5e5);
                 let off = length(sub(slope, column(&exact, axis)));

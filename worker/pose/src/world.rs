@@ -1,7 +1,7 @@
 //! From the camera's axes, in which a body is fitted, to a world in which people stand upright: orbits
 //! and motions turn about the world's up.
 
-use crate::rotation::{logarithm, product, transposed, turned};
+use crate::rotation::{log_map, matmul, matvec, transpose};
 use crate::skeleton::COUNT;
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, add, rodrigues, sub};
@@ -18,26 +18,26 @@ impl World {
     /// along gravity.
     pub(crate) fn of_camera(down: f64, roll: f64) -> Self {
         Self {
-            turn: product(&rodrigues([-down, 0.0, 0.0]), &rodrigues([0.0, 0.0, -roll])),
+            turn: matmul(&rodrigues([-down, 0.0, 0.0]), &rodrigues([0.0, 0.0, -roll])),
         }
     }
 
     /// Axis-angles of all joints, of which the root's is in the world.
     pub(crate) fn pose(&self, rotations: &[Mat3; COUNT]) -> Vec<f64> {
         let mut rotations = *rotations;
-        rotations[0] = product(&self.turn, &rotations[0]);
-        rotations.iter().flat_map(logarithm).collect()
+        rotations[0] = matmul(&self.turn, &rotations[0]);
+        rotations.iter().flat_map(log_map).collect()
     }
 
     /// The world's translation of a root that rests at `rest` and is translated by `by` in the camera's
     /// axes.
     pub(crate) fn translation(&self, rest: Vec3, by: Vec3) -> Vec3 {
-        sub(turned(&self.turn, add(rest, by)), rest)
+        sub(matvec(&self.turn, add(rest, by)), rest)
     }
 
     /// World to camera.
     pub(crate) fn extrinsics(&self) -> [[f64; 4]; 4] {
-        let back = transposed(&self.turn);
+        let back = transpose(&self.turn);
         std::array::from_fn(|i| {
             std::array::from_fn(|j| match (back.get(i), j) {
                 (Some(row), 0..3) => row[j],
@@ -56,7 +56,7 @@ mod tests {
     fn gravity_becomes_the_worlds_y_and_the_camera_sees_the_same() {
         let world = World::of_camera(0.3, 0.1);
         let [sky, ..] = up(0.3, 0.1);
-        for (value, wanted) in turned(&world.turn, sky).iter().zip([0.0, -1.0, 0.0]) {
+        for (value, wanted) in matvec(&world.turn, sky).iter().zip([0.0, -1.0, 0.0]) {
             assert!((value - wanted).abs() < 1e-12, "{value} {wanted}");
         }
         let (rest, by) = ([0.1, 0.9, 0.0], [0.3, -0.2, 3.0]);

@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::readings::{Reading, Sides};
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, dot, length, normalised, rotate, scale, sub,
+    Vec3, add, compose_axis_angle, dot, length, normalised, rotate, scale, sub,
 };
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_proto::correction::other_sides;
@@ -119,11 +119,19 @@ impl Estimator {
                     scale(turns[joint][i], hidden * self.turn / 3f64.sqrt()),
                     scale(bias, self.bias / 4.5f64.sqrt()),
                 );
-                set(frame, joint, after(rotation(frame, joint), error));
+                set(
+                    frame,
+                    joint,
+                    compose_axis_angle(rotation(frame, joint), error),
+                );
             }
             // World axes of the camera: across, down, along.
             let [x, y, z] = view.axes;
-            set(frame, 0, after(scale(x, lean), rotation(frame, 0)));
+            set(
+                frame,
+                0,
+                compose_axis_angle(scale(x, lean), rotation(frame, 0)),
+            );
             let [u, v, w] = places[i];
             let error = add(scale(x, self.across * u), scale(y, self.across * v));
             let error = add(

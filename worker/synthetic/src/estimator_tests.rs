@@ -22,7 +22,7 @@ fn film(frames: usize) -> PoseTrack {
 fn turns(exact: &PoseTrack, found: &PoseTrack) -> (f64, f64) {
     let error = |i: usize, joint: usize| {
         let [a, b] = [exact, found].map(|track| rotation(&track.frames[i], joint));
-        after(scale(a, -1.0), b)
+        compose_axis_angle(scale(a, -1.0), b)
     };
     let (mut all, mut next, mut count) = (0.0, 0.0, 0.0);
     for i in 1..exact.frames.len() {
@@ -101,7 +101,7 @@ fn as_many_frames_are_wrong_as_asked_for() {
         let pairs = a.pose.as_chunks::<3>().0.iter();
         let apart = pairs
             .zip(b.pose.as_chunks::<3>().0)
-            .map(|(a, b)| length(after(scale(*a, -1.0), *b)));
+            .map(|(a, b)| length(compose_axis_angle(scale(*a, -1.0), *b)));
         apart.fold(0.0, f64::max) > 1e-6
     };
     let pairs = exact.frames.iter().zip(&found.track.frames);

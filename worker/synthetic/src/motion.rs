@@ -3,7 +3,7 @@
 use super::build::joint;
 use std::f64::consts::{PI, TAU};
 use yoto_capture::skeleton::Pose;
-use yoto_capture::skeleton::transform::{cross, dot, length, scale};
+use yoto_capture::skeleton::transform::compose_axis_angle;
 use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// What tells one person's movements from another's.
@@ -115,13 +115,13 @@ impl Gait {
             let forward = [-0.55 * swing * hanging, 0.0, 0.0];
             stance.set(
                 joint::L_SHOULDER + side,
-                product(forward, [0.0, 0.0, lowered]),
+                compose_axis_angle(forward, [0.0, 0.0, lowered]),
             );
             let bend = 0.25 + 0.85 * hanging * (0.5 + 0.5 * swing);
             let waving = bump(raised, 1.0, 2.0) * (0.8 + 0.5 * (TAU * 9.0 * time).sin());
             stance.set(
                 joint::L_ELBOW + side,
-                product([0.0, -sign * bend, 0.0], [0.0, 0.0, sign * waving]),
+                compose_axis_angle([0.0, -sign * bend, 0.0], [0.0, 0.0, sign * waving]),
             );
             stance.set(joint::L_WRIST + side, [0.0, 0.0, -sign * 0.2 * waving]);
         }
@@ -165,7 +165,7 @@ fn squat(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
     stance.set(joint::SPINE1, [0.35 * effort, 0.0, 0.0]);
     stance.set(joint::SPINE2, [0.2 * effort, 0.0, 0.0]);
     stance.set(joint::NECK, [-0.3 * effort, 0.0, 0.0]);
-    let arms = product([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
+    let arms = compose_axis_angle([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
     stance.set_both(joint::L_SHOULDER, arms);
     stance.set_both(joint::L_ELBOW, [0.0, -0.3 - 0.8 * effort, 0.0]);
     stance.stand(skeleton, 0.0)
@@ -180,58 +180,4 @@ fn bump(x: f64, from: f64, to: f64) -> f64 {
 /// The same angle between -π and π.
 fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
-}
-
-/// First the rotation `b`, then `a`; all axis-angle, radians.
-fn product(a: Vec3, b: Vec3) -> Vec3 {
-    let quaternion = |r: Vec3| {
-        let angle = length(r);
-        // sin(θ/2)/θ, by its limit where θ is tiny.
-        let factor = if angle > 1e-9 {
-            (angle / 2.0).sin() / angle
-        } else {
-            0.5
-        };
-        ((angle / 2.0).cos(), scale(r, factor))
-    };
-    let ((aw, av), (bw, bv)) = (quaternion(a), quaternion(b));
-    let w = aw * bw - dot(av, bv);
-    let across = cross(av, bv);
-    let v: Vec3 = std::array::from_fn(|i| aw * bv[i] + bw * av[i] + across[i]);
-    let sine = length(v);
-    if sine < 1e-12 {
-        return [0.0; 3];
-    }
-    // The shorter way round, so that angles stay under π.
-    let angle = 2.0
-        * if w < 0.0 {
-            -sine.atan2(-w)
-        } else {
-            sine.atan2(w)
-        };
-    scale(v, angle / sine)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use yoto_capture::skeleton::transform::{IDENTITY, compose, rigid, rodrigues};
-
-    #[test]
-    fn products_turn_as_their_matrices_do() {
-        for (a, b) in [
-            ([0.3, -0.2, 1.0], [1.1, 0.4, -0.6]),
-            ([0.0; 3], [0.1, 0.0, 0.0]),
-            ([2.5, 0.0, 0.0], [2.0, 0.3, 0.0]),
-            ([0.4, 0.0, 0.0], [-0.4, 0.0, 0.0]),
-        ] {
-            let of = |r: Vec3| rigid(rodrigues(r), [0.0; 3]);
-            let (found, expected) = (of(product(a, b)), compose(&of(a), &of(b)));
-            for i in 0..3 {
-                for j in 0..IDENTITY[0].len() {
-                    assert!((found[i][j] - expected[i][j]).abs() < 1e-12, "{a:?} {b:?}");
-                }
-            }
-        }
-    }
 }

@@ -6,7 +6,7 @@ use super::place::placed;
 use crate::flips::cheapest_run;
 use crate::parameters::{Shared, Stance};
 use crate::problem::{Observed, Problem};
-use crate::rotation::{UNTURNED, logarithm, mixed, product, transposed};
+use crate::rotation::{IDENTITY_ROTATION, log_map, matmul, slerp, transpose};
 use crate::skeleton::COUNT;
 use crate::solve::improve_frame;
 use rayon::prelude::*;
@@ -75,9 +75,9 @@ fn tried(problem: &Problem) -> Vec<usize> {
 /// One way to face, mended by itself.
 fn attempt(problem: &Problem, seen: &Observed, shared: &Shared, way: usize) -> (Stance, f64) {
     let yaw = TAU * way as f64 / WAYS as f64;
-    let mut rotations = [UNTURNED; COUNT];
-    let facing = product(&FACING, &rodrigues([0.0, yaw, 0.0]));
-    rotations[0] = product(&rodrigues([0.0, 0.0, slant(problem, seen)]), &facing);
+    let mut rotations = [IDENTITY_ROTATION; COUNT];
+    let facing = matmul(&FACING, &rodrigues([0.0, yaw, 0.0]));
+    rotations[0] = matmul(&rodrigues([0.0, 0.0, slant(problem, seen)]), &facing);
     for (joint, lowered) in [(16, -1.1), (17, 1.1)] {
         rotations[joint] = rodrigues([0.0, 0.0, lowered]);
     }
@@ -102,8 +102,8 @@ fn slant(problem: &Problem, seen: &Observed) -> f64 {
 /// How unlikely the turn from one stance to another in `span` seconds is.
 pub(crate) fn turning(a: &Stance, b: &Stance, span: f64) -> f64 {
     let turn = |joint: usize| {
-        let turn = logarithm(&product(
-            &transposed(&a.rotations[joint]),
+        let turn = log_map(&matmul(
+            &transpose(&a.rotations[joint]),
             &b.rotations[joint],
         ));
         length(turn)
@@ -129,7 +129,7 @@ fn between_tried(problem: &Problem, tried: &[usize], chosen: &[&Stance]) -> Vec<
 
 fn mix(a: &Stance, b: &Stance, share: f64) -> Stance {
     let rotations: [Mat3; COUNT] =
-        std::array::from_fn(|joint| mixed(&a.rotations[joint], &b.rotations[joint], share));
+        std::array::from_fn(|joint| slerp(&a.rotations[joint], &b.rotations[joint], share));
     Stance {
         rotations,
         root: add(a.root, scale(sub(b.root, a.root), share)),

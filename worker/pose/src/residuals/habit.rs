@@ -3,7 +3,7 @@
 use super::Rows;
 use crate::joints::{ACTIVE, COLUMN, habit_of};
 use crate::parameters::Stance;
-use crate::rotation::{logarithm, logarithm_derivative};
+use crate::rotation::{log_map, log_map_derivative};
 
 /// Standard deviation beyond a joint's stop, radians.
 const STOP: f64 = 0.05;
@@ -18,8 +18,8 @@ pub(crate) fn add(rows: &mut Rows, stance: &Stance) {
             continue;
         };
         let habit = habit_of(joint);
-        let turn = logarithm(&stance.rotations[joint]);
-        let slopes = logarithm_derivative(turn);
+        let turn = log_map(&stance.rotations[joint]);
+        let slopes = log_map_derivative(turn);
         for axis in 0..3 {
             let fill = |weight: f64| {
                 let slope = slopes[axis];

@@ -2,7 +2,7 @@
 
 use crate::joints::{ACTIVE, PLACE, habit_of};
 use crate::parameters::Stance;
-use crate::rotation::{logarithm, logarithm_derivative, product, transposed};
+use crate::rotation::{log_map, log_map_derivative, matmul, transpose};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, dot, scale, sub};
 
@@ -35,21 +35,21 @@ pub(crate) fn bends(stances: [&Stance; 3], times: [f64; 3]) -> impl Iterator<Ite
             habit_of(joint).jerk
         };
         let turn = |a: &Stance, b: &Stance| {
-            logarithm(&product(
-                &transposed(&a.rotations[joint]),
+            log_map(&matmul(
+                &transpose(&a.rotations[joint]),
                 &b.rotations[joint],
             ))
         };
         let (first, second) = (turn(before, now), turn(now, after));
-        let (by_first, by_second) = (logarithm_derivative(first), logarithm_derivative(second));
+        let (by_first, by_second) = (log_map_derivative(first), log_map_derivative(second));
         let (one, two) = (rate / spread / spans[0], rate / spread / spans[1]);
         Bend {
             column: 3 * at,
             value: sub(scale(second, two), scale(first, one)),
             slopes: [
-                scaled(&transposed(&by_first), one),
+                scaled(&transpose(&by_first), one),
                 sum(
-                    &scaled(&transposed(&by_second), -two),
+                    &scaled(&transpose(&by_second), -two),
                     &scaled(&by_first, -one),
                 ),
                 scaled(&by_second, two),
@@ -61,7 +61,7 @@ pub(crate) fn bends(stances: [&Stance; 3], times: [f64; 3]) -> impl Iterator<Ite
     let place = Bend {
         column: PLACE,
         value: sub(scale(second, two), scale(first, one)),
-        slopes: [one, -one - two, two].map(|by| scaled(&crate::rotation::UNTURNED, by)),
+        slopes: [one, -one - two, two].map(|by| scaled(&crate::rotation::IDENTITY_ROTATION, by)),
     };
     turns.chain(std::iter::once(place))
 }

@@ -8,7 +8,7 @@ use crate::forward::Posed;
 use crate::joints::UNKNOWNS;
 use crate::parameters::{LEAN, Shared};
 use crate::problem::{Observed, Problem};
-use crate::rotation::turned;
+use crate::rotation::matvec;
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{cross, dot, length, rodrigues, scale, sub};
 
@@ -37,7 +37,7 @@ pub(crate) fn add(
         let (a, b) = (posed.marker(from, shared), posed.marker(to, shared));
         let way = sub(b, a);
         let distance = length(way).max(1e-6);
-        let (unit, wanted) = (scale(way, 1.0 / distance), turned(&lean, direction.towards));
+        let (unit, wanted) = (scale(way, 1.0 / distance), matvec(&lean, direction.towards));
         let weight = direction.length / ERROR;
         let off = scale(sub(unit, wanted), weight);
         let factor = rows.robust(dot(off, off), BOUND);

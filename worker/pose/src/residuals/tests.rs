@@ -5,7 +5,7 @@ use crate::fit::FitOptions;
 use crate::joints::UNKNOWNS;
 use crate::parameters::{PLACES, Shared, Stance};
 use crate::problem::Problem;
-use crate::rotation::UNTURNED;
+use crate::rotation::IDENTITY_ROTATION;
 use crate::skeleton::COUNT;
 use crate::{FrameKeyPoints, KeyPointSet, KeyPoints};
 use yoto_capture::skeleton::transform::rodrigues;
@@ -17,7 +17,7 @@ fn wave(at: usize) -> f64 {
 
 fn stance(seed: usize) -> Stance {
     let mut stance = Stance {
-        rotations: [UNTURNED; COUNT],
+        rotations: [IDENTITY_ROTATION; COUNT],
         root: [0.1, -0.2, 3.0],
     };
     for (joint, rotation) in stance.rotations.iter_mut().enumerate() {
