@@ -1,7 +1,7 @@
 //! Pose tracks as BVH files, as motion-capture programs write them.
 
 use std::fmt::Write;
-use yoto_capture::skeleton::transform::{Mat3, matmul, rodrigues, transpose, matvec};
+use yoto_capture::skeleton::transform::{Mat3, matmul, matvec, rodrigues, transpose};
 use yoto_proto::pose_track::{PoseTrack, Skeleton};
 
 /// No turn.

@@ -36,7 +36,7 @@ struct Case {
 fn estimated(track: &PoseTrack, seed: u64, share: f64) -> Result<PoseTrack, Fault> {
     let full = Estimator::default();
     let estimator = Estimator {
-        turn: share * full.turn,
+        rotation: share * full.rotation,
         bias: share * full.bias,
         across: share * full.across,
         along: share * full.along,

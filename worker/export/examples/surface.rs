@@ -1,4 +1,4 @@
-//! How far the mesh of a synthetic person is from the surface that was filmed:
+//! The distance of a synthetic person's mesh from the surface that was filmed:
 //!
 //! ```text
 //! cargo run -p yoto-export --example surface -- MODEL-DIR SLOT PEOPLE SEED
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .skinned_splats(slot)?
         .ok_or("a model without splats")?;
     let mesh = mesh(&person, &[], &MeshOptions::default())?;
-    let distance = |place: &[f32; 3]| 1000.0 * filmed.distance_at_rest(place.map(f64::from));
+    let distance = |point: &[f32; 3]| 1000.0 * filmed.distance_at_rest(point.map(f64::from));
     let mut off: Vec<f64> = mesh.positions.iter().map(distance).collect();
     let mean = off.iter().sum::<f64>() / off.len() as f64;
     off.iter_mut()

@@ -3,7 +3,7 @@
 
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    Vec3, add, compose_axis_angle, apply, inverse, rigid, rodrigues, rotate, scale, sub,
+    Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, rotate, scale, sub,
 };
 
 /// A constant turn of each joint in its own axes, and a constant shift of the root in its own.

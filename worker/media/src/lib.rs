@@ -19,15 +19,15 @@ pub mod film;
 pub mod lens;
 mod limits;
 pub mod mask;
+mod orientation;
 mod picture;
 pub mod sniff;
 pub mod source;
 mod still;
-mod turn;
 pub mod video;
 
 pub use fault::{Fault, MEMORY_LIMIT, MediaError};
 pub use limits::Limits;
+pub use orientation::Orientation;
 pub use picture::Picture;
 pub use still::{decode_still, still_size};
-pub use turn::Turn;

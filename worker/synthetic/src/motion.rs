@@ -1,4 +1,4 @@
-//! How a made-up person moves.
+//! The motion of a synthetic person.
 
 use super::build::joint;
 use std::f64::consts::{PI, TAU};
@@ -6,10 +6,10 @@ use yoto_capture::skeleton::Pose;
 use yoto_capture::skeleton::transform::compose_axis_angle;
 use yoto_capture::skeleton::{Skeleton, Vec3};
 
-/// What tells one person's movements from another's.
+/// The individual parameters of a person's motion.
 #[derive(Clone, Debug)]
 pub(crate) struct Gait {
-    /// Which way they turn: 1 or -1.
+    /// Direction of their turns: 1 or -1.
     pub turn: f64,
     /// Phase of their steps, radians.
     pub phase: f64,
@@ -37,7 +37,7 @@ impl Default for Gait {
     }
 }
 
-/// Joint rotations, radians, being put together.
+/// Joint rotations under construction, axis-angle, radians.
 struct Stance(Vec<Vec3>);
 
 impl Stance {
@@ -45,14 +45,14 @@ impl Stance {
         self.0[joint] = rotation;
     }
 
-    /// The left joint and, mirrored about the body's middle, the right one beside it.
+    /// Sets the left joint, and the right one to the mirrored rotation.
     fn set_both(&mut self, left: usize, rotation: Vec3) {
         let [x, y, z] = rotation;
         self.set(left, rotation);
         self.set(left + 1, [x, -y, -z]);
     }
 
-    /// As a pose whose lowest foot stands on the floor, `lift` metres above it in a jump.
+    /// The pose with the lowest foot on the floor, or `lift` metres above it in a jump.
     fn stand(self, skeleton: &Skeleton, lift: f64) -> Pose {
         let mut pose = Pose {
             rotations: self.0.iter().map(|r| r.map(|v| v as f32)).collect(),
@@ -70,7 +70,7 @@ impl Stance {
 }
 
 impl Gait {
-    /// Walking on the spot, turning, waving, raising the arms.
+    /// Walking on the spot, turning, waving, and raising the arms.
     pub fn filmed(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
         (0..frames)
             .map(|frame| {
@@ -105,7 +105,7 @@ impl Gait {
         stance.set(joint::NECK, [0.1 * (2.0 * step).sin(), 0.0, 0.0]);
         stance.set(joint::HEAD, [0.0, 0.35 * (TAU * 3.0 * time).sin(), 0.0]);
 
-        // Raised over part of the time each: 0 hangs down, 1 is straight out, 1.6 is up.
+        // Each arm is raised during a part of the time: at 0 it hangs, at 1 it is straight out, at 1.6 up.
         let right = 1.65 * bump(time, 0.08, 0.3) + 1.1 * bump(time, 0.62, 0.8);
         let left = 1.55 * bump(time, 0.36, 0.58) + 1.1 * bump(time, 0.62, 0.8);
         for (side, sign, raised, swing) in [(0, 1.0, left, -swing), (1, -1.0, right, swing)] {

@@ -7,7 +7,7 @@ use crate::pose_tools::{files, indices, truth};
 use std::path::Path;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::transform::{Mat3, matmul, rodrigues, transpose, matvec};
+use yoto_capture::skeleton::transform::{Mat3, matmul, matvec, rodrigues, transpose};
 use yoto_import::{Format, Imported, Options, read};
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 use yoto_proto::smpl::JOINTS;

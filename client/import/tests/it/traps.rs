@@ -5,7 +5,7 @@ use crate::pickled;
 use crate::pose_tools::{files, indices, off, options, truth};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use yoto_capture::skeleton::transform::{Mat3, rodrigues, matvec};
+use yoto_capture::skeleton::transform::{Mat3, matvec, rodrigues};
 use yoto_import::{Format, Imported, Options, read};
 
 type Vec3 = [f64; 3];

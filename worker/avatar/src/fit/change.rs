@@ -4,7 +4,7 @@ use super::Wish;
 use crate::config::RefinementConfig;
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::{add, compose_axis_angle, apply, rigid, rodrigues};
+use yoto_capture::skeleton::transform::{add, apply, compose_axis_angle, rigid, rodrigues};
 
 /// `[3 (K + 1)]`: an axis-angle vector c per joint, radians, and a shift s, metres. Rotation R
 /// becomes R exp(c), and the root's place moves by s along the axes of its given rotation. In single

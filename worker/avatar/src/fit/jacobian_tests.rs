@@ -4,7 +4,7 @@ use crate::config::{ModelConfig, Unposing};
 use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, SEEN, truth};
 use burn::module::Module;
-use yoto_capture::skeleton::transform::{compose_axis_angle, apply, compose, rigid, rodrigues};
+use yoto_capture::skeleton::transform::{apply, compose, compose_axis_angle, rigid, rodrigues};
 use yoto_ops::warp::cpu::forward;
 use yoto_ops::warp::inverse::solve::Skinning;
 

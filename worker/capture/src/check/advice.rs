@@ -42,8 +42,8 @@ pub(super) fn advice(motion: &Motion) -> Vec<String> {
             advice.push(format!("the arms were never down: {hidden}"));
         }
     }
-    if motion.turning > SLOW {
-        let degrees = motion.turning;
+    if motion.rotation_speed > SLOW {
+        let degrees = motion.rotation_speed;
         advice.push(format!(
             "the body turns by {degrees:.0}° per second: slower turns are sharper, and seen in more frames"
         ));
@@ -65,7 +65,7 @@ mod tests {
             jitter: None,
             headings: [10; 12],
             reach: Some([0.3, 0.98]),
-            turning: 40.0,
+            rotation_speed: 40.0,
         }
     }
 
@@ -90,7 +90,7 @@ mod tests {
             assert!(found.starts_with(start), "{found}");
         }
         let mut hasty = complete();
-        hasty.turning = 200.0;
+        hasty.rotation_speed = 200.0;
         hasty.reach = Some([0.9, 1.0]);
         let found = advice(&hasty);
         assert!(

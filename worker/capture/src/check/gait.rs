@@ -75,7 +75,7 @@ mod tests {
         let person = &SyntheticPerson::cast(1, 5)[0];
         let camera = &SyntheticPerson::held_out_cameras(SIZE)[0];
         let poses = person.motion(60);
-        // The crate of made-up people was compiled with another copy of this crate's types.
+        // The crate of synthetic people was compiled with another copy of this crate's types.
         let images = poses.iter().map(|pose| {
             let image = person.render(pose, camera);
             crate::FrameImage {

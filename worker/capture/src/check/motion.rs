@@ -29,7 +29,7 @@ pub(super) struct Motion {
     /// stretched out; `None` for a skeleton that does not stretch its arms out at rest.
     pub reach: Option<[f64; 2]>,
     /// Median speed of the body's rotation in front of the camera while it rotates, degrees per second.
-    pub turning: f64,
+    pub rotation_speed: f64,
 }
 
 impl Motion {
@@ -39,14 +39,14 @@ impl Motion {
             .iter()
             .map(|frame| skeleton.posed_joints(&view(frame, track.image_size).0))
             .collect();
-        let turns = turns(track, skeleton);
+        let directions = directions(track, skeleton);
         Self {
             jumps: jumps(track, &joints),
             seconds: seconds(track),
             jitter: jitter(track, &joints),
-            headings: headings(&turns),
+            headings: headings(&directions),
             reach: reach(track, skeleton, &joints),
-            turning: turning(track, &turns),
+            rotation_speed: rotation_speed(track, &directions),
         }
     }
 }
@@ -138,7 +138,7 @@ fn jitter(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Option<f64> {
 
 /// The direction from which each frame shows the body, degrees from its front towards its left, in the
 /// root's frame: y up and z forward at rest, as in SMPL.
-fn turns(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
+fn directions(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
     let frames = track.frames.iter();
     frames
         .map(|frame| {
@@ -150,19 +150,19 @@ fn turns(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
         .collect()
 }
 
-fn headings(turns: &[f64]) -> [usize; 12] {
+fn headings(directions: &[f64]) -> [usize; 12] {
     let mut counts = [0; 12];
-    for turn in turns {
-        counts[((turn + 15.0) / 30.0) as usize % 12] += 1;
+    for direction in directions {
+        counts[((direction + 15.0) / 30.0) as usize % 12] += 1;
     }
     counts
 }
 
 /// The median speed over the frames in which the body rotates, degrees per second.
-fn turning(track: &PoseTrack, turns: &[f64]) -> f64 {
+fn rotation_speed(track: &PoseTrack, directions: &[f64]) -> f64 {
     /// A slower body counts as standing, degrees per second.
     const STANDING: f64 = 10.0;
-    let pairs = turns.windows(2).enumerate();
+    let pairs = directions.windows(2).enumerate();
     let mut speeds: Vec<f64> = pairs
         .map(|(i, pair)| {
             let by = (pair[1] - pair[0] + 180.0).rem_euclid(360.0) - 180.0;
@@ -224,13 +224,9 @@ mod tests {
 
     #[test]
     fn a_body_that_turns_is_seen_from_all_sides() {
-        let turning = motion(120, |_| {});
-        assert!(
-            turning.headings.iter().all(|&n| n >= 6),
-            "{:?}",
-            turning.headings
-        );
-        assert!(turning.jumps.is_empty(), "{:?}", turning.jumps);
+        let walk = motion(120, |_| {});
+        assert!(walk.headings.iter().all(|&n| n >= 6), "{:?}", walk.headings);
+        assert!(walk.jumps.is_empty(), "{:?}", walk.jumps);
         let still = motion(24, |track| {
             for frame in &mut track.frames {
                 frame.pose[..3].fill(0.0);

@@ -142,14 +142,14 @@ mod tests {
         let [x, y, z, _] = camera.e[2];
         let forward = [x, y, z];
         let mut moved: f64 = 0.0;
-        for (joint, place) in after.iter().enumerate() {
+        for (joint, position) in after.iter().enumerate() {
             let source = sub(before[sides.other[joint]], before[0]);
             let mirrored = sub(source, scale(forward, 2.0 * dot(source, forward)));
             assert!(
-                length(sub(sub(*place, after[0]), mirrored)) < 1e-4,
+                length(sub(sub(*position, after[0]), mirrored)) < 1e-4,
                 "{joint}"
             );
-            moved = moved.max(length(sub(*place, before[joint])));
+            moved = moved.max(length(sub(*position, before[joint])));
         }
         assert!(moved > 0.05, "{moved}");
         let again = &sides.readings(turned, &camera)[3].1;

@@ -83,17 +83,17 @@ fn above(target: &Skeleton, joint: usize, matches: &[Option<usize>]) -> Option<u
 /// joint's own rotation if `above` is not its ancestor.
 fn folded(driver: &Skeleton, pose: &Pose, joint: usize, above: Option<usize>) -> [f32; 3] {
     let own = pose.rotations[joint];
-    let mut turn = own.map(f64::from);
+    let mut rotation = own.map(f64::from);
     let mut at = driver.parents[joint];
     if at == above {
         return own;
     }
     while let Some(between) = at.filter(|_| at != above) {
-        turn = compose_axis_angle(pose.rotations[between].map(f64::from), turn);
+        rotation = compose_axis_angle(pose.rotations[between].map(f64::from), rotation);
         at = driver.parents[between];
     }
     if at == above {
-        turn.map(|v| v as f32)
+        rotation.map(|v| v as f32)
     } else {
         own
     }
@@ -195,9 +195,9 @@ mod tests {
             parents: kept.iter().map(|at| parent(*at)).collect(),
             rest: kept.iter().map(|at| driver.rest[*at]).collect(),
         };
-        let turn = |joint: usize| [0.3, -0.2, 0.1].map(|v| v * (1.0 + 0.1 * joint as f32));
+        let rotation = |joint: usize| [0.3, -0.2, 0.1].map(|v| v * (1.0 + 0.1 * joint as f32));
         let pose = Pose {
-            rotations: (0..driver.joints()).map(turn).collect(),
+            rotations: (0..driver.joints()).map(rotation).collect(),
             translation: [0.4, 0.1, 1.0],
         };
         let moved = retarget(&driver, &target, &pose).expect("21 names are shared");

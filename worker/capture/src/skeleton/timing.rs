@@ -130,8 +130,8 @@ mod tests {
             assert!((found.rotations[1][0] - all.rotations[1][0]).abs() < 1e-5);
             assert!((found.translation[0] - all.translation[0]).abs() < 1e-4);
         }
-        for (place, given) in [(0, 0), (1, 1), (4, 2), (6, 3)] {
-            assert_eq!(found[place], poses(&numbers)[given]);
+        for (index, given) in [(0, 0), (1, 1), (4, 2), (6, 3)] {
+            assert_eq!(found[index], poses(&numbers)[given]);
         }
     }
 

@@ -65,6 +65,11 @@ pub fn rodrigues(r: Vec3) -> Mat3 {
     matrix(DQuat::from_scaled_axis(r.into()))
 }
 
+/// The rotation matrix of a unit quaternion, real part first.
+pub fn from_quaternion([w, x, y, z]: [f64; 4]) -> Mat3 {
+    matrix(DQuat::from_xyzw(x, y, z, w))
+}
+
 /// The axis-angle vector of a rotation matrix, with an angle from 0 to π: the inverse of [`rodrigues`].
 pub fn log_map(m: &Mat3) -> Vec3 {
     shorter(DQuat::from_mat3(&DMat3::from_cols_array_2d(m).transpose()))
@@ -160,7 +165,7 @@ mod tests {
 
     #[test]
     fn logarithms_undo_rotations() {
-        for turn in [
+        for rotation in [
             [0.0; 3],
             [1e-5, 0.0, -2e-5],
             [0.3, -0.8, 0.5],
@@ -170,8 +175,11 @@ mod tests {
             [PI - 1e-9, 0.0, 0.0],
             [0.0, 0.0, PI],
         ] {
-            let found = log_map(&rodrigues(turn));
-            assert!(length(sub(found, turn)) < 1e-9, "{turn:?}: {found:?}");
+            let found = log_map(&rodrigues(rotation));
+            assert!(
+                length(sub(found, rotation)) < 1e-9,
+                "{rotation:?}: {found:?}"
+            );
         }
         // Beyond half a turn, the logarithm is that of the shorter rotation.
         let found = log_map(&rodrigues([4.0, 0.0, 0.0]));

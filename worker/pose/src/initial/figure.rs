@@ -1,4 +1,4 @@
-//! A stance from points in space: the torso's axes, then limbs bone by bone.
+//! A stance from points in space: the torso's axes first, then the limbs bone by bone.
 
 use crate::problem::{Observed, Problem};
 use crate::rotation::{
@@ -11,13 +11,15 @@ use yoto_capture::skeleton::transform::{
     Mat3, add, cross, dot, length, normalised, rodrigues, scale, sub,
 };
 
-/// Bends whose sine is smaller say nothing of the hinge's axis; larger than the second, all.
+/// Sines of a limb's bend between which its plane gains influence on the hinge's axis: below the first it
+/// has none, above the second it decides.
 const HINGE: [f64; 2] = [0.15, 0.5];
 
-/// Facing the camera: the body's x to the picture's right, its y up, its z towards the camera.
+/// The rotation of a body that faces the camera: its x to the picture's right, its y up, its z towards the
+/// camera.
 pub(super) const FACING: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
 
-/// Rotations of the joints from points in space; those that nothing is known of don't turn.
+/// Rotations of the joints from points in space. Joints without points keep the identity.
 pub(super) fn rotations(problem: &Problem, observed: &Observed) -> [Mat3; COUNT] {
     let figure = &problem.markers.figure;
     let at = |point: usize| observed.space.get(point).copied();
@@ -57,8 +59,8 @@ pub(super) fn rotations(problem: &Problem, observed: &Observed) -> [Mat3; COUNT]
             let shin = matmul(&matmul(&pelvis, &upper), &lower);
             if let Some(toe) = figure.toes.and_then(|toes| at(toes[side])) {
                 let foot = [0.0, REST[10][1] - REST[7][1], REST[10][2] - REST[7][2]];
-                let turn = rotation_between(foot, transpose_matvec(&shin, sub(toe, leg[2])));
-                rotations[7 + side] = slerp(&IDENTITY_ROTATION, &turn, 0.5);
+                let rotation = rotation_between(foot, transpose_matvec(&shin, sub(toe, leg[2])));
+                rotations[7 + side] = slerp(&IDENTITY_ROTATION, &rotation, 0.5);
             }
         }
         if let Some(arm) = points([figure.shoulders, figure.elbows, figure.wrists]) {
@@ -74,7 +76,7 @@ fn middle([a, b]: [Vec3; 2]) -> Vec3 {
     scale(add(a, b), 0.5)
 }
 
-/// A head's axes from its ears and nose.
+/// The head's axes from ears and nose.
 fn head(ears: [Vec3; 2], nose: Vec3) -> Option<Mat3> {
     let across = normalised(sub(ears[0], ears[1]));
     let ahead = sub(nose, middle(ears));
@@ -83,8 +85,8 @@ fn head(ears: [Vec3; 2], nose: Vec3) -> Option<Mat3> {
         .then(|| from_columns([across, cross(ahead, across), ahead]))
 }
 
-/// Rotations of a limb's two joints below one turned by `above`, along its three `points`;
-/// `hinge` is the axis that the middle joint bends about, in T-pose.
+/// Rotations of a limb's two joints along its three `points`. `above` is the rotation of their parent, and
+/// `hinge` is the axis of the middle joint in T-pose.
 fn limb(above: &Mat3, joints: [usize; 3], points: [Vec3; 3], hinge: Vec3) -> [Mat3; 2] {
     let rest = |joint: usize| sub(REST[joint], REST[parent(joint)]);
     let [_, middle, end] = joints;

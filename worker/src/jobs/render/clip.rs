@@ -17,7 +17,8 @@ use yoto_capture::{
     skeleton::{
         Skeleton, transfer,
         transform::{
-            Vec3, add, compose_axis_angle, apply, cross, dot, length, normalised, rigid, rodrigues, scale, sub,
+            Vec3, add, apply, compose_axis_angle, cross, dot, length, normalised, rigid, rodrigues,
+            scale, sub,
         },
     },
 };

@@ -1,7 +1,7 @@
 //! Worlds with any axis up, turned so that y is up.
 
 use yoto_capture::skeleton::transform::{
-    Vec3, compose_axis_angle, apply, cross, dot, length, rigid, rodrigues, scale,
+    Vec3, apply, compose_axis_angle, cross, dot, length, rigid, rodrigues, scale,
 };
 
 /// The up axis of scenes and of imported motions.

@@ -5,7 +5,7 @@ use yoto_capture::{
     camera::{Camera, Pose},
     skeleton::{
         Skeleton,
-        transform::{Vec3, add, compose_axis_angle, apply, inverse, rigid, rodrigues, scale, sub},
+        transform::{Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, scale, sub},
     },
 };
 
