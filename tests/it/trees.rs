@@ -38,10 +38,10 @@ fn with_own_tree(track: &mut PoseTrack) -> anyhow::Result<()> {
         let turned = whole.global_transforms(rotations);
         let rotation = |at: usize| turned[at].map(|row| [row[0], row[1], row[2]]);
         let local = kept.iter().map(|&at| match above(at) {
-            None => transform::logarithm(&rotation(at)),
+            None => transform::log_map(&rotation(at)),
             Some(above) => {
-                let back = transform::transposed(&rotation(above));
-                transform::logarithm(&transform::product(&back, &rotation(at)))
+                let back = transform::transpose(&rotation(above));
+                transform::log_map(&transform::matmul(&back, &rotation(at)))
             }
         });
         frame.pose = local.flatten().collect();

@@ -1,7 +1,7 @@
 //! Pose tracks as BVH files, as motion-capture programs write them.
 
 use std::fmt::Write;
-use yoto_capture::skeleton::transform::{Mat3, product, rodrigues, transposed, turned};
+use yoto_capture::skeleton::transform::{Mat3, matmul, matvec, rodrigues, transpose};
 use yoto_proto::pose_track::{PoseTrack, Skeleton};
 
 /// No rotation.
@@ -43,7 +43,7 @@ pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let rotation = rest;
     let mut resting = track.skeleton.clone();
     for joint in &mut resting.rest_joints {
-        *joint = turned(rotation, *joint).map(|v| v / unit);
+        *joint = matvec(rotation, *joint).map(|v| v / unit);
     }
     joint(&mut text, &resting, 0, 0, &mut order);
     let _ = writeln!(
@@ -55,12 +55,12 @@ pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let rest = track.skeleton.rest_joints[0];
     for frame in &track.frames {
         let position = std::array::from_fn(|i| (rest[i] + frame.translation[i]) / unit);
-        let mut numbers: Vec<f64> = turned(world, position).to_vec();
+        let mut numbers: Vec<f64> = matvec(world, position).to_vec();
         for at in &order {
             let r = &frame.pose[3 * at..3 * at + 3];
             let local = rodrigues([r[0], r[1], r[2]]);
             let above = if *at == 0 { world } else { rotation };
-            let local = product(&product(above, &local), &transposed(rotation));
+            let local = matmul(&matmul(above, &local), &transpose(rotation));
             numbers.extend(zxy(&local).map(f64::to_degrees));
         }
         let line: Vec<String> = numbers.iter().map(|it| format!("{it:.6}")).collect();

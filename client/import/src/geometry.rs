@@ -1,8 +1,9 @@
 //! Rotations and rigid motions, for conversions between conventions.
 
 pub(super) use yoto_capture::skeleton::transform::{
-    Mat3, UNTURNED as IDENTITY, Vec3, add, between, cross, dot, logarithm as axis_angle,
-    product as mul, rodrigues as rotation, scale, sub, transposed as transpose, turned as apply,
+    IDENTITY_ROTATION as IDENTITY, Mat3, Vec3, add, cross, dot, log_map as axis_angle,
+    matmul as mul, matvec as apply, rodrigues as rotation, rotation_between as between, scale, sub,
+    transpose,
 };
 
 /// The rotation by `angle` radians about the x, y or z axis (0, 1, 2).

@@ -1,4 +1,4 @@
-//! Exported people look as the renderer shows them.
+//! Exported people look the same as in the renderer.
 
 use burn::tensor::Device;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ fn trainer() -> (Trainer, Person) {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let splats = config.splats.as_mut().expect("splats");
     splats.count = 2000;
-    // Fast enough to be seen after so few steps.
+    // Fast enough to be visible after a few steps.
     (splats.harmonics, splats.harmonic_rate) = (2, 2e-2);
     config.refinement.who = Refine::Never;
     let options = TrainOptions {
@@ -61,7 +61,7 @@ fn trainer() -> (Trainer, Person) {
     (trainer, person)
 }
 
-/// The picture of Gaussians that no bone carries and no light changes.
+/// The picture of Gaussians without bones and light.
 fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     let whole = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let eye = camera.centre();
@@ -75,7 +75,7 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
                 .sum()
         };
         let mut row = splat.mean.to_vec();
-        row.extend(splat.turn);
+        row.extend(splat.rotation);
         row.extend(splat.deviations.map(f32::ln));
         row.push((splat.opacity / (1.0 - splat.opacity)).ln());
         row.extend((0..3).map(|c| splat.colour[c] + gained(c)));
@@ -105,8 +105,8 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
     let exported = renderer.skinned_splats(0).expect("reads").expect("splats");
     assert!(exported.splats.len() > 1000, "{}", exported.splats.len());
     let track = &person.shard.track;
-    for place in [0, 7] {
-        let frame = &track.frames[place];
+    for index in [0, 7] {
+        let frame = &track.frames[index];
         let pose = Pose::from_frame(frame).expect("a pose");
         let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
         let splats = posed(&exported, &pose, &IDENTITY).expect("a pose of hers");
@@ -123,8 +123,8 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
             .collect();
         // Four bones in place of all, and colours within what a screen shows.
         let alike = psnr(&drawn, &rendered);
-        assert!(alike > 40.0, "frame {place}: {alike:.1} dB");
-        // A viewer that leaves out what colours gain by the view shows another picture.
+        assert!(alike > 40.0, "frame {index}: {alike:.1} dB");
+        // A viewer without view-dependent colours shows another picture.
         let plain: Vec<Gaussian> = (splats.iter())
             .map(|splat| Gaussian {
                 harmonics: [[0.0; 3]; 8],
@@ -132,9 +132,9 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
             })
             .collect();
         let plain = psnr(&picture(&plain, &camera), &rendered);
-        assert!(plain < alike - 3.0, "frame {place}: {plain:.1} dB without");
+        assert!(plain < alike - 3.0, "frame {index}: {plain:.1} dB without");
         // A picture of the wrong pose is far from it.
-        let other = Pose::from_frame(&track.frames[place + 3]).expect("a pose");
+        let other = Pose::from_frame(&track.frames[index + 3]).expect("a pose");
         let other = posed(&exported, &other, &IDENTITY).expect("a pose of hers");
         assert!(psnr(&picture(&other, &camera), &rendered) < alike - 10.0);
     }

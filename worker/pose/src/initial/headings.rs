@@ -1,25 +1,25 @@
-//! Stances without any guess of depth: at some frames several ways to face are tried, and of all
-//! of them the run that fits both the points and itself is taken.
+//! Stances without any guess of depth. At some frames several headings are tried; the chosen sequence of
+//! headings fits the points and changes little.
 
 use super::figure::FACING;
-use super::place::placed;
+use super::position::positioned;
 use crate::flips::cheapest_run;
 use crate::parameters::{Shared, Stance};
 use crate::problem::{Observed, Problem};
-use crate::rotation::{UNTURNED, logarithm, mixed, product, transposed};
+use crate::rotation::{IDENTITY_ROTATION, log_map, matmul, slerp, transpose};
 use crate::skeleton::COUNT;
 use crate::solve::improve_frame;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use yoto_capture::skeleton::transform::{Mat3, add, length, rodrigues, scale, sub};
 
-/// Ways to face that are tried.
+/// Headings that are tried.
 const WAYS: usize = 8;
 /// Steps of each try.
 const STEPS: usize = 15;
 /// Seconds between frames that are tried.
 const APART: f64 = 0.15;
-/// Usual turning speeds of the root and of other joints, rad/s.
+/// Usual rotation speeds of the root and of other joints, rad/s.
 const SPEEDS: [f64; 2] = [2.5, 5.0];
 
 /// A stance for every frame.
@@ -46,7 +46,7 @@ pub(super) fn stances(problem: &Problem, shared: &Shared) -> Vec<Stance> {
             _ => return 0.0,
         };
         match (pair(step, from), pair(step + 1, to)) {
-            (Some((a, _)), Some((b, _))) => turning(a, b, span),
+            (Some((a, _)), Some((b, _))) => rotation_cost(a, b, span),
             _ => 0.0,
         }
     };
@@ -72,25 +72,29 @@ fn tried(problem: &Problem) -> Vec<usize> {
     tried
 }
 
-/// One way to face, mended by itself.
+/// The stance of one frame from one heading, improved by itself, and its cost.
 fn attempt(problem: &Problem, seen: &Observed, shared: &Shared, way: usize) -> (Stance, f64) {
     let yaw = TAU * way as f64 / WAYS as f64;
-    let mut rotations = [UNTURNED; COUNT];
-    let facing = product(&FACING, &rodrigues([0.0, yaw, 0.0]));
-    rotations[0] = product(&rodrigues([0.0, 0.0, slant(problem, seen)]), &facing);
+    let mut rotations = [IDENTITY_ROTATION; COUNT];
+    let facing = matmul(&FACING, &rodrigues([0.0, yaw, 0.0]));
+    rotations[0] = matmul(&rodrigues([0.0, 0.0, slant(problem, seen)]), &facing);
     for (joint, lowered) in [(16, -1.1), (17, 1.1)] {
         rotations[joint] = rodrigues([0.0, 0.0, lowered]);
     }
-    let stance = placed(problem, seen, shared, rotations);
+    let stance = positioned(problem, seen, shared, rotations);
     improve_frame(problem, seen, &stance, shared, STEPS)
 }
 
-/// How far the torso is turned in the picture from upright, radians.
+/// Angle of the torso from upright in the picture, radians.
 fn slant(problem: &Problem, seen: &Observed) -> f64 {
     let figure = &problem.markers.figure;
-    let at = |point: usize| seen.seen.iter().find(|seen| seen.marker == point);
+    let detection = |point: usize| {
+        seen.detections
+            .iter()
+            .find(|detection| detection.marker == point)
+    };
     let middle = |[left, right]: [usize; 2]| {
-        let (a, b) = (at(left)?.at, at(right)?.at);
+        let (a, b) = (detection(left)?.pixel, detection(right)?.pixel);
         Some([a[0] + b[0], a[1] + b[1]])
     };
     match (middle(figure.shoulders), middle(figure.hips)) {
@@ -99,21 +103,21 @@ fn slant(problem: &Problem, seen: &Observed) -> f64 {
     }
 }
 
-/// How unlikely the turn from one stance to another in `span` seconds is.
-pub(crate) fn turning(a: &Stance, b: &Stance, span: f64) -> f64 {
-    let turn = |joint: usize| {
-        let turn = logarithm(&product(
-            &transposed(&a.rotations[joint]),
+/// The cost of the rotations from one stance to another in `span` seconds.
+pub(crate) fn rotation_cost(a: &Stance, b: &Stance, span: f64) -> f64 {
+    let angle = |joint: usize| {
+        let rotation = log_map(&matmul(
+            &transpose(&a.rotations[joint]),
             &b.rotations[joint],
         ));
-        length(turn)
+        length(rotation)
     };
-    let cost = |joint: usize, speed: f64| (turn(joint) / (speed * span + 0.1)).powi(2);
+    let cost = |joint: usize, speed: f64| (angle(joint) / (speed * span + 0.1)).powi(2);
     let joints = (1..COUNT).map(|joint| cost(joint, SPEEDS[1])).sum::<f64>();
     4.0 * cost(0, SPEEDS[0]) + joints
 }
 
-/// Stances of all frames between those of the frames in `tried`.
+/// Stances of all frames, interpolated between those of the frames in `tried`.
 fn between_tried(problem: &Problem, tried: &[usize], chosen: &[&Stance]) -> Vec<Stance> {
     let mut stances: Vec<Stance> = Vec::with_capacity(problem.frames.len());
     for (ends, pair) in tried.windows(2).zip(chosen.windows(2)) {
@@ -129,7 +133,7 @@ fn between_tried(problem: &Problem, tried: &[usize], chosen: &[&Stance]) -> Vec<
 
 fn mix(a: &Stance, b: &Stance, share: f64) -> Stance {
     let rotations: [Mat3; COUNT] =
-        std::array::from_fn(|joint| mixed(&a.rotations[joint], &b.rotations[joint], share));
+        std::array::from_fn(|joint| slerp(&a.rotations[joint], &b.rotations[joint], share));
     Stance {
         rotations,
         root: add(a.root, scale(sub(b.root, a.root), share)),
