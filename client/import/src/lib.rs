@@ -23,18 +23,14 @@ pub mod capture_check;
 pub mod capture_dir;
 mod capture_frames;
 mod clip;
+mod datasets;
+mod features;
 mod film;
-mod folder;
 mod geometry;
 mod given;
-mod hdf5;
-mod humannerf_prepared;
-mod humannerf_wild;
-mod instant_avatar;
 mod key_points;
 mod matting;
 pub mod motion;
-mod people_snapshot;
 mod pictures;
 mod pose_tools;
 mod rest_joints;
@@ -43,18 +39,19 @@ mod to_folder;
 mod track;
 mod tree;
 mod write;
-mod zju;
 
 pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use given::options_by_format;
-pub use hdf5::MaskStack;
+#[cfg(feature = "hdf5")]
+pub use source::hdf5::MaskStack;
 pub use matting::{Levels, MattingModel};
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 pub use to_folder::to_folder;
 pub use write::{TrackForm, VIDEO, ensure_no_capture, write, write_images};
 
 use auto::Recognised;
+use datasets::{folder, humannerf_prepared, humannerf_wild, instant_avatar, people_snapshot, zju};
 use pose_tools::Tool;
 use rest_joints::RestJoints;
 use source::Source;
@@ -205,6 +202,7 @@ pub struct Imported {
 /// system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
     let source = Source::new(dir);
+    features::ensure_built(options)?;
     if format != Format::Auto {
         given::ensure_read(format, dir, options)?;
     }

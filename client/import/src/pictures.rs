@@ -1,7 +1,8 @@
 //! Pictures of a capture, and their decoding.
 
 use super::capture_frames::CaptureFrames;
-use super::hdf5::MaskStack;
+#[cfg(feature = "hdf5")]
+use super::source::hdf5::MaskStack;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,7 +48,8 @@ pub enum Mask {
     Image(PathBuf, MaskKind),
     /// A `.npy` of `[height, width]`, from 0 to 1.
     Array(PathBuf),
-    /// One of a stack.
+    /// One of a stack in an HDF5 file.
+    #[cfg(feature = "hdf5")]
     Stack(MaskStack, usize),
     /// The pixels of one colour of an image that gives every person a colour.
     Colour(PathBuf, [u8; 3]),
@@ -148,6 +150,7 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
             let level = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
             Ok(array.values.iter().map(level).collect())
         }
+        #[cfg(feature = "hdf5")]
         Mask::Stack(stack, at) => {
             sized(Path::new(stack.file()), size, frame, stack.size())?;
             stack

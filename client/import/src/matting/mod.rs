@@ -78,10 +78,7 @@ impl MattingModel {
         #[cfg(not(feature = "matting"))]
         {
             let _ = (clip, wanted, notes);
-            let message = "this client was built without matting models (cargo build -p yoto \
-                           --no-default-features): build it with --features matting, or make the masks \
-                           elsewhere and name them with --masks";
-            Err(fault(&self.path, "UNSUPPORTED", message))
+            Err(crate::features::no_matting(self))
         }
     }
 }

@@ -6,7 +6,7 @@
 //! not move.
 
 use super::super::geometry::{Vec3, add, apply, axis_angle, mul, rotation};
-use super::super::instant_avatar::{Poses, read_poses};
+use crate::datasets::instant_avatar::{Poses, read_poses};
 use super::super::source::{Data, Part, Source};
 use super::super::track::{SmplPose, smpl_skeleton};
 use super::{Motion, MotionFrame, MotionOptions, Up};

@@ -9,11 +9,11 @@
 //! `mask/` and `mask_cihp/`: label images at the image's path; what is not 0 in either is the
 //! person. Pixel coordinates count from the first pixel's centre.
 
-use super::geometry::{Vec3, extrinsics};
-use super::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
-use super::source::{Data, Part, Source};
-use super::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use super::{Imported, Options, RestJoints};
+use crate::geometry::{Vec3, extrinsics};
+use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
+use crate::source::{Data, Part, Source};
+use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
+use crate::{Imported, Options, RestJoints};
 use std::path::{Component, Path};
 use yoto_client::ClientError;
 
@@ -30,7 +30,7 @@ struct Body {
     th: Vec3,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     let rest = RestJoints::needed(options, source, "new_params")?;
     let annots = source.data(ANNOTS, None)?;
     let view = options.camera.unwrap_or(0);

@@ -5,17 +5,18 @@
 //! own position, without a translation: the camera has all of it. Images are
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
-use super::pictures::image_size;
-use super::source::Source;
-use super::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use super::{Imported, Options, Pictures, RestJoints, humannerf_prepared};
+use crate::pictures::image_size;
+use crate::source::Source;
+use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
+use super::humannerf_prepared;
+use crate::{Imported, Options, Pictures, RestJoints};
 use yoto_client::ClientError;
 
 const METADATA: &str = "metadata.json";
 /// Default frames per second, since no file has it.
-pub(super) const FPS: f64 = 30.0;
+pub(crate) const FPS: f64 = 30.0;
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     let rest = RestJoints::needed(options, source, METADATA)?;
     let metadata = source.data(METADATA, None)?;
     let entries = metadata.root().entries()?;

@@ -1,6 +1,6 @@
 //! HDF5 files of PeopleSnapshot: arrays by name at the top level.
 
-use super::source::Source;
+use super::Source;
 use hdf5_pure::{Dataset, File};
 use std::fmt;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use yoto_proto::pose_track::MAX_SIDE;
 const MAX_NUMBERS: u64 = 1 << 24;
 
 /// An open file.
-pub(super) struct Hdf5<'a> {
+pub(crate) struct Hdf5<'a> {
     source: &'a Source,
     name: &'static str,
     file: File,

@@ -1,6 +1,8 @@
 //! The files of a capture, and access to the plain data in them with errors that name file, frame
 //! and field.
 
+#[cfg(feature = "hdf5")]
+pub(crate) mod hdf5;
 mod rows;
 
 use std::path::{Path, PathBuf};
@@ -18,7 +20,7 @@ const MAX_NUMBER: f64 = 1e9;
 
 /// The folder of a capture.
 #[derive(Clone, Debug)]
-pub(super) struct Source {
+pub(crate) struct Source {
     root: PathBuf,
 }
 
@@ -144,7 +146,7 @@ fn from_json(json: serde_json::Value) -> Value {
 
 /// The data of a file.
 #[derive(Debug)]
-pub(super) struct Data<'a> {
+pub(crate) struct Data<'a> {
     source: &'a Source,
     file: String,
     frame: Option<u32>,
@@ -164,7 +166,7 @@ impl Data<'_> {
 
 /// A part of a file's data, with its location.
 #[derive(Clone, Debug)]
-pub(super) struct Part<'a> {
+pub(crate) struct Part<'a> {
     data: &'a Data<'a>,
     frame: Option<u32>,
     field: String,

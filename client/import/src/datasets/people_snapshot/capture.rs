@@ -1,23 +1,14 @@
-//! PeopleSnapshot, one folder per subject.
-//!
-//! - `camera.pkl` (of Python 2): `camera_f`, `camera_c` `[2]` px, `camera_k` `[5]` (OpenCV's
-//!   distortion), `camera_rt` `[3]` (axis-angle), `camera_t` `[3]`, `width`, `height`; world to
-//!   camera, metres, pixel coordinates from the first pixel's centre.
-//! - `reconstructed_poses.hdf5`: `pose` `[F, 72]`, `trans` `[F, 3]`, `betas` `[10]`.
-//! - `masks.hdf5`: `masks` `[F, H, W]`, non-zero where the person is.
-//! - `<subject>.mp4`, or its frames as `images/*.png`.
+//! The reader of PeopleSnapshot's files.
 
-use super::geometry::{extrinsics, rotation};
-use super::hdf5::Hdf5;
-use super::pictures::{Mask, PictureFiles, Pictures, image_size};
-use super::source::Source;
-use super::track::{Camera, Placed, empty_track, smpl_skeleton};
-use super::{Imported, Options, RestJoints};
+use crate::geometry::{extrinsics, rotation};
+use crate::source::hdf5::Hdf5;
+use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
+use crate::source::Source;
+use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
+use crate::{Imported, Options, RestJoints};
+use super::{CAMERA, MASKS, POSES};
 use yoto_client::ClientError;
 
-const CAMERA: &str = "camera.pkl";
-const POSES: &str = "reconstructed_poses.hdf5";
-const MASKS: &str = "masks.hdf5";
 /// Default frames per second, since only the video has it.
 const FPS: f64 = 30.0;
 

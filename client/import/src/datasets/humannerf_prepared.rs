@@ -11,10 +11,10 @@
 //! from the first pixel's centre.
 
 use super::humannerf_wild::FPS;
-use super::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
-use super::source::Source;
-use super::track::{Camera, Placed, empty_track, smpl_skeleton};
-use super::{Imported, Options};
+use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
+use crate::source::Source;
+use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
+use crate::{Imported, Options};
 use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
 use yoto_proto::smpl::JOINTS;
@@ -23,7 +23,7 @@ const CAMERAS: &str = "cameras.pkl";
 const BODIES: &str = "mesh_infos.pkl";
 const CANONICAL: &str = "canonical_joints.pkl";
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     if options.rest_joints.is_some() {
         let message = "the capture has its own rest joints, and --rest-joints is not read";
         return Err(source.fault("UNREAD_OPTION", CANONICAL, None, "", message));
@@ -87,7 +87,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
 }
 
 /// The image and the mask of a frame by its name.
-pub(super) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ClientError> {
+pub(crate) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ClientError> {
     if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
         let message = format!("'{name}' is not a file name");
         return Err(source.fault("BAD_NAME", "images", Some(frame), name, message));

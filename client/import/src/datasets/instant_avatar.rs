@@ -8,11 +8,11 @@
 //!   older files have `thetas` `[F, 72]`.
 //! - `images/*.png`, and `masks/*.npy` (0 to 1) or `masks/*.png` (coverage), in the same order.
 
-use super::geometry::Vec3;
-use super::pictures::{Mask, MaskKind, PictureFiles, Pictures};
-use super::source::{Data, Source};
-use super::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
-use super::{Imported, Options, RestJoints};
+use crate::geometry::Vec3;
+use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
+use crate::source::{Data, Source};
+use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
+use crate::{Imported, Options, RestJoints};
 use yoto_client::ClientError;
 
 const CAMERAS: &str = "cameras.npz";
@@ -20,13 +20,13 @@ const CAMERAS: &str = "cameras.npz";
 const FPS: f64 = 30.0;
 
 /// A file of poses.
-pub(super) struct Poses {
+pub(crate) struct Poses {
     pub betas: Vec<f64>,
     pub poses: Vec<SmplPose>,
     pub translations: Vec<Vec3>,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     let file = poses_file(source, options)?;
     let rest = RestJoints::needed(options, source, &file)?;
     let Poses {
@@ -114,7 +114,7 @@ fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError>
 }
 
 /// Shape, poses and translations, under any of their names.
-pub(super) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
+pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
     let root = data.root();
     let poses: Vec<SmplPose> = match root.find("thetas") {
         Some(thetas) => thetas.rows()?,
