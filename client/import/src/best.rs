@@ -10,7 +10,7 @@ mod pose;
 mod select;
 mod sharpness;
 
-use super::{Imported, Pictures};
+use crate::{Imported, Pictures};
 use std::num::NonZeroUsize;
 use std::path::Path;
 use yoto_client::ClientError;

@@ -6,8 +6,8 @@
 //! matrices in `.pkl`). The sum is linear in betas, so that only `[24, 3, 1 + B]` is kept. SMPL-X has
 //! 55 joints: the first 22 are SMPL's, and where the middle fingers begin is SMPL's hand.
 
-use super::geometry::Vec3;
-use super::source::{Part, Source};
+use crate::geometry::Vec3;
+use crate::source::{Part, Source};
 use std::path::Path;
 use yoto_client::ClientError;
 use yoto_formats::Array;

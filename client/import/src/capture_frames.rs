@@ -15,13 +15,13 @@ pub struct CaptureFrames {
     place: PathBuf,
     capture: Arc<LocalCapture>,
     /// Positions in the capture's track, which rise.
-    pub(super) positions: Vec<usize>,
+    pub(crate) positions: Vec<usize>,
 }
 
 impl CaptureFrames {
     /// All frames of the capture in `place`; videos of other kinds by the program `ffmpeg`, which is
     /// searched for when it has no name.
-    pub(super) fn open(place: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
+    pub(crate) fn open(place: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
         let decoded = DecodedCapture::open(place, &CaptureOptions::default(), ffmpeg);
         let capture = decoded.map_err(|error| fault(place, error))?.capture;
         Ok(Self {
@@ -32,7 +32,7 @@ impl CaptureFrames {
     }
 
     /// The track of all frames, corrected, without distortion.
-    pub(super) fn track(&self) -> &PoseTrack {
+    pub(crate) fn track(&self) -> &PoseTrack {
         self.capture.track()
     }
 
@@ -40,7 +40,7 @@ impl CaptureFrames {
     ///
     /// # Errors
     /// The fault of the first frame that can't be read; what `each` returns.
-    pub(super) fn for_each(
+    pub(crate) fn for_each(
         &self,
         mut each: impl FnMut(FrameImage) -> Result<(), ClientError>,
     ) -> Result<(), ClientError> {

@@ -1,8 +1,8 @@
 //! Pictures of a capture, and their decoding.
 
-use super::capture_frames::CaptureFrames;
+use crate::capture_frames::CaptureFrames;
 #[cfg(feature = "hdf5")]
-use super::source::hdf5::MaskStack;
+use crate::source::hdf5::MaskStack;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -69,7 +69,7 @@ pub enum MaskKind {
 }
 
 /// Width and height of an image, by its header.
-pub(super) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientError> {
+pub(crate) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientError> {
     let (width, height) = reader(path, frame)?
         .into_dimensions()
         .map_err(|error| undecodable(path, frame, error.to_string()))?;
@@ -77,7 +77,7 @@ pub(super) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientErro
 }
 
 /// An image of `size` (width, height), 8 bits per channel.
-pub(super) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
+pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
     sized(path, size, frame, image_size(path, frame)?)?;
     let image = reader(path, frame)?.decode();
     image
@@ -86,7 +86,7 @@ pub(super) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbI
 }
 
 /// The union of masks of `size`.
-pub(super) fn read_masks(
+pub(crate) fn read_masks(
     masks: &[Mask],
     size: [u32; 2],
     frame: u32,

@@ -1,8 +1,8 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
-use super::super::pictures::{Mask, read_image, read_masks};
-use super::super::{Imported, Pictures};
 use super::sharpness;
+use crate::pictures::{Mask, read_image, read_masks};
+use crate::{Imported, Pictures};
 use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,10 +1,10 @@
 //! This project's own capture folder: PNG pictures are copied, everything else is decoded.
 
+use crate::capture_dir::CaptureDir;
 use crate::capture_frames::CaptureFrames;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::source::Source;
 use crate::{Imported, Options};
-use crate::capture_dir::CaptureDir;
 use std::collections::HashMap;
 use yoto_client::{ClientError, FileSource};
 use yoto_proto::media_plan::{self, BackgroundSetting, Planned};

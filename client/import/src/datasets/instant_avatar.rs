@@ -10,9 +10,10 @@
 
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
+use crate::rest_joints::RestJoints;
 use crate::source::{Data, Source};
 use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
-use crate::{Imported, Options, RestJoints};
+use crate::{Imported, Options};
 use yoto_client::ClientError;
 
 const CAMERAS: &str = "cameras.npz";

@@ -2,8 +2,7 @@
 //! project's own capture folder.
 
 pub(crate) mod folder;
-pub(crate) mod humannerf_prepared;
-pub(crate) mod humannerf_wild;
+pub(crate) mod humannerf;
 pub(crate) mod instant_avatar;
 pub(crate) mod people_snapshot;
 pub(crate) mod zju;

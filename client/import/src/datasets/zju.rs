@@ -11,9 +11,10 @@
 
 use crate::geometry::{Vec3, extrinsics};
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
+use crate::rest_joints::RestJoints;
 use crate::source::{Data, Part, Source};
 use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use crate::{Imported, Options, RestJoints};
+use crate::{Imported, Options};
 use std::path::{Component, Path};
 use yoto_client::ClientError;
 

@@ -6,7 +6,7 @@ use crate::Options;
 use crate::clip::{Clip, fault};
 use crate::matting::Wanted;
 use crate::pictures::{Mask, read_masks};
-use crate::pose_tools::{MasksByFrame, masks_given};
+use crate::proof::{Masks, MasksByFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_client::ClientError;
@@ -84,7 +84,10 @@ fn given(
     notes: &mut Vec<String>,
 ) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
     let mut best: Option<(f64, MasksByFrame)> = None;
-    for masks in masks_given(path, clip)? {
+    for masks in Masks::given(path, clip)?
+        .into_iter()
+        .filter_map(Masks::by_frame)
+    {
         let overlap = overlap(&masks, clip, &watched)?;
         if best.as_ref().is_none_or(|(most, _)| overlap > *most) {
             best = Some((overlap, masks));

@@ -9,8 +9,8 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
-use super::clip::{Clip, fault};
-use super::pictures::Mask;
+use crate::clip::{Clip, fault};
+use crate::pictures::Mask;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;

@@ -5,10 +5,10 @@
 //! frame of the motion serves that stands most upright. A lean of the back in
 //! that frame is lost.
 
-use super::super::geometry::{Mat3, Vec3, apply, dot, sub};
-use super::super::tree::Placed;
 use super::Up;
-use super::bvh::Kept;
+use super::kept::Kept;
+use crate::geometry::{Mat3, Vec3, dot, matvec, sub};
+use crate::tree::Placed;
 use yoto_formats::bvh::Bvh;
 
 /// Cosine of the largest angle, 37°, between the vertical and the spine of somebody who stands.
@@ -130,7 +130,7 @@ struct Stance {
 impl Stance {
     fn of(kept: &Kept, placed: &Placed, to_y: &Mat3) -> Self {
         let place =
-            |name: &str| -> Option<Vec3> { Some(apply(to_y, kept.tree.place(placed, name)?)) };
+            |name: &str| -> Option<Vec3> { Some(matvec(to_y, kept.tree.place(placed, name)?)) };
         let rise = |from: &str, to: &[&str]| {
             let bone = sub(to.iter().find_map(|to| place(to))?, place(from)?);
             let length = dot(bone, bone).sqrt();

@@ -6,7 +6,8 @@
 
 use super::{Placed, Tree};
 use crate::geometry::{
-    IDENTITY, Mat3, Vec3, add, apply, axis_angle, cross, dot, mul, rotation, scale, sub, transpose,
+    IDENTITY_ROTATION, Mat3, Vec3, add, cross, dot, log_map, matmul, matvec, rodrigues, scale, sub,
+    transpose,
 };
 use crate::track::median_rows;
 use yoto_capture::skeleton::transform::length;
@@ -35,7 +36,7 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
     };
     for (joint, it) in tree.0.iter().enumerate() {
         let Some(parent) = it.parent else {
-            mean.rotations.push(IDENTITY);
+            mean.rotations.push(IDENTITY_ROTATION);
             mean.places.push([0.0; 3]);
             continue;
         };
@@ -43,15 +44,15 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
         for frame in &frames {
             let back = transpose(frame.rotations.get(parent)?);
             let bone = sub(*frame.places.get(joint)?, *frame.places.get(parent)?);
-            offsets.push(apply(&back, bone));
-            turns.push(mul(&back, frame.rotations.get(joint)?));
+            offsets.push(matvec(&back, bone));
+            turns.push(matmul(&back, frame.rotations.get(joint)?));
         }
         let rows: Vec<&[f64]> = offsets.iter().map(<[f64; 3]>::as_slice).collect();
         let offset: Vec3 = median_rows(&rows).try_into().ok()?;
         scatter.extend(offsets.iter().map(|it| length(sub(*it, offset))));
         let (above, from) = (*mean.rotations.get(parent)?, *mean.places.get(parent)?);
-        mean.rotations.push(mul(&above, &mean_rotation(&turns)));
-        mean.places.push(add(from, apply(&above, offset)));
+        mean.rotations.push(matmul(&above, &mean_rotation(&turns)));
+        mean.places.push(add(from, matvec(&above, offset)));
     }
     let standing = mean.turned(&upright(tree, &mean)?);
     let middle = scatter.len() / 2;
@@ -74,14 +75,14 @@ fn upright(tree: &Tree, pose: &Placed) -> Option<Mat3> {
 
 /// The rotation from which the way to all of `turns` is zero on the mean.
 fn mean_rotation(turns: &[Mat3]) -> Mat3 {
-    let mut mean = turns.first().copied().unwrap_or(IDENTITY);
+    let mut mean = turns.first().copied().unwrap_or(IDENTITY_ROTATION);
     for _ in 0..STEPS {
         let back = transpose(&mean);
-        let ways = turns.iter().map(|turn| axis_angle(&mul(&back, turn)));
+        let ways = turns.iter().map(|turn| log_map(&matmul(&back, turn)));
         let way = ways.fold([0.0; 3], add);
-        mean = mul(
+        mean = matmul(
             &mean,
-            &rotation(scale(way, 1.0 / turns.len().max(1) as f64)),
+            &rodrigues(scale(way, 1.0 / turns.len().max(1) as f64)),
         );
     }
     mean
@@ -104,9 +105,9 @@ mod tests {
             [0.1, 0.5, 0.0],
             [0.1, -0.5, 0.0],
         ];
-        let mean = axis_angle(&mean_rotation(&turns.map(rotation)));
+        let mean = log_map(&mean_rotation(&turns.map(rodrigues)));
         let off = sub(mean, [0.1, 0.0, 0.0]);
         assert!(length(off) < 1e-2, "{mean:?}");
-        assert_eq!(mean_rotation(&[]), IDENTITY);
+        assert_eq!(mean_rotation(&[]), IDENTITY_ROTATION);
     }
 }

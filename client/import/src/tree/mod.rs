@@ -12,10 +12,11 @@
 
 mod measured;
 
-pub(super) use measured::{Measured, measure};
+pub(crate) use measured::{Measured, measure};
 
-use super::geometry::{
-    IDENTITY, Mat3, Vec3, about_axis, add, apply, axis_angle, between, mul, sub, transpose,
+use crate::geometry::{
+    IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, log_map, matmul, matvec, rotation_between, sub,
+    transpose,
 };
 use yoto_proto::pose_track::Skeleton;
 
@@ -38,7 +39,7 @@ const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder
 
 /// A joint of a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Joint {
+pub(crate) struct Joint {
     /// Its name in the capture.
     pub name: String,
     /// The joint of SMPL in the same place, if there is one.
@@ -49,11 +50,11 @@ pub(super) struct Joint {
 
 /// The joints of a program, or some of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Tree(pub Vec<Joint>);
+pub(crate) struct Tree(pub Vec<Joint>);
 
 /// The joints of a tree in a pose, in whatever axes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     /// Global rotations.
     pub rotations: Vec<Mat3>,
     pub places: Vec<Vec3>,
@@ -63,8 +64,8 @@ impl Placed {
     /// The pose turned as a whole.
     pub fn turned(&self, by: &Mat3) -> Self {
         Self {
-            rotations: self.rotations.iter().map(|it| mul(by, it)).collect(),
-            places: self.places.iter().map(|it| apply(by, *it)).collect(),
+            rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
+            places: self.places.iter().map(|it| matvec(by, *it)).collect(),
         }
     }
 }
@@ -105,7 +106,7 @@ impl Tree {
     fn facing(&self, pose: &Placed) -> Mat3 {
         match self.leftward(pose) {
             Some(left) if left[0].hypot(left[2]) > 1e-6 => about_axis(1, left[2].atan2(left[0])),
-            _ => IDENTITY,
+            _ => IDENTITY_ROTATION,
         }
     }
 
@@ -117,13 +118,13 @@ impl Tree {
             let limb = LIMBS.iter().find(|(from, ..)| role == Some(*from));
             let limb = limb.and_then(|(_, to, direction)| {
                 let end = places.get(self.find(to)?).copied()?;
-                between(*direction, sub(end, places.get(at).copied()?))
+                rotation_between(*direction, sub(end, places.get(at).copied()?))
             });
             let before = joint.parent.and_then(|above| limbs.get(above)).copied();
             limbs.push(match (limb, role) {
                 (Some(turn), _) => turn,
-                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY,
-                (None, _) => before.unwrap_or(IDENTITY),
+                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY_ROTATION,
+                (None, _) => before.unwrap_or(IDENTITY_ROTATION),
             });
         }
         limbs
@@ -138,16 +139,16 @@ impl Tree {
                 continue;
             };
             let bone = sub(*place, places.get(parent).copied().unwrap_or_default());
-            let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY));
+            let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
             let from = rest.get(parent).copied().unwrap_or_default();
-            rest.push(add(from, apply(&turn, bone)));
+            rest.push(add(from, matvec(&turn, bone)));
         }
         rest
     }
 }
 
 /// A tree with a rest pose.
-pub(super) struct Standing<'a> {
+pub(crate) struct Standing<'a> {
     tree: &'a Tree,
     /// The pose that stands, facing +z.
     pose: Placed,
@@ -162,12 +163,12 @@ impl Standing<'_> {
     pub fn local(&self, rotations: &[Mat3]) -> Vec<Vec3> {
         let global = rotations.iter().zip(&self.pose.rotations).zip(&self.limbs);
         let global: Vec<Mat3> = global
-            .map(|((turned, standing), limb)| mul(&mul(turned, &transpose(standing)), limb))
+            .map(|((turned, standing), limb)| matmul(&matmul(turned, &transpose(standing)), limb))
             .collect();
         let local = |(joint, rotation): (&Joint, &Mat3)| {
             let above = joint.parent.and_then(|above| global.get(above));
-            let above = above.copied().unwrap_or(IDENTITY);
-            axis_angle(&mul(&transpose(&above), rotation))
+            let above = above.copied().unwrap_or(IDENTITY_ROTATION);
+            log_map(&matmul(&transpose(&above), rotation))
         };
         self.tree.0.iter().zip(&global).map(local).collect()
     }

@@ -105,6 +105,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     );
 }
 
+#[cfg(feature = "hdf5")]
 #[test]
 fn a_video_is_taken_over_with_its_masks() {
     let out = tempfile::tempdir().expect("a folder");

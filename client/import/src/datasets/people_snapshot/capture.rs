@@ -1,12 +1,13 @@
 //! The reader of PeopleSnapshot's files.
 
-use crate::geometry::{extrinsics, rotation};
-use crate::source::hdf5::Hdf5;
-use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
-use crate::source::Source;
-use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Imported, Options, RestJoints};
 use super::{CAMERA, MASKS, POSES};
+use crate::geometry::{extrinsics, rodrigues};
+use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
+use crate::rest_joints::RestJoints;
+use crate::source::Source;
+use crate::source::hdf5::Hdf5;
+use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
+use crate::{Imported, Options};
 use yoto_client::ClientError;
 
 /// Default frames per second, since only the video has it.
@@ -101,7 +102,7 @@ fn camera(source: &Source) -> Result<(Camera, [f64; 5], [u32; 2]), ClientError> 
     let [fx, fy] = root.get("camera_f")?.fixed()?;
     let [cx, cy] = root.get("camera_c")?.fixed()?;
     let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
-    let turned = rotation(root.get("camera_rt")?.fixed()?);
+    let turned = rodrigues(root.get("camera_rt")?.fixed()?);
     let e = extrinsics(&turned, root.get("camera_t")?.fixed()?);
     let side = |key: &str| Ok::<_, ClientError>(root.get(key)?.number()? as u32);
     Ok((
