@@ -24,7 +24,7 @@ pub(crate) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
 /// Most by which entries of a rotation may differ from a rotation's: files hold 32-bit floats.
 const INEXACT: f64 = 1e-3;
 
-/// The exact rotation of `matrix`, whose entries only approach it; `None` where it is no rotation.
+/// The exact rotation of `matrix`, whose entries only approach it; `None` if it is not a rotation.
 pub(crate) fn exact_rotation(matrix: &Mat3) -> Option<Mat3> {
     let product = matmul(matrix, &transpose(matrix));
     let off = product

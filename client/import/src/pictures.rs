@@ -198,9 +198,9 @@ fn undecodable(path: &Path, frame: u32, message: String) -> ClientError {
 
 fn at_fault(code: &str, path: &Path, frame: u32, message: String) -> ClientError {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
-    let place = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().unwrap_or(Path::new(""));
     ClientError::BadCapture {
-        place: place.display().to_string(),
+        place: folder.display().to_string(),
         violations: vec![violation(code, &file, Some(frame), "", message)],
     }
 }

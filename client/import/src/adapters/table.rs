@@ -115,7 +115,7 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
     Adapter {
         format: Format::Bvh,
         from: "bvh",
-        help: "BVH: --poses a .bvh, with the clip that it is of; intri.yml and extri.yml beside it for the camera",
+        help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera",
         flags: &[
             Flag::View,
             Flag::Poses,

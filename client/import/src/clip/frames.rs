@@ -4,7 +4,7 @@ use super::{Clip, PICTURES, fault, listed, unusable};
 use crate::pictures::read_image;
 use yoto_client::ClientError;
 
-/// Gives `each` the pixels `[height, width, 3]` of the frames in `wanted`, which rise.
+/// Calls `each` with the pixels `[height, width, 3]` of each frame in `wanted`, in ascending order.
 ///
 /// # Errors
 /// A frame that is missing, can't be decoded or has another size; what `each` returns.

@@ -225,8 +225,8 @@ pub(crate) fn fault(path: &Path, code: &str, message: impl Into<String>) -> Clie
 
 fn located(path: &Path) -> (String, String) {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let place = path.parent().unwrap_or(Path::new(""));
-    (place.display().to_string(), name.into_owned())
+    let folder = path.parent().unwrap_or(Path::new(""));
+    (folder.display().to_string(), name.into_owned())
 }
 
 #[cfg(test)]

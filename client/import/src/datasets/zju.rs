@@ -97,7 +97,7 @@ fn of_view<const N: usize>(part: &Part<'_>, view: usize) -> Result<[f64; N], Cli
     let cameras = array.shape.first().copied().unwrap_or_default();
     if cameras == 0 || array.values.len() != cameras * N {
         let message = format!(
-            "the shape is {:?}, {N} numbers a camera are needed",
+            "the shape is {:?}, {N} numbers per camera are needed",
             array.shape
         );
         return Err(part.fault("SIZE_MISMATCH", message));

@@ -31,8 +31,8 @@ pub(super) fn read(
     let numbers = found.numbers(clip, at)?;
     let wanted = clip.selected(options)?;
     let mut seen: Vec<(usize, &Detection)> = Vec::new();
-    for &(place, detection) in &person.seen {
-        let frame = numbers.get(place).copied().flatten();
+    for &(index, detection) in &person.seen {
+        let frame = numbers.get(index).copied().flatten();
         if let Some(frame) = frame.filter(|frame| wanted.binary_search(frame).is_ok())
             && seen.last().is_none_or(|(last, _)| *last < frame)
         {

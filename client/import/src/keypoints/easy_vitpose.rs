@@ -101,17 +101,17 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
 
 /// The set, and where each of its points is in the file.
 fn order(names: &Part<'_>) -> Result<(KeyPointSet, Vec<usize>), ClientError> {
-    let mut places: Vec<(String, usize)> = Vec::new();
+    let mut indices: Vec<(String, usize)> = Vec::new();
     for (at, name) in names.members()? {
         let at = at
             .parse()
             .map_err(|_| names.fault("OUT_OF_RANGE", format!("'{at}' is no number of a point")))?;
         // Once written 'left_big toe'.
-        places.push((name.text()?.replace(' ', "_"), at));
+        indices.push((name.text()?.replace(' ', "_"), at));
     }
     let find = |wanted: &&str| {
-        let place = places.iter().find(|(name, _)| name == wanted);
-        place.map(|(_, at)| *at)
+        let found = indices.iter().find(|(name, _)| name == wanted);
+        found.map(|(_, at)| *at)
     };
     let all = |wanted: &[&str]| wanted.iter().map(find).collect::<Option<Vec<usize>>>();
     if let Some(order) = all(&BODY_25) {

@@ -152,7 +152,7 @@ pub(super) fn detections(
     ))
 }
 
-/// The number of a frame under one of the usual names, else its place in the file.
+/// The number of a frame under one of the usual names, else its index in the file.
 pub(super) fn number(part: &Part<'_>, at: usize) -> Result<usize, ClientError> {
     match any(part, &["frame", "frame_id", "frame_index", "index", "idx"]) {
         Some(number) => whole(&number),

@@ -10,7 +10,7 @@ use crate::source::Part;
 use crate::tree::{Joint, Placed, Tree};
 use yoto_client::ClientError;
 
-/// A kept joint: its number, its name, the kept joint above, and SMPL's joint in its place.
+/// A kept joint: its number, its name, the kept joint above, and the joint of SMPL that it stands for.
 type Row = (usize, &'static str, usize, &'static str);
 
 /// The kept joints; the first is the root.
@@ -38,46 +38,49 @@ const JOINTS: [Row; 22] = [
     (110, "c_neck", 37, "neck"),
     (113, "c_head", 110, "head"),
 ];
-/// From the model's axes, y up and z towards the camera, to the camera's: the tool turns places, and
-/// leaves rotations as they are. Applied twice it undoes itself.
+/// From the model's axes, y up and z towards the camera, to the camera's: the tool rotates positions, and
+/// leaves rotations as they are. It is its own inverse.
 pub(super) const TO_CAMERA: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
 
 /// The kept joints.
 pub(super) fn tree() -> Tree {
-    let place = |number: usize| JOINTS.iter().position(|(of, ..)| *of == number);
+    let index = |number: usize| JOINTS.iter().position(|(of, ..)| *of == number);
     let joint = |(number, name, above, role): &Row| Joint {
         name: (*name).to_owned(),
         role: Some((*role).to_owned()),
-        parent: place(*above).filter(|_| above != number),
+        parent: index(*above).filter(|_| above != number),
     };
     Tree(JOINTS.iter().map(joint).collect())
 }
 
-/// The kept joints of a person in the camera's axes, of all of MHR's `places`; `None` where the
+/// The kept joints of a person in the camera's axes, of the `positions` of all of MHR's joints; `None` where the
 /// file has no rotations.
-pub(super) fn placed(root: &Part<'_>, places: &[[f64; 3]]) -> Result<Option<Placed>, ClientError> {
+pub(super) fn placed(
+    root: &Part<'_>,
+    positions: &[[f64; 3]],
+) -> Result<Option<Placed>, ClientError> {
     let Some(part) = root.find("pred_global_rots").filter(|it| !it.is_nothing()) else {
         return Ok(None);
     };
     let rotations = part.flat_rows::<9>()?;
     let mut placed = Placed {
         rotations: Vec::new(),
-        places: Vec::new(),
+        positions: Vec::new(),
     };
     for (number, ..) in JOINTS {
-        let (Some(r), Some(place)) = (rotations.get(number), places.get(number)) else {
+        let (Some(r), Some(position)) = (rotations.get(number), positions.get(number)) else {
             let message = format!("{} joints: MHR's skeleton has 127", rotations.len());
             return Err(part.fault("SIZE_MISMATCH", message));
         };
-        let turn = [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]];
-        let turn = exact_rotation(&turn).ok_or_else(|| {
+        let rotation = [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]];
+        let rotation = exact_rotation(&rotation).ok_or_else(|| {
             part.fault(
                 "NOT_A_ROTATION",
-                format!("the matrix of joint {number} is no rotation"),
+                format!("the matrix of joint {number} is not a rotation"),
             )
         })?;
-        placed.rotations.push(matmul(&TO_CAMERA, &turn));
-        placed.places.push(*place);
+        placed.rotations.push(matmul(&TO_CAMERA, &rotation));
+        placed.positions.push(*position);
     }
     Ok(Some(placed))
 }

@@ -1,6 +1,6 @@
 //! MMPose's predictions: a list of frames with `frame_id`, counted from 1 by its demo and from 0 by its
 //! inferencer, and `instances`, alone or as `instance_info` beside `meta_info`. An instance has
-//! `keypoints` `[N, 2]` and `keypoint_scores`, of which the first 17 must be COCO's, and a `track_id`
+//! `keypoints` `[N, 2]` and `keypoint_scores`, the first 17 of them COCO's, and a `track_id`
 //! where people are followed.
 
 use super::detections::{Detection, Detections, Seen, from_centre, whole};
@@ -50,18 +50,18 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
 
 fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
     let points = part.get("keypoints")?;
-    let places = points.rows::<2>()?;
+    let positions = points.rows::<2>()?;
     let scores = part.get("keypoint_scores")?;
     let sure = scores.vector()?;
-    if !COUNTS.contains(&places.len()) {
+    if !COUNTS.contains(&positions.len()) {
         let message = format!(
             "{} points: a set that begins with COCO's 17 is needed",
-            places.len()
+            positions.len()
         );
         return Err(points.fault("SIZE_MISMATCH", message));
     }
-    if sure.len() != places.len() {
-        let message = format!("{} scores for {} points", sure.len(), places.len());
+    if sure.len() != positions.len() {
+        let message = format!("{} scores for {} points", sure.len(), positions.len());
         return Err(scores.fault("SIZE_MISMATCH", message));
     }
     let person = match part.find("track_id") {
@@ -69,7 +69,10 @@ fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
         None => None,
     };
     let point = |([x, y], score): (&[f64; 2], &f64)| from_centre([*x, *y, *score]);
-    let picture = places.iter().zip(&sure).take(KeyPointSet::Coco17.points());
+    let picture = positions
+        .iter()
+        .zip(&sure)
+        .take(KeyPointSet::Coco17.points());
     Ok(Detection {
         mask: None,
         own: None,

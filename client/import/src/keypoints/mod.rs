@@ -2,7 +2,7 @@
 //!
 //! One file per detector reads its files to [`Detections`](detections::Detections): people, frames and
 //! points. The rest is common: which of the people ([`people`]), which frame of the clip
-//! ([`detections`]), whose mask ([`mask`]), and the fit of a body to the points of all frames
+//! ([`detections`]), which mask ([`mask`]), and the fit of a body to the points of all frames
 //! ([`capture`], by `yoto-pose`), or the detector's own skeleton ([`own_skeleton`]).
 //!
 //! ```text

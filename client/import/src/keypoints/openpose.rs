@@ -1,6 +1,6 @@
-//! OpenPose's `--write_json`: a file per frame, `NAME_000000000012_keypoints.json`, with `people`, of
-//! whom each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`; zeros where a
-//! point was not seen. People are in no order; `person_id` is -1 unless OpenPose follows them.
+//! OpenPose's `--write_json`: a file per frame, `NAME_000000000012_keypoints.json`, with `people`.
+//! Each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`, zeros where a point
+//! was not seen. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
 use super::detections::{Detection, Detections, Seen, flat, numbers_in};
 use crate::source::{Part, Source};
@@ -37,7 +37,7 @@ fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
     let values = points.vector()?;
     if values.len() != 3 * POINTS {
         let message = format!(
-            "{} numbers: 75 are needed, three a point of BODY_25 (--model_pose BODY_25)",
+            "{} numbers: 75 are needed, three per point of BODY_25 (--model_pose BODY_25)",
             values.len()
         );
         return Err(points.fault("SIZE_MISMATCH", message));

@@ -11,14 +11,14 @@ use std::path::Path;
 use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// Largest median distance of joints from where bones of constant length put them, metres. The tool's places follow
-/// from its rotations; the sizes that it finds differ a little from frame to frame.
+/// Largest median distance of joints from where bones of constant length put them, metres. The tool's
+/// positions follow from its rotations; the sizes that it finds differ a little from frame to frame.
 const SCATTER: f64 = 0.01;
 
 /// The track of a person who is `seen`, in pictures of `size`, in the axes of the camera.
 ///
 /// # Errors
-/// When the detector has no skeleton, or its rotations and places do not belong together.
+/// When the detector has no skeleton, or its rotations and positions do not belong together.
 pub(super) fn track(
     found: &Detections,
     seen: &[(usize, &Detection)],
@@ -59,7 +59,7 @@ pub(super) fn track(
     track.frames = poses
         .iter()
         .map(|(index, own)| {
-            let mut root = own.placed.places.first().copied().unwrap_or_default();
+            let mut root = own.placed.positions.first().copied().unwrap_or_default();
             let focal = options.focal.unwrap_or(own.focal);
             // The body stays where it is seen.
             root[2] *= focal / own.focal;
@@ -94,7 +94,7 @@ fn read(
     turn(poses);
     let turned = placed(poses);
     let (Some(given), Some(turned)) = (given, turned) else {
-        let message = "hips and neck are in one place, so that nothing tells which way is up";
+        let message = "hips and neck are at one point, so that nothing tells which way is up";
         return Err(fault(at, "INVALID", message));
     };
     let is_turned = turned.scatter < 0.5 * given.scatter;
@@ -104,7 +104,7 @@ fn read(
     }
     if best.scatter > SCATTER {
         let message = format!(
-            "rotations and places of its joints do not belong together: bones of constant length miss half \
+            "rotations and positions of its joints do not belong together: bones of constant length miss half \
              of the joints by {:.0} mm and more",
             1e3 * best.scatter
         );

@@ -12,7 +12,7 @@ const FORGOTTEN: usize = 15;
 const FARTHEST: f64 = 0.5;
 /// People that are named by an error or a note.
 const NAMED: usize = 8;
-/// Fewest sure points of a frame that counts.
+/// Fewest confident points with which a frame counts.
 const FEWEST: usize = 6;
 
 /// A person of a clip.
@@ -20,7 +20,7 @@ const FEWEST: usize = 6;
 pub(super) struct Person<'a> {
     /// The detector's number, else the order of appearance.
     pub name: String,
-    /// By place in [`Detections::frames`].
+    /// By index in [`Detections::frames`].
     pub seen: Vec<(usize, &'a Detection)>,
 }
 
@@ -44,11 +44,11 @@ pub(super) fn choose<'a>(
         }
         text.join(", ")
     };
-    let place = match name {
+    let index = match name {
         Some(name) => people.iter().position(|person| person.name == name),
         None => (!people.is_empty()).then_some(0),
     };
-    let Some(place) = place else {
+    let Some(index) = index else {
         let message = match name {
             Some(name) if !people.is_empty() => {
                 format!("there is no person {name}; there are {}", listed(&people))
@@ -57,7 +57,7 @@ pub(super) fn choose<'a>(
         };
         return Err(fault(at, "MISSING", message));
     };
-    let taken = people.remove(place);
+    let taken = people.remove(index);
     if !people.is_empty() {
         notes.push(format!(
             "person {} is taken; there are also {} (--person)",
@@ -99,7 +99,7 @@ fn add_by_number<'a>(people: &mut Vec<Person<'a>>, at: usize, detection: &'a Det
     };
     match people.iter_mut().find(|person| person.name == *name) {
         Some(person) => {
-            // Of two with one number in a frame the first counts.
+            // If two people in a frame have the same number, the first counts.
             if person.seen.last().is_none_or(|(last, _)| *last != at) {
                 person.seen.push((at, detection));
             }

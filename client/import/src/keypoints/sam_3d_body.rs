@@ -1,9 +1,10 @@
-//! SAM 3D Body's results, an `.npz` per frame and person: `pred_joint_coords` `[127, 3]`, joints of MHR's
-//! skeleton in the camera's axes, `pred_cam_t` `[3]`, to be added to them, and `focal_length`, where
-//! missing √(W² + H²), and `mask` `[H, W, 1]`, if it was given masks or made them. Names hold the frame's number first, then the person's place in that frame, which
-//! tells nothing of who it is.
+//! SAM 3D Body's results, one `.npz` per frame and person: `pred_joint_coords` `[127, 3]`, the joints of
+//! MHR's skeleton; `pred_cam_t` `[3]`, which is added to them, so that they are in the camera's axes,
+//! metres; `focal_length`, pixels, √(W² + H²) where it is missing; and `mask` `[H, W, 1]`, if the tool was
+//! given masks or made them. A name holds the frame's number, and then the person's index in that frame,
+//! which does not identify the person in other frames.
 //!
-//! Of MHR's 127 joints 22 are where SMPL has one; its hands have no like.
+//! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
 
 use super::detections::{Detection, Detections, OwnPose, Seen, numbers_in};
 use super::mhr;
@@ -42,7 +43,7 @@ const JOINTS: [Option<usize>; 24] = [
     None,
     None,
 ];
-/// Joints inside the trunk, which the two skeletons place differently.
+/// Joints inside the trunk, whose positions differ between the two skeletons.
 const INNER: [usize; 7] = [0, 3, 6, 9, 12, 13, 14];
 /// Confidence of these, and of the others.
 const CONFIDENCE: [f64; 2] = [0.35, 0.9];
@@ -113,7 +114,7 @@ fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
     Ok((mask.area() > 0).then(|| Arc::new(mask)))
 }
 
-/// The kept joints of MHR, moved by `shift` to their places before the camera.
+/// The kept joints of MHR, moved by `shift` into the camera's axes.
 fn own(
     root: &Part<'_>,
     joints: &[Vec3],
@@ -122,8 +123,8 @@ fn own(
 ) -> Result<Option<OwnPose>, ClientError> {
     let placed = mhr::placed(root, joints)?;
     Ok(placed.map(|mut placed| {
-        for place in &mut placed.places {
-            *place = add(*place, shift);
+        for position in &mut placed.positions {
+            *position = add(*position, shift);
         }
         OwnPose { placed, focal }
     }))
@@ -142,19 +143,19 @@ fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, Clie
         mask: mask(root)?,
         own: own(root, &joints, shift, focal)?,
     };
-    for (joint, place) in JOINTS.iter().enumerate() {
-        let Some(place) = place else {
+    for (joint, index) in JOINTS.iter().enumerate() {
+        let Some(index) = index else {
             person.picture.push([0.0; 3]);
             person.space.push([0.0; 3]);
             continue;
         };
-        let Some(&at) = joints.get(*place) else {
+        let Some(&at) = joints.get(*index) else {
             let message = format!("{} joints: MHR's skeleton has 127", joints.len());
             return Err(coords.fault("SIZE_MISMATCH", message));
         };
         let [x, y, z]: Vec3 = add(at, shift);
         if z < NEAREST {
-            let message = format!("joint {place} is {z} m before the camera");
+            let message = format!("joint {index} is {z} m before the camera");
             return Err(coords.fault("OUT_OF_RANGE", message));
         }
         let sure = CONFIDENCE[usize::from(!INNER.contains(&joint))];

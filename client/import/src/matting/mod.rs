@@ -60,7 +60,7 @@ impl MattingModel {
         name.to_string_lossy().into_owned()
     }
 
-    /// The person's masks in the frames `wanted`, which rise: frames without anybody have none.
+    /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors
     /// A file that is no matting model; levels that nobody can tell; a network that fails; a client

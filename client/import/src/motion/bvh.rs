@@ -66,7 +66,7 @@ pub(crate) fn read_up(
         let placed = kept.frame(&file, row).turned(&upright);
         MotionFrame {
             rotations: standing.local(&placed.rotations),
-            root: placed.places.first().copied().unwrap_or_default(),
+            root: placed.positions.first().copied().unwrap_or_default(),
         }
     });
     let pair = |(joint, at): (&tree::Joint, &usize)| {

@@ -28,12 +28,12 @@ impl Kept {
     /// The file's own joints from the one that matches the pelvis down, without those below [`LAST`].
     pub fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
         let role = |at: usize| {
-            let found = matches.iter().find(|(_, place)| *place == at);
+            let found = matches.iter().find(|(_, index)| *index == at);
             found.map(|(role, _)| role.clone())
         };
-        let place = |role: &str| matches.iter().find(|(of, _)| of == role).map(|(_, at)| *at);
-        let first = place("pelvis").unwrap_or(0);
-        let last: Vec<usize> = LAST.iter().filter_map(|role| place(role)).collect();
+        let index = |role: &str| matches.iter().find(|(of, _)| of == role).map(|(_, at)| *at);
+        let first = index("pelvis").unwrap_or(0);
+        let last: Vec<usize> = LAST.iter().filter_map(|role| index(role)).collect();
         let mut is_kept: Vec<bool> = Vec::with_capacity(file.joints.len());
         for (at, joint) in file.joints.iter().enumerate() {
             let above = joint.parent;
@@ -47,7 +47,7 @@ impl Kept {
         Self::new(file, kept.map(joint).collect())
     }
 
-    /// Of joints with their places in the file, which rise, their names and roles.
+    /// Of joints with their indices in the file, in ascending order, their names and roles.
     fn new(file: &Bvh, joints: Vec<(usize, String, Option<String>)>) -> Self {
         let source: Vec<usize> = joints.iter().map(|(at, ..)| *at).collect();
         let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
@@ -88,16 +88,16 @@ impl Kept {
     pub fn frame(&self, file: &Bvh, row: &[f64]) -> Placed {
         let mut values = row.iter().copied();
         self.posed(file, |at, joint| {
-            let (mut place, mut local) = (joint.offset, IDENTITY_ROTATION);
+            let (mut position, mut local) = (joint.offset, IDENTITY_ROTATION);
             for channel in &joint.channels {
                 let value = values.next().unwrap_or_default();
                 match channel {
                     Channel::Rotation(axis) => local = matmul(&local, &about_axis(*axis, value)),
-                    Channel::Position(axis) if self.moving.contains(&at) => place[*axis] = value,
+                    Channel::Position(axis) if self.moving.contains(&at) => position[*axis] = value,
                     Channel::Position(_) => {}
                 }
             }
-            (place, local)
+            (position, local)
         })
     }
 
@@ -109,18 +109,18 @@ impl Kept {
         mut local: impl FnMut(usize, &FileJoint) -> (Vec3, Mat3),
     ) -> Placed {
         let count = file.joints.len();
-        let (mut rotations, mut places) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut rotations, mut positions) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (at, joint) in file.joints.iter().enumerate() {
-            let (place, rotation) = local(at, joint);
-            let above = |parent: usize| Some((*rotations.get(parent)?, *places.get(parent)?));
+            let (position, rotation) = local(at, joint);
+            let above = |parent: usize| Some((*rotations.get(parent)?, *positions.get(parent)?));
             let (turn, from) =
                 (joint.parent.and_then(above)).unwrap_or((IDENTITY_ROTATION, [0.0; 3]));
-            places.push(add(from, matvec(&turn, place)));
+            positions.push(add(from, matvec(&turn, position)));
             rotations.push(matmul(&turn, &rotation));
         }
         Placed {
             rotations: self.source.iter().map(|at| rotations[*at]).collect(),
-            places: self.source.iter().map(|at| places[*at]).collect(),
+            positions: self.source.iter().map(|at| positions[*at]).collect(),
         }
     }
 }

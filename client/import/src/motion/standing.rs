@@ -2,8 +2,7 @@
 //!
 //! With all rotations zero, some writers' skeletons stand, and others' have every bone along +x. Only a
 //! standing one says how the file's axes lie in a person: where the rest pose does not stand, the
-//! frame of the motion serves that stands most upright. A lean of the back in
-//! that frame is lost.
+//! most upright frame of the motion serves. A lean of the back in that frame is lost.
 
 use super::Up;
 use super::kept::Kept;
@@ -129,10 +128,10 @@ struct Stance {
 
 impl Stance {
     fn of(kept: &Kept, placed: &Placed, to_y: &Mat3) -> Self {
-        let place =
-            |name: &str| -> Option<Vec3> { Some(matvec(to_y, kept.tree.place(placed, name)?)) };
+        let position =
+            |name: &str| -> Option<Vec3> { Some(matvec(to_y, kept.tree.position(placed, name)?)) };
         let rise = |from: &str, to: &[&str]| {
-            let bone = sub(to.iter().find_map(|to| place(to))?, place(from)?);
+            let bone = sub(to.iter().find_map(|to| position(to))?, position(from)?);
             let length = dot(bone, bone).sqrt();
             (length > 0.0).then(|| bone[1] / length)
         };

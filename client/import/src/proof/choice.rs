@@ -55,9 +55,9 @@ impl Candidate<'_> {
     }
 }
 
-/// The candidate with most masked pixels among those whom their masks show: masks show those who agree
-/// with them, about as well as anybody does. Somebody who is seen for longer, beside or behind the
-/// person in the masks, is so not taken for them. Where masks show nobody, the one that comes nearest.
+/// The candidate with most masked pixels, of those that their masks show. Masks show the people who agree
+/// with them about as well as anybody does, so that somebody beside or behind the person is not taken,
+/// even if seen for longer. Where masks show nobody, the candidate that agrees best.
 fn most_masked(candidates: Vec<Candidate<'_>>) -> Option<Candidate<'_>> {
     let is_shown = |one: &Candidate<'_>| {
         let rivals = candidates.iter().filter(|other| one.has_masks_of(other));
@@ -143,8 +143,8 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// The people to choose from: the user's; else the one with most masked pixels; else all whom a folder
-/// of masks may show, else the one seen most often.
+/// The people to choose from: the user's; else the one with most masked pixels; else all people that a
+/// folder of masks may show, else the one seen most often.
 fn people<'a>(
     found: &'a Found,
     masks: &[Masks],

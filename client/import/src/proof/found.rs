@@ -1,6 +1,6 @@
 //! What the readers of pose tools give: people, frame by frame, in the numbers of the tool.
 
-use super::to_world::ToWorld;
+use super::camera_pose::CameraPose;
 use crate::geometry::{Mat3, Vec3, rodrigues};
 use crate::track::SmplPose;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ pub(crate) struct Intrinsics {
     pub focal: [f64; 2],
     /// Principal point, pixels from the first pixel's centre; the image's middle if absent.
     pub centre: Option<[f64; 2]>,
-    /// Width and height of the images that it is of, if the file says.
+    /// Width and height of the images that it belongs to, if the file says.
     pub size: Option<[f64; 2]>,
     /// Share of the clip's width and height that margins around its images add to these.
     pub margin: f64,
@@ -50,8 +50,8 @@ pub(crate) struct Seen {
     pub intrinsics: Option<Intrinsics>,
     /// World to camera; `None` where the body is in the camera's axes.
     pub e: Option<[[f64; 4]; 4]>,
-    /// The camera's place in the world, where the body is in the camera's axes and the camera moves.
-    pub to_world: Option<ToWorld>,
+    /// The camera's pose in the world, where the body is in the camera's axes and the camera moves.
+    pub camera_pose: Option<CameraPose>,
 }
 
 impl Seen {
@@ -67,7 +67,7 @@ impl Seen {
             mask: None,
             intrinsics: None,
             e: None,
-            to_world: None,
+            camera_pose: None,
         }
     }
 

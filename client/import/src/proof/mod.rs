@@ -5,6 +5,7 @@
 //! that agree best ([`score`], [`silhouette`]), with rest joints ([`rest`]) and the frame of the clip
 //! that each pose is of ([`numbers`]). [`track`] holds a track with any tree of joints against masks.
 
+mod camera_pose;
 mod choice;
 mod found;
 mod masks;
@@ -13,14 +14,13 @@ mod reading;
 mod rest;
 mod score;
 mod silhouette;
-mod to_world;
 mod track;
 
+pub(crate) use camera_pose::{CameraPose, moves};
 pub(crate) use choice::Choice;
 pub(crate) use found::{Found, Intrinsics, Person, Seen};
 pub(crate) use masks::{Masks, MasksByFrame};
 pub(crate) use numbers::Numbers;
 pub(crate) use reading::{Body, Documented, Focal, Translation, ratio};
 pub(crate) use silhouette::LEAST;
-pub(crate) use to_world::{ToWorld, moves};
 pub(crate) use track::{agreement, prove, said_agreement};

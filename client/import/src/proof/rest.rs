@@ -1,7 +1,7 @@
 //! Rest joints: the user's, those that the tool's own joints give, or an average adult's.
 //!
 //! A tool that writes posed joints p and rotations tells its skeleton without a body model: a bone's
-//! rest offset is `G_parentᵀ (p_j − p_parent)`, of which the median over frames is taken.
+//! rest offset is the median over frames of `G_parentᵀ (p_j − p_parent)`.
 
 use super::found::{Person, Seen};
 use super::reading::{Body, Documented};
@@ -124,7 +124,7 @@ impl Rest {
                 .unwrap_or(self.pelvis);
         }
         let own = seen.joints.iter().find(|(joint, _)| *joint == 0);
-        own.map_or(self.pelvis, |(_, place)| *place)
+        own.map_or(self.pelvis, |(_, position)| *position)
     }
 
     /// With bones `by` times as long.
@@ -151,27 +151,27 @@ fn globals(pose: &SmplPose) -> Vec<Mat3> {
 /// The joints of a body.
 pub(crate) fn posed(rest: &[Vec3], pose: &SmplPose, root: Vec3) -> Vec<Vec3> {
     let turns = globals(pose);
-    let mut places = Vec::with_capacity(rest.len());
+    let mut positions = Vec::with_capacity(rest.len());
     for (joint, (_, parent)) in JOINTS.iter().enumerate() {
-        let place = parent.and_then(|parent| {
+        let position = parent.and_then(|parent| {
             let offset = sub(*rest.get(joint)?, *rest.get(parent)?);
             Some(add(
-                *places.get(parent)?,
+                *positions.get(parent)?,
                 matvec(turns.get(parent)?, offset),
             ))
         });
-        places.push(place.unwrap_or(root));
+        positions.push(position.unwrap_or(root));
     }
-    places
+    positions
 }
 
 /// Offsets from the parent of an average adult of `height`.
 fn average(height: f64) -> Vec<Vec3> {
     let offset = |(joint, (_, parent)): (usize, &(&str, Option<usize>))| {
         let above = parent.and_then(|parent| AVERAGE_REST.get(parent));
-        let place = AVERAGE_REST.get(joint).copied().unwrap_or_default();
+        let position = AVERAGE_REST.get(joint).copied().unwrap_or_default();
         above.map_or([0.0; 3], |above| {
-            scale(sub(place, *above), height / AVERAGE_HEIGHT)
+            scale(sub(position, *above), height / AVERAGE_HEIGHT)
         })
     };
     JOINTS.iter().enumerate().map(offset).collect()
@@ -203,7 +203,7 @@ fn measured(
         .filter(|seen| !seen.joints.is_empty())
     {
         let turns = globals(&seen.pose);
-        let place = |joint: usize| {
+        let position = |joint: usize| {
             seen.joints
                 .iter()
                 .find(|(of, _)| *of == joint)
@@ -211,10 +211,14 @@ fn measured(
         };
         for (joint, (_, parent)) in JOINTS.iter().enumerate() {
             let sample = match parent {
-                None => place(joint),
-                Some(parent) => place(joint).zip(place(*parent)).and_then(|(below, above)| {
-                    Some(matvec(&transpose(turns.get(*parent)?), sub(below, above)))
-                }),
+                None => position(joint),
+                Some(parent) => {
+                    position(joint)
+                        .zip(position(*parent))
+                        .and_then(|(below, above)| {
+                            Some(matvec(&transpose(turns.get(*parent)?), sub(below, above)))
+                        })
+                }
             };
             if let Some(list) = samples.get_mut(joint) {
                 list.extend(sample);
@@ -276,13 +280,13 @@ fn spread(person: &Person, offsets: &mut [Vec3], medians: &[Option<Vec3>], step:
         for _ in 0..8 {
             let mut misses: Vec<Vec3> = Vec::new();
             for seen in person.seen.iter().step_by(step) {
-                let place = |joint: usize| {
+                let position = |joint: usize| {
                     seen.joints
                         .iter()
                         .find(|(of, _)| *of == joint)
                         .map(|(_, p)| *p)
                 };
-                let (Some(mut at), Some(end)) = (place(from), place(to)) else {
+                let (Some(mut at), Some(end)) = (position(from), position(to)) else {
                     continue;
                 };
                 let turns = globals(&seen.pose);

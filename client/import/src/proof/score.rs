@@ -1,4 +1,4 @@
-//! The score of a reading: how well the bodies that it gives agree with masks, on the mean over frames
+//! The score of a reading: the mean over frames of how well its bodies agree with masks
 //! ([`silhouette`](super::silhouette)).
 
 use super::found::{Person, Seen};
@@ -84,7 +84,7 @@ impl<'a> Proof<'a> {
         seen: &Seen,
         frame: usize,
     ) -> Result<Option<&Silhouette>, ClientError> {
-        if let std::collections::hash_map::Entry::Vacant(place) = self.silhouettes.entry(frame) {
+        if let std::collections::hash_map::Entry::Vacant(entry) = self.silhouettes.entry(frame) {
             let silhouette = match self.masks.of(seen, frame) {
                 None => None,
                 Some(mask) => {
@@ -92,7 +92,7 @@ impl<'a> Proof<'a> {
                     Silhouette::new(image.as_raw(), self.clip.size)
                 }
             };
-            place.insert(silhouette);
+            entry.insert(silhouette);
         }
         Ok(self.silhouettes.get(&frame).and_then(Option::as_ref))
     }

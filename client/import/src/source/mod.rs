@@ -13,7 +13,7 @@ use yoto_proto::v1::Violation;
 
 /// Largest file of poses or cameras, bytes; body models with 300 shapes take 250 million.
 const MAX_BYTES: u64 = 1 << 30;
-/// Parts of a file that no importer reads, and that may be many times as large as the rest.
+/// Parts of a file that no importer reads. They may be many times larger than the rest.
 const UNREAD: [&str; 2] = ["verts", "vertices"];
 /// Largest plausible number in any unit.
 const MAX_NUMBER: f64 = 1e9;

@@ -1,7 +1,7 @@
 //! The motion of the camera in the files of tools that find it.
 
 use crate::geometry::{Mat3, exact_rotation, matvec, scale, transpose};
-use crate::proof::{Person, ToWorld, moves};
+use crate::proof::{CameraPose, Person, moves};
 use crate::source::Part;
 use yoto_client::ClientError;
 
@@ -14,14 +14,17 @@ pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stan
 /// The cameras of rotations `[F, 3, 3]` and positions `[F, 3]`, camera to world.
 ///
 /// # Errors
-/// When there are not as many of both, or a matrix is no rotation.
-pub(super) fn of_cameras(turns: &Part<'_>, shifts: &Part<'_>) -> Result<Vec<ToWorld>, ClientError> {
+/// When their numbers differ, or a matrix is not a rotation.
+pub(super) fn of_cameras(
+    turns: &Part<'_>,
+    shifts: &Part<'_>,
+) -> Result<Vec<CameraPose>, ClientError> {
     let matrices = turns.flat_rows::<9>()?;
     let shifts = shifts.same_rows::<3>(matrices.len())?;
     let both = matrices.iter().zip(shifts).enumerate();
     both.map(|(frame, (m, shift))| {
         let turn = [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
-        Ok(ToWorld {
+        Ok(CameraPose {
             rotation: rotation_of(turn, &turns.clone().of_frame(frame as u32))?,
             position: shift,
         })
@@ -32,29 +35,29 @@ pub(super) fn of_cameras(turns: &Part<'_>, shifts: &Part<'_>) -> Result<Vec<ToWo
 /// The camera of a rotation and a translation, world to camera.
 ///
 /// # Errors
-/// When the matrix is no rotation.
-pub(super) fn of_extrinsics(turn: &Part<'_>, shift: &Part<'_>) -> Result<ToWorld, ClientError> {
+/// When the matrix is not a rotation.
+pub(super) fn of_extrinsics(turn: &Part<'_>, shift: &Part<'_>) -> Result<CameraPose, ClientError> {
     let back = transpose(&rotation_of(turn.matrix()?, turn)?);
-    Ok(ToWorld {
+    Ok(CameraPose {
         position: scale(matvec(&back, shift.fixed()?), -1.0),
         rotation: back,
     })
 }
 
-/// `matrix`, if it is a rotation; `part` is where it is from.
+/// `matrix`, if it is a rotation. Errors name `part`, which holds it.
 fn rotation_of(matrix: Mat3, part: &Part<'_>) -> Result<Mat3, ClientError> {
     exact_rotation(&matrix)
         .ok_or_else(|| part.fault("NOT_A_ROTATION", "the camera's matrix is no rotation"))
 }
 
-/// Gives every pose of `people` the camera of its frame, if the camera moves; whether it does. `part`
-/// is where the cameras are from.
+/// Gives every pose of `people` the camera of its frame, if the camera moves, and returns whether it
+/// does. Errors name `part`, which holds the cameras.
 ///
 /// # Errors
 /// When a pose's frame has no camera.
 pub(super) fn follow(
     people: &mut [Person],
-    cameras: &[ToWorld],
+    cameras: &[CameraPose],
     part: &Part<'_>,
 ) -> Result<bool, ClientError> {
     if !moves(cameras) {
@@ -69,7 +72,7 @@ pub(super) fn follow(
             );
             part.fault("MISSING", message)
         })?;
-        seen.to_world = Some(*camera);
+        seen.camera_pose = Some(*camera);
     }
     Ok(true)
 }

@@ -1,4 +1,4 @@
-//! The capture of a person whom a tool found in a clip.
+//! The capture of a person that a tool found in a clip.
 
 use super::tool::Tool;
 use crate::clip::{Clip, fault, left_out, listed};
@@ -153,7 +153,7 @@ fn imported(
             changed.get_or_insert(camera.k[0][0]);
             refocus(&mut camera, &mut placed, focal);
         }
-        if let Some(world) = &seen.to_world {
+        if let Some(world) = &seen.camera_pose {
             (camera, placed) = world.move_to_world(camera, placed);
         }
         let frame = placed.frame(index as u32, rest_root, &camera);

@@ -1,4 +1,4 @@
-//! EasyMocap: a folder `smpl/` (or `output/smpl/`) of `%06d.json`, one a frame, from 0.
+//! EasyMocap: a folder `smpl/` (or `output/smpl/`) of `%06d.json`, one per frame, from 0.
 //!
 //! A list of people: `id`, `Rh`, `Th` `[1, 3]`, `poses` `[1, 72]` (or 69 without the root's three, which
 //! are 0), `shapes` `[1, 10]`. The posed body is turned by Rh about the world's origin and moved by Th,
@@ -8,10 +8,10 @@
 
 use super::opencv::calibration;
 use super::parts::push;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::Options;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Seen, Translation};
 use crate::source::{Part, Source};
 use crate::track::SmplPose;
 use yoto_client::ClientError;

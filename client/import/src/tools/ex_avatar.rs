@@ -1,4 +1,4 @@
-//! ExAvatar: `smplx_optimized/smplx_params/<frame>.json`, or `smplx_params_smoothed`, one a frame, named
+//! ExAvatar: `smplx_optimized/smplx_params/<frame>.json`, or `smplx_params_smoothed`, one per frame, named
 //! as the pictures in `frames`.
 //!
 //! `root_pose` `[3]`, `body_pose` `[21, 3]`, `trans` `[3]` (SMPL's translation) of SMPL-X, in the camera's
@@ -8,7 +8,7 @@
 
 use super::camera_motion::of_extrinsics;
 use super::parts::pose_of_smplx;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::clip::number_in;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation, moves};
 use crate::source::{Part, Source};
@@ -49,7 +49,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     };
     let cameras = beside(source, folder, CAMERAS, 2);
     let mut found = Found::of(Vec::new());
-    let (mut seen, mut places) = (Vec::new(), Vec::new());
+    let (mut seen, mut cameras_of_frames) = (Vec::new(), Vec::new());
     for name in source.list(folder, &[".json"])? {
         let name = name.trim_start_matches('/');
         let number = number_in(name).ok_or_else(|| {
@@ -63,7 +63,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
             let data = source.data(&name, Some(number as u32))?;
             one.intrinsics = Some(intrinsics(&data.root())?);
             let (turn, shift) = (data.root().get("R")?, data.root().get("t")?);
-            places.push(of_extrinsics(&turn, &shift)?);
+            cameras_of_frames.push(of_extrinsics(&turn, &shift)?);
         } else {
             one.intrinsics = Some(Intrinsics {
                 focal: [MADE_UP; 2],
@@ -80,9 +80,9 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
              makes up"
         ));
     }
-    if moves(&places) {
-        for (one, place) in seen.iter_mut().zip(places) {
-            one.to_world = Some(place);
+    if moves(&cameras_of_frames) {
+        for (one, camera) in seen.iter_mut().zip(cameras_of_frames) {
+            one.camera_pose = Some(camera);
         }
         found.notes.push(
             "the camera moves: bodies and cameras stand in the world of cam_params".to_owned(),
@@ -101,8 +101,8 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
 /// The path of `name` beside the folder or at most `above` folders higher.
 fn beside(source: &Source, folder: &str, name: &str, above: usize) -> Option<String> {
     let start = if folder.is_empty() { "." } else { folder };
-    let places = (1..=above).map(|above| format!("{start}/{}{name}", "../".repeat(above)));
-    places.into_iter().find(|place| source.has(place))
+    let paths = (1..=above).map(|above| format!("{start}/{}{name}", "../".repeat(above)));
+    paths.into_iter().find(|path| source.has(path))
 }
 
 fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<Seen, ClientError> {

@@ -7,7 +7,7 @@
 //! frames of the clip, shown at 30 a second.
 
 use super::parts::pose_of_smplx;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
@@ -37,8 +37,8 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let betas = incam.get("betas")?.same_betas(orient.len())?;
     if let Some(global) = root.find("smpl_params_global") {
         let world = global.get("global_orient")?.rows::<3>()?;
-        let places = global.get("transl")?.rows::<3>()?;
-        if world == orient && places == transl && orient.len() > 1 {
+        let positions = global.get("transl")?.rows::<3>()?;
+        if world == orient && positions == transl && orient.len() > 1 {
             let message = "the same numbers as smpl_params_global: a converter put the poses of the \
                            world (y up) in the place of the camera's. Give the tool's own \
                            hmr4d_results.pt";

@@ -1,11 +1,11 @@
-//! LHM's motions: `smplx_params/%05d.json`, one a frame, from 1.
+//! LHM's motions: `smplx_params/%05d.json`, one per frame, from 1.
 //!
 //! `root_pose` `[3]`, `body_pose` `[21, 3]`, `betas` `[10]` of SMPL-X, `trans` `[3]`: where the pelvis is,
 //! in the camera's axes; `focal`, `princpt` and `img_size_wh` `[2]`, of enlarged images with margins
 //! around the clip's: they are 1 + `pad_ratio` times as wide and high, and the middle stays the middle.
 
 use super::parts::pose_of_smplx;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::clip::number_in;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
 use crate::source::{Part, Source};

@@ -8,14 +8,12 @@
 //! the frames of the clip.
 
 use super::parts::{pose_of_matrices, push, runs};
-use super::tool::{Tool, ToolFile};
-use crate::proof::{Body, Documented, Focal, Found, Person, Seen, Translation};
+use super::tool::Tool;
+use crate::proof::{Body, Documented, Focal, Found, Seen, Translation};
 use crate::source::Part;
-use std::sync::Arc;
 use yoto_client::ClientError;
-use yoto_formats::rle::RunLengths;
 
-/// SMPL's joints among OpenPose's: place there, number in SMPL.
+/// SMPL's joints among OpenPose's: index there, index in SMPL.
 const OPENPOSE: [(usize, usize); 14] = [
     (8, 0),
     (1, 12),

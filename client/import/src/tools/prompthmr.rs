@@ -8,7 +8,7 @@
 
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::pose_of_matrices;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;

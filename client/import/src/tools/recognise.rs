@@ -56,7 +56,7 @@ pub(crate) fn open(
     if !path.is_dir() {
         return Err(fault(path, "MISSING", "there is no such file or folder"));
     }
-    // A file that is damaged, or of something else, does not hide the tool's beside it.
+    // A damaged or foreign file does not hide the tool's file beside it.
     let mut first_fault = None;
     for name in candidates(&source)? {
         match read_file(&source, &name, forced, options) {

@@ -1,4 +1,4 @@
-//! ROMP and BEV: a `.npz` of `results` a frame, or `video_results.npz` of all frames by name.
+//! ROMP and BEV: a `.npz` of `results` per frame, or `video_results.npz` of all frames by name.
 //!
 //! Of `P` people: `smpl_thetas` `[P, 72]`, `smpl_betas` `[P, 10]` (BEV: 11), `cam_trans` `[P, 3]` (for a
 //! view of 60°), `joints` `[P, 71, 3]` (SMPL's 24 first), `track_ids` `[P]` with `-t`. The pelvis is at
@@ -7,7 +7,7 @@
 //! such files are refused.
 
 use super::parts::push;
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::clip::number_in;
 use crate::geometry::{Vec3, dot, sub};
 use crate::proof::{Body, Documented, Focal, Found, Person, Seen, Translation};

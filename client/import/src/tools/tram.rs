@@ -5,11 +5,11 @@
 //! - `camera.npy`: `img_focal`, `img_center` `[2]`; `pred_cam_R` `[F, 3, 3]` and `pred_cam_T` `[F, 3]`,
 //!   camera to world, metres, in the axes of the first frame's camera; older versions also write
 //!   `world_cam_R` and `world_cam_T`, the same in a world whose y points up, against gravity.
-//! - `masks.npy`: run lengths of all people together, one entry a frame.
+//! - `masks.npy`: run lengths of all people together, one entry per frame.
 
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::{pose_of_matrices, runs};
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;

@@ -4,7 +4,7 @@
 //! axes, SMPL's translation, for the focal length √(W² + H²). `pose_world` and `trans_world` have an
 //! origin of their own for each person and another joint at it, so they are not read.
 
-use super::tool::{Tool, ToolFile};
+use super::tool::Tool;
 use crate::proof::{Body, Documented, Focal, Found, Person, Seen, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;

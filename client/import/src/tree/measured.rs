@@ -2,7 +2,7 @@
 //! does against the joint above it.
 //!
 //! Bones are of constant length in the axes of the joint above, `G_parentᵀ (p − p_parent)`: the
-//! median over the frames is taken, and its scatter tells whether rotations and places belong together.
+//! median over the frames is taken, and its scatter tells whether rotations and positions belong together.
 
 use super::{Placed, Tree};
 use crate::geometry::{
@@ -32,27 +32,27 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
     let mut scatter = Vec::new();
     let mut mean = Placed {
         rotations: Vec::new(),
-        places: Vec::new(),
+        positions: Vec::new(),
     };
     for (joint, it) in tree.0.iter().enumerate() {
         let Some(parent) = it.parent else {
             mean.rotations.push(IDENTITY_ROTATION);
-            mean.places.push([0.0; 3]);
+            mean.positions.push([0.0; 3]);
             continue;
         };
         let (mut offsets, mut turns) = (Vec::new(), Vec::new());
         for frame in &frames {
             let back = transpose(frame.rotations.get(parent)?);
-            let bone = sub(*frame.places.get(joint)?, *frame.places.get(parent)?);
+            let bone = sub(*frame.positions.get(joint)?, *frame.positions.get(parent)?);
             offsets.push(matvec(&back, bone));
             turns.push(matmul(&back, frame.rotations.get(joint)?));
         }
         let rows: Vec<&[f64]> = offsets.iter().map(<[f64; 3]>::as_slice).collect();
         let offset: Vec3 = median_rows(&rows).try_into().ok()?;
         scatter.extend(offsets.iter().map(|it| length(sub(*it, offset))));
-        let (above, from) = (*mean.rotations.get(parent)?, *mean.places.get(parent)?);
+        let (above, from) = (*mean.rotations.get(parent)?, *mean.positions.get(parent)?);
         mean.rotations.push(matmul(&above, &mean_rotation(&turns)));
-        mean.places.push(add(from, matvec(&above, offset)));
+        mean.positions.push(add(from, matvec(&above, offset)));
     }
     let standing = mean.turned(&upright(tree, &mean)?);
     let middle = scatter.len() / 2;
@@ -66,8 +66,8 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
 /// The rotation that makes the way from the pelvis to the neck up, and that to the left hip +x.
 fn upright(tree: &Tree, pose: &Placed) -> Option<Mat3> {
     let top = ["neck", "head", "spine3"];
-    let top = top.iter().find_map(|role| tree.place(pose, role))?;
-    let up = unit(sub(top, tree.place(pose, "pelvis")?))?;
+    let top = top.iter().find_map(|role| tree.position(pose, role))?;
+    let up = unit(sub(top, tree.position(pose, "pelvis")?))?;
     let left = tree.leftward(pose)?;
     let left = unit(sub(left, scale(up, dot(left, up))))?;
     Some([left, up, cross(left, up)])

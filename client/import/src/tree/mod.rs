@@ -42,7 +42,7 @@ const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder
 pub(crate) struct Joint {
     /// Its name in the capture.
     pub name: String,
-    /// The joint of SMPL in the same place, if there is one.
+    /// The joint of SMPL that it stands for, if there is one.
     pub role: Option<String>,
     /// Index of the joint above, which comes before.
     pub parent: Option<usize>,
@@ -55,9 +55,10 @@ pub(crate) struct Tree(pub Vec<Joint>);
 /// The joints of a tree in a pose, in whatever axes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Placed {
-    /// Global rotations.
+    /// Global rotations, `[joints, 3, 3]`.
     pub rotations: Vec<Mat3>,
-    pub places: Vec<Vec3>,
+    /// `[joints, 3]`.
+    pub positions: Vec<Vec3>,
 }
 
 impl Placed {
@@ -65,37 +66,40 @@ impl Placed {
     pub fn turned(&self, by: &Mat3) -> Self {
         Self {
             rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
-            places: self.places.iter().map(|it| matvec(by, *it)).collect(),
+            positions: self.positions.iter().map(|it| matvec(by, *it)).collect(),
         }
     }
 }
 
 impl Tree {
-    /// The joint in the place of SMPL's `role`.
+    /// Index of the joint that stands for SMPL's `role`.
     pub fn find(&self, role: &str) -> Option<usize> {
         self.0
             .iter()
             .position(|joint| joint.role.as_deref() == Some(role))
     }
 
-    /// The place of SMPL's `role` in a pose.
-    pub fn place(&self, placed: &Placed, role: &str) -> Option<Vec3> {
-        placed.places.get(self.find(role)?).copied()
+    /// The position of SMPL's joint `role` in a pose.
+    pub fn position(&self, placed: &Placed, role: &str) -> Option<Vec3> {
+        placed.positions.get(self.find(role)?).copied()
     }
 
-    /// Of SMPL's places those on the left and the right that both are known in a pose, one minus the other.
+    /// From the right to the left hip in a pose, or from shoulder to shoulder if a hip is missing.
     pub fn leftward(&self, placed: &Placed) -> Option<Vec3> {
         SIDES.iter().find_map(|(left, right)| {
-            Some(sub(self.place(placed, left)?, self.place(placed, right)?))
+            Some(sub(
+                self.position(placed, left)?,
+                self.position(placed, right)?,
+            ))
         })
     }
 
     /// The rest pose made of `pose`, in which somebody stands with y up.
     pub fn standing(&self, pose: &Placed) -> Standing<'_> {
         let pose = pose.turned(&self.facing(pose));
-        let limbs = self.limbs(&pose.places);
+        let limbs = self.limbs(&pose.positions);
         Standing {
-            rest: self.t_pose(&pose.places, &limbs),
+            rest: self.t_pose(&pose.positions, &limbs),
             tree: self,
             pose,
             limbs,
@@ -110,15 +114,15 @@ impl Tree {
         }
     }
 
-    /// D of each joint, of limbs that stand as `places`.
-    fn limbs(&self, places: &[Vec3]) -> Vec<Mat3> {
+    /// D of each joint, of limbs that stand as `positions`.
+    fn limbs(&self, positions: &[Vec3]) -> Vec<Mat3> {
         let mut limbs: Vec<Mat3> = Vec::with_capacity(self.0.len());
         for (at, joint) in self.0.iter().enumerate() {
             let role = joint.role.as_deref();
             let limb = LIMBS.iter().find(|(from, ..)| role == Some(*from));
             let limb = limb.and_then(|(_, to, direction)| {
-                let end = places.get(self.find(to)?).copied()?;
-                rotation_between(*direction, sub(end, places.get(at).copied()?))
+                let end = positions.get(self.find(to)?).copied()?;
+                rotation_between(*direction, sub(end, positions.get(at).copied()?))
             });
             let before = joint.parent.and_then(|above| limbs.get(above)).copied();
             limbs.push(match (limb, role) {
@@ -131,14 +135,17 @@ impl Tree {
     }
 
     /// Rest positions with the limbs in a T-pose.
-    fn t_pose(&self, places: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
-        let mut rest: Vec<Vec3> = Vec::with_capacity(places.len());
-        for (joint, place) in self.0.iter().zip(places) {
+    fn t_pose(&self, positions: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
+        let mut rest: Vec<Vec3> = Vec::with_capacity(positions.len());
+        for (joint, position) in self.0.iter().zip(positions) {
             let Some(parent) = joint.parent else {
-                rest.push(*place);
+                rest.push(*position);
                 continue;
             };
-            let bone = sub(*place, places.get(parent).copied().unwrap_or_default());
+            let bone = sub(
+                *position,
+                positions.get(parent).copied().unwrap_or_default(),
+            );
             let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
             let from = rest.get(parent).copied().unwrap_or_default();
             rest.push(add(from, matvec(&turn, bone)));

@@ -1,4 +1,4 @@
-//! The files of a frame, which both forms of a capture name alike.
+//! The files of a frame, which have the same names in both forms of a capture.
 
 use crate::pictures::{Mask, MaskKind, PictureFiles};
 use crate::source::Source;

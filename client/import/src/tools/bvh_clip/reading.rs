@@ -34,7 +34,7 @@ pub(super) struct Body<'a> {
     pub calibration: Option<&'a Calibration>,
     /// Frames of the clip that are wanted.
     pub frames: Vec<usize>,
-    /// The motion's frame of a frame.
+    /// The motion's frame for a frame of the clip.
     pub number: &'a dyn Fn(usize) -> Option<usize>,
     pub size: [u32; 2],
     pub fps: f64,

@@ -9,17 +9,17 @@ use crate::geometry::{
 };
 use crate::track::{Camera, Placed};
 
-/// Least turn (of an entry of the matrix) and shift, metres, of a camera that moves.
+/// Least change of an entry of the rotation, and of the position, metres, of a camera that moves.
 const MOVED: [f64; 2] = [1e-4, 1e-3];
 
 /// A camera's pose in the world: a point x in its axes is at `rotation x + position`, metres.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ToWorld {
+pub(crate) struct CameraPose {
     pub rotation: Mat3,
     pub position: Vec3,
 }
 
-impl ToWorld {
+impl CameraPose {
     /// A body in the camera's axes, and its camera, in the world.
     pub fn move_to_world(&self, camera: Camera, placed: Placed) -> (Camera, Placed) {
         let mut pose = placed.pose;
@@ -37,17 +37,17 @@ impl ToWorld {
     fn is_at(&self, other: &Self) -> bool {
         let far =
             |a: &[f64], b: &[f64], most: f64| a.iter().zip(b).any(|(a, b)| (a - b).abs() > most);
-        let [turned, shifted] = MOVED;
+        let [rotated, moved] = MOVED;
         !far(
             self.rotation.as_flattened(),
             other.rotation.as_flattened(),
-            turned,
-        ) && !far(&self.position, &other.position, shifted)
+            rotated,
+        ) && !far(&self.position, &other.position, moved)
     }
 }
 
-/// Whether the cameras of a clip's frames are in different places.
-pub(crate) fn moves(cameras: &[ToWorld]) -> bool {
+/// Whether the cameras of a clip's frames have different poses.
+pub(crate) fn moves(cameras: &[CameraPose]) -> bool {
     let first = cameras.first();
     first.is_some_and(|first| cameras.iter().any(|camera| !camera.is_at(first)))
 }
@@ -57,8 +57,8 @@ mod tests {
     use super::*;
     use crate::geometry::IDENTITY_ROTATION;
 
-    fn at(x: f64) -> ToWorld {
-        ToWorld {
+    fn at(x: f64) -> CameraPose {
+        CameraPose {
             rotation: rodrigues([0.3, -0.2, 0.1]),
             position: [x, 1.0, -2.0],
         }
