@@ -29,7 +29,7 @@ impl Placed {
     /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as in EasyMocap
     /// and HumanNeRF; `pelvis` is the root's rest position before that. A root rotation in
     /// `pose` turns about the pelvis, before `rh`.
-    pub fn turned(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
+    pub fn about_origin(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
         let whole = rodrigues(rh);
         Self {
             pose: with_root(pose, &matmul(&whole, &rodrigues(root(&pose)))),
@@ -39,7 +39,7 @@ impl Placed {
 
     /// The body moved by `translation` after its pose, as in SMPL's own programs: the root
     /// turns about the pelvis, which keeps the position of the shape.
-    pub fn moved(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
+    pub fn about_pelvis(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
         Self {
             pose,
             root: add(pelvis, translation),

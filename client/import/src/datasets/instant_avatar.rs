@@ -64,7 +64,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         let (Some(image), Some(mask)) = (images.get(position), masks.get(position)) else {
             continue;
         };
-        let placed = Placed::moved(poses[at], translations[at], pelvis);
+        let placed = Placed::about_pelvis(poses[at], translations[at], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));

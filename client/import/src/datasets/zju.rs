@@ -67,7 +67,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
                 .first()
                 .copied()
                 .unwrap_or_default();
-            Placed::turned(body.poses, body.rh, body.th, pelvis)
+            Placed::about_origin(body.poses, body.rh, body.th, pelvis)
                 .frame(body.index, rest_root, &camera)
         })
         .collect();

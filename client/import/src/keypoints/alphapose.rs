@@ -2,7 +2,7 @@
 //! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets) and, where it follows
 //! people, `idx`.
 
-use super::detections::{Detection, Detections, Seen, flat, numbers_in};
+use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use crate::source::Part;
 use std::collections::BTreeMap;
 use yoto_client::ClientError;
@@ -42,7 +42,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
         };
         frames.entry((number, name)).or_default().push(detection);
     }
-    let seen = |((number, image), people): ((usize, String), Vec<Detection>)| Seen {
+    let seen = |((number, image), people): ((usize, String), Vec<Detection>)| FrameDetections {
         number,
         image: Some(image),
         people,

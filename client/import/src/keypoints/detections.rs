@@ -52,7 +52,7 @@ impl Detection {
 
 /// The people of one frame.
 #[derive(Clone, Debug)]
-pub(super) struct Seen {
+pub(super) struct FrameDetections {
     /// Number of the frame, from 0 unless [`Detections::first`] says otherwise.
     pub number: usize,
     /// The picture's name, if the file has it.
@@ -67,7 +67,7 @@ pub(super) struct Detections {
     pub name: &'static str,
     pub set: KeyPointSet,
     /// In the order of their numbers.
-    pub frames: Vec<Seen>,
+    pub frames: Vec<FrameDetections>,
     /// Number of the first frame, if the detector always counts from it.
     pub first: Option<usize>,
     /// Focal length that the points in space belong to, pixels.
@@ -78,7 +78,7 @@ pub(super) struct Detections {
 
 impl Detections {
     /// Of frames in any order.
-    pub fn new(name: &'static str, set: KeyPointSet, mut frames: Vec<Seen>) -> Self {
+    pub fn new(name: &'static str, set: KeyPointSet, mut frames: Vec<FrameDetections>) -> Self {
         frames.sort_by_key(|frame| frame.number);
         Self {
             name,
@@ -96,7 +96,7 @@ impl Detections {
     /// # Errors
     /// When the numbers are another clip's.
     pub fn numbers(&self, clip: &Clip, at: &Path) -> Result<Vec<Option<usize>>, ClientError> {
-        let named = |seen: &Seen| clip.named(seen.image.as_deref()?);
+        let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
         let names: Vec<Option<usize>> = self.frames.iter().map(named).collect();
         if names.iter().all(Option::is_some) {
             return Ok(names);
@@ -116,7 +116,7 @@ impl Detections {
             );
             return Err(fault(at, "SIZE_MISMATCH", message));
         }
-        let number = |seen: &Seen| {
+        let number = |seen: &FrameDetections| {
             let number = seen.number.checked_sub(first)?;
             (number < clip.frames).then_some(number)
         };

@@ -2,7 +2,7 @@
 //! of **y, x** and score, and `skeleton`, the points' names by index. Read by these names: COCO's 17,
 //! its own 25 with a neck and feet, and COCO-WholeBody.
 
-use super::detections::{Detection, Detections, Seen, from_centre};
+use super::detections::{Detection, Detections, FrameDetections, from_centre};
 use crate::source::Part;
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -90,7 +90,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
                 space: Vec::new(),
             });
         }
-        frames.push(Seen {
+        frames.push(FrameDetections {
             number,
             image: None,
             people,

@@ -7,7 +7,7 @@
 //! Landmarks are shares of the picture, as MediaPipe gives them, or pixels; the fourth number is the
 //! visibility. World landmarks are metres around the hips in the camera's axes.
 
-use super::detections::{Detection, Detections, Seen, whole};
+use super::detections::{Detection, Detections, FrameDetections, whole};
 use crate::geometry::Vec3;
 use crate::source::Part;
 use yoto_client::ClientError;
@@ -140,7 +140,7 @@ pub(super) fn detections(
             .collect(),
         space,
     };
-    let frames = rows.into_iter().map(|row| Seen {
+    let frames = rows.into_iter().map(|row| FrameDetections {
         number: row.number,
         image: None,
         people: row.people.into_iter().map(person).collect(),

@@ -3,7 +3,7 @@
 //! `keypoints` `[N, 2]` and `keypoint_scores`, the first 17 of them COCO's, and a `track_id`
 //! where people are followed.
 
-use super::detections::{Detection, Detections, Seen, from_centre, whole};
+use super::detections::{Detection, Detections, FrameDetections, from_centre, whole};
 use crate::source::Part;
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -36,7 +36,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             .get("instances")?
             .of_frame(u32::try_from(number).unwrap_or(u32::MAX));
         let each = (0..instances.len()?).map(|at| instance(&instances.at(at)?));
-        frames.push(Seen {
+        frames.push(FrameDetections {
             number,
             image: None,
             people: each.collect::<Result<_, _>>()?,

@@ -2,7 +2,7 @@
 //! Each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`, zeros where a point
 //! was not seen. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
-use super::detections::{Detection, Detections, Seen, flat, numbers_in};
+use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -21,7 +21,7 @@ pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
         let data = source.data(file, u32::try_from(number).ok())?;
         let people = data.root().get("people")?;
         let each = (0..people.len()?).map(|at| person(&people.at(at)?));
-        frames.push(Seen {
+        frames.push(FrameDetections {
             number,
             image: file.strip_suffix(ENDING).map(|name| format!("{name}.png")),
             people: each.collect::<Result<_, _>>()?,

@@ -6,7 +6,7 @@
 //!
 //! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
 
-use super::detections::{Detection, Detections, OwnPose, Seen, numbers_in};
+use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
 use super::mhr;
 use crate::geometry::{Vec3, add};
 use crate::source::{Part, Source};
@@ -72,7 +72,7 @@ pub(super) fn read(source: &Source, size: [u32; 2]) -> Result<Detections, Client
         let person = person(&root, focal, size)?;
         frames.entry(number).or_default().push(person);
     }
-    let frames = frames.into_iter().map(|(number, people)| Seen {
+    let frames = frames.into_iter().map(|(number, people)| FrameDetections {
         number,
         image: None,
         people,

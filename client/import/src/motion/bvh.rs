@@ -61,9 +61,9 @@ pub(crate) fn read_up(
         source.fault("NOT_STANDING", name, None, "MOTION", message)
     })?;
     let upright = reference.up.to_y();
-    let standing = kept.tree.standing(&reference.placed.turned(&upright));
+    let standing = kept.tree.standing(&reference.placed.rotated(&upright));
     let frames = file.frames.iter().map(|row| {
-        let placed = kept.frame(&file, row).turned(&upright);
+        let placed = kept.frame(&file, row).rotated(&upright);
         MotionFrame {
             rotations: standing.local(&placed.rotations),
             root: placed.positions.first().copied().unwrap_or_default(),

@@ -81,10 +81,10 @@ mod tests {
             std::array::from_fn(|i| camera.e[i][3]),
         );
         let root = |pose: &[f64; 72]| rodrigues([pose[0], pose[1], pose[2]]);
-        let turned = matmul(&e, &root(&moved.pose));
+        let rotated = matmul(&e, &root(&moved.pose));
         let wanted = root(&pose);
-        let turns = turned.as_flattened().iter().zip(wanted.as_flattened());
-        let off = seen.iter().zip(&placed.root).chain(turns);
+        let entries = rotated.as_flattened().iter().zip(wanted.as_flattened());
+        let off = seen.iter().zip(&placed.root).chain(entries);
         let mut off = off;
         assert!(off.all(|(a, b)| (a - b).abs() < 1e-12));
         assert!(at(0.5).is_at(&at(0.5005)) && !at(0.5).is_at(&at(0.51)));

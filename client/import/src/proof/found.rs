@@ -32,9 +32,9 @@ impl Intrinsics {
     }
 }
 
-/// A person in one frame.
+/// What a tool found of a person in one frame.
 #[derive(Clone, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct PoseEstimate {
     /// Frame of the tool's clip, from 0.
     pub number: usize,
     /// The picture's name, if the file has it.
@@ -54,7 +54,7 @@ pub(crate) struct Seen {
     pub camera_pose: Option<CameraPose>,
 }
 
-impl Seen {
+impl PoseEstimate {
     /// With the parts that every tool has.
     pub fn new(number: usize, pose: SmplPose, t: Vec3, betas: Vec<f64>) -> Self {
         Self {
@@ -83,7 +83,7 @@ pub(crate) struct Person {
     /// The tool's number or name.
     pub name: String,
     /// In the order of their frames.
-    pub seen: Vec<Seen>,
+    pub seen: Vec<PoseEstimate>,
 }
 
 /// The contents of a tool's files.

@@ -4,7 +4,7 @@
 //! PNGs), or a folder of pictures for every person. The one that shows the person is found by the
 //! poses: see [`score`](super::score).
 
-use super::found::{Found, Person, Seen};
+use super::found::{Found, Person, PoseEstimate};
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
 use crate::matting::Wanted;
 use crate::pictures::{Mask, MaskKind, read_image};
@@ -44,7 +44,7 @@ enum From {
 
 impl Masks {
     /// The mask of a pose that goes to `frame`.
-    pub fn of(&self, seen: &Seen, frame: usize) -> Option<Mask> {
+    pub fn of(&self, seen: &PoseEstimate, frame: usize) -> Option<Mask> {
         match &self.from {
             From::Poses => seen.mask.clone().map(Mask::Runs),
             From::Frames(masks) => masks.get(&frame).cloned(),

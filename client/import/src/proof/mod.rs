@@ -18,7 +18,7 @@ mod track;
 
 pub(crate) use camera_pose::{CameraPose, moves};
 pub(crate) use choice::Choice;
-pub(crate) use found::{Found, Intrinsics, Person, Seen};
+pub(crate) use found::{Found, Intrinsics, Person, PoseEstimate};
 pub(crate) use masks::{Masks, MasksByFrame};
 pub(crate) use numbers::Numbers;
 pub(crate) use reading::{Body, Documented, Focal, Translation, ratio};

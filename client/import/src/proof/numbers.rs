@@ -1,6 +1,6 @@
 //! Which frame of the clip each of a tool's frames is.
 
-use super::found::{Found, Seen};
+use super::found::{Found, PoseEstimate};
 use crate::clip::{Clip, fault};
 use std::path::Path;
 use yoto_client::ClientError;
@@ -33,7 +33,7 @@ impl Numbers {
         notes: &mut Vec<String>,
     ) -> Result<Self, ClientError> {
         let seen = || found.people.iter().flat_map(|person| &person.seen);
-        let named = |seen: &Seen| {
+        let named = |seen: &PoseEstimate| {
             seen.image
                 .as_ref()
                 .is_some_and(|name| clip.named(name).is_some())
@@ -79,7 +79,7 @@ impl Numbers {
     }
 
     /// The frame of `seen`, `shift` frames later; `None` outside of the clip.
-    pub fn frame(self, seen: &Seen, clip: &Clip, shift: i64) -> Option<usize> {
+    pub fn frame(self, seen: &PoseEstimate, clip: &Clip, shift: i64) -> Option<usize> {
         let frame = match self {
             Self::Names => clip.named(seen.image.as_deref()?)?,
             Self::From(first) => seen.number.checked_sub(first)?,

@@ -5,7 +5,7 @@
 //! copied to where another meaning is expected, a focal length is replaced, the first frame is left
 //! out. [`score`](super::score) holds the readings against masks.
 
-use super::found::{Intrinsics, Seen};
+use super::found::{Intrinsics, PoseEstimate};
 use crate::geometry::{Vec3, add, matvec};
 use crate::track::{Camera, Placed};
 
@@ -118,7 +118,7 @@ pub(crate) struct Reading {
 
 impl Reading {
     /// The reading that a tool documents; `given` is the user's focal length.
-    pub fn documented(tool: &Documented, seen: Option<&Seen>, given: Option<f64>) -> Self {
+    pub fn documented(tool: &Documented, seen: Option<&PoseEstimate>, given: Option<f64>) -> Self {
         let has_own = seen.is_some_and(|seen| seen.intrinsics.is_some());
         let focal = match (tool.focal, tool.focal_without_own, given) {
             (Focal::Own, ..) if has_own => Focal::Own,
@@ -180,7 +180,7 @@ impl Reading {
     }
 
     /// The body of `seen`, whose pelvis at rest is `pelvis`.
-    pub fn placed(&self, seen: &Seen, pelvis: Vec3) -> Placed {
+    pub fn placed(&self, seen: &PoseEstimate, pelvis: Vec3) -> Placed {
         let root = match self.translation {
             Translation::AboutPelvis => add(pelvis, seen.t),
             Translation::AboutOrigin => add(matvec(&seen.root(), pelvis), seen.t),
@@ -193,7 +193,7 @@ impl Reading {
     }
 
     /// The camera of `seen` for a clip of `size`; an error if the file's is of other images.
-    pub fn camera(&self, seen: &Seen, size: [u32; 2]) -> Result<Camera, String> {
+    pub fn camera(&self, seen: &PoseEstimate, size: [u32; 2]) -> Result<Camera, String> {
         let size = size.map(f64::from);
         let middle = size.map(|side| side / 2.0);
         let (focal, centre) = match (self.focal.pixels(size), &seen.intrinsics) {

@@ -3,7 +3,7 @@
 //! A tool that writes posed joints p and rotations tells its skeleton without a body model: a bone's
 //! rest offset is the median over frames of `G_parentᵀ (p_j − p_parent)`.
 
-use super::found::{Person, Seen};
+use super::found::{Person, PoseEstimate};
 use super::reading::{Body, Documented};
 use crate::Options;
 use crate::clip::fault;
@@ -115,7 +115,7 @@ impl Rest {
     }
 
     /// The pelvis at rest in the shape of `seen`.
-    pub fn pelvis(&self, seen: &Seen) -> Vec3 {
+    pub fn pelvis(&self, seen: &PoseEstimate) -> Vec3 {
         if let Some(given) = &self.given {
             return given
                 .joints(&seen.betas)
@@ -150,14 +150,14 @@ fn globals(pose: &SmplPose) -> Vec<Mat3> {
 
 /// The joints of a body.
 pub(crate) fn posed(rest: &[Vec3], pose: &SmplPose, root: Vec3) -> Vec<Vec3> {
-    let turns = globals(pose);
+    let rotations = globals(pose);
     let mut positions = Vec::with_capacity(rest.len());
     for (joint, (_, parent)) in JOINTS.iter().enumerate() {
         let position = parent.and_then(|parent| {
             let offset = sub(*rest.get(joint)?, *rest.get(parent)?);
             Some(add(
                 *positions.get(parent)?,
-                matvec(turns.get(parent)?, offset),
+                matvec(rotations.get(parent)?, offset),
             ))
         });
         positions.push(position.unwrap_or(root));
@@ -202,7 +202,7 @@ fn measured(
         .step_by(step)
         .filter(|seen| !seen.joints.is_empty())
     {
-        let turns = globals(&seen.pose);
+        let rotations = globals(&seen.pose);
         let position = |joint: usize| {
             seen.joints
                 .iter()
@@ -216,7 +216,10 @@ fn measured(
                     position(joint)
                         .zip(position(*parent))
                         .and_then(|(below, above)| {
-                            Some(matvec(&transpose(turns.get(*parent)?), sub(below, above)))
+                            Some(matvec(
+                                &transpose(rotations.get(*parent)?),
+                                sub(below, above),
+                            ))
                         })
                 }
             };
@@ -289,24 +292,24 @@ fn spread(person: &Person, offsets: &mut [Vec3], medians: &[Option<Vec3>], step:
                 let (Some(mut at), Some(end)) = (position(from), position(to)) else {
                     continue;
                 };
-                let turns = globals(&seen.pose);
-                let turn = |joint: usize| {
+                let rotations = globals(&seen.pose);
+                let rotation = |joint: usize| {
                     let parent = JOINTS.get(joint).and_then(|(_, parent)| *parent)?;
-                    turns.get(parent)
+                    rotations.get(parent)
                 };
                 // Shoulders hang on the chest below the neck, from which collars start.
                 if from == 12
-                    && let Some(chest) = turn(12)
+                    && let Some(chest) = rotation(12)
                 {
                     at = sub(at, matvec(chest, neck_up(offsets)));
                 }
                 for &bone in bones {
-                    if let (Some(turn), Some(offset)) = (turn(bone), offsets.get(bone)) {
-                        at = add(at, matvec(turn, *offset));
+                    if let (Some(rotation), Some(offset)) = (rotation(bone), offsets.get(bone)) {
+                        at = add(at, matvec(rotation, *offset));
                     }
                 }
-                if let Some(turn) = turn(to) {
-                    misses.push(matvec(&transpose(turn), sub(end, at)));
+                if let Some(rotation) = rotation(to) {
+                    misses.push(matvec(&transpose(rotation), sub(end, at)));
                 }
             }
             let rows: Vec<&[f64]> = misses.iter().map(<[f64; 3]>::as_slice).collect();

@@ -1,7 +1,7 @@
 //! The score of a reading: the mean over frames of how well its bodies agree with masks
 //! ([`silhouette`](super::silhouette)).
 
-use super::found::{Person, Seen};
+use super::found::{Person, PoseEstimate};
 use super::masks::Masks;
 use super::numbers::Numbers;
 use super::reading::Reading;
@@ -71,7 +71,7 @@ impl<'a> Proof<'a> {
     pub fn masked(&self) -> f64 {
         let areas = self.silhouettes.values().flatten().map(Silhouette::area);
         let (count, sum) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
-        let has_mask = |seen: &&Seen| {
+        let has_mask = |seen: &&PoseEstimate| {
             let frame = self.numbers.frame(seen, self.clip, 0);
             frame.is_some_and(|frame| self.masks.of(seen, frame).is_some())
         };
@@ -81,7 +81,7 @@ impl<'a> Proof<'a> {
 
     fn silhouette(
         &mut self,
-        seen: &Seen,
+        seen: &PoseEstimate,
         frame: usize,
     ) -> Result<Option<&Silhouette>, ClientError> {
         if let std::collections::hash_map::Entry::Vacant(entry) = self.silhouettes.entry(frame) {
@@ -130,7 +130,7 @@ impl<'a> Proof<'a> {
 
 /// How well the body of one frame agrees with its mask, 0 to 1.
 fn agreement(
-    seen: &Seen,
+    seen: &PoseEstimate,
     reading: &Reading,
     rest: &Rest,
     mask: &Silhouette,

@@ -16,16 +16,16 @@ pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stan
 /// # Errors
 /// When their numbers differ, or a matrix is not a rotation.
 pub(super) fn of_cameras(
-    turns: &Part<'_>,
-    shifts: &Part<'_>,
+    rotations: &Part<'_>,
+    positions: &Part<'_>,
 ) -> Result<Vec<CameraPose>, ClientError> {
-    let matrices = turns.flat_rows::<9>()?;
-    let shifts = shifts.same_rows::<3>(matrices.len())?;
-    let both = matrices.iter().zip(shifts).enumerate();
+    let matrices = rotations.flat_rows::<9>()?;
+    let positions = positions.same_rows::<3>(matrices.len())?;
+    let both = matrices.iter().zip(positions).enumerate();
     both.map(|(frame, (m, shift))| {
-        let turn = [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
+        let rotation = [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
         Ok(CameraPose {
-            rotation: rotation_of(turn, &turns.clone().of_frame(frame as u32))?,
+            rotation: rotation_of(rotation, &rotations.clone().of_frame(frame as u32))?,
             position: shift,
         })
     })
@@ -36,8 +36,11 @@ pub(super) fn of_cameras(
 ///
 /// # Errors
 /// When the matrix is not a rotation.
-pub(super) fn of_extrinsics(turn: &Part<'_>, shift: &Part<'_>) -> Result<CameraPose, ClientError> {
-    let back = transpose(&rotation_of(turn.matrix()?, turn)?);
+pub(super) fn of_extrinsics(
+    rotation: &Part<'_>,
+    shift: &Part<'_>,
+) -> Result<CameraPose, ClientError> {
+    let back = transpose(&rotation_of(rotation.matrix()?, rotation)?);
     Ok(CameraPose {
         position: scale(matvec(&back, shift.fixed()?), -1.0),
         rotation: back,

@@ -204,9 +204,9 @@ fn refocus(camera: &mut Camera, placed: &mut Placed, focal: f64) {
     let by = focal / camera.k[0][0];
     camera.k[0][0] *= by;
     camera.k[1][1] *= by;
-    let turn: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| camera.e[i][j]));
+    let rotation: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| camera.e[i][j]));
     let shift: Vec3 = std::array::from_fn(|i| camera.e[i][3]);
-    let mut seen = add(matvec(&turn, placed.root), shift);
+    let mut seen = add(matvec(&rotation, placed.root), shift);
     seen[2] *= by;
-    placed.root = matvec(&transpose(&turn), sub(seen, shift));
+    placed.root = matvec(&transpose(&rotation), sub(seen, shift));
 }

@@ -11,7 +11,7 @@ use super::parts::push;
 use super::tool::Tool;
 use crate::Options;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
 use crate::source::{Part, Source};
 use crate::track::SmplPose;
 use yoto_client::ClientError;
@@ -66,7 +66,7 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
     Ok(found)
 }
 
-fn person(part: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
+fn person(part: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {
     let mut pose: SmplPose = [0.0; 72];
     let body = part.get("poses")?;
     let values = body.vector()?;
@@ -86,5 +86,10 @@ fn person(part: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
     }
     pose[..3].copy_from_slice(&part.get("Rh")?.fixed::<3>()?);
     let t = part.get("Th")?.fixed()?;
-    Ok(Seen::new(number, pose, t, part.get("shapes")?.vector()?))
+    Ok(PoseEstimate::new(
+        number,
+        pose,
+        t,
+        part.get("shapes")?.vector()?,
+    ))
 }

@@ -10,7 +10,9 @@ use super::camera_motion::of_extrinsics;
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation, moves};
+use crate::proof::{
+    Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation, moves,
+};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;
 
@@ -62,8 +64,8 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
             let name = format!("{cameras}/{number}.json");
             let data = source.data(&name, Some(number as u32))?;
             one.intrinsics = Some(intrinsics(&data.root())?);
-            let (turn, shift) = (data.root().get("R")?, data.root().get("t")?);
-            cameras_of_frames.push(of_extrinsics(&turn, &shift)?);
+            let (rotation, translation) = (data.root().get("R")?, data.root().get("t")?);
+            cameras_of_frames.push(of_extrinsics(&rotation, &translation)?);
         } else {
             one.intrinsics = Some(Intrinsics {
                 focal: [MADE_UP; 2],
@@ -90,7 +92,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     }
     found.notes.extend(offsets(source, folder)?);
     // Names without leading zeros are listed in another order.
-    seen.sort_by_key(|one: &Seen| one.number);
+    seen.sort_by_key(|one: &PoseEstimate| one.number);
     found.people.push(Person {
         name: "0".to_owned(),
         seen,
@@ -105,10 +107,10 @@ fn beside(source: &Source, folder: &str, name: &str, above: usize) -> Option<Str
     paths.into_iter().find(|path| source.has(path))
 }
 
-fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<Seen, ClientError> {
+fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<PoseEstimate, ClientError> {
     let body = root.get("body_pose")?.flat::<63>()?;
     let pose = pose_of_smplx(root.get("root_pose")?.fixed()?, &body);
-    let mut seen = Seen::new(number, pose, root.get("trans")?.fixed()?, betas.to_vec());
+    let mut seen = PoseEstimate::new(number, pose, root.get("trans")?.fixed()?, betas.to_vec());
     seen.image = Some(number.to_string());
     Ok(seen)
 }

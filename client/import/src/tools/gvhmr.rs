@@ -8,7 +8,7 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
 
@@ -52,7 +52,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let one = |number: usize| {
         let pose = pose_of_smplx(*orient.get(number)?, body.get(number)?);
         let betas = betas.get(number)?.clone();
-        let mut seen = Seen::new(number, pose, *transl.get(number)?, betas);
+        let mut seen = PoseEstimate::new(number, pose, *transl.get(number)?, betas);
         let camera = cameras.get(number).or_else(|| cameras.first());
         seen.intrinsics = camera.map(Intrinsics::of_middle);
         Some(seen)

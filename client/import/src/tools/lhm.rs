@@ -7,7 +7,7 @@
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;
 
@@ -50,11 +50,11 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     }]))
 }
 
-fn frame(root: &Part<'_>, number: usize) -> Result<Seen, ClientError> {
+fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {
     let body = root.get("body_pose")?.flat::<63>()?;
     let pose = pose_of_smplx(root.get("root_pose")?.fixed()?, &body);
     let t = root.get("trans")?.fixed()?;
-    let mut seen = Seen::new(number, pose, t, root.get("betas")?.vector()?);
+    let mut seen = PoseEstimate::new(number, pose, t, root.get("betas")?.vector()?);
     if let Some(focal) = root.find("focal") {
         let margin = root.find("pad_ratio");
         seen.intrinsics = Some(Intrinsics {

@@ -1,7 +1,7 @@
 //! What the files of several tools have in common.
 
 use crate::geometry::{Vec3, log_map};
-use crate::proof::{Person, Seen};
+use crate::proof::{Person, PoseEstimate};
 use crate::source::Part;
 use crate::track::SmplPose;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 
 /// Adds a frame to the person `name`.
-pub(super) fn push(people: &mut Vec<Person>, name: String, seen: Seen) {
+pub(super) fn push(people: &mut Vec<Person>, name: String, seen: PoseEstimate) {
     match people.iter_mut().find(|person| person.name == name) {
         Some(person) => person.seen.push(seen),
         None => people.push(Person {

@@ -9,7 +9,7 @@
 
 use super::parts::{pose_of_matrices, push, runs};
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
 
@@ -91,13 +91,13 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     Ok(found)
 }
 
-fn person(frame: &Part<'_>, at: usize, number: usize) -> Result<Seen, ClientError> {
+fn person(frame: &Part<'_>, at: usize, number: usize) -> Result<PoseEstimate, ClientError> {
     let smpl = frame.get("smpl")?.at(at)?;
     let mut matrices = smpl.get("global_orient")?.flat::<9>()?.to_vec();
     matrices.extend(smpl.get("body_pose")?.flat::<207>()?);
     let t = frame.get("camera")?.item::<3>(at)?;
     let betas = smpl.get("betas")?.vector()?;
-    let mut seen = Seen::new(number, pose_of_matrices(&matrices), t, betas);
+    let mut seen = PoseEstimate::new(number, pose_of_matrices(&matrices), t, betas);
     if let Some(joints) = frame.find("3d_joints") {
         let joints = joints.item::<135>(at)?;
         let (joints, _) = joints.as_chunks::<3>();

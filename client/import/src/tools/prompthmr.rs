@@ -9,7 +9,7 @@
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::pose_of_matrices;
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
 
@@ -52,7 +52,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         let seen = all.map(|(((matrices, betas), t), number)| {
             // The root and 21 joints are SMPL's; then come jaw, eyes and fingers.
             let pose = pose_of_matrices(matrices.get(..198).unwrap_or_default());
-            let mut seen = Seen::new(number, pose, t, betas);
+            let mut seen = PoseEstimate::new(number, pose, t, betas);
             seen.intrinsics = Some(intrinsics);
             seen
         });
@@ -62,21 +62,21 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         });
     }
     let mut found = Found::of(people);
-    if let Some(turns) = camera.find("pred_cam_R") {
-        let motion = of_cameras(&turns, &camera.get("pred_cam_T")?)?;
+    if let Some(rotations) = camera.find("pred_cam_R") {
+        let motion = of_cameras(&rotations, &camera.get("pred_cam_T")?)?;
         found.frames = Some(motion.len());
         // The rotation to gravity's axes is of all frames alike, so that a camera which stands still
         // does so in both.
         let world = root.find("camera_world");
-        let (note, turns, cameras) = match &world {
+        let (note, rotations, cameras) = match &world {
             Some(world) => {
-                let turns = world.get("pred_cam_R")?;
-                let cameras = of_cameras(&turns, &world.get("pred_cam_T")?)?;
-                (Y_UP, turns, cameras)
+                let rotations = world.get("pred_cam_R")?;
+                let cameras = of_cameras(&rotations, &world.get("pred_cam_T")?)?;
+                (Y_UP, rotations, cameras)
             }
-            None => (FIRST_CAMERA, turns, motion),
+            None => (FIRST_CAMERA, rotations, motion),
         };
-        if follow(&mut found.people, &cameras, &turns)? {
+        if follow(&mut found.people, &cameras, &rotations)? {
             found.notes.push(note.to_owned());
         }
     }

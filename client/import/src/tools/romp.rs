@@ -10,7 +10,7 @@ use super::parts::push;
 use super::tool::Tool;
 use crate::clip::number_in;
 use crate::geometry::{Vec3, dot, sub};
-use crate::proof::{Body, Documented, Focal, Found, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
@@ -97,7 +97,7 @@ fn add(
         else {
             continue;
         };
-        let mut seen = Seen::new(number, pose, *t, betas.clone());
+        let mut seen = PoseEstimate::new(number, pose, *t, betas.clone());
         seen.image = Some(name.to_owned());
         let (joints, _) = joints.as_chunks::<3>();
         seen.joints = joints

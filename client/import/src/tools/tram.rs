@@ -10,7 +10,7 @@
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::{pose_of_matrices, runs};
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::{Part, Source};
 use yoto_client::ClientError;
 
@@ -96,20 +96,23 @@ fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> 
         ("world_cam_R", "world_cam_T", Y_UP),
         ("pred_cam_R", "pred_cam_T", FIRST_CAMERA),
     ];
-    let written = cameras
-        .iter()
-        .find_map(|(turns, shifts, note)| Some((root.find(turns)?, root.get(shifts), note)));
-    let Some((turns, shifts, note)) = written else {
+    let written = cameras.iter().find_map(|(rotations, positions, note)| {
+        Some((root.find(rotations)?, root.get(positions), note))
+    });
+    let Some((rotations, positions, note)) = written else {
         return Ok(());
     };
-    let cameras = of_cameras(&turns, &shifts?)?;
-    if follow(&mut found.people, &cameras, &turns)? {
+    let cameras = of_cameras(&rotations, &positions?)?;
+    if follow(&mut found.people, &cameras, &rotations)? {
         found.notes.push((*note).to_owned());
     }
     Ok(())
 }
 
-fn track_of(root: &Part<'_>, intrinsics: Option<Intrinsics>) -> Result<Vec<Seen>, ClientError> {
+fn track_of(
+    root: &Part<'_>,
+    intrinsics: Option<Intrinsics>,
+) -> Result<Vec<PoseEstimate>, ClientError> {
     let matrices = root.get("pred_rotmat")?.flat_rows::<216>()?;
     let count = matrices.len();
     let shapes = root.get("pred_shape")?.same_betas(count)?;
@@ -117,7 +120,7 @@ fn track_of(root: &Part<'_>, intrinsics: Option<Intrinsics>) -> Result<Vec<Seen>
     let numbers = root.get("frame")?.numbers(count)?;
     let all = matrices.iter().zip(shapes).zip(translations).zip(numbers);
     let seen = all.map(|(((matrices, betas), t), number)| {
-        let mut seen = Seen::new(number, pose_of_matrices(matrices), t, betas);
+        let mut seen = PoseEstimate::new(number, pose_of_matrices(matrices), t, betas);
         seen.intrinsics = intrinsics;
         seen
     });

@@ -5,7 +5,7 @@
 //! origin of their own for each person and another joint at it, so they are not read.
 
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Person, Seen, Translation};
+use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
 
@@ -42,7 +42,8 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         let betas = part.get("betas")?.same_betas(poses.len())?;
         let numbers = part.get("frame_ids")?.numbers(poses.len())?;
         let seen = numbers.into_iter().zip(poses).zip(translations).zip(betas);
-        let seen = seen.map(|(((number, pose), t), betas)| Seen::new(number, pose, t, betas));
+        let seen =
+            seen.map(|(((number, pose), t), betas)| PoseEstimate::new(number, pose, t, betas));
         people.push(Person {
             name,
             seen: seen.collect(),

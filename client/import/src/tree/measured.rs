@@ -40,21 +40,22 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
             mean.positions.push([0.0; 3]);
             continue;
         };
-        let (mut offsets, mut turns) = (Vec::new(), Vec::new());
+        let (mut offsets, mut rotations) = (Vec::new(), Vec::new());
         for frame in &frames {
             let back = transpose(frame.rotations.get(parent)?);
             let bone = sub(*frame.positions.get(joint)?, *frame.positions.get(parent)?);
             offsets.push(matvec(&back, bone));
-            turns.push(matmul(&back, frame.rotations.get(joint)?));
+            rotations.push(matmul(&back, frame.rotations.get(joint)?));
         }
         let rows: Vec<&[f64]> = offsets.iter().map(<[f64; 3]>::as_slice).collect();
         let offset: Vec3 = median_rows(&rows).try_into().ok()?;
         scatter.extend(offsets.iter().map(|it| length(sub(*it, offset))));
         let (above, from) = (*mean.rotations.get(parent)?, *mean.positions.get(parent)?);
-        mean.rotations.push(matmul(&above, &mean_rotation(&turns)));
+        mean.rotations
+            .push(matmul(&above, &mean_rotation(&rotations)));
         mean.positions.push(add(from, matvec(&above, offset)));
     }
-    let standing = mean.turned(&upright(tree, &mean)?);
+    let standing = mean.rotated(&upright(tree, &mean)?);
     let middle = scatter.len() / 2;
     let scatter = match scatter.get(middle) {
         Some(_) => *scatter.select_nth_unstable_by(middle, f64::total_cmp).1,
@@ -73,16 +74,18 @@ fn upright(tree: &Tree, pose: &Placed) -> Option<Mat3> {
     Some([left, up, cross(left, up)])
 }
 
-/// The rotation from which the way to all of `turns` is zero on the mean.
-fn mean_rotation(turns: &[Mat3]) -> Mat3 {
-    let mut mean = turns.first().copied().unwrap_or(IDENTITY_ROTATION);
+/// The mean of `rotations`: from it, their axis-angle vectors add up to zero.
+fn mean_rotation(rotations: &[Mat3]) -> Mat3 {
+    let mut mean = rotations.first().copied().unwrap_or(IDENTITY_ROTATION);
     for _ in 0..STEPS {
         let back = transpose(&mean);
-        let ways = turns.iter().map(|turn| log_map(&matmul(&back, turn)));
+        let ways = rotations
+            .iter()
+            .map(|rotation| log_map(&matmul(&back, rotation)));
         let way = ways.fold([0.0; 3], add);
         mean = matmul(
             &mean,
-            &rodrigues(scale(way, 1.0 / turns.len().max(1) as f64)),
+            &rodrigues(scale(way, 1.0 / rotations.len().max(1) as f64)),
         );
     }
     mean
@@ -99,13 +102,13 @@ mod tests {
 
     #[test]
     fn the_mean_of_rotations_lies_between_them() {
-        let turns = [
+        let rotations = [
             [0.3, 0.0, 0.0],
             [-0.1, 0.0, 0.0],
             [0.1, 0.5, 0.0],
             [0.1, -0.5, 0.0],
         ];
-        let mean = log_map(&mean_rotation(&turns.map(rodrigues)));
+        let mean = log_map(&mean_rotation(&rotations.map(rodrigues)));
         let off = sub(mean, [0.1, 0.0, 0.0]);
         assert!(length(off) < 1e-2, "{mean:?}");
         assert_eq!(mean_rotation(&[]), IDENTITY_ROTATION);

@@ -62,8 +62,8 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
-    /// The pose turned as a whole.
-    pub fn turned(&self, by: &Mat3) -> Self {
+    /// The pose rotated as a whole.
+    pub fn rotated(&self, by: &Mat3) -> Self {
         Self {
             rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
             positions: self.positions.iter().map(|it| matvec(by, *it)).collect(),
@@ -96,7 +96,7 @@ impl Tree {
 
     /// The rest pose made of `pose`, in which somebody stands with y up.
     pub fn standing(&self, pose: &Placed) -> Standing<'_> {
-        let pose = pose.turned(&self.facing(pose));
+        let pose = pose.rotated(&self.facing(pose));
         let limbs = self.limbs(&pose.positions);
         Standing {
             rest: self.t_pose(&pose.positions, &limbs),
@@ -126,7 +126,7 @@ impl Tree {
             });
             let before = joint.parent.and_then(|above| limbs.get(above)).copied();
             limbs.push(match (limb, role) {
-                (Some(turn), _) => turn,
+                (Some(rotation), _) => rotation,
                 (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY_ROTATION,
                 (None, _) => before.unwrap_or(IDENTITY_ROTATION),
             });
@@ -146,9 +146,9 @@ impl Tree {
                 *position,
                 positions.get(parent).copied().unwrap_or_default(),
             );
-            let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
+            let rotation = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
             let from = rest.get(parent).copied().unwrap_or_default();
-            rest.push(add(from, matvec(&turn, bone)));
+            rest.push(add(from, matvec(&rotation, bone)));
         }
         rest
     }
@@ -170,7 +170,7 @@ impl Standing<'_> {
     pub fn local(&self, rotations: &[Mat3]) -> Vec<Vec3> {
         let global = rotations.iter().zip(&self.pose.rotations).zip(&self.limbs);
         let global: Vec<Mat3> = global
-            .map(|((turned, standing), limb)| matmul(&matmul(turned, &transpose(standing)), limb))
+            .map(|((global, standing), limb)| matmul(&matmul(global, &transpose(standing)), limb))
             .collect();
         let local = |(joint, rotation): (&Joint, &Mat3)| {
             let above = joint.parent.and_then(|above| global.get(above));

@@ -64,7 +64,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
             camera.get("extrinsics")?.matrix()?,
         );
         let rest = body.get("tpose_joints")?.rows::<3>()?;
-        let placed = Placed::turned(
+        let placed = Placed::about_origin(
             body.get("poses")?.fixed()?,
             body.get("Rh")?.fixed()?,
             body.get("Th")?.fixed()?,

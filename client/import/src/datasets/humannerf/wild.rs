@@ -51,7 +51,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         .into_iter()
         .map(|(index, shape, pose, camera)| {
             let pelvis = rest.joints(&shape).first().copied().unwrap_or_default();
-            Placed::moved(pose, [0.0; 3], pelvis).frame(index, rest_root, &camera)
+            Placed::about_pelvis(pose, [0.0; 3], pelvis).frame(index, rest_root, &camera)
         })
         .collect();
     Ok(Imported {

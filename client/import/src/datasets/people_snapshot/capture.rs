@@ -37,7 +37,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     track.distortion = distortion;
     let mut masks = Vec::new();
     for position in options.positions(source, POSES, pose.len())? {
-        let placed = Placed::moved(pose[position], trans[position], pelvis);
+        let placed = Placed::about_pelvis(pose[position], trans[position], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));

@@ -120,18 +120,18 @@ impl Body<'_> {
         let e = match self.calibration.and_then(|it| it.e) {
             None => extrinsics(&ALONG[usize::from(reading.other_camera)], [0.0; 3]),
             Some(e) => {
-                let turn: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| e[i][j]));
-                let shift = std::array::from_fn(|i| e[i][3]);
-                let (turn, shift) = match reading.other_camera {
-                    false => (turn, shift),
+                let rotation: Mat3 = std::array::from_fn(|i| std::array::from_fn(|j| e[i][j]));
+                let translation = std::array::from_fn(|i| e[i][3]);
+                let (rotation, translation) = match reading.other_camera {
+                    false => (rotation, translation),
                     true => {
-                        let back = transpose(&turn);
-                        (back, scale(matvec(&back, shift), -1.0))
+                        let back = transpose(&rotation);
+                        (back, scale(matvec(&back, translation), -1.0))
                     }
                 };
                 // From the world whose y is up, in which the motion is read, to the file's.
                 let to_file = transpose(&self.up.to_y());
-                extrinsics(&matmul(&turn, &to_file), shift)
+                extrinsics(&matmul(&rotation, &to_file), translation)
             }
         };
         Camera::from_centres(k, e)
