@@ -2,6 +2,7 @@
 
 use crate::captures;
 use crate::pose_tools::{options, truth};
+#[cfg(feature = "hdf5")]
 use crate::projected::assert_lands;
 use serde_json::json;
 use yoto_import::capture_dir::{CaptureDir, DecodedCapture};
