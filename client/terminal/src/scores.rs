@@ -1,6 +1,6 @@
 //! Figures of people as a table.
 
-use super::table;
+use crate::table::table;
 use yoto_proto::v1::Scores;
 
 /// Legend of the columns.
@@ -11,7 +11,7 @@ LPIPS with VGG, times 1000, lower is better; '-' without its weights. BLACK: PSN
 all-black picture.";
 
 /// One line per named row, with the legend below.
-pub(super) fn scores_table(rows: &[(String, Scores)]) -> String {
+pub fn scores_table(rows: &[(String, Scores)]) -> String {
     let header = [
         "OF",
         "PICTURES",
@@ -39,16 +39,16 @@ pub(super) fn scores_table(rows: &[(String, Scores)]) -> String {
             ]
         })
         .collect();
-    format!("{}\n\n{LEGEND}", table::table(&header, &cells))
+    format!("{}\n\n{LEGEND}", table(&header, &cells))
 }
 
 /// LPIPS in the form of published tables, `-` if it was not measured.
-pub(super) fn thousandfold(lpips: Option<f64>) -> String {
+fn thousandfold(lpips: Option<f64>) -> String {
     lpips.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", 1000.0 * value))
 }
 
 /// The rows for programs: PSNR in dB, LPIPS where it was measured.
-pub(super) fn scores_json(rows: &[(String, Scores)]) -> serde_json::Value {
+pub fn scores_json(rows: &[(String, Scores)]) -> serde_json::Value {
     let row = |(of, it): &(String, Scores)| {
         serde_json::json!({
             "of": of,

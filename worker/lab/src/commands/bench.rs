@@ -1,12 +1,12 @@
-//! `yoto bench`: the time of a training step on this machine, stage by stage.
+//! `yoto-lab bench`: the time of a training step on this machine, stage by stage.
 
-use super::model::tier_help;
-use super::table;
+use super::args;
+use super::lpips_args::LpipsArgs;
+use crate::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
-use yoto_lab::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -14,9 +14,9 @@ Trains on synthetic people, so that the same measurement can be run anywhere, wi
 the model active. Run it on an otherwise idle machine.
 
 Examples:
-  yoto bench --paper-step --json step.json
-  yoto bench --paper-step --form exact --f32-only
-  yoto bench --step fast --steps 50 --settle 200";
+  yoto-lab bench --paper-step --json step.json
+  yoto-lab bench --paper-step --form exact --f32-only
+  yoto-lab bench --step fast --steps 50 --settle 200";
 
 /// Time a whole training step, stage by stage.
 #[derive(Debug, Args)]
@@ -31,7 +31,7 @@ pub(super) struct Bench {
     #[arg(long, value_name = "FORM", requires = "paper_step")]
     form: Vec<StepForm>,
     /// Quality tier of the timed step.
-    #[arg(long, value_name = "TIER", value_parser = table::tier, long_help = tier_help())]
+    #[arg(long, value_name = "TIER", value_parser = args::tier, long_help = args::tier_help())]
     step: Option<String>,
     /// Timed steps.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u64).range(1..=100_000))]
@@ -61,7 +61,7 @@ pub(super) struct Bench {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     #[command(flatten)]
-    lpips: super::lpips_args::LpipsArgs,
+    lpips: LpipsArgs,
 }
 
 impl Bench {

@@ -1,16 +1,16 @@
-//! `yoto ablation`: the effect of each part of the model, on given captures.
+//! `yoto-lab ablation`: the effect of each part of the model, on given captures.
 
-use super::model::tier_help;
-use super::paper_table::{Row, paper_table};
-use super::table;
-use crate::screen::Terminal;
+use super::args;
+use super::lpips_args::LpipsArgs;
+use super::screen::Terminal;
+use crate::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use anyhow::Context;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
+use yoto_avatar::evaluate::{Row, paper_table};
 use yoto_avatar::train::Budget;
-use yoto_lab::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use yoto_proto::v1::Scores;
 use yoto_terminal::output;
 
@@ -19,7 +19,7 @@ Trains yoto, no-pose-condition, no-identity and humannerf one after the other on
 captures with the same seed and budget, measures each on the captures' held-out views (eval/)
 and poses (eval_pose/), and prints them beside the paper's table. humannerf knows one person
 per model: its budget is divided among as many models as there are captures, so that every
-variant trains equally long in total. The captures are laid out as `yoto quality --help` says.
+variant trains equally long in total. The captures are laid out as `yoto-lab quality --help` says.
 
 With --people in place of captures, synthetic people are filmed whose clothes move with the pose
 by a known rule; the error of the learned displacement is then measured as well.
@@ -28,9 +28,9 @@ OUT/ablation.json holds all figures, OUT/models/VARIANT/ the trained models; wit
 each has a folder of its own, OUT/seed-N.
 
 Examples:
-  yoto ablation --capture data/ada data/bob --seconds 600 --out out/ablation
-  yoto ablation --capture data/ada data/bob --steps 2000 --size 64 --measure 12 --out out
-  yoto ablation --people 3 --steps 1500 --seed 1 --seed 2 --seed 3 --out out/cloth";
+  yoto-lab ablation --capture data/ada data/bob --seconds 600 --out out/ablation
+  yoto-lab ablation --capture data/ada data/bob --steps 2000 --size 64 --measure 12 --out out
+  yoto-lab ablation --people 3 --steps 1500 --seed 1 --seed 2 --seed 3 --out out/cloth";
 
 /// Train the paper's four variants on the same captures and compare them.
 #[derive(Debug, Args)]
@@ -39,11 +39,11 @@ pub(super) struct AblationCommand {
     /// Capture folder; give it again for each further person.
     #[arg(long = "capture", value_name = "DIR", required_unless_present = "people", num_args = 1..)]
     captures: Vec<PathBuf>,
-    /// So many synthetic people in clothes that move, in place of captures.
+    /// Number of synthetic people in clothes that move, in place of captures.
     #[arg(long, value_name = "N", conflicts_with = "captures", value_parser = clap::value_parser!(u8).range(1..=64))]
     people: Option<u8>,
     /// Budget of each variant in seconds of training.
-    #[arg(long, value_name = "S", default_value = "300", value_parser = table::seconds, conflicts_with = "steps")]
+    #[arg(long, value_name = "S", default_value = "300", value_parser = args::seconds, conflicts_with = "steps")]
     seconds: f64,
     /// Budget of each variant in steps, in place of seconds.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -52,7 +52,7 @@ pub(super) struct AblationCommand {
     #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
     /// Quality tier: speed against detail. In splat, the variants yoto and no-pose-condition train alike.
-    #[arg(long, default_value = "fast", value_parser = table::tier, long_help = tier_help())]
+    #[arg(long, default_value = "fast", value_parser = args::tier, long_help = args::tier_help())]
     tier: String,
     /// Seed of everything random; give it again to train with several and see the spread.
     #[arg(long = "seed", value_name = "N", default_values_t = [7])]
@@ -61,7 +61,7 @@ pub(super) struct AblationCommand {
     #[arg(long = "measure", alias = "pictures", value_name = "N")]
     pictures: Option<NonZeroUsize>,
     /// Only this variant; may be repeated [default: all].
-    #[arg(long = "variant", value_name = "NAME", value_parser = table::variant)]
+    #[arg(long = "variant", value_name = "NAME", value_parser = args::variant)]
     variants: Vec<String>,
     /// Different value for one of the tier's settings, as in schedule.non_rigid=0.1; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -70,7 +70,7 @@ pub(super) struct AblationCommand {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    lpips: super::lpips_args::LpipsArgs,
+    lpips: LpipsArgs,
 }
 
 impl AblationCommand {
@@ -233,7 +233,7 @@ fn gain(ablation: &Ablation, part: &str, without: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_lab::report::SplitScores;
+    use yoto_avatar::evaluate::SplitScores;
 
     #[test]
     fn the_text_says_what_each_part_gives_and_on_what_terms() {
