@@ -181,7 +181,7 @@ fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
         }
     });
     let text = refused(&keeping(stretched));
-    assert!(text.contains("joint 1 is no rotation"), "{text}");
+    assert!(text.contains("joint 1 is not a rotation"), "{text}");
     let without = changed(dir.path(), |name, array| {
         if name == "pred_global_rots" {
             array.values.clear();
