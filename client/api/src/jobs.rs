@@ -23,8 +23,8 @@ impl YotoClient {
         let request = CreateJobRequest {
             spec: Some(JobSpec { kind: Some(kind) }),
             request_id: request_id(),
-            priority: self.turn.priority.into(),
-            owner: self.turn.owner.clone(),
+            priority: self.queue.priority.into(),
+            owner: self.queue.owner.clone(),
         };
         let create = || {
             let (mut service, request) = (self.job_service(), request.clone());

@@ -3,6 +3,7 @@
 //! Everything between the synthetic people and the final files uses the API, so the demo shows
 //! the results of any client.
 
+pub(crate) mod command;
 mod people;
 mod render;
 mod score;
@@ -22,7 +23,7 @@ use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
 use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
+use yoto_proto::v1::TrainSpec;
 use yoto_terminal::progress::duration;
 
 /// Quality tier and variant of the demo's model.
@@ -134,15 +135,9 @@ async fn drive(
         TrainSpec {
             model: model.name.clone(),
             seconds: options.seconds,
-            steps: 0,
             seed: options.seed,
             image_size: options.size,
-            checkpoint_seconds: 0.0,
-            refine_poses: PoseRefinement::Unspecified.into(),
-            exposure: ExposureLearning::Unspecified.into(),
-            harmonics: None,
-            leave_unseen: false,
-            only: String::new(),
+            ..TrainSpec::default()
         },
     )
     .await?;

@@ -96,8 +96,8 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         .replace("{{person}}", &data))
 }
 
-/// `text` for HTML.
-fn escaped(text: &str) -> String {
+/// `text` without characters that have a meaning in HTML or in a page template of `{name}` fields.
+pub fn escaped(text: &str) -> String {
     let mut escaped = String::new();
     for character in text.chars() {
         match character {
@@ -105,7 +105,7 @@ fn escaped(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // Also none of the page's own places.
+            // No text may hold a field of the template.
             '{' => escaped.push_str("&#123;"),
             other => escaped.push(other),
         }

@@ -1,0 +1,150 @@
+//! The person of a command that works on a model of the service, or on the folder of a checkpoint.
+
+use crate::args::Server;
+use anyhow::{Context, ensure};
+use clap::Args;
+use std::path::PathBuf;
+#[cfg(feature = "embedded")]
+use {crate::studio::trained, std::path::Path, tempfile::TempDir};
+
+/// Which person of which model.
+#[derive(Debug, Args)]
+pub(crate) struct PersonArgs {
+    /// A model of the service, by name, or the folder of a checkpoint.
+    #[arg(value_name = "MODEL|DIR", required_unless_present = "model_dir")]
+    model: Option<String>,
+    /// The folder as an option.
+    #[arg(
+        long,
+        hide = true,
+        conflicts_with_all = ["model", "subject", "checkpoint"],
+        value_name = "DIR"
+    )]
+    model_dir: Option<PathBuf>,
+    /// The person, by name, in a model of the service.
+    #[arg(long, value_name = "NAME", conflicts_with = "slot")]
+    subject: Option<String>,
+    /// Identity slot in the folder of a checkpoint [default: 0].
+    #[arg(long, value_name = "N")]
+    slot: Option<usize>,
+    /// Step of the checkpoint, in a model of the service [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP")]
+    pub checkpoint: Option<u64>,
+    #[command(flatten)]
+    pub server: Server,
+}
+
+/// Where the model of a person is.
+pub(crate) enum Place<'a> {
+    /// The folder of a checkpoint.
+    Folder(PathBuf),
+    /// A model of the service.
+    Service {
+        /// Its name.
+        model: &'a str,
+        /// The person's name.
+        subject: &'a str,
+    },
+}
+
+impl PersonArgs {
+    /// Where the model is.
+    ///
+    /// # Errors
+    /// Options that do not belong together.
+    pub fn place(&self) -> anyhow::Result<Place<'_>> {
+        if let Some(folder) = &self.model_dir {
+            return Ok(Place::Folder(folder.clone()));
+        }
+        // Clap has seen to it.
+        let model = self.model.as_deref().context("no model is given")?;
+        let folder = PathBuf::from(model);
+        if folder.is_dir() {
+            ensure!(
+                self.subject.is_none() && self.checkpoint.is_none(),
+                "{model} is a folder: --subject and --checkpoint belong to a model of the service; --slot \
+                 chooses the person"
+            );
+            return Ok(Place::Folder(folder));
+        }
+        ensure!(
+            self.slot.is_none(),
+            "--slot belongs to the folder of a checkpoint, which {model} is not: --subject chooses the \
+             person of a model of the service"
+        );
+        let subject = self.subject.as_deref().with_context(|| {
+            format!("--subject is needed: the person, by name, as {model} is not a folder")
+        })?;
+        Ok(Place::Service { model, subject })
+    }
+}
+
+/// A person of a model whose files are on this disk.
+#[cfg(feature = "embedded")]
+pub(crate) struct ChosenPerson {
+    files: Files,
+    /// Identity slot.
+    pub slot: usize,
+    /// Name of the person.
+    pub name: String,
+    /// The model, as the user knows it.
+    pub model: String,
+}
+
+/// A folder with a model's files.
+#[cfg(feature = "embedded")]
+enum Files {
+    Own(PathBuf),
+    Fetched(TempDir),
+}
+
+#[cfg(feature = "embedded")]
+impl ChosenPerson {
+    /// The folder of the model, which may go with `self`.
+    pub fn folder(&self) -> &Path {
+        match &self.files {
+            Files::Own(folder) => folder,
+            Files::Fetched(folder) => folder.path(),
+        }
+    }
+}
+
+#[cfg(feature = "embedded")]
+impl PersonArgs {
+    /// Fetches the model's files, unless it is a folder.
+    ///
+    /// # Errors
+    /// Options that do not belong together, and whatever the service lacks.
+    pub async fn fetch(&self) -> anyhow::Result<ChosenPerson> {
+        match self.place()? {
+            Place::Folder(folder) => Ok(self.in_folder(folder)),
+            Place::Service { model, subject } => self.of_service(model, subject).await,
+        }
+    }
+
+    /// The person in a folder.
+    pub fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
+        let slot = self.slot.unwrap_or(0);
+        ChosenPerson {
+            model: folder.display().to_string(),
+            files: Files::Own(folder),
+            slot,
+            name: format!("slot {slot}"),
+        }
+    }
+
+    async fn of_service(&self, model: &str, subject: &str) -> anyhow::Result<ChosenPerson> {
+        let client = self.server.connect().await?;
+        let found = client.find_model(model).await?;
+        let person = client.find_subject(subject).await?;
+        let slot = found.slots.iter().find(|slot| slot.subject == person.name);
+        let slot = slot.with_context(|| format!("{model} has no slot for {subject}"))?;
+        let files = trained::fetch(&client, &found, self.checkpoint).await?;
+        Ok(ChosenPerson {
+            files: Files::Fetched(files),
+            slot: slot.slot as usize,
+            name: person.display_name,
+            model: model.to_owned(),
+        })
+    }
+}
