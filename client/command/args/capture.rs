@@ -38,7 +38,7 @@ pub(crate) struct ImportOptions {
     /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
     #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
-    /// The person, by the number or name that the files give [default: the one whom the masks show, or
+    /// The person, by the number or name that the files give [default: the one that the masks show, or
     /// who is seen most often].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
@@ -82,7 +82,7 @@ fn rate(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
     value
         .filter(|value| *value > 0.0 && *value <= MAX_FPS)
-        .ok_or_else(|| format!("a rate is above 0 and at most {MAX_FPS} frames a second"))
+        .ok_or_else(|| format!("a rate is above 0 and at most {MAX_FPS} frames per second"))
 }
 
 /// Parses a number of frames to keep.

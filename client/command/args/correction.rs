@@ -108,13 +108,13 @@ fn units(text: &str) -> Result<Units, String> {
         let (name, symbol) = part
             .split_once('=')
             .ok_or_else(|| format!("'{part}' is not like camera=mm"))?;
-        let place = match name {
+        let field = match name {
             "camera" => &mut units.camera,
             "root" => &mut units.root,
             "skeleton" => &mut units.skeleton,
             other => return Err(format!("'{other}' is not one of camera, root, skeleton")),
         };
-        *place = unit(symbol)?;
+        *field = unit(symbol)?;
     }
     Ok(units)
 }

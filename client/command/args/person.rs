@@ -34,8 +34,8 @@ pub(crate) struct PersonArgs {
     pub server: Server,
 }
 
-/// Where the model of a person is.
-pub(crate) enum Place<'a> {
+/// Where the model of a person comes from.
+pub(crate) enum ModelSource<'a> {
     /// The folder of a checkpoint.
     Folder(PathBuf),
     /// A model of the service.
@@ -48,15 +48,15 @@ pub(crate) enum Place<'a> {
 }
 
 impl PersonArgs {
-    /// Where the model is.
+    /// Where the model comes from.
     ///
     /// # Errors
     /// Options that do not belong together.
-    pub fn place(&self) -> anyhow::Result<Place<'_>> {
+    pub fn source(&self) -> anyhow::Result<ModelSource<'_>> {
         if let Some(folder) = &self.model_dir {
-            return Ok(Place::Folder(folder.clone()));
+            return Ok(ModelSource::Folder(folder.clone()));
         }
-        // Clap has seen to it.
+        // Clap requires one of the two options.
         let model = self.model.as_deref().context("no model is given")?;
         let folder = PathBuf::from(model);
         if folder.is_dir() {
@@ -65,7 +65,7 @@ impl PersonArgs {
                 "{model} is a folder: --subject and --checkpoint belong to a model of the service; --slot \
                  chooses the person"
             );
-            return Ok(Place::Folder(folder));
+            return Ok(ModelSource::Folder(folder));
         }
         ensure!(
             self.slot.is_none(),
@@ -75,7 +75,7 @@ impl PersonArgs {
         let subject = self.subject.as_deref().with_context(|| {
             format!("--subject is needed: the person, by name, as {model} is not a folder")
         })?;
-        Ok(Place::Service { model, subject })
+        Ok(ModelSource::Service { model, subject })
     }
 }
 
@@ -116,9 +116,9 @@ impl PersonArgs {
     /// # Errors
     /// Options that do not belong together, and whatever the service lacks.
     pub async fn fetch(&self) -> anyhow::Result<ChosenPerson> {
-        match self.place()? {
-            Place::Folder(folder) => Ok(self.in_folder(folder)),
-            Place::Service { model, subject } => self.of_service(model, subject).await,
+        match self.source()? {
+            ModelSource::Folder(folder) => Ok(self.in_folder(folder)),
+            ModelSource::Service { model, subject } => self.of_service(model, subject).await,
         }
     }
 

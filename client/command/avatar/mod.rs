@@ -111,8 +111,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         anyhow::Ok((captured, checked))
     })?;
     let [folder, checks, pictures, data] = folders(out)?;
-    for (made, place) in [("capture", &folder), ("check", &checks)] {
-        folder::move_into(&attempt.join(made), place)?;
+    for (made, target) in [("capture", &folder), ("check", &checks)] {
+        folder::move_into(&attempt.join(made), target)?;
     }
     tell!(
         "the body over the frames: {}",
@@ -135,8 +135,10 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let subject = person::upload(client, &options.name, consent, &folder).await?;
         let model = client.create_model(&options.name, TIER, VARIANT).await?;
         client.add_identity(&model.name, &subject.name).await?;
+        let label = format!("training of {}", options.name);
         let trained = train(
             client,
+            &label,
             TrainSpec {
                 model: model.name.clone(),
                 ..options.train.clone()
@@ -153,7 +155,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let orbit = shots
             .render(Shot {
                 between: None,
-                label: "orbit".into(),
+                label: format!("{} from all around", options.name),
                 subject: &subject,
                 what: render_spec::What::Orbit(Orbit {
                     frame: report.orbit_frame,
@@ -168,7 +170,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let moved = shots
             .render(Shot {
                 between: None,
-                label: "motion".into(),
+                label: format!("{} in a motion", options.name),
                 subject: &subject,
                 what,
                 folder: pictures.join("motion"),

@@ -1,10 +1,9 @@
 //! `yoto quality`: quality of a model on given captures, without a service.
 
 use crate::args;
-use crate::args::FfmpegArg;
 use crate::args::train::Exposure;
 use crate::args::train::RefinePoses;
-use crate::args::{tier_help, variant_help};
+use crate::args::{FfmpegArg, tier_help, variant_help};
 use crate::screen::Terminal;
 use anyhow::Context;
 use clap::Args;

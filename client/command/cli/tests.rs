@@ -192,3 +192,28 @@ fn contradictions_are_refused() {
         assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
     }
 }
+
+#[test]
+fn deletions_and_collections_parse() {
+    for line in [
+        "yoto gc",
+        "yoto gc --dry-run --now",
+        "yoto model checkpoints duo",
+        "yoto model keep duo --newest 5 --every 0",
+        "yoto model delete-checkpoint duo 40",
+        "yoto model delete duo",
+        "yoto subject delete ada",
+        "yoto subject delete-capture captures/9f31",
+        "yoto job delete 9f31",
+    ] {
+        assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");
+    }
+    for line in [
+        "yoto model keep duo",
+        "yoto model keep duo --newest 0",
+        "yoto model delete-checkpoint duo best",
+        "yoto model delete",
+    ] {
+        assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
+    }
+}

@@ -50,14 +50,17 @@ pub struct DemoOptions {
 /// The main output files, with descriptions; the pages come last, where a terminal shows them.
 pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     let mut files = vec![
-        (options.out.join("report.json"), "the figures"),
+        (
+            options.out.join("report.json"),
+            "quality and times, as JSON",
+        ),
         (
             sheet::novel_views(&options.out),
             "each person: truth, render; cameras never trained on",
         ),
         (
             sheet::novel_poses(&options.out),
-            "the same in poses never trained on",
+            "each person: truth, render; poses never trained on",
         ),
         (
             options.out.join("orbit-*-animation.png"),
@@ -80,7 +83,7 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     }
     files.push((
         options.out.join("*.html"),
-        "each person to turn, move and bend; open in a browser",
+        "each person to rotate, move and bend; open in a browser",
     ));
     files
 }
@@ -94,7 +97,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
     let data = folder::fresh(&options.out, "service", "demo")?;
     tell!(
-        "filming {subjects} {} at {size}x{size}",
+        "filming {subjects} synthetic {} with one camera each, at {size}x{size} pixels",
         if subjects == 1 { "person" } else { "people" }
     );
     let actors = tokio::task::spawn_blocking(move || people::film(subjects, size, seed)).await??;
@@ -130,8 +133,11 @@ async fn drive(
     for subject in &subjects {
         client.add_identity(&model.name, &subject.name).await?;
     }
+    let names: Vec<&str> = actors.iter().map(|actor| &*actor.name).collect();
+    let label = format!("training of one model of {}", names.join(", "));
     let trained = train(
         client,
+        &label,
         TrainSpec {
             model: model.name.clone(),
             seconds: options.seconds,
@@ -162,7 +168,7 @@ async fn drive(
             let pictures = studio.between(moves, wears).await?;
             sheet::write_between(&options.out, pictures)?;
         }
-        _ => tell!("motion transfer and mixtures need two people; with one they are left out"),
+        _ => tell!("left out: motion transfer and mixtures, which need two people (--subjects 2)"),
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
 

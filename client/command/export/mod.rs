@@ -7,11 +7,10 @@ mod on_disk;
 mod service;
 mod written;
 
-use crate::args::QueueArgs;
 use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
-use crate::args::person::{PersonArgs, Place};
-use crate::args::{distillation_seconds, distillation_sizes};
+use crate::args::person::{ModelSource, PersonArgs};
+use crate::args::{QueueArgs, distillation_seconds, distillation_sizes};
 use anyhow::ensure;
 use clap::Args;
 use form::{Format, form};
@@ -19,7 +18,6 @@ use motions::Numbered;
 use std::path::PathBuf;
 use written::Written;
 use yoto_proto::v1::{ExportForm, ExportMotion};
-use yoto_terminal::progress::count;
 
 const AFTER_HELP: &str = "\
 The name of the file says its form:
@@ -121,7 +119,7 @@ struct Chosen {
 impl Export {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let form = self.form()?;
-        let place = self.person.place()?;
+        let source = self.person.source()?;
         let written = Written::new(&self.out, form);
         for file in written.files() {
             ensure!(
@@ -130,8 +128,8 @@ impl Export {
                 file.display()
             );
         }
-        match place {
-            Place::Folder(folder) => {
+        match source {
+            ModelSource::Folder(folder) => {
                 ensure!(
                     self.drivers.is_empty()
                         && self.seconds.is_none()
@@ -144,7 +142,7 @@ impl Export {
                 let chosen = self.chosen(Vec::new(), form)?;
                 self.on_disk(folder, form, chosen, &written)
             }
-            Place::Service { model, subject } => {
+            ModelSource::Service { model, subject } => {
                 self.by_service(model, subject, form, &written).await
             }
         }

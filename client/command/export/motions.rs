@@ -14,7 +14,7 @@ pub(crate) struct Numbered {
     /// All of it, with poses at equal times.
     pub motion: ExportMotion,
     /// The folder or file, for messages.
-    place: String,
+    source: String,
     /// Number and pose of each frame; none of a capture of the service, which alone knows them.
     frames: Option<Vec<(u32, BodyPose)>>,
 }
@@ -22,15 +22,15 @@ pub(crate) struct Numbered {
 impl Numbered {
     /// The motion of the capture in `dir`, in whose world its first camera tells what is up.
     pub fn capture(dir: &Path) -> anyhow::Result<Self> {
-        let place = dir.display().to_string();
+        let source = dir.display().to_string();
         let track = read_track(dir)?;
-        let frame = |number: u32| format!("{place}: frame {number}");
+        let frame = |number: u32| format!("{source}: frame {number}");
         let poses = track.frames.iter();
         let poses = poses.map(|it| Pose::from_frame(it).with_context(|| frame(it.index)));
         let poses: Vec<Pose> = poses.collect::<anyhow::Result<_>>()?;
         let numbers: Vec<u32> = track.frames.iter().map(|it| it.index).collect();
-        let given = poses.iter().map(Pose::to_proto);
-        let frames = numbers.iter().copied().zip(given).collect();
+        let bodies = poses.iter().map(Pose::to_proto);
+        let frames = numbers.iter().copied().zip(bodies).collect();
         let (poses, fps) = timing::even(poses, &numbers, track.fps);
         let clip = MotionClip {
             skeleton: Some(track.skeleton.to_proto()),
@@ -50,19 +50,19 @@ impl Numbered {
         };
         Ok(Self {
             motion: of_clip(named(dir), clip, up),
-            place,
+            source,
             frames: Some(frames),
         })
     }
 
     /// The frames in `range` of the `motion` in `file`.
     pub fn file(file: &Path, motion: &Motion, range: FrameRange) -> anyhow::Result<Self> {
-        let place = file.display().to_string();
+        let source = file.display().to_string();
         let [first, end, step] = [range.first, range.end, range.step].map(|it| it as usize);
         let clip = motion.clip(first, end, step, 0);
         ensure!(
             !clip.poses.is_empty(),
-            "{place} has {} frames, none of them chosen by --range",
+            "{source} has {} frames, none of them chosen by --range",
             motion.frames.len()
         );
         let numbers = (range.first..).step_by(step);
@@ -70,7 +70,7 @@ impl Numbered {
         let name = named(&file.with_extension(""));
         Ok(Self {
             motion: of_clip(name, clip, Vec::new()),
-            place,
+            source,
             frames: Some(frames),
         })
     }
@@ -86,7 +86,7 @@ impl Numbered {
                 motion: Some(export_motion::Motion::Capture(capture)),
                 ..ExportMotion::default()
             },
-            place: name.to_owned(),
+            source: name.to_owned(),
             frames: None,
         }
     }
@@ -96,7 +96,7 @@ impl Numbered {
     pub fn still(self, number: u32) -> anyhow::Result<(ExportMotion, u32)> {
         let Self {
             mut motion,
-            place,
+            source,
             frames,
         } = self;
         let (Some(frames), Some(export_motion::Motion::Clip(clip))) = (frames, &mut motion.motion)
@@ -106,7 +106,7 @@ impl Numbered {
         let count = frames.len();
         let found = frames.into_iter().find(|(it, _)| *it == number);
         let (_, pose) =
-            found.with_context(|| format!("{place}: no frame {number} among its {count}"))?;
+            found.with_context(|| format!("{source}: no frame {number} among its {count}"))?;
         clip.poses = vec![pose];
         Ok((motion, 0))
     }

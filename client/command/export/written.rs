@@ -1,7 +1,7 @@
 //! The files of an export on this disk: each whole or not at all.
 
-use crate::export::contents;
 use crate::files::{folder_of, keep};
+use crate::show::export_contents;
 use anyhow::Context;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -51,17 +51,17 @@ impl Written {
         }
     }
 
-    /// Writes their `contents`, and says what is in them.
-    pub fn write(&self, contents_of: &[Vec<u8>], result: &ExportResult) -> anyhow::Result<()> {
+    /// Writes `contents`, one for each file, and prints what is in them.
+    pub fn write(&self, contents: &[Vec<u8>], result: &ExportResult) -> anyhow::Result<()> {
         // The main one last: where it is, all are.
-        for (path, bytes) in self.files.iter().zip(contents_of).rev() {
+        for (path, bytes) in self.files.iter().zip(contents).rev() {
             write(path, bytes)?;
         }
-        let bytes = contents_of.first().map_or(0, Vec::len);
+        let bytes = contents.first().map_or(0, Vec::len);
         say!(
             "{}: {}, {bytes} bytes",
             self.out.display(),
-            contents(result)
+            export_contents(result)
         );
         if let Some(advice) = advice(self.form, bytes) {
             tell!("{}: {advice}", self.out.display());

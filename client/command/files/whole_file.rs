@@ -16,7 +16,7 @@ pub(crate) fn folder_of(path: &Path) -> &Path {
 /// # Errors
 /// If that fails; the file is removed then.
 pub(crate) fn keep(part: NamedTempFile, path: &Path) -> io::Result<()> {
-    // Temporary files are readable to their owner alone, files of a user to those whom the user lets.
+    // Only the owner can read a temporary file; others may read a result as well.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -1,6 +1,6 @@
 //! `yoto job fetch`: the files that a job has written.
 
-use crate::files::OutFolder;
+use crate::files::{OutFolder, download, is_of_tradeoff};
 use crate::show;
 use crate::show::scores_json;
 use crate::waiting::wait;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use yoto_client::YotoClient;
 use yoto_proto::v1::{EvaluateResult, Job, NamedObject, job_result};
 use yoto_terminal::output;
-use yoto_terminal::progress::{ProgressDisplay, count};
+use yoto_terminal::progress::ProgressDisplay;
 
 /// File with the scores of an evaluation.
 const SCORES: &str = "scores.json";
@@ -59,7 +59,7 @@ async fn measured(
         "protocol": result.protocol,
         "device": result.device,
         "notes": result.notes,
-        "scores": scores_json( show::rows(result)),
+        "scores": scores_json( show::score_rows(result)),
     });
     let json = serde_json::to_vec_pretty(&scores)
         .with_context(|| format!("the scores of {}", job.name))?;

@@ -1,11 +1,9 @@
 //! `yoto job list`: jobs as a table that fits a terminal.
 
 use crate::args::Server;
-use crate::job::detail;
 use crate::show;
-use crate::show::{Titles, kind};
+use crate::show::{Titles, job_detail, kind, now, span};
 use clap::{Args, ValueEnum};
-use std::time::{SystemTime, UNIX_EPOCH};
 use yoto_proto::v1::{Job, job};
 use yoto_terminal::output;
 
@@ -68,9 +66,7 @@ impl JobList {
         jobs.truncate(limit);
         output::put("jobs", output::messages(&jobs));
         let titles = Titles::load(&client).await?;
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let now = now.map_or(0.0, |since| since.as_secs_f64());
-        say!("{}", listed(&jobs, &titles, now));
+        say!("{}", listed(&jobs, &titles, now()));
         if more {
             tell!("older jobs are not shown (--limit N)");
         }
@@ -102,7 +98,7 @@ fn listed(jobs: &[Job], titles: &Titles, now: f64) -> String {
     let plain = show::table(&header, &rows);
     let width = plain.lines().map(|line| line.chars().count()).max();
     let width = width.unwrap_or(0);
-    let details = std::iter::once("DETAIL".to_owned()).chain(jobs.iter().map(detail));
+    let details = std::iter::once("DETAIL".to_owned()).chain(jobs.iter().map(job_detail));
     let room = WIDEST.saturating_sub(width + 2);
     let lines = plain.lines().zip(details);
     let lines: Vec<String> = lines
@@ -161,7 +157,7 @@ mod tests {
             end_time: time(1052),
             ..Job::default()
         };
-        let text = detail(&job);
+        let text = job_detail(&job);
         assert!(text.ends_with(", and 19 more"), "{text}");
         let table = listed(&[job], &Titles::default(), 8300.0);
         let lines: Vec<&str> = table.lines().collect();

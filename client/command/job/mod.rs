@@ -3,8 +3,7 @@
 mod fetch;
 mod list;
 
-use crate::args::KindName;
-use crate::args::Server;
+use crate::args::{KindName, Server};
 use crate::files::OutFolder;
 use crate::show;
 use crate::show::{Titles, kind, kind_word, span};
@@ -201,9 +200,9 @@ async fn show(which: &Which) -> anyhow::Result<()> {
     say!("state    {}", job.state().as_str_name());
     say!("time     {}", times(&job));
     match job.state() {
-        job::State::Succeeded => say!("result   {}", show::outcome(&job)),
-        job::State::Running => say!("now      {}", show::detail(&job)),
-        job::State::Queued => say!("now      {}", show::detail(&job)),
+        job::State::Succeeded => say!("result   {}", show::job_outcome(&job)),
+        job::State::Running => say!("now      {}", show::job_detail(&job)),
+        job::State::Queued => say!("now      {}", show::job_detail(&job)),
         _ => {}
     }
     if !job.owner.is_empty() {
@@ -213,7 +212,7 @@ async fn show(which: &Which) -> anyhow::Result<()> {
         say!("lost     {} workers", job.lost_workers);
     }
     for attempt in &job.attempts {
-        say!("attempt  {}", job_show::attempt(attempt));
+        say!("attempt  {}", show::attempt_line(attempt));
     }
     if let Some(error) = &job.error {
         say!("fault    {} [{}]", error.message, error.code);
@@ -245,6 +244,6 @@ async fn watch(which: &Which) -> anyhow::Result<()> {
     let mut display = ProgressDisplay::new(job.name.clone());
     let job = wait(&client, &job.name, &mut display).await?;
     output::put("job", output::message(&job));
-    display.finish(&show::outcome(&job));
+    display.finish(&show::job_outcome(&job));
     Ok(())
 }

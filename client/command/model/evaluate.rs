@@ -1,8 +1,7 @@
 //! `yoto evaluate`: quality of a trained model on held-out pictures.
 
 use crate::args;
-use crate::args::QueueArgs;
-use crate::args::Server;
+use crate::args::{QueueArgs, Server};
 use crate::show;
 use crate::show::{scores_json, scores_table};
 use crate::waiting::wait_for_new;
@@ -12,7 +11,7 @@ use clap::Args;
 use std::path::PathBuf;
 use yoto_proto::names;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
-use yoto_proto::v1::{EvaluateResult, EvaluateSpec, Scores, job_result};
+use yoto_proto::v1::{EvaluateSpec, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -128,7 +127,7 @@ impl Evaluate {
         let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind) else {
             anyhow::bail!("{} has no figures", job.name);
         };
-        display.finish(&show::evaluation(&result));
+        display.finish(&show::evaluate_summary(&result));
         for note in &result.notes {
             tell!("note: {note}");
         }
@@ -138,7 +137,7 @@ impl Evaluate {
             result.checkpoint,
             result.protocol
         );
-        let rows = show::rows(&result);
+        let rows = show::score_rows(&result);
         output::put("scores", scores_json(&rows));
         say!("{}", scores_table(&rows));
         #[cfg(feature = "embedded")]

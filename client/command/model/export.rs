@@ -1,8 +1,7 @@
 //! `yoto model export`: the files of a trained model, for use without the service.
 
 use crate::args::Server;
-use crate::files::OutFolder;
-use crate::files::download;
+use crate::files::{OutFolder, download};
 use clap::Args;
 use yoto_terminal::output;
 
@@ -32,7 +31,7 @@ impl Export {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
         let checkpoint = client.checkpoint_name(&model, self.checkpoint).await?;
-        let paths = objects(&client, &checkpoint, &self.folder).await?;
+        let paths = download(&client, &checkpoint, &self.folder).await?;
         output::put("checkpoint", checkpoint);
         self.folder.show(&paths);
         Ok(())

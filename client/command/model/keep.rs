@@ -2,9 +2,8 @@
 
 use crate::args::Server;
 use crate::show;
-use crate::show::span;
+use crate::show::{now, span};
 use clap::Args;
-use std::time::{SystemTime, UNIX_EPOCH};
 use yoto_client::YotoClient;
 use yoto_proto::names;
 use yoto_proto::v1::{Checkpoint, Retention};
@@ -106,8 +105,7 @@ impl DeleteCheckpoint {
 async fn list(client: &YotoClient, model: &str) -> anyhow::Result<()> {
     let checkpoints = client.list_checkpoints(model).await?;
     output::put("checkpoints", output::messages(&checkpoints));
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let now = now.map_or(0.0, |since| since.as_secs_f64());
+    let now = now();
     let rows: Vec<Vec<String>> = checkpoints.iter().map(|it| row(it, now)).collect();
     let header = ["STEP", "AGE", "HELD OUT", "SIZE", "KEPT AS"];
     say!("{}", show::table(&header, &rows));

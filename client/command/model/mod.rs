@@ -58,7 +58,7 @@ enum Action {
     /// Add a person to a model, and train them in it if it is trained.
     #[command(name = "add-person", after_help = person::ADD_HELP)]
     AddPerson(person::Add),
-    /// Remove a person with whom a model was not trained yet.
+    /// Remove a person that a model was not trained with yet.
     #[command(name = "remove-person", after_help = person::REMOVE_HELP)]
     RemovePerson(person::Remove),
     /// Write a checkpoint's folder anew without one of its people.

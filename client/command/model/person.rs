@@ -1,8 +1,7 @@
 //! `yoto model add-person` and `remove-person`: who is in a model.
 
 use crate::args;
-use crate::args::QueueArgs;
-use crate::args::Server;
+use crate::args::{QueueArgs, Server};
 use crate::model::train;
 use anyhow::Context;
 use clap::Args;
@@ -59,7 +58,7 @@ pub(crate) struct Add {
     /// Write a picture for each checkpoint: a held-out frame of the person beside its render.
     #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
     preview: Option<PathBuf>,
-    /// Then train everybody further for so many seconds, where what the others taught the model is not
+    /// Then train everybody further for this many seconds, where what the others taught the model is not
     /// enough: they change too. Earlier checkpoints keep showing them as they were.
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     refine: Option<f64>,
@@ -132,7 +131,7 @@ impl Add {
         };
         let (preview, no_wait) = (self.preview.clone(), self.no_wait);
         train::trained(&client, model.clone(), spec, preview, no_wait).await?;
-        // Trainings of one model run in the order of their orders.
+        // Trainings of one model run in the order in which they were queued.
         train::trained(&client, model, everybody, self.preview, no_wait).await
     }
 }
@@ -145,8 +144,8 @@ impl Remove {
         let slot = slot.with_context(|| format!("{person} is not in {name}"))?;
         anyhow::ensure!(
             !slot.trained,
-            "{name} was trained with {person}: only a person whom it does not know yet can be removed; of an \
-             exported checkpoint, `yoto model erase-person DIR --slot {}` removes them",
+            "{name} was trained with {person}: only a person that it was not trained with can be removed; `yoto model erase-person \
+             DIR --slot {}` removes them from an exported checkpoint",
             slot.slot
         );
         let model = client.remove_identity(&model.name, &subject.name).await?;

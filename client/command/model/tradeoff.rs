@@ -2,8 +2,7 @@
 
 use crate::args;
 use crate::args::Server;
-use crate::files::OutFolder;
-use crate::files::is_of_tradeoff;
+use crate::files::{OutFolder, is_of_tradeoff, read_tradeoff};
 use crate::screen::Terminal;
 use crate::waiting::wait_for_new;
 use anyhow::Context;
@@ -158,7 +157,7 @@ impl TradeoffCommand {
         };
         display.finish(&format!("kept with {}", result.checkpoint));
         let json = client.get_tradeoff(&result.checkpoint).await?;
-        read(&client, &result.checkpoint, &json).await
+        read_tradeoff(&client, &result.checkpoint, &json).await
     }
 
     /// What was measured before on the worker's machine, with the same pictures.
@@ -188,6 +187,8 @@ impl TradeoffCommand {
             curve.machine.device,
             curve.views
         );
-        read(client, &checkpoint.name, &json).await.map(Some)
+        read_tradeoff(client, &checkpoint.name, &json)
+            .await
+            .map(Some)
     }
 }

@@ -3,10 +3,9 @@
 use super::create::{Shape, create_with};
 use super::preview::Previews;
 use crate::args;
-use crate::args::QueueArgs;
-use crate::args::Server;
 use crate::args::train::TrainArgs;
-use crate::args::{tier_help, variant_help};
+use crate::args::{QueueArgs, Server, tier_help, variant_help};
+use crate::show;
 use crate::waiting::follow_new;
 use anyhow::{Context, bail};
 use clap::Args;
@@ -64,7 +63,7 @@ pub(crate) struct Train {
         value_name = "PX"
     )]
     size: u32,
-    /// Seconds between checkpoints [default: so many that they take at most 3 % of the time, at least
+    /// Seconds between checkpoints [default: as many as keep checkpoints below 3 % of the time, at least
     /// 30].
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     checkpoint_seconds: Option<f64>,
@@ -148,7 +147,7 @@ pub(crate) async fn trained(
     match job.result.and_then(|result| result.kind) {
         Some(job_result::Kind::Train(result)) => {
             display.clear();
-            say!("{}", show::training(&result));
+            say!("{}", show::train_summary(&result));
             for note in &result.notes {
                 say!("{note}");
             }

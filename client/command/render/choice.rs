@@ -15,7 +15,7 @@ pub(crate) fn kept(choice: &RenderChoice) -> String {
     format!(
         "chosen: {} samples per ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
          resolution\n\
-         promised {:.4} s a frame and {} (on {}); took {:.4} s a frame, {seen}",
+         promised {:.4} s per frame and {} (on {}); took {:.4} s per frame, {seen}",
         settings.samples,
         settings.epsilon,
         settings.min_transmittance,
@@ -31,7 +31,7 @@ pub(crate) fn kept(choice: &RenderChoice) -> String {
 /// That splats were drawn with the model's own settings, without a measured curve, in this many seconds each.
 pub(crate) fn as_they_are(seconds: f64) -> String {
     format!(
-        "splats with the model's own settings: {seconds:.4} s a frame, {:.0} per second, without encoding",
+        "splats with the model's own settings: {seconds:.4} s per frame, {:.0} per second, without encoding",
         1.0 / seconds.max(f64::MIN_POSITIVE)
     )
 }
@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn splats_without_a_curve_have_their_speed_told() {
         let said = as_they_are(0.02);
-        assert!(said.contains("0.0200 s a frame, 50 per second"), "{said}");
+        assert!(said.contains("0.0200 s per frame, 50 per second"), "{said}");
     }
 
     #[test]

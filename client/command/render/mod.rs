@@ -6,10 +6,9 @@ mod film;
 mod views;
 
 use crate::args;
-use crate::args::QueueArgs;
-use crate::args::Server;
 use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
+use crate::args::{QueueArgs, Server};
 use crate::files::{OutFolder, is_rendered};
 use crate::scene::{FileLight, Names, SceneFile};
 use crate::show::note_capture_end;
@@ -379,8 +378,8 @@ impl Render {
             names.people.insert(person.to_owned(), subject.name);
         }
         for (field, model) in scene.models() {
-            let place = || format!("{}: {field}", path.display());
-            let found = client.find_model(model).await.with_context(place)?;
+            let context = || format!("{}: {field}", path.display());
+            let found = client.find_model(model).await.with_context(context)?;
             names.models.insert(model.to_owned(), found.name);
         }
         let mut scene = scene.to_message(path, &names, &self.reading)?;

@@ -122,7 +122,7 @@ pub(crate) enum CameraName {
     /// By its name.
     Name(String),
     /// By its place among the sorted names, from 0.
-    Place(usize),
+    Index(usize),
 }
 
 impl Default for FileCamera {

@@ -80,7 +80,7 @@ pub(crate) struct FileActor {
     pub light: Option<FileLight>,
 }
 
-/// A place on the ground.
+/// A position on the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 pub(crate) struct Placed(pub [f64; 2]);
 
@@ -168,7 +168,7 @@ impl SceneFile {
             .map_err(|error| anyhow::anyhow!("{}: {error}", path.display()))
     }
 
-    /// Everybody whom the scene names, once each.
+    /// The people that the scene names, once each.
     pub(crate) fn people(&self) -> Vec<&str> {
         let mut people: Vec<&str> = Vec::new();
         for actor in &self.actors {

@@ -14,7 +14,7 @@ use yoto_proto::v1::{
     light, render_quality::Want,
 };
 
-/// The resource names of everybody whom a scene names, and of all models.
+/// Resource names of the people and the models that a scene names.
 #[derive(Debug, Default)]
 pub(crate) struct Names {
     pub people: HashMap<String, String>,
@@ -48,26 +48,26 @@ impl SceneFile {
         names: &Names,
         reading: &MotionArgs,
     ) -> anyhow::Result<Scene> {
-        let place = |field: &str| format!("{}: {field}", file.display());
+        let in_file = |field: &str| format!("{}: {field}", file.display());
         let folder = file.parent().unwrap_or(Path::new(""));
         let actors = self.actors.iter().enumerate().map(|(i, actor)| {
             let message = to_actor(actor, folder, names, reading);
-            message.with_context(|| place(&format!("actors[{i}]")))
+            message.with_context(|| in_file(&format!("actors[{i}]")))
         });
         let backdrop = match &self.backdrop {
-            Some(picture) => read_backdrop(file, picture).with_context(|| place("backdrop"))?,
+            Some(picture) => read_backdrop(file, picture).with_context(|| in_file("backdrop"))?,
             None => Vec::new(),
         };
         let range = self.range.as_deref().map(str::parse::<FrameRange>);
         let range = range
             .transpose()
-            .map_err(|message| anyhow!("{}: {message}", place("range")))?;
+            .map_err(|message| anyhow!("{}: {message}", in_file("range")))?;
         let matrices = matches!(self.camera, FileCamera::Matrices(_));
         let [width, height] = if matrices { [0, 0] } else { self.size };
         Ok(Scene {
             actors: actors.collect::<anyhow::Result<_>>()?,
             camera: Some(SceneCamera {
-                path: Some(self.path(folder).with_context(|| place("camera"))?),
+                path: Some(self.path(folder).with_context(|| in_file("camera"))?),
             }),
             width,
             height,
@@ -307,9 +307,9 @@ mod tests {
                 "either a frame or a range",
             ),
         ];
-        for (json, place) in cases {
-            let error = read(&json).expect_err(place);
-            assert!(format!("{error:#}").contains(place), "{error:#}");
+        for (json, expected) in cases {
+            let error = read(&json).expect_err(expected);
+            assert!(format!("{error:#}").contains(expected), "{error:#}");
         }
     }
 }

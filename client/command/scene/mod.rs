@@ -70,9 +70,9 @@ const APART: f64 = 1.2;
 /// `people` in a row, with a camera that walks around them.
 fn example(people: Vec<String>) -> SceneFile {
     let middle = (people.len() as f64 - 1.0) / 2.0;
-    let actors = people.into_iter().enumerate().map(|(place, subject)| {
+    let actors = people.into_iter().enumerate().map(|(index, subject)| {
         let mut actor = file::FileActor::of(subject);
-        actor.at = Placed([(place as f64 - middle) * APART, 0.0]);
+        actor.at = Placed([(index as f64 - middle) * APART, 0.0]);
         actor
     });
     let mut scene = SceneFile::of(actors.collect());

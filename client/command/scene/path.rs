@@ -89,7 +89,7 @@ impl SceneFile {
         })
     }
 
-    /// The middle of the actors' places, at the height of a waist.
+    /// The middle of the actors' positions, at the height of a waist.
     fn middle(&self) -> [f64; 3] {
         let count = self.actors.len().max(1) as f64;
         let along = |axis: usize| self.actors.iter().map(|it| it.at.0[axis]).sum::<f64>() / count;
@@ -107,16 +107,16 @@ fn find(held_out: &FileHeldOut, folder: &Path) -> anyhow::Result<Camera> {
         "held_out.folder: the capture {} has no held-out cameras",
         folder.display()
     );
-    let (found, wanted) = match &held_out.camera {
+    let (camera, wanted) = match &held_out.camera {
         CameraName::Name(name) => (cameras.get(name), format!("'{name}'")),
-        CameraName::Place(place) => (cameras.values().nth(*place), format!("number {place}")),
+        CameraName::Index(index) => (cameras.values().nth(*index), format!("number {index}")),
     };
-    let found = found.with_context(|| {
+    let camera = camera.with_context(|| {
         let known: Vec<&str> = cameras.keys().map(String::as_str).collect();
         let (known, folder) = (known.join(", "), folder.display());
         format!("held_out.camera: the capture {folder} has no camera {wanted}; cameras: {known}")
     })?;
-    Ok(found.to_proto())
+    Ok(camera.to_proto())
 }
 
 #[cfg(test)]

@@ -34,15 +34,15 @@ pub(crate) struct Gc {
 impl Gc {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
-        let found = client.collect_garbage(self.dry_run, self.now).await?;
-        output::put("garbage", output::message(&found));
-        if found.count > 0 {
+        let garbage = client.collect_garbage(self.dry_run, self.now).await?;
+        output::put("garbage", output::message(&garbage));
+        if garbage.count > 0 {
             let header = ["KEY", "FILES", "SIZE", "OF", "FOUND", ""];
-            let row = |it: &GarbageFolder| row(it, found.grace_seconds, self.dry_run);
-            let rows: Vec<Vec<String>> = found.folders.iter().map(row).collect();
+            let row = |it: &GarbageFolder| row(it, garbage.grace_seconds, self.dry_run);
+            let rows: Vec<Vec<String>> = garbage.folders.iter().map(row).collect();
             say!("{}\n", show::table(&header, &rows));
         }
-        say!("{}", summary(&found, self.dry_run));
+        say!("{}", summary(&garbage, self.dry_run));
         Ok(())
     }
 }
@@ -68,9 +68,9 @@ fn row(it: &GarbageFolder, grace: f64, dry_run: bool) -> Vec<String> {
 }
 
 /// `3 folders of 12.00 MiB, 2.00 MiB of them removed`.
-fn summary(found: &CollectGarbageResponse, dry_run: bool) -> String {
-    let count = usize::try_from(found.count).unwrap_or(usize::MAX);
-    let more = count.saturating_sub(found.folders.len());
+fn summary(garbage: &CollectGarbageResponse, dry_run: bool) -> String {
+    let count = usize::try_from(garbage.count).unwrap_or(usize::MAX);
+    let more = count.saturating_sub(garbage.folders.len());
     let more = match more {
         0 => String::new(),
         more => format!(" ({more} smaller ones are not shown)"),
@@ -81,8 +81,8 @@ fn summary(found: &CollectGarbageResponse, dry_run: bool) -> String {
     format!(
         "{} of {}{more}, {} of it {}",
         yoto_terminal::progress::count(count, "folder"),
-        BinaryBytes(found.bytes),
-        BinaryBytes(found.due_bytes),
+        BinaryBytes(garbage.bytes),
+        BinaryBytes(garbage.due_bytes),
         if dry_run { "due" } else { "removed" }
     )
 }
@@ -90,8 +90,6 @@ fn summary(found: &CollectGarbageResponse, dry_run: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Cli;
-    use clap::Parser;
 
     #[test]
     fn what_stays_and_what_goes_is_told() {
@@ -107,7 +105,7 @@ mod tests {
         assert_eq!(stays[2..], ["2.00 KiB", "deleted", "1h ago", "stays 23h"]);
         let goes = |dry_run| row(&folder(true), 86_400.0, dry_run)[5].clone();
         assert_eq!([goes(true), goes(false)], ["would be removed", "removed"]);
-        let found = CollectGarbageResponse {
+        let garbage = CollectGarbageResponse {
             folders: vec![folder(true)],
             count: 2,
             bytes: 3072,
@@ -116,33 +114,8 @@ mod tests {
         };
         let expected =
             "2 folders of 3.00 KiB (1 smaller ones are not shown), 2.00 KiB of it removed";
-        assert_eq!(summary(&found, false), expected);
+        assert_eq!(summary(&garbage, false), expected);
         let nothing = summary(&CollectGarbageResponse::default(), false);
         assert_eq!(nothing, "there is no garbage");
-    }
-
-    #[test]
-    fn deletions_and_collections_parse() {
-        for line in [
-            "yoto gc",
-            "yoto gc --dry-run --now",
-            "yoto model checkpoints duo",
-            "yoto model keep duo --newest 5 --every 0",
-            "yoto model delete-checkpoint duo 40",
-            "yoto model delete duo",
-            "yoto subject delete ada",
-            "yoto subject delete-capture captures/9f31",
-            "yoto job delete 9f31",
-        ] {
-            assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");
-        }
-        for line in [
-            "yoto model keep duo",
-            "yoto model keep duo --newest 0",
-            "yoto model delete-checkpoint duo best",
-            "yoto model delete",
-        ] {
-            assert!(Cli::try_parse_from(line.split(' ')).is_err(), "{line}");
-        }
     }
 }

@@ -122,9 +122,9 @@ impl Serve {
 
 /// Parses an address, or looks a name up.
 fn address(text: &str) -> Result<SocketAddr, String> {
-    let found = text.to_socket_addrs();
-    let mut found = found.map_err(|error| format!("{error}; an address is HOST:PORT"))?;
-    found
+    let addresses = text.to_socket_addrs();
+    let mut addresses = addresses.map_err(|error| format!("{error}; an address is HOST:PORT"))?;
+    addresses
         .next()
         .ok_or_else(|| "the name has no address".to_owned())
 }

@@ -1,14 +1,10 @@
 //! `yoto status`: the service at a glance.
 
-pub(crate) mod gc;
-
 use crate::args::Server;
 use crate::show;
-use crate::show::span;
-use crate::show::{Titles, kind, kind_word};
+use crate::show::{Titles, kind, kind_word, span};
 use clap::Args;
 use indicatif::BinaryBytes;
-use std::time::{SystemTime, UNIX_EPOCH};
 use yoto_client::YotoClient;
 use yoto_proto::v1::{ServiceStatus, WorkerStatus};
 use yoto_terminal::output;
@@ -92,11 +88,6 @@ async fn row(
         seen,
         does,
     ])
-}
-
-fn now() -> f64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    since.map_or(0.0, |since| since.as_secs_f64())
 }
 
 /// `, up for 3h`.

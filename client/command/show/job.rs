@@ -10,12 +10,12 @@ use yoto_proto::v1::{
 use yoto_terminal::progress::{count, describe, duration};
 
 /// Result of a successful job, in one line.
-pub(crate) fn outcome(job: &Job) -> String {
+pub(crate) fn job_outcome(job: &Job) -> String {
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Ingest(it)) => {
             format!("{} frames of {}x{}", it.frames, it.width, it.height)
         }
-        Some(job_result::Kind::Train(it)) => training(it),
+        Some(job_result::Kind::Train(it)) => train_summary(it),
         Some(job_result::Kind::Render(it)) => {
             format!(
                 "{} files, {:.2} s per frame on {}",
@@ -24,21 +24,21 @@ pub(crate) fn outcome(job: &Job) -> String {
                 it.device
             )
         }
-        Some(job_result::Kind::Evaluate(it)) => evaluation(it),
-        Some(job_result::Kind::Export(it)) => exported(it),
+        Some(job_result::Kind::Evaluate(it)) => evaluate_summary(it),
+        Some(job_result::Kind::Export(it)) => export_summary(it),
         None => job.state().as_str_name().to_owned(),
     }
 }
 
 /// Details of a job in its state: of several faults the first.
-pub(crate) fn detail(job: &Job) -> String {
+pub(crate) fn job_detail(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map(describe).unwrap_or_default(),
         job::State::Queued => match &job.waiting {
             Some(cause) => format!("waits to be tried again: {}", cause.message),
             None => format!("{} ahead in the queue", job.queue_position),
         },
-        job::State::Succeeded => outcome(job),
+        job::State::Succeeded => job_outcome(job),
         job::State::Failed => {
             job.error
                 .as_ref()
@@ -56,7 +56,7 @@ pub(crate) fn detail(job: &Job) -> String {
 
 /// `24.12 dB in the box, 32.80 dB whole, on 6 held-out frames of 128 pixels; 2341 steps in 5:00 on
 /// cpu…, 1.2 M parameters, checkpoint … (9.3 MB)`.
-pub(crate) fn training(result: &TrainResult) -> String {
+pub(crate) fn train_summary(result: &TrainResult) -> String {
     let size = size_of(result.image_size);
     let quality = match (result.psnr_mask_box, result.psnr) {
         (Some(inside), Some(whole)) => format!(
@@ -83,7 +83,7 @@ pub(crate) fn training(result: &TrainResult) -> String {
 }
 
 /// `24.02 dB in the box, 27.13 dB whole, SSIM 0.9312 on 12 held-out pictures of 2 people, 128 pixels`.
-pub(crate) fn evaluation(result: &EvaluateResult) -> String {
+pub(crate) fn evaluate_summary(result: &EvaluateResult) -> String {
     let mean = result.mean.unwrap_or_default();
     format!(
         "{:.2} dB in the box, {:.2} dB whole, SSIM {:.4} on {} {} pictures of {} people, {}",
@@ -98,13 +98,13 @@ pub(crate) fn evaluation(result: &EvaluateResult) -> String {
 }
 
 /// What an export has made, in one line.
-pub(crate) fn exported(result: &ExportResult) -> String {
+pub(crate) fn export_summary(result: &ExportResult) -> String {
     let files: Vec<&str> = result.files.iter().map(|it| it.file.as_str()).collect();
-    format!("{}: {}", files.join(", "), contents(result))
+    format!("{}: {}", files.join(", "), export_contents(result))
 }
 
 /// "12 splats", or a mesh with its texture.
-pub(crate) fn contents(result: &ExportResult) -> String {
+pub(crate) fn export_contents(result: &ExportResult) -> String {
     match result.triangles {
         0 => count(result.splats as usize, "splat"),
         triangles => {
@@ -116,7 +116,7 @@ pub(crate) fn contents(result: &ExportResult) -> String {
 }
 
 /// `2 by gpu-3 for 7m: lost`.
-pub(crate) fn attempt(attempt: &JobAttempt) -> String {
+pub(crate) fn attempt_line(attempt: &JobAttempt) -> String {
     let seconds = |at: &Option<prost_types::Timestamp>| Some(at.as_ref()?.seconds as f64);
     let time = seconds(&attempt.begin_time).zip(seconds(&attempt.end_time));
     let time = time.map_or_else(String::new, |(begin, end)| {
@@ -168,13 +168,13 @@ mod tests {
             ..JobAttempt::default()
         };
         let expected = "2 by gpu-3 for 7m: put back for later: the disk is full [MACHINE]";
-        assert_eq!(super::attempt(&attempt), expected);
+        assert_eq!(attempt_line(&attempt), expected);
         let running = JobAttempt {
             number: 1,
             worker_display_name: "embedded".into(),
             outcome: Outcome::Running.into(),
             ..JobAttempt::default()
         };
-        assert_eq!(super::attempt(&running), "1 by embedded: running");
+        assert_eq!(attempt_line(&running), "1 by embedded: running");
     }
 }

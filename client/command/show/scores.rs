@@ -1,6 +1,6 @@
 //! Figures of people as a table.
 
-use yoto_proto::v1::Scores;
+use yoto_proto::v1::{EvaluateResult, Scores};
 
 /// Legend of the columns.
 const LEGEND: &str = "\
@@ -64,7 +64,7 @@ pub(crate) fn scores_json(rows: &[(String, Scores)]) -> serde_json::Value {
 }
 
 /// The scores of each person by name, then their mean.
-pub(crate) fn rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
+pub(crate) fn score_rows(result: &EvaluateResult) -> Vec<(String, Scores)> {
     let people = result.subjects.iter().filter_map(|it| {
         let scores = it.scores?;
         Some((it.display_name.clone(), scores))

@@ -1,4 +1,4 @@
-//! What jobs are about, in the names that people gave.
+//! What jobs are about, by the display names of models and subjects.
 
 use std::collections::HashMap;
 use yoto_client::{ClientError, YotoClient};
@@ -13,7 +13,7 @@ pub(crate) struct Titles {
 }
 
 impl Titles {
-    /// Those of all models and subjects.
+    /// Fetches the display names of all models and subjects.
     ///
     /// # Errors
     /// As [`YotoClient::list_models`].

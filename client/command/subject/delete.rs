@@ -5,7 +5,7 @@ use crate::show;
 use clap::Args;
 
 pub(crate) const SUBJECT_HELP: &str = "\
-A person whom a model has is not deleted: the model's checkpoints would still hold what it has learned of
+A person in a model is not deleted: the model's checkpoints would still hold what it has learned from
 them. `yoto model delete` deletes the model.
 
 Example:

@@ -1,9 +1,8 @@
 //! `yoto subject poses`: the poses of a person as a training has refined them.
 
-use crate::args::FfmpegArg;
-use crate::args::Server;
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::args::{FfmpegArg, Server};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::ImageFormat;

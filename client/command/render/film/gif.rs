@@ -18,8 +18,8 @@ const GIF_LEAST: u32 = 2;
 pub(crate) fn write(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> {
     let mut encoder = GifEncoder::new_with_speed(BufWriter::new(file), GIF_SPEED);
     encoder.set_repeat(Repeat::Infinite)?;
-    for (place, hundredths) in gif_times(pictures.len(), fps) {
-        let path = &pictures[place];
+    for (index, hundredths) in gif_times(pictures.len(), fps) {
+        let path = &pictures[index];
         let reading = || format!("reading {}", path.display());
         let picture = image::open(path).with_context(reading)?.to_rgba8();
         let shown = Delay::from_numer_denom_ms(10 * hundredths, 1);
@@ -28,15 +28,15 @@ pub(crate) fn write(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Resu
     Ok(())
 }
 
-/// The places of the pictures that a GIF has, and how long each is shown, hundredths of a second.
+/// The indices of the pictures that a GIF has, and how long each is shown, hundredths of a second.
 fn gif_times(pictures: usize, fps: f64) -> Vec<(usize, u32)> {
     let mut times = Vec::new();
     let (mut first, mut shown) = (0, 0);
-    for place in 0..pictures {
-        let end = (100.0 * (place + 1) as f64 / fps).round() as u32;
+    for index in 0..pictures {
+        let end = (100.0 * (index + 1) as f64 / fps).round() as u32;
         if end - shown >= GIF_LEAST {
             times.push((first, end - shown));
-            (first, shown) = (place + 1, end);
+            (first, shown) = (index + 1, end);
         }
     }
     if times.is_empty() && pictures > 0 {

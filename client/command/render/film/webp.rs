@@ -12,7 +12,7 @@ const QUALITY: f32 = 90.0;
 /// Writes the `pictures`, which repeat without an end. Opacity is kept exactly, colours nearly.
 pub(crate) fn write(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Result<()> {
     let mut film: Option<((u32, u32), Encoder)> = None;
-    for (place, path) in pictures.iter().enumerate() {
+    for (index, path) in pictures.iter().enumerate() {
         let reading = || format!("reading {}", path.display());
         let picture = image::open(path).with_context(reading)?.to_rgba8();
         let size = picture.dimensions();
@@ -28,7 +28,7 @@ pub(crate) fn write(pictures: &[PathBuf], fps: f64, file: &File) -> anyhow::Resu
             "{}: {size:?} pixels, and the first picture has {first:?}",
             path.display()
         );
-        let shown = encoder.add_frame(&picture, milliseconds(place, fps));
+        let shown = encoder.add_frame(&picture, milliseconds(index, fps));
         shown.with_context(reading)?;
     }
     let (_, encoder) = film.context("no pictures for a film")?;
@@ -49,10 +49,10 @@ fn options() -> EncoderOptions {
     }
 }
 
-/// The beginning of picture number `place` of a film.
-fn milliseconds(place: usize, fps: f64) -> i32 {
+/// The beginning of picture number `index` of a film.
+fn milliseconds(index: usize, fps: f64) -> i32 {
     // A film of a month has fewer than 2³¹.
-    (1000.0 * place as f64 / fps).round() as i32
+    (1000.0 * index as f64 / fps).round() as i32
 }
 
 #[cfg(test)]
@@ -65,8 +65,8 @@ mod tests {
     fn pictures(folder: &Path, sizes: [u32; 2]) -> Vec<PathBuf> {
         let colours = [[200, 30, 30, 255], [30, 30, 200, 128]];
         let each = colours.into_iter().zip(sizes);
-        let each = each.enumerate().map(|(place, (colour, size))| {
-            let path = folder.join(format!("{place}.png"));
+        let each = each.enumerate().map(|(index, (colour, size))| {
+            let path = folder.join(format!("{index}.png"));
             let picture = image::RgbaImage::from_pixel(size, 16, image::Rgba(colour));
             picture.save(&path).expect("written");
             path
