@@ -59,7 +59,7 @@ async fn measured(
         "protocol": result.protocol,
         "device": result.device,
         "notes": result.notes,
-        "scores": scores_json( show::score_rows(result)),
+        "scores": scores_json(&show::score_rows(result)),
     });
     let json = serde_json::to_vec_pretty(&scores)
         .with_context(|| format!("the scores of {}", job.name))?;

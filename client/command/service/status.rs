@@ -2,7 +2,7 @@
 
 use crate::args::Server;
 use crate::show;
-use crate::show::{Titles, kind, kind_word, span};
+use crate::show::{Titles, kind, kind_word, now, span};
 use clap::Args;
 use indicatif::BinaryBytes;
 use yoto_client::YotoClient;

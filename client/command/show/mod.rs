@@ -9,8 +9,7 @@ mod titles;
 
 pub(crate) use capture_end::note_capture_end;
 pub(crate) use job::{
-    attempt_line, evaluate_summary, export_contents, export_summary, job_detail, job_outcome,
-    train_summary,
+    attempt_line, evaluate_summary, export_contents, job_detail, job_outcome, train_summary,
 };
 #[cfg(feature = "embedded")]
 pub(crate) use scores::thousandfold;
