@@ -36,8 +36,4 @@ mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
-mod npz;
-#[cfg(feature = "embedded")]
-mod screen;
-#[cfg(feature = "embedded")]
 mod studio;

@@ -3,25 +3,7 @@
 //! Results go to stdout, progress and logs to stderr; the exit status is non-zero after a
 //! failure.
 
-#[cfg(feature = "embedded")]
-mod ablation;
-#[cfg(feature = "embedded")]
-mod bench;
 mod completions;
-#[cfg(feature = "embedded")]
-mod distill;
-#[cfg(feature = "embedded")]
-pub(crate) mod model_import;
-#[cfg(feature = "embedded")]
-pub(crate) mod model_info;
-#[cfg(feature = "embedded")]
-pub(crate) mod paper_table;
-#[cfg(feature = "embedded")]
-mod people;
-#[cfg(feature = "embedded")]
-mod quality;
-#[cfg(feature = "embedded")]
-mod render_frame;
 
 #[cfg(feature = "embedded")]
 use crate::{avatar, demo};
@@ -96,22 +78,10 @@ enum Command {
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
-    #[cfg(feature = "embedded")]
-    RenderFrame(render_frame::RenderFrame),
-    #[cfg(feature = "embedded")]
-    Distill(distill::Distill),
     Export(Box<export::Export>),
     Evaluate(model::evaluate::Evaluate),
     #[cfg(feature = "embedded")]
-    Quality(quality::Quality),
-    #[cfg(feature = "embedded")]
-    Ablation(ablation::AblationCommand),
-    #[cfg(feature = "embedded")]
-    Bench(bench::Bench),
-    #[cfg(feature = "embedded")]
-    People(people::PeopleCommand),
-    #[cfg(feature = "embedded")]
-    Tradeoff(Box<model::tradeoff::TradeoffCommand>),
+    Tradeoff(model::tradeoff::TradeoffCommand),
     Completions(completions::Completions),
 }
 
@@ -161,20 +131,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Motion(command) => command.run(),
         Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
-        Command::RenderFrame(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Distill(command) => runtime.block_on(command.run()),
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
-        Command::Quality(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Ablation(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Bench(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::People(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
         Command::Completions(command) => command.run(),

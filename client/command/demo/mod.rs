@@ -6,6 +6,7 @@
 pub(crate) mod command;
 mod people;
 mod render;
+mod report;
 mod score;
 mod sheet;
 
@@ -16,12 +17,12 @@ use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::Context;
 use people::Actor;
+use report::{Report, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
-use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::TrainSpec;
 use yoto_terminal::progress::duration;
@@ -184,8 +185,6 @@ async fn drive(
         variant: VARIANT.into(),
         size: options.size,
         seed: options.seed,
-        sharing: None,
-        changed: Vec::new(),
     };
     Ok(score::report(scores, &renders, trained, settings))
 }

@@ -3,11 +3,9 @@
 #[cfg(feature = "embedded")]
 use anyhow::Context;
 #[cfg(feature = "embedded")]
-use yoto_avatar::tradeoff::Curve;
+use yoto_avatar::tradeoff::{Curve, Tradeoff};
 #[cfg(feature = "embedded")]
 use yoto_client::YotoClient;
-#[cfg(feature = "embedded")]
-use yoto_lab::tradeoff::Tradeoff;
 
 /// Whether a trade-off has files of this name.
 pub(crate) fn is_of_tradeoff(name: &str) -> bool {

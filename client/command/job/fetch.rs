@@ -2,7 +2,6 @@
 
 use crate::files::{OutFolder, download, is_of_tradeoff};
 use crate::show;
-use crate::show::scores_json;
 use crate::waiting::wait;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -10,6 +9,7 @@ use yoto_client::YotoClient;
 use yoto_proto::v1::{EvaluateResult, Job, NamedObject, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
+use yoto_terminal::scores::scores_json;
 
 /// File with the scores of an evaluation.
 const SCORES: &str = "scores.json";
@@ -70,7 +70,7 @@ async fn measured(
     Ok(paths)
 }
 
-/// Writes the trade-off in `object` with its plots.
+/// Writes the trade-off in `object`, also as a table.
 #[cfg(feature = "embedded")]
 async fn tradeoff(
     client: &YotoClient,
@@ -80,10 +80,10 @@ async fn tradeoff(
 ) -> anyhow::Result<Vec<PathBuf>> {
     let json = client.object(object).await?;
     let tradeoff = crate::files::read_tradeoff(client, &result.checkpoint, &json).await?;
-    tradeoff.write(&folder.out)
+    Ok(tradeoff.write(&folder.out)?)
 }
 
-/// Writes the curve in `object`; plots are drawn by the complete program.
+/// Writes the curve in `object` as it is.
 #[cfg(not(feature = "embedded"))]
 async fn tradeoff(
     client: &YotoClient,

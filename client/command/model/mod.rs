@@ -17,6 +17,7 @@ use crate::show;
 use crate::show::Titles;
 use clap::{Args, Subcommand};
 use yoto_client::YotoClient;
+use yoto_proto::v1::Checkpoint;
 use yoto_terminal::output;
 
 const SHOW_HELP: &str = "\
@@ -80,14 +81,6 @@ enum Action {
     /// Write the files of a checkpoint to a folder.
     #[command(after_help = export::AFTER_HELP)]
     Export(export::Export),
-    /// Print a model's parts with their parameters and bytes.
-    #[cfg(feature = "embedded")]
-    #[command(after_help = crate::cli::model_info::AFTER_HELP)]
-    Info(crate::cli::model_info::Info),
-    /// Import a checkpoint of the released HumanNeRF program as a model.
-    #[cfg(feature = "embedded")]
-    #[command(name = "import-humannerf", after_help = crate::cli::model_import::AFTER_HELP)]
-    ImportHumanNerf(crate::cli::model_import::ImportHumanNerf),
 }
 
 impl ModelCommand {
@@ -105,10 +98,6 @@ impl ModelCommand {
             Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,
             Action::Delete(which) => which.delete().await,
             Action::Export(export) => export.run().await,
-            #[cfg(feature = "embedded")]
-            Action::Info(info) => info.run().await,
-            #[cfg(feature = "embedded")]
-            Action::ImportHumanNerf(import) => import.run(),
         }
     }
 }
@@ -140,17 +129,27 @@ async fn show(client: &YotoClient, name: &str) -> anyhow::Result<()> {
                 psnr,
                 show::size_of(it.image_size),
                 format!("{:.1} MB", it.bytes as f64 / 1e6),
-                if it.best {
-                    "best".to_owned()
-                } else {
-                    String::new()
-                },
+                notes(it),
             ]
         })
         .collect();
     let header = ["STEP", "HELD OUT", "TRAINED AT", "SIZE", ""];
     say!("\n{}", show::table(&header, &rows));
     Ok(())
+}
+
+/// What distinguishes a checkpoint: `best, trade-off measured`.
+fn notes(checkpoint: &Checkpoint) -> String {
+    let all = [
+        (checkpoint.best, "best"),
+        (checkpoint.tradeoff.is_some(), "trade-off measured"),
+    ];
+    let all: Vec<&str> = all
+        .iter()
+        .filter(|(is, _)| *is)
+        .map(|(_, it)| *it)
+        .collect();
+    all.join(", ")
 }
 
 async fn list(client: &YotoClient) -> anyhow::Result<()> {

@@ -1,10 +1,10 @@
-//! 8-bit pictures on disk, with errors that name the file.
+//! 8-bit colour pictures on disk, with errors that name the file: for pictures of this program, not for uploads.
 
-use image::{GrayImage, ImageFormat, RgbImage};
+use image::{ImageFormat, RgbImage};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// The reason why a picture could not be read, written or compared.
+/// The reason why a picture can't be read or written.
 #[derive(Debug, Error)]
 pub enum PictureError {
     /// The file could not be decoded or encoded.
@@ -50,28 +50,6 @@ pub fn rgb(what: &str, width: usize, height: usize, rgb: &[u8]) -> Result<RgbIma
     })
 }
 
-/// A mask of `coverage` (`height * width`, row by row).
-///
-/// # Errors
-/// When the pixels don't fit the size.
-pub fn gray(
-    what: &str,
-    width: usize,
-    height: usize,
-    coverage: &[u8],
-) -> Result<GrayImage, PictureError> {
-    let found = coverage.len();
-    GrayImage::from_raw(width as u32, height as u32, coverage.to_vec()).ok_or_else(|| {
-        PictureError::Size {
-            what: what.to_owned(),
-            width,
-            height,
-            expected: width * height,
-            found,
-        }
-    })
-}
-
 /// Reads an 8-bit colour picture.
 ///
 /// # Errors
@@ -90,23 +68,6 @@ pub fn read(path: &Path) -> Result<RgbImage, PictureError> {
 /// # Errors
 /// When the file can't be written.
 pub fn write(path: &Path, picture: &RgbImage) -> Result<(), PictureError> {
-    write_with(path, |path| {
-        picture.save_with_format(path, ImageFormat::Png)
-    })
-}
-
-/// Writes a mask as PNG, and creates its folder.
-///
-/// # Errors
-/// When the file can't be written.
-pub fn write_mask(path: &Path, mask: &GrayImage) -> Result<(), PictureError> {
-    write_with(path, |path| mask.save_with_format(path, ImageFormat::Png))
-}
-
-fn write_with(
-    path: &Path,
-    save: impl FnOnce(&Path) -> image::ImageResult<()>,
-) -> Result<(), PictureError> {
     let file_error = |source| PictureError::File {
         action: "writing",
         path: path.to_owned(),
@@ -116,7 +77,9 @@ fn write_with(
         std::fs::create_dir_all(folder)
             .map_err(|error| file_error(image::ImageError::IoError(error)))?;
     }
-    save(path).map_err(file_error)
+    picture
+        .save_with_format(path, ImageFormat::Png)
+        .map_err(file_error)
 }
 
 #[cfg(test)]

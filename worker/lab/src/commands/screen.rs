@@ -1,16 +1,16 @@
 //! The terminal as the display of an experiment.
 
-use yoto_lab::display::{Display, Screen};
+use crate::display::{Display, Screen};
 use yoto_proto::v1::Progress;
 use yoto_terminal::progress::ProgressDisplay;
 
 /// Lines and bars on stderr.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Terminal;
+pub(super) struct Terminal;
 
 impl Screen for Terminal {
     fn note(&self, line: &str) {
-        yoto_terminal::tell!("{line}");
+        tell!("{line}");
     }
 
     fn begin(&self, label: &str) -> Box<dyn Display> {

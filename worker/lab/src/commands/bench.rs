@@ -1,12 +1,12 @@
-//! `yoto bench`: the time of a training step on this machine, stage by stage.
+//! `yoto-lab bench`: the time of a training step on this machine, stage by stage.
 
-use crate::args;
-use crate::args::tier_help;
+use super::args;
+use super::lpips_args::LpipsArgs;
+use crate::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
-use yoto_lab::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -14,14 +14,14 @@ Trains on synthetic people, so that the same measurement can be run anywhere, wi
 the model active. Run it on an otherwise idle machine.
 
 Examples:
-  yoto bench --paper-step --json step.json
-  yoto bench --paper-step --form exact --f32-only
-  yoto bench --step fast --steps 50 --settle 200";
+  yoto-lab bench --paper-step --json step.json
+  yoto-lab bench --paper-step --form exact --f32-only
+  yoto-lab bench --step fast --steps 50 --settle 200";
 
 /// Time a whole training step, stage by stage.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Bench {
+pub(super) struct Bench {
     /// The paper's sizes: 6144 rays of 128 samples, in the forms of --form.
     #[arg(long, conflicts_with = "step", required_unless_present = "step")]
     paper_step: bool,
@@ -31,7 +31,7 @@ pub(crate) struct Bench {
     #[arg(long, value_name = "FORM", requires = "paper_step")]
     form: Vec<StepForm>,
     /// Quality tier of the timed step.
-    #[arg(long, value_name = "TIER", value_parser = args::tier, long_help = tier_help())]
+    #[arg(long, value_name = "TIER", value_parser = args::tier, long_help = args::tier_help())]
     step: Option<String>,
     /// Timed steps.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u64).range(1..=100_000))]
@@ -61,11 +61,11 @@ pub(crate) struct Bench {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: LpipsArgs,
 }
 
 impl Bench {
-    pub(crate) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let timed: Vec<Timed> = match (self.step, self.form) {
             (Some(tier), _) => vec![Timed::Tier(tier)],
             (None, forms) if forms.is_empty() => StepForm::ALL.map(Timed::Form).into(),

@@ -1,11 +1,10 @@
 //! The figures as `tradeoff.csv`, and their front as text.
 
-use super::{Tradeoff, Trained};
+use super::pareto::front;
+use super::{Curve, Point, Tradeoff, Trained};
+use crate::config::Precision;
+use crate::render::RenderSettings;
 use std::collections::HashSet;
-use yoto_avatar::config::Precision;
-use yoto_avatar::render::RenderSettings;
-use yoto_avatar::tradeoff::pareto::front;
-use yoto_avatar::tradeoff::{Curve, Point};
 
 /// Columns; a row fills those of its kind, the others are empty.
 const COLUMNS: &str = "side,tier,front,seconds,psnr,ssim,psnr_novel_pose,ssim_novel_pose,\
@@ -61,15 +60,15 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
 }
 
 /// Indices of the trainings on the front of seconds and PSNR.
-pub(super) fn training_front(training: &[Trained]) -> HashSet<usize> {
-    let place = |it: &Trained| (it.train_seconds, it.scores.novel_view.psnr);
-    front(training, place).into_iter().collect()
+fn training_front(training: &[Trained]) -> HashSet<usize> {
+    let cost_and_gain = |it: &Trained| (it.train_seconds, it.scores.novel_view.psnr);
+    front(training, cost_and_gain).into_iter().collect()
 }
 
 /// Indices of the settings on the front of seconds and fidelity.
-pub(super) fn render_front(curve: &Curve) -> HashSet<usize> {
-    let place = |it: &Point| (it.seconds, it.fidelity());
-    front(&curve.points, place).into_iter().collect()
+fn render_front(curve: &Curve) -> HashSet<usize> {
+    let cost_and_gain = |it: &Point| (it.seconds, it.fidelity());
+    front(&curve.points, cost_and_gain).into_iter().collect()
 }
 
 fn precision(precision: Precision) -> &'static str {
@@ -81,7 +80,7 @@ fn precision(precision: Precision) -> &'static str {
 
 /// Label of settings: samples per ray, share of the resolution, and differences from the model's
 /// `own`: likelihood bound (ε), least transmittance (T), precision.
-pub(super) fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
+fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
     let mut text = format!("{} · {:.0}%", it.samples, 100.0 * it.scale);
     if it.epsilon != own.epsilon {
         text += &format!(" · ε {}", it.epsilon);
@@ -96,7 +95,7 @@ pub(super) fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
 }
 
 /// The fronts of all curves and the accuracy of predictions for other sizes, as text.
-pub fn summary(tradeoff: &Tradeoff) -> String {
+pub(super) fn summary(tradeoff: &Tradeoff) -> String {
     let mut lines = Vec::new();
     for it in &tradeoff.training {
         let memory = it.peak_memory_bytes.map_or_else(
@@ -105,7 +104,7 @@ pub fn summary(tradeoff: &Tradeoff) -> String {
         );
         lines.push(format!(
             "trained   {:<9} {:>7.1} s  {:>6.2} dB views, {:>6.2} dB poses  SSIM {:.4}  {} steps, \
-             {:.1} MB a checkpoint, {memory}",
+             {:.1} MB per checkpoint, {memory}",
             it.tier,
             it.train_seconds,
             it.scores.novel_view.psnr,

@@ -1,4 +1,4 @@
-//! `yoto render-frame`: one frame of a model's folder, without a service, in full precision.
+//! `yoto-lab render-frame`: one frame of a model's folder, without a service, in full precision.
 
 use crate::npz::{self, Array};
 use anyhow::{Context, bail};
@@ -7,25 +7,25 @@ use std::path::{Path, PathBuf};
 use yoto_avatar::config::Numerics;
 use yoto_avatar::render::{RenderSettings, RenderView, Rendered, Renderer};
 use yoto_capture::CaptureView;
-use yoto_lab::pictures;
+use yoto_media::picture_file;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
 A model is a folder with weights.safetensors and state.json: a checkpoint, or what
-`yoto model import-humannerf` writes. Of the capture only poses.json is read. The
+`yoto-lab import-humannerf` writes. Of the capture only poses.json is read. The
 background is black.
 
 An .npz holds rgb [H, W, 3], alpha [H, W] and depth [H, W] as f32: depth is the sum of
 weight times camera z, metres, not divided by alpha. A .png holds the colours.
 
 Examples:
-  yoto render-frame --model-dir imported --capture data/ada --camera train --frame 30 --out f.npz
-  yoto render-frame --model-dir ckpt --capture data/ada --camera cam00 --frame 5 --size 256 --out f.png";
+  yoto-lab render-frame --model-dir imported --capture data/ada --camera train --frame 30 --out f.npz
+  yoto-lab render-frame --model-dir ckpt --capture data/ada --camera cam00 --frame 5 --size 256 --out f.png";
 
 /// Render one frame of a capture with a model on this disk.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct RenderFrame {
+pub(super) struct RenderFrame {
     /// Folder of the model.
     #[arg(long = "model-dir", alias = "model", value_name = "DIR")]
     model: PathBuf,
@@ -68,7 +68,7 @@ enum NumericsName {
 }
 
 impl RenderFrame {
-    pub(crate) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let write = writer(&self.out)?;
         let view = CaptureView::read(&self.capture, &self.camera, self.frame)
             .with_context(|| format!("the capture {}", self.capture.display()))?;
@@ -136,8 +136,8 @@ fn write_npz(path: &Path, frame: &Rendered) -> anyhow::Result<()> {
 }
 
 fn write_png(path: &Path, frame: &Rendered) -> anyhow::Result<()> {
-    let picture = pictures::rgb("the frame", frame.width, frame.height, &frame.to_rgb8())?;
-    Ok(pictures::write(path, &picture)?)
+    let picture = picture_file::rgb("the frame", frame.width, frame.height, &frame.to_rgb8())?;
+    Ok(picture_file::write(path, &picture)?)
 }
 
 #[cfg(test)]

@@ -1,23 +1,22 @@
 //! The paper's table of variants, measured beside published figures.
 
-use crate::show::thousandfold;
-use yoto_avatar::evaluate::published::{MEASURED_ON, TABLE};
+use super::published::{MEASURED_ON, TABLE};
 use yoto_proto::v1::Scores;
 
-/// Measured figures of one variant: one entry for each heading.
-pub(crate) struct Row {
+/// Measured figures of one variant.
+pub struct Row {
     /// Name in the contract.
     pub variant: String,
-    /// Means over people.
+    /// Means over people, one for each heading of the table.
     pub scores: Vec<Scores>,
 }
 
-/// Width of three figures.
+/// Width of three figures, characters.
 const GROUP: usize = 25;
 
 /// All variants in the paper's order; `headings` names each group of measured figures.
 /// Variants without measurements have dashes.
-pub(crate) fn paper_table(headings: &[String], rows: &[Row]) -> String {
+pub fn paper_table(headings: &[String], rows: &[Row]) -> String {
     let figures =
         |psnr: String, ssim: String, lpips: String| format!("{psnr:>7} {ssim:>8} {lpips:>8}");
     let line = |name: &str, groups: Vec<String>| format!("{name:<18}| {}", groups.join(" | "));
@@ -53,6 +52,11 @@ pub(crate) fn paper_table(headings: &[String], rows: &[Row]) -> String {
          its data range. Figures of other captures, sizes and budgets can't be compared with it."
     ));
     lines.join("\n")
+}
+
+/// LPIPS in the form of published tables, `-` if it was not measured.
+fn thousandfold(lpips: Option<f64>) -> String {
+    lpips.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", 1000.0 * value))
 }
 
 #[cfg(test)]
@@ -103,7 +107,7 @@ mod tests {
                 .map(|(at, _)| at)
                 .collect::<Vec<_>>()
         };
-        let places: Vec<_> = text.lines().take(6).map(bars).collect();
-        assert!(places.windows(2).all(|pair| pair[0] == pair[1]), "{text}");
+        let columns: Vec<_> = text.lines().take(6).map(bars).collect();
+        assert!(columns.windows(2).all(|pair| pair[0] == pair[1]), "{text}");
     }
 }

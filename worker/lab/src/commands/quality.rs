@@ -1,21 +1,21 @@
-//! `yoto quality`: quality of a model on given captures, without a service.
+//! `yoto-lab quality`: quality of a model on given captures, without a service.
 
-use crate::args;
-use crate::args::train::Exposure;
-use crate::args::train::RefinePoses;
-use crate::args::{FfmpegArg, tier_help, variant_help};
-use crate::screen::Terminal;
+use super::args;
+use super::lpips_args::LpipsArgs;
+use super::screen::Terminal;
+use crate::captures::Film;
+use crate::one_camera::OneCamera;
+use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
+use clap::builder::OsStringValueParser;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, Refine, Setting, Sharing};
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
-use yoto_lab::captures::Film;
-use yoto_lab::one_camera::OneCamera;
-use yoto_lab::quality::{QualityOptions, run};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -34,15 +34,15 @@ A capture with pictures from other cameras or of other poses is a folder with
 and is trained on all of train/.
 
 Examples:
-  yoto quality --capture captures/me --out report.json
-  yoto quality --capture captures/me --refine-poses --fit-poses --out report.json
-  yoto quality --capture data/ada --capture data/bob --out report.json
-  yoto quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
+  yoto-lab quality --capture captures/me --out report.json
+  yoto-lab quality --capture captures/me --refine-poses --fit-poses --out report.json
+  yoto-lab quality --capture data/ada --capture data/bob --out report.json
+  yoto-lab quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
 
 /// Train on captures and measure quality on held-out views and poses.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Quality {
+pub(super) struct Quality {
     /// Capture; may be repeated, once per person.
     #[arg(long = "capture", value_name = "CAPTURE", required = true, num_args = 1..)]
     captures: Vec<PathBuf>,
@@ -66,10 +66,10 @@ pub(crate) struct Quality {
     #[arg(long, value_name = "N", default_value_t = 6)]
     curve_pictures: u32,
     /// Quality tier: a trade-off of speed and detail.
-    #[arg(long, default_value = yoto_proto::tiers::DEFAULT_TIER, value_parser = args::tier, long_help = tier_help())]
+    #[arg(long, default_value = yoto_proto::tiers::DEFAULT_TIER, value_parser = args::tier, long_help = args::tier_help())]
     tier: String,
     /// Model variant of the paper's ablation.
-    #[arg(long, default_value = "yoto", value_parser = args::variant, long_help = variant_help())]
+    #[arg(long, default_value = "yoto", value_parser = args::variant, long_help = args::variant_help())]
     variant: String,
     /// Sharing of the hash grid: own, split:ROWS (a shared table, and one per person with at most
     /// 2^ROWS rows per level) or bases:COUNT (shared rows that each person mixes) [default: the
@@ -85,12 +85,12 @@ pub(crate) struct Quality {
     train_poses: Option<String>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
     /// wander off their masks or jump [default: by the tier: auto, or never for the tiers of the paper].
-    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
-    refine_poses: Option<RefinePoses>,
+    #[arg(long, value_parser = args::refine_poses, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
+    refine_poses: Option<Refine>,
     /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
     /// frames are exposed differently [default: by the tier: auto for splat, else never].
-    #[arg(long, value_enum, value_name = "WHEN")]
-    exposure: Option<Exposure>,
+    #[arg(long, value_parser = args::exposure, value_name = "WHEN")]
+    exposure: Option<LearnExposure>,
     /// Also measure after a fit of the held-out pictures' poses, with the model as it is.
     #[arg(long)]
     fit_poses: bool,
@@ -104,15 +104,25 @@ pub(crate) struct Quality {
     /// difference, white from a quarter of the data range.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
+    #[arg(
+        long,
+        env = "YOTO_FFMPEG",
+        value_name = "FILE",
+        value_parser = OsStringValueParser::new(),
+        hide_short_help = true
+    )]
+    ffmpeg: Option<OsString>,
     #[command(flatten)]
-    ffmpeg: FfmpegArg,
-    #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: LpipsArgs,
 }
 
 impl Quality {
-    pub(crate) fn run(self) -> anyhow::Result<()> {
-        let films = self.captures.iter().map(|path| film(path, &self.ffmpeg));
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let films = self
+            .captures
+            .iter()
+            .map(|path| film(path, self.ffmpeg.as_deref().map(Path::new)));
         let options = QualityOptions {
             captures: films.collect::<anyhow::Result<_>>()?,
             hold_out: self.hold_out as usize,
@@ -128,16 +138,8 @@ impl Quality {
             tier: self.tier,
             variant: self.variant,
             train_poses: self.train_poses,
-            refine_poses: self.refine_poses.map(|when| match when {
-                RefinePoses::Always => Refine::Always,
-                RefinePoses::Never => Refine::Never,
-                RefinePoses::Auto => Refine::Auto,
-            }),
-            exposure: self.exposure.map(|when| match when {
-                Exposure::Always => LearnExposure::Always,
-                Exposure::Never => LearnExposure::Never,
-                Exposure::Auto => LearnExposure::Auto,
-            }),
+            refine_poses: self.refine_poses,
+            exposure: self.exposure,
             fit_poses: self.fit_poses,
             seed: self.seed,
             pictures: self.pictures,
@@ -155,12 +157,12 @@ impl Quality {
 }
 
 /// The capture at `path`, read whole if it has no held-out pictures.
-fn film(path: &Path, ffmpeg: &FfmpegArg) -> anyhow::Result<Film> {
+fn film(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<Film> {
     let read = || -> anyhow::Result<Film> {
         if CaptureFolder::has_held_out(path)? {
             return Ok(Film::Studio(path.to_owned()));
         }
-        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg.program())?;
+        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg)?;
         let mut display = ProgressDisplay::new(&*decoded.name);
         let frames = decoded.capture.track().frames.len();
         let shard = Arc::new(decoded.shard(|done| display.count("frame", done, frames))?);

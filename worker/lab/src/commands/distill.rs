@@ -1,9 +1,8 @@
-//! `yoto distill`: splats that show what a field has learned about one person.
+//! `yoto-lab distill`: splats that show what a field has learned about one person.
 
-use crate::args::person::{ChosenPerson, PersonArgs};
-use crate::args::{distillation_seconds, distillation_sizes};
 use anyhow::{Context, ensure};
 use clap::Args;
+use clap::builder::RangedU64ValueParser;
 use std::path::PathBuf;
 use yoto_avatar::distill::{Course, Distilled, Filmed, Lessons, Stage};
 use yoto_avatar::render::Renderer;
@@ -12,6 +11,7 @@ use yoto_capture::Shard;
 use yoto_capture::skeleton::Skeleton;
 use yoto_export::source::Source;
 use yoto_import::capture_dir::{CaptureOptions, DecodedCapture, named, read_track};
+use yoto_proto::checks::export;
 use yoto_proto::exports;
 use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::Progress;
@@ -21,23 +21,28 @@ use yoto_terminal::progress::{ProgressDisplay, count};
 const AFTER_HELP: &str = "\
 Renders the person all around in poses of the capture for a third of the time, and trains splats on these
 pictures for the rest; with --frames, on those of the capture as well, which has what the field lost. The new model has
-the person in slot 0: `yoto export` takes it, `yoto render-frame` draws single pictures, and `yoto evaluate
---model-dir` compares it with what was filmed. For films and scenes, train splats on the captures themselves
+the person in slot 0: `yoto export` takes it, `yoto-lab render-frame` draws single pictures, and `yoto-lab
+evaluate` compares it with what was filmed. For films and scenes, train splats on the captures themselves
 (`yoto train --tier splat`), which also shows more. The service's `yoto export MODEL` does all of this by
-itself.
+itself; `yoto model export MODEL` writes a model of the service to a folder.
 
 Examples:
-  yoto distill fog --subject ada --capture captures/ada --out models/ada
+  yoto model export fog --out models/fog
+  yoto-lab distill models/fog --capture captures/ada --out models/ada
   yoto export models/ada --capture captures/ada --out ada.html
-  yoto distill fog --subject ada --capture captures/ada --frames --out models/ada
-  yoto distill checkpoints/000000002000 --slot 1 --capture captures/bob --out models/bob";
+  yoto-lab distill models/fog --capture captures/ada --frames --out models/ada
+  yoto-lab distill checkpoints/000000002000 --slot 1 --capture captures/bob --out models/bob";
 
 /// Turn one person of a model of fields into splats, which viewers and browsers play.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Distill {
-    #[command(flatten)]
-    person: PersonArgs,
+pub(super) struct Distill {
+    /// Folder of a model of fields.
+    #[arg(value_name = "DIR")]
+    model: PathBuf,
+    /// Identity slot of the person.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    slot: usize,
     /// Folder of a capture in whose poses the person is rendered.
     #[arg(long, value_name = "DIR")]
     capture: PathBuf,
@@ -46,11 +51,11 @@ pub(crate) struct Distill {
     frames: bool,
     /// Shorter side of the pictures, pixels. They are square; with --frames they have the form of the capture's
     /// frames, and at most their size.
-    #[arg(long, default_value_t = exports::SIZE, value_name = "PX", value_parser = distillation_sizes())]
+    #[arg(long, default_value_t = exports::SIZE, value_name = "PX", value_parser = sizes())]
     size: u32,
     /// Seconds of rendering and training together; with a slow field, more: at least 12 pictures are rendered, and
     /// the training has two thirds of this.
-    #[arg(long, default_value_t = exports::SECONDS, value_name = "S", value_parser = distillation_seconds)]
+    #[arg(long, default_value_t = exports::SECONDS, value_name = "S", value_parser = seconds)]
     seconds: f64,
     /// Seed of the training.
     #[arg(long, default_value_t = 7, value_name = "N")]
@@ -61,36 +66,28 @@ pub(crate) struct Distill {
 }
 
 impl Distill {
-    pub(crate) async fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         ensure!(
             !self.out.exists(),
             "{} is there already: choose another folder (--out)",
             self.out.display()
         );
         let track = read_track(&self.capture)?;
-        let chosen = self.person.fetch().await?;
-        tokio::task::block_in_place(|| match self.frames {
-            true => {
-                let options = CaptureOptions::default();
-                let decoded = DecodedCapture::open(&self.capture, &options, None)?;
-                let shard = decoded.shard(|_| {})?;
-                self.distill(&chosen, &shard.track, Some(&shard))
-            }
-            false => self.distill(&chosen, &track, None),
-        })
+        if !self.frames {
+            return self.distill(&track, None);
+        }
+        let decoded = DecodedCapture::open(&self.capture, &CaptureOptions::default(), None)?;
+        let shard = decoded.shard(|_| {})?;
+        self.distill(&shard.track, Some(&shard))
     }
 
-    /// Films the person in the poses of a `given` track, and trains splats on the film, with the frames of `capture`.
-    fn distill(
-        &self,
-        chosen: &ChosenPerson,
-        given: &PoseTrack,
-        capture: Option<&Shard>,
-    ) -> anyhow::Result<()> {
-        let slot = chosen.slot;
-        let model = || format!("the model {}", chosen.model);
+    /// Renders the person in the poses of `track`, and trains splats on the pictures and on the frames of
+    /// `capture`.
+    fn distill(&self, track: &PoseTrack, capture: Option<&Shard>) -> anyhow::Result<()> {
+        let slot = self.slot;
+        let model = || format!("the model {}", self.model.display());
         let device = yoto_device::pick().device;
-        let renderer = Renderer::load(chosen.folder(), &device).with_context(model)?;
+        let renderer = Renderer::load(&self.model, &device).with_context(model)?;
         let tier = &renderer.config().tier;
         ensure!(
             renderer.skinned_splats(slot).with_context(model)?.is_none(),
@@ -99,16 +96,15 @@ impl Distill {
         );
         let body = renderer.skeleton(slot);
         let body = body.with_context(|| format!("{} has no slot {slot}", model()))?;
-        let refined = refined_track(chosen.folder(), slot, given).with_context(model)?;
+        let refined = refined_track(&self.model, slot, track).with_context(model)?;
         let name = named(&self.capture);
-        let source = Source::track(&name, refined.as_ref().unwrap_or(given))?;
+        let source = Source::track(&name, refined.as_ref().unwrap_or(track))?;
         let poses = source.poses(body)?;
-        let same = Skeleton::from_track(&given.skeleton)? == *body;
+        let same = Skeleton::from_track(&track.skeleton)? == *body;
         ensure!(
             capture.is_none() || same,
-            "--frames: {} is of another body than {} of {}: its poses alone are of use",
+            "--frames: {} is of another body than slot {slot} of {}: its poses alone are of use",
             self.capture.display(),
-            chosen.name,
             model()
         );
         let filmed = match capture {
@@ -130,7 +126,7 @@ impl Distill {
             seed: self.seed,
             scratch: None,
         };
-        let mut display = ProgressDisplay::new(format!("{} of {}", chosen.name, model()));
+        let mut display = ProgressDisplay::new(format!("slot {slot} of {}", model()));
         let tell = &mut |stage: Stage, fraction: f64| display.progress(&shown(stage, fraction));
         let Distilled {
             trainer,
@@ -162,7 +158,7 @@ impl Distill {
     }
 }
 
-/// What is shown of a `stage`, when so much is done.
+/// The progress of a `stage`; `fraction` is the share of the whole distillation that is done.
 fn shown(stage: Stage, fraction: f64) -> Progress {
     match stage {
         Stage::Filming(pictures) => Progress {
@@ -180,4 +176,21 @@ fn shown(stage: Stage, fraction: f64) -> Progress {
             ..Progress::default()
         },
     }
+}
+
+/// Parses the length of a distillation, seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if export::SECONDS.contains(&seconds) => Ok(seconds),
+        _ => {
+            let (least, most) = (export::SECONDS.start(), export::SECONDS.end());
+            Err(format!("a number of seconds from {least} to {most}"))
+        }
+    }
+}
+
+/// A parser of the side of a distillation's pictures, pixels.
+fn sizes() -> RangedU64ValueParser<u32> {
+    let (least, most) = (*export::SIZES.start(), *export::SIZES.end());
+    RangedU64ValueParser::new().range(u64::from(least)..=u64::from(most))
 }

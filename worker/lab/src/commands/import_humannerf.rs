@@ -1,13 +1,13 @@
-//! `yoto model import-humannerf`: a checkpoint of the released HumanNeRF program as a model.
+//! `yoto-lab import-humannerf`: a checkpoint of the released HumanNeRF program as a model.
 
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::import::{HumanNerfOptions, import_humannerf};
 use yoto_terminal::output;
 
-pub(crate) const AFTER_HELP: &str = "\
+const AFTER_HELP: &str = "\
 Writes weights.safetensors and state.json of a model of one identity, which
-`yoto render-frame` renders as the released program does. The model can't be trained further.
+`yoto-lab render-frame` renders as the released program does. The model can't be trained further.
 Nothing in the files is executed.
 
 Canonical joints are used unchanged. A poses.json is suitable if the
@@ -18,15 +18,17 @@ A checkpoint does not hold its training's configuration file. Its frames need N_
 kick-in and full-band only matter to frames of earlier iterations.
 
 Examples:
-  yoto model import-humannerf iter_400000.tar --canonical-joints canonical_joints.pkl --out p377
-  yoto model import-humannerf latest.tar --canonical-joints data/ada/poses.json --out ada \\
+  yoto-lab import-humannerf iter_400000.tar --canonical-joints canonical_joints.pkl --out p377
+  yoto-lab import-humannerf latest.tar --canonical-joints data/ada/poses.json --out ada \\
       --kick-in 100000 --full-band 200000";
 
 /// The program's configuration for ZJU-MoCap.
 const ZJU: HumanNerfOptions = HumanNerfOptions::ZJU_MOCAP;
 
+/// Import a checkpoint of the released HumanNeRF program as a model.
 #[derive(Debug, Args)]
-pub(crate) struct ImportHumanNerf {
+#[command(name = "import-humannerf", after_help = AFTER_HELP)]
+pub(super) struct ImportHumanNerf {
     /// The checkpoint, a file of torch.save.
     #[arg(value_name = "CHECKPOINT")]
     checkpoint: PathBuf,
@@ -54,7 +56,7 @@ pub(crate) struct ImportHumanNerf {
 }
 
 impl ImportHumanNerf {
-    pub(crate) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let options = HumanNerfOptions {
             samples: self.samples as usize,
             kick_in: self.kick_in,

@@ -1,16 +1,16 @@
-//! `yoto ablation`: the effect of each part of the model, on given captures.
+//! `yoto-lab ablation`: the effect of each part of the model, on given captures.
 
-use crate::args;
-use crate::args::tier_help;
-use crate::cli::paper_table::{Row, paper_table};
-use crate::screen::Terminal;
+use super::args;
+use super::lpips_args::LpipsArgs;
+use super::screen::Terminal;
+use crate::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use anyhow::Context;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
+use yoto_avatar::evaluate::{Row, paper_table};
 use yoto_avatar::train::Budget;
-use yoto_lab::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use yoto_proto::v1::Scores;
 use yoto_terminal::output;
 
@@ -19,7 +19,7 @@ Trains yoto, no-pose-condition, no-identity and humannerf one after the other on
 captures with the same seed and budget, measures each on the captures' held-out views (eval/)
 and poses (eval_pose/), and prints them beside the paper's table. humannerf knows one person
 per model: its budget is divided among as many models as there are captures, so that every
-variant trains equally long in total. The captures are laid out as `yoto quality --help` says.
+variant trains equally long in total. The captures are laid out as `yoto-lab quality --help` says.
 
 With --people in place of captures, synthetic people are filmed whose clothes move with the pose
 by a known rule; the error of the learned displacement is then measured as well.
@@ -28,18 +28,18 @@ OUT/ablation.json holds all figures, OUT/models/VARIANT/ the trained models; wit
 each has a folder of its own, OUT/seed-N.
 
 Examples:
-  yoto ablation --capture data/ada data/bob --seconds 600 --out out/ablation
-  yoto ablation --capture data/ada data/bob --steps 2000 --size 64 --measure 12 --out out
-  yoto ablation --people 3 --steps 1500 --seed 1 --seed 2 --seed 3 --out out/cloth";
+  yoto-lab ablation --capture data/ada data/bob --seconds 600 --out out/ablation
+  yoto-lab ablation --capture data/ada data/bob --steps 2000 --size 64 --measure 12 --out out
+  yoto-lab ablation --people 3 --steps 1500 --seed 1 --seed 2 --seed 3 --out out/cloth";
 
 /// Train the paper's four variants on the same captures and compare them.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct AblationCommand {
+pub(super) struct AblationCommand {
     /// Capture folder; give it again for each further person.
     #[arg(long = "capture", value_name = "DIR", required_unless_present = "people", num_args = 1..)]
     captures: Vec<PathBuf>,
-    /// So many synthetic people in clothes that move, in place of captures.
+    /// Number of synthetic people in clothes that move, in place of captures.
     #[arg(long, value_name = "N", conflicts_with = "captures", value_parser = clap::value_parser!(u8).range(1..=64))]
     people: Option<u8>,
     /// Budget of each variant in seconds of training.
@@ -52,7 +52,7 @@ pub(crate) struct AblationCommand {
     #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
     /// Quality tier: speed against detail. In splat, the variants yoto and no-pose-condition train alike.
-    #[arg(long, default_value = "fast", value_parser = args::tier, long_help = tier_help())]
+    #[arg(long, default_value = "fast", value_parser = args::tier, long_help = args::tier_help())]
     tier: String,
     /// Seed of everything random; give it again to train with several and see the spread.
     #[arg(long = "seed", value_name = "N", default_values_t = [7])]
@@ -70,11 +70,11 @@ pub(crate) struct AblationCommand {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: LpipsArgs,
 }
 
 impl AblationCommand {
-    pub(crate) fn run(self) -> anyhow::Result<()> {
+    pub(super) fn run(self) -> anyhow::Result<()> {
         let lpips = self.lpips.weights()?;
         let mut files = Vec::new();
         let mut found = Vec::new();
@@ -233,7 +233,7 @@ fn gain(ablation: &Ablation, part: &str, without: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_lab::report::SplitScores;
+    use yoto_avatar::evaluate::SplitScores;
 
     #[test]
     fn the_text_says_what_each_part_gives_and_on_what_terms() {
