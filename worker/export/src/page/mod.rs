@@ -97,8 +97,8 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         .replace("{{person}}", &data))
 }
 
-/// `text` for HTML.
-fn escaped(text: &str) -> String {
+/// `text` without characters that have a meaning in HTML or in a page template of `{name}` fields.
+pub fn escaped(text: &str) -> String {
     let mut escaped = String::new();
     for character in text.chars() {
         match character {
