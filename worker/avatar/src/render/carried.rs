@@ -5,8 +5,8 @@ use super::frame::{RenderError, Renderer, read};
 use crate::motion::body::Body;
 use std::borrow::Cow;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::Sight;
-use yoto_ops::splat::harmonics::add_seen;
+use yoto_ops::splat::View;
+use yoto_ops::splat::harmonics::add_view_colours;
 use yoto_ops::warp::skin::shares::Shares;
 
 /// A person's splats in host memory, in no pose.
@@ -22,10 +22,10 @@ pub(super) struct Carried {
 
 impl Carried {
     /// The rows with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
-    pub fn rows_seen_from(&self, sight: &Sight, transforms: &[f32]) -> Cow<'_, [f32]> {
+    pub fn rows_seen_from(&self, sight: &View, transforms: &[f32]) -> Cow<'_, [f32]> {
         let mut rows = Cow::Borrowed(self.rows.as_slice());
         if let Some(harmonics) = &self.harmonics {
-            add_seen(rows.to_mut(), harmonics, transforms, sight);
+            add_view_colours(rows.to_mut(), harmonics, transforms, sight);
         }
         rows
     }
