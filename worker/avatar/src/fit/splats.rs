@@ -44,7 +44,7 @@ impl PoseFitter<'_> {
         pulls().for_each(|pull| pulled[pull.splat] = true);
         let skinning = Skinning::new(&host.weights, &host.transforms, &self.body.grid);
         let carried_by = |(splat, pulled): (usize, &bool)| match pulled {
-            true => skinning.shares(probe.mean(splat)),
+            true => skinning.skinning_weights(probe.mean(splat)),
             false => Vec::new(),
         };
         let shares: Vec<_> = pulled.par_iter().enumerate().map(carried_by).collect();

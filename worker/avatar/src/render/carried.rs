@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::View;
 use yoto_ops::splat::harmonics::add_view_colours;
-use yoto_ops::warp::skin::shares::Shares;
+use yoto_ops::warp::skin::weights::SkinningWeights;
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
@@ -17,7 +17,7 @@ pub(super) struct Carried {
     harmonics: Option<Vec<f32>>,
     /// `[3, 8]`.
     pub light: Vec<f32>,
-    shares: Shares,
+    shares: SkinningWeights,
 }
 
 impl Carried {
@@ -64,7 +64,7 @@ impl Renderer {
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let bones = body.skeleton.joints();
         let carried = Carried {
-            shares: Shares::new(&weights, bones, &means, &body.grid),
+            shares: SkinningWeights::new(&weights, bones, &means, &body.grid),
             light: read(splats.light.detach())?,
             harmonics: harmonics.transpose()?,
             rows,

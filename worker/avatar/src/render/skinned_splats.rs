@@ -105,7 +105,7 @@ fn skinned(row: &[f32; ROW], own: &[[f32; 3]], skinning: &Skinning<'_>) -> Skinn
         opacity: 1.0 / (1.0 + (-opacity).exp()),
         colour: [red, green, blue],
         harmonics: std::array::from_fn(|k| own.get(k).copied().unwrap_or_default()),
-        bones: most(skinning.shares(mean)),
+        bones: most(skinning.skinning_weights(mean)),
     }
 }
 

@@ -73,7 +73,7 @@ impl Trainer {
         let skinning = Skinning::new(&weights, &transforms, &subject.body.grid);
         let rows = rows.as_chunks::<ROW>().0;
         let strongest = |row: &[f32; ROW]| {
-            let shares = skinning.shares([row[0], row[1], row[2]]);
+            let shares = skinning.skinning_weights([row[0], row[1], row[2]]);
             let most = shares.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b));
             most.map_or(0, |(bone, _)| bone)
         };
