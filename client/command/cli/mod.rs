@@ -108,6 +108,9 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> anyhow::Result<()> {
+    // Before any command computes: a wrong YOTO_CPU is an error, and not a slower or faster form than asked for.
+    #[cfg(feature = "embedded")]
+    yoto_device::check_cpu_form()?;
     let log_json = cli.log_json || logs_are_json(&cli.command);
     service::logs::init(default_level(&cli.command), log_json);
     let runtime = tokio::runtime::Runtime::new().context("starting the asynchronous runtime")?;

@@ -11,9 +11,9 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
 use yoto_export::gaussians::posed;
 use yoto_formats::splats::Gaussian;
-use yoto_ops::splat::cpu::Numbers;
+use yoto_ops::splat::cpu::SplatSlices;
 use yoto_ops::splat::harmonics::terms;
-use yoto_ops::splat::{Sight, draw};
+use yoto_ops::splat::{View, render};
 use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 96;
@@ -83,19 +83,19 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     };
     let rows: Vec<f32> = splats.iter().flat_map(row).collect();
     let narrow = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
-    let sight = Sight {
+    let sight = View {
         width: camera.width as usize,
         height: camera.height as usize,
         k: [narrow(&camera.k[0]), narrow(&camera.k[1])],
         e: std::array::from_fn(|r| camera.e[r].map(|v| v as f32)),
         world: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     };
-    let numbers = Numbers {
+    let numbers = SplatSlices {
         transforms: &whole.repeat(splats.len()),
         rows: &rows,
         light: &[0.0; 24],
     };
-    draw(&[(numbers, &sight)]).expect("somebody").rgb
+    render(&[(numbers, &sight)]).expect("somebody").rgb
 }
 
 #[test]

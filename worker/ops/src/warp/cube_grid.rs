@@ -1,4 +1,4 @@
-//! Inside a kernel: the position to which a bone carries a point, and the nodes of the grid around
+//! Inside a kernel: the position to which a bone transforms a point, and the nodes of the grid around
 //! it. The counterpart of `grid`.
 
 use super::WarpGrid;
@@ -28,9 +28,9 @@ pub(super) fn lattice(grid: &WarpGrid) -> LatticeLaunch {
     LatticeLaunch::new(x, y, z, sx, sy, sz, across, down, deep)
 }
 
-/// A point as a bone carries it, or where it is.
+/// A point that a bone has transformed, or the point as it is, with its cell in the grid.
 #[derive(CubeType, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct GridPoint {
     /// Whether the point is in the bone's support, or in the box. The rest is meaningful only then.
     pub inside: bool,
     /// Metres.
@@ -52,31 +52,31 @@ pub(super) struct Place {
 pub(super) struct Tap {
     /// Whether the grid has it; weights outside the grid are 0.
     pub inside: bool,
-    /// Its number in a bone's volume.
+    /// Its index in a bone's volume.
     pub node: usize,
-    /// Its share along each axis.
+    /// Its trilinear weight along each axis.
     pub u: f32,
     pub v: f32,
     pub w: f32,
-    /// Derivatives of the shares with respect to the offset.
+    /// Derivatives of these weights with respect to the offset.
     pub du: f32,
     pub dv: f32,
     pub dw: f32,
 }
 
-/// One coordinate of a carried point, by the row of the transform that begins at `at`.
+/// One coordinate of a transformed point, by the row of the transform that begins at `at`.
 #[cube]
-fn carried(transforms: &[f32], at: usize, x: f32, y: f32, z: f32) -> f32 {
+fn transform_row(transforms: &[f32], at: usize, x: f32, y: f32, z: f32) -> f32 {
     transforms[at] * x + transforms[at + 1] * y + transforms[at + 2] * z + transforms[at + 3]
 }
 
 /// Whether `g`, in cells, is within a cell of the nodes from `low` to `high`.
 #[cube]
-fn near(g: f32, low: u32, high: u32) -> bool {
+fn within_a_cell(g: f32, low: u32, high: u32) -> bool {
     g > f32::cast_from(low) - 1.0 && g < f32::cast_from(high) + 1.0
 }
 
-/// The place x, y, z, inside if it is less than a cell from the nodes from `low` to `high`.
+/// The point x, y, z, which is inside if it is less than a cell from the nodes from `low` to `high`.
 #[cube]
 #[allow(clippy::too_many_arguments)]
 fn cell(
@@ -90,15 +90,17 @@ fn cell(
     high_j: u32,
     high_k: u32,
     lattice: &Lattice,
-) -> Place {
+) -> GridPoint {
     let gx = (x - lattice.min_x) * lattice.scale_x;
     let gy = (y - lattice.min_y) * lattice.scale_y;
     let gz = (z - lattice.min_z) * lattice.scale_z;
     let low_x = f32::floor(gx);
     let low_y = f32::floor(gy);
     let low_z = f32::floor(gz);
-    Place {
-        inside: near(gx, low_i, high_i) && near(gy, low_j, high_j) && near(gz, low_k, high_k),
+    GridPoint {
+        inside: within_a_cell(gx, low_i, high_i)
+            && within_a_cell(gy, low_j, high_j)
+            && within_a_cell(gz, low_k, high_k),
         x,
         y,
         z,
@@ -111,23 +113,23 @@ fn cell(
     }
 }
 
-/// Point number `point` as bone number `bone` carries it. `supports` `[K, 6]` are the lowest and
-/// highest nodes that the bones have weights at.
+/// The point with index `index`, transformed by the bone with index `bone`. `supports` `[K, 6]` are the lowest and
+/// highest nodes where the bones have weights.
 #[cube]
-pub(super) fn place(
+pub(super) fn transformed_point(
     transforms: &[f32],
     points: &[f32],
     supports: &[u32],
     bone: usize,
-    point: usize,
+    index: usize,
     lattice: &Lattice,
-) -> Place {
-    let px = points[3 * point];
-    let py = points[3 * point + 1];
-    let pz = points[3 * point + 2];
-    let x = carried(transforms, 12 * bone, px, py, pz);
-    let y = carried(transforms, 12 * bone + 4, px, py, pz);
-    let z = carried(transforms, 12 * bone + 8, px, py, pz);
+) -> GridPoint {
+    let px = points[3 * index];
+    let py = points[3 * index + 1];
+    let pz = points[3 * index + 2];
+    let x = transform_row(transforms, 12 * bone, px, py, pz);
+    let y = transform_row(transforms, 12 * bone + 4, px, py, pz);
+    let z = transform_row(transforms, 12 * bone + 8, px, py, pz);
     let s = 6 * bone;
     cell(
         x,
@@ -143,13 +145,13 @@ pub(super) fn place(
     )
 }
 
-/// Point number `point` where it is, inside if it is less than a cell from the box.
+/// The point with index `index` as it is, which is inside if it is less than a cell from the box.
 #[cube]
-pub(super) fn standing(points: &[f32], point: usize, lattice: &Lattice) -> Place {
+pub(super) fn untransformed_point(points: &[f32], index: usize, lattice: &Lattice) -> GridPoint {
     cell(
-        points[3 * point],
-        points[3 * point + 1],
-        points[3 * point + 2],
+        points[3 * index],
+        points[3 * index + 1],
+        points[3 * index + 2],
         0u32,
         0u32,
         0u32,
@@ -166,31 +168,31 @@ pub(super) fn voxels(lattice: &Lattice) -> usize {
     usize::cast_from(lattice.nodes_x * lattice.nodes_y * lattice.nodes_z)
 }
 
-/// Share of a node along an axis: `part` for the upper one, the rest for the lower one.
+/// Linear weight of a node along an axis: `part` for the upper one, the rest for the lower one.
 #[cube]
-fn share(part: f32, upper: i32) -> f32 {
-    let mut share = 1.0 - part;
+fn node_weight(part: f32, upper: i32) -> f32 {
+    let mut weight = 1.0 - part;
     if upper == 1 {
-        share = part;
+        weight = part;
     }
-    share
+    weight
 }
 
-/// Derivative of the share with respect to `part`.
+/// Derivative of the weight with respect to `part`.
 #[cube]
-fn slope(upper: i32) -> f32 {
+fn node_weight_derivative(upper: i32) -> f32 {
     2.0 * f32::cast_from(upper) - 1.0
 }
 
-/// Corner number `corner` of the cell of `place`: bit 0 is x, bit 1 y, bit 2 z.
+/// A corner of the cell of `point`: bit 0 of `corner` is x, bit 1 y, bit 2 z.
 #[cube]
-pub(super) fn tap(place: &Place, corner: u32, lattice: &Lattice) -> Tap {
+pub(super) fn tap(point: &GridPoint, corner: u32, lattice: &Lattice) -> Tap {
     let upper_x = i32::cast_from(corner & 1);
     let upper_y = i32::cast_from((corner >> 1) & 1);
     let upper_z = i32::cast_from(corner >> 2);
-    let i = place.i + upper_x;
-    let j = place.j + upper_y;
-    let k = place.k + upper_z;
+    let i = point.i + upper_x;
+    let j = point.j + upper_y;
+    let k = point.k + upper_z;
     let across = i32::cast_from(lattice.nodes_x);
     let down = i32::cast_from(lattice.nodes_y);
     let deep = i32::cast_from(lattice.nodes_z);
@@ -202,11 +204,11 @@ pub(super) fn tap(place: &Place, corner: u32, lattice: &Lattice) -> Tap {
     Tap {
         inside,
         node,
-        u: share(place.u, upper_x),
-        v: share(place.v, upper_y),
-        w: share(place.w, upper_z),
-        du: slope(upper_x),
-        dv: slope(upper_y),
-        dw: slope(upper_z),
+        u: node_weight(point.u, upper_x),
+        v: node_weight(point.v, upper_y),
+        w: node_weight(point.w, upper_z),
+        du: node_weight_derivative(upper_x),
+        dv: node_weight_derivative(upper_y),
+        dw: node_weight_derivative(upper_z),
     }
 }
