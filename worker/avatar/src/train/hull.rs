@@ -85,7 +85,7 @@ impl<'a> Film<'a> {
                 transforms: read(posed::transforms(body, &pose).inner())?,
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
                 camera: sight.e,
-                image: subject.picture(frame).image,
+                image: subject.image(frame),
             })
         };
         let somebody = |frame: &&TrainFrame| subject.shows(frame, COVERED);

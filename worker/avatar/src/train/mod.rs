@@ -91,6 +91,17 @@ pub enum TrainError {
         /// What is wrong.
         message: String,
     },
+    /// An objective that compares patches, for a model that learns from whole pictures.
+    #[error(
+        "the tier {tier} can't learn by the objective {objective}: its splats learn from whole pictures by a \
+         fixed loss, and an objective compares patches; use a tier with a field, such as fast"
+    )]
+    Objective {
+        /// Name of the objective.
+        objective: &'static str,
+        /// Tier of the model.
+        tier: String,
+    },
     /// The objective has no value.
     #[error("the objective has no value")]
     NoLoss,

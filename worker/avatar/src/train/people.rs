@@ -118,9 +118,14 @@ impl TrainSubject {
         self.film.size().map(|side| side as usize)
     }
 
-    /// The picture of `frame`.
+    /// The image of `frame`.
+    pub fn image(&self, frame: &TrainFrame) -> FrameImage {
+        self.film.image(frame.place)
+    }
+
+    /// The image of `frame`, and the pixels that show the person: for callers that draw from those pixels.
     pub fn picture(&self, frame: &TrainFrame) -> Picture {
-        let image = self.film.image(frame.place);
+        let image = self.image(frame);
         let covered = covered(&image);
         Picture { image, covered }
     }

@@ -89,10 +89,20 @@ impl Trainer {
     }
 
     /// Replaces the default objective.
-    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
+    ///
+    /// # Errors
+    /// If the model has splats: they learn from whole pictures by a loss with a backward pass of its own,
+    /// and an [`Objective`] compares patches.
+    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Result<Self, TrainError> {
+        if self.config.splats.is_some() {
+            return Err(TrainError::Objective {
+                objective: objective.name(),
+                tier: self.config.tier.clone(),
+            });
+        }
         self.progress.objective = objective.name();
         self.objective = objective;
-        self
+        Ok(self)
     }
 
     /// A trainer of `people`, each of whom has a slot in `saved`.

@@ -167,7 +167,7 @@ impl Trainer {
         let scene = self.scene(place, pose);
         let picture = pictured(self.state.avatar(), &scene, &frame.camera);
         let picture = picture.ok_or(TrainError::NoLoss)?;
-        let image = self.subjects[place.subject].picture(frame).image;
+        let image = self.subjects[place.subject].image(frame);
         let exposure = self.fit_exposure(place, &image, &picture)?;
         let (loss, terms) = compared(exposed(picture, &exposure), &image, &self.config);
         self.descend(scaled(loss, self.weight(place)), &terms)

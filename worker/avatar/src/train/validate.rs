@@ -72,7 +72,7 @@ impl Trainer {
                 })?;
                 let index = subject.track.frames[frame.place].index;
                 (self.exposure_near(subject.slot, index)).expose(&mut rendered);
-                let image = subject.picture(frame).image;
+                let image = subject.image(frame);
                 let truth = unit(&image.rgb);
                 psnr_sum += psnr(&rendered.rgb, &truth).min(EQUAL);
                 let similarity = ssim(&rendered.rgb, &truth, rendered.width, rendered.height);

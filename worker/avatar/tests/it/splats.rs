@@ -6,6 +6,7 @@ use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::loss::{LossTerm, Objective, Patches};
 use yoto_avatar::render::{Actor, Light, RenderView, Rendered, Renderer, SceneView};
 use yoto_avatar::tradeoff::Axes;
 use yoto_avatar::train::{Person, Trainer};
@@ -325,6 +326,40 @@ fn what_splats_can_not_do_is_refused_by_name() {
 }
 
 /// A frame that shows half of the person, and one that shows nobody, say nothing about what they lack.
+/// An objective that nothing evaluates here.
+struct Custom;
+
+impl Objective for Custom {
+    fn name(&self) -> &'static str {
+        "custom"
+    }
+
+    fn terms(&self, _: Patches) -> Vec<LossTerm> {
+        Vec::new()
+    }
+}
+
+/// Splats learn by their own loss, so a training that took another objective would not learn by it.
+#[test]
+fn another_objective_is_refused_where_it_would_be_ignored() {
+    let refused = trainer(&[0], 1).with_objective(Box::new(Custom));
+    let error = refused
+        .err()
+        .expect("splats have their own loss")
+        .to_string();
+    assert!(
+        error.contains("tier splat")
+            && error.contains("custom")
+            && error.contains("whole pictures"),
+        "{error}"
+    );
+    let field = ModelConfig::named("draft", "yoto").expect("a tier");
+    let people = people(&[0], 3, SIZE);
+    let trainer = Trainer::new(field, options(1), people, &Device::flex()).expect("starts");
+    let trainer = trainer.with_objective(Box::new(Custom)).expect("patches");
+    assert_eq!(trainer.progress().objective, "custom");
+}
+
 #[test]
 fn cropped_and_empty_frames_do_not_cut_the_person() {
     let whole = people(&[0], 12, SIZE).remove(0);
