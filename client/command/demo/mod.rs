@@ -183,7 +183,6 @@ async fn drive(
         variant: VARIANT.into(),
         size: options.size,
         seed: options.seed,
-        sharing: None,
         changed: Vec::new(),
     };
     Ok(score::report(scores, &renders, trained, settings))

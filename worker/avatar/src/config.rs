@@ -21,7 +21,6 @@ pub use resolution::Resolution;
 pub use sampling::{SamplingConfig, Turns};
 pub use schedule::Schedule;
 pub use setting::Setting;
-pub use sharing::Sharing;
 pub use splats::SplatConfig;
 pub use yoto_ops::Precision;
 
@@ -81,7 +80,7 @@ pub struct ModelConfig {
     pub march: MarchConfig,
     /// Optimisation.
     pub optimise: OptimiseConfig,
-    /// From whom each step learns.
+    /// The person that each step learns from.
     #[serde(default)]
     pub sampling: SamplingConfig,
     /// Start of each part of the model, and learning rates over a run.
@@ -277,9 +276,10 @@ pub enum Encoding {
         log2_rows: u32,
         /// Features per row: 1, 2, 4 or 8.
         features: usize,
-        /// Entries that people share.
-        #[serde(default)]
-        sharing: Sharing,
+        /// Binary logarithm of the rows of the largest level of an identity's own table. Its features are
+        /// added to those of a table that all share (docs/tiers.md).
+        #[serde(rename = "sharing", with = "sharing")]
+        own_log2_rows: u32,
     },
 }
 
@@ -342,26 +342,6 @@ pub struct OptimiseConfig {
 /// All samples.
 fn whole() -> f32 {
     1.0
-}
-
-impl ModelConfig {
-    /// This configuration with `kind` as the sharing of its hash grid.
-    ///
-    /// # Errors
-    /// If the model has no hash grid, or `kind` is out of range for it.
-    pub fn shared(mut self, kind: Sharing) -> Result<Self, ConfigError> {
-        match &mut self.canonical.encoding {
-            Encoding::Hash { sharing, .. } if self.splats.is_none() => *sharing = kind,
-            Encoding::Hash { .. } | Encoding::Fourier { .. } => {
-                return Err(ConfigError::Field {
-                    field: "canonical.encoding.sharing",
-                    message: format!("the tier '{}' has no tables to share", self.tier),
-                });
-            }
-        }
-        self.check()?;
-        Ok(self)
-    }
 }
 
 impl Variant {

@@ -1,8 +1,7 @@
 //! Validation of configurations.
 
 use super::{
-    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Precision, Sharing,
-    Variant,
+    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Precision, Variant,
 };
 use burn::tensor::Device;
 use yoto_ops::mlp::supports;
@@ -108,7 +107,7 @@ impl ModelConfig {
             growth,
             log2_rows,
             features,
-            sharing,
+            own_log2_rows,
         } = self.canonical.encoding
         {
             let finest = base as f64 * growth.powi(levels as i32);
@@ -126,22 +125,11 @@ impl ModelConfig {
             if ![1, 2, 4, 8].contains(&features) {
                 return fail("canonical.encoding.features", "must be 1, 2, 4 or 8");
             }
-            match sharing {
-                Sharing::Split { own_log2_rows } if !(4..=log2_rows).contains(&own_log2_rows) => {
-                    return fail(
-                        "canonical.encoding.sharing.own_log2_rows",
-                        "must be 4 to log2_rows",
-                    );
-                }
-                Sharing::Bases { count }
-                    if ![2, 4, 8, 16].contains(&count) || count * features > 16 =>
-                {
-                    return fail(
-                        "canonical.encoding.sharing.count",
-                        "must be 2, 4, 8 or 16, and with features no more than 16 numbers",
-                    );
-                }
-                _ => {}
+            if !(4..=log2_rows).contains(&own_log2_rows) {
+                return fail(
+                    "canonical.encoding.sharing.own_log2_rows",
+                    "must be 4 to log2_rows",
+                );
             }
         }
         if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
@@ -184,7 +172,6 @@ impl ModelConfig {
         }
         self.refinement.check()?;
         self.exposure.check()?;
-        self.sampling.check()?;
         self.schedule.check()
     }
 }

@@ -4,8 +4,7 @@ use super::{
     BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, ExposureConfig, LayersConfig, LearnExposure, MarchConfig,
     ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig, Precision,
-    Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, Sharing, SplatConfig, Unposing,
-    Variant,
+    Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, SplatConfig, Unposing, Variant,
 };
 
 impl ModelConfig {
@@ -82,9 +81,7 @@ fn grid_tier(
                 log2_rows,
                 features: 2,
                 // Chosen by experiment (docs/tiers.md).
-                sharing: Sharing::Split {
-                    own_log2_rows: log2_rows - 3,
-                },
+                own_log2_rows: log2_rows - 3,
             },
             layers: LayersConfig {
                 width,

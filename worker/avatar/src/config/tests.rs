@@ -53,45 +53,48 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
 
 #[test]
 fn a_configuration_survives_json() {
-    let named = ModelConfig::named("fast", "no-identity").expect("named");
-    for kind in [
-        Sharing::Own,
-        Sharing::Split { own_log2_rows: 11 },
-        Sharing::Bases { count: 4 },
+    let config = ModelConfig::named("fast", "no-identity").expect("named");
+    let json = serde_json::to_string(&config).expect("serialises");
+    assert_eq!(
+        serde_json::from_str::<ModelConfig>(&json).expect("reads"),
+        config
+    );
+}
+
+#[test]
+fn the_size_of_own_tables_keeps_its_form_and_other_forms_are_named() {
+    let grid = |sharing: &str| {
+        let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2SHARING}"#;
+        serde_json::from_str::<Encoding>(&json.replace("SHARING", sharing))
+    };
+    let split = grid(r#","sharing":{"kind":"split","own_log2_rows":11}"#).expect("today's form");
+    assert!(matches!(
+        split,
+        Encoding::Hash {
+            own_log2_rows: 11,
+            ..
+        }
+    ));
+    for (sharing, named) in [
+        (r#","sharing":{"kind":"own"}"#, "own"),
+        (r#","sharing":{"kind":"bases","count":4}"#, "bases"),
+        ("", "sharing"),
     ] {
-        let config = named.clone().shared(kind).expect("possible");
-        let json = serde_json::to_string(&config).expect("serialises");
-        assert_eq!(
-            serde_json::from_str::<ModelConfig>(&json).expect("reads"),
-            config
-        );
+        let error = grid(sharing).expect_err("no such form").to_string();
+        assert!(error.contains(named), "{error}");
     }
 }
 
 #[test]
-fn a_grid_that_says_nothing_of_sharing_shares_nothing() {
-    let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2}"#;
-    let read: Encoding = serde_json::from_str(json).expect("an older checkpoint's");
-    let fast = ModelConfig::named("fast", "yoto").expect("named");
-    let own = fast.shared(Sharing::Own).expect("possible");
-    assert_eq!(read, own.canonical.encoding);
-}
-
-#[test]
-fn impossible_sharing_is_named() {
-    for (kind, field) in [
-        (Sharing::Split { own_log2_rows: 3 }, "own_log2_rows"),
-        (Sharing::Split { own_log2_rows: 16 }, "own_log2_rows"),
-        (Sharing::Bases { count: 3 }, "count"),
-        (Sharing::Bases { count: 16 }, "count"),
-    ] {
-        let fast = ModelConfig::named("fast", "yoto").expect("named");
-        let error = fast.shared(kind).expect_err("impossible").to_string();
-        assert!(error.contains(field), "{error}");
+fn impossible_own_tables_are_named() {
+    for rows in [3, 16] {
+        let mut config = ModelConfig::named("fast", "yoto").expect("named");
+        if let Encoding::Hash { own_log2_rows, .. } = &mut config.canonical.encoding {
+            *own_log2_rows = rows;
+        }
+        let error = config.check().expect_err("impossible").to_string();
+        assert!(error.contains("own_log2_rows"), "{error}");
     }
-    let paper = ModelConfig::named("paper", "yoto").expect("named");
-    let error = paper.shared(Sharing::Own).expect_err("no grid").to_string();
-    assert!(error.contains("no tables"), "{error}");
 }
 
 #[test]

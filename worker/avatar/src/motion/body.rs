@@ -1,7 +1,7 @@
 //! The constants of one identity: its skeleton, canonical box, and prior.
 
 use super::prior::{canonical_grid, prior};
-use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
+use crate::config::{Encoding, ModelConfig, Numerics};
 use burn::tensor::{Device, Tensor, TensorData};
 use yoto_capture::skeleton::{Skeleton, Vec3};
 use yoto_ops::hash::HashGrid;
@@ -20,8 +20,8 @@ pub struct Body {
     pub rest: Vec<Vec3>,
     /// Box of the motion weights.
     pub grid: WarpGrid,
-    /// Hash grid over the same box, if the encoding is one. Where entries are shared, this is the
-    /// grid of the shared ones.
+    /// Hash grid over the same box, if the encoding is one. This is the grid of the
+    /// shared table.
     pub hash: Option<HashGrid>,
     /// Logarithm of the prior `[K + 1, V]`, the background last.
     pub log_prior: Tensor<2>,
@@ -76,14 +76,10 @@ pub fn hash_grid(encoding: &Encoding, grid: &WarpGrid) -> Option<HashGrid> {
         growth,
         log2_rows,
         features,
-        sharing,
+        ..
     } = *encoding
     else {
         return None;
-    };
-    let features = match sharing {
-        Sharing::Bases { count } => count * features,
-        Sharing::Own | Sharing::Split { .. } => features,
     };
     let side = (0..3)
         .map(|a| grid.max[a] - grid.min[a])

@@ -1,6 +1,6 @@
 //! Fits of poses: of a frame's before the frame is trained on, and of other pictures'.
 
-use super::frame_order::FramePlace;
+use super::frame_order::FrameIndex;
 use super::people::{TrainSubject, covered};
 use super::{TrainError, Trainer};
 use crate::avatar::Avatar;
@@ -20,7 +20,7 @@ impl Trainer {
     /// Refines the pose of the frame at `place`, if poses are refined now.
     pub(super) fn fit_pose(
         &mut self,
-        place: FramePlace,
+        place: FrameIndex,
         rng: &mut ChaCha8Rng,
     ) -> Result<(), TrainError> {
         let (opened, fraction) = (self.opened(), self.fraction());
@@ -132,7 +132,7 @@ impl Trainer {
     }
 
     /// The pose of the frame at `place`, refined where poses are.
-    pub(super) fn pose(&self, place: FramePlace) -> Pose {
+    pub(super) fn pose(&self, place: FrameIndex) -> Pose {
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         match &self.state.poses[subject.slot] {

@@ -3,7 +3,7 @@
 //! (docs/splats.md).
 
 use super::first_splats::first_splats;
-use super::frame_order::FramePlace;
+use super::frame_order::FrameIndex;
 use super::guard::TrainState;
 use super::people::{TrainFrame, TrainSubject};
 use super::refinement::PoseRefinement;
@@ -51,7 +51,7 @@ pub(super) fn place_first(
 
 impl Trainer {
     /// Places the splats of the person at `place` by the refined poses, if that is due.
-    pub(super) fn place_again(&mut self, place: FramePlace) -> Result<(), TrainError> {
+    pub(super) fn place_again(&mut self, place: FrameIndex) -> Result<(), TrainError> {
         let (opened, fraction) = (self.opened(), self.fraction());
         let subject = &self.subjects[place.subject];
         let Some(config) = &self.config.splats else {

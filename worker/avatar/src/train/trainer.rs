@@ -2,7 +2,7 @@
 
 use super::batch::{Scene, outcome};
 use super::exposure::exposed;
-use super::frame_order::{FrameOrder, FramePlace, Practice};
+use super::frame_order::{FrameIndex, FrameOrder, Practice};
 use super::guard::{Guard, TrainState, Verdict};
 use super::options::{Budget, TrainOptions};
 use super::patches;
@@ -116,11 +116,11 @@ impl Trainer {
         self.fit_pose(place, &mut rng)?;
         self.place_again(place)?;
         let pose = self.pose(place);
-        let loss = match self.config.splats {
+        match self.config.splats {
             Some(_) => self.learn_from_picture(place, &pose)?,
             None => self.learn_from_patches(place, &pose, &mut rng)?,
         };
-        self.practice[self.subjects[place.subject].slot].note(loss);
+        self.practice[self.subjects[place.subject].slot].steps += 1;
         self.step += 1;
         self.budget_steps += 1;
         let seconds = start.elapsed().as_secs_f64();
@@ -137,14 +137,14 @@ impl Trainer {
     }
 
     /// The frame of the next step.
-    fn next_place(&mut self) -> FramePlace {
+    fn next_place(&mut self) -> FrameIndex {
         let slots = self.subjects.iter().map(|it| it.slot);
         let practice: Vec<Practice> = slots.map(|slot| self.practice[slot]).collect();
-        self.order.place(self.step, &practice)
+        self.order.at(self.step, &practice)
     }
 
     /// The frame at `place` in `pose`, and the state of the model.
-    fn scene<'a>(&'a self, place: FramePlace, pose: &'a Pose) -> Scene<'a> {
+    fn scene<'a>(&'a self, place: FrameIndex, pose: &'a Pose) -> Scene<'a> {
         let subject = &self.subjects[place.subject];
         Scene {
             config: &self.config,
@@ -157,12 +157,8 @@ impl Trainer {
         }
     }
 
-    /// Learns from the whole frame at `place`. Returns the loss, if the model changed by it.
-    fn learn_from_picture(
-        &mut self,
-        place: FramePlace,
-        pose: &Pose,
-    ) -> Result<Option<f64>, TrainError> {
+    /// Learns from the whole frame at `place`.
+    fn learn_from_picture(&mut self, place: FrameIndex, pose: &Pose) -> Result<(), TrainError> {
         let frame = &self.subjects[place.subject].frames[place.frame];
         let scene = self.scene(place, pose);
         let picture = pictured(self.state.avatar(), &scene, &frame.camera);
@@ -170,16 +166,17 @@ impl Trainer {
         let image = self.subjects[place.subject].image(frame);
         let exposure = self.fit_exposure(place, &image, &picture)?;
         let (loss, terms) = compared(exposed(picture, &exposure), &image, &self.config);
-        self.descend(scaled(loss, self.weight(place)), &terms)
+        self.descend(scaled(loss, self.weight(place)), &terms)?;
+        Ok(())
     }
 
-    /// Learns from patches of the frame at `place`, ray by ray. Returns the loss, if the model changed by it.
+    /// Learns from patches of the frame at `place`, ray by ray.
     fn learn_from_patches(
         &mut self,
-        place: FramePlace,
+        place: FrameIndex,
         pose: &Pose,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Option<f64>, TrainError> {
+    ) -> Result<(), TrainError> {
         let subject = &self.subjects[place.subject];
         let frame = &subject.frames[place.frame];
         let batch = trace_span!("draw").in_scope(|| {
@@ -213,20 +210,20 @@ impl Trainer {
         );
         self.progress.samples += counts;
         let Some(outcome) = outcome else {
-            return Ok(None);
+            return Ok(());
         };
         let loss = scaled(outcome.loss, self.weight(place));
         let taken = self.descend(loss, &outcome.terms)?;
-        if let (Some(_), Some(seen), Some(grid)) =
+        if let (true, Some(seen), Some(grid)) =
             (taken, outcome.observations, &mut self.state.occupancy[slot])
         {
             grid.learn(&seen);
         }
-        Ok(taken)
+        Ok(())
     }
 
-    /// Updates the model, and returns the loss if the step was taken.
-    fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<Option<f64>, TrainError> {
+    /// Updates the model, and returns whether the step was taken.
+    fn descend(&mut self, loss: Tensor<1>, terms: &[LossTerm]) -> Result<bool, TrainError> {
         // Read together, since each read waits for the device.
         let mut values = vec![loss.clone()];
         values.extend(terms.iter().map(|term| term.value.clone()));
@@ -263,7 +260,7 @@ impl Trainer {
                 });
             }
         }
-        Ok((verdict == Verdict::Taken).then_some(f64::from(value)))
+        Ok(verdict == Verdict::Taken)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Frames whose poses are wrong, not just imprecise: other readings of them, and how little they count.
 
-use super::frame_order::FramePlace;
+use super::frame_order::FrameIndex;
 use super::people::TrainSubject;
 use super::{TrainError, Trainer};
 use crate::fit::{Picture, PoseChange, PoseFitter};
@@ -62,7 +62,7 @@ impl Trainer {
     }
 
     /// How much the frame at `place` counts in training, 0 to 1.
-    pub(super) fn weight(&self, place: FramePlace) -> f64 {
+    pub(super) fn weight(&self, place: FrameIndex) -> f64 {
         let subject = &self.subjects[place.subject];
         let frame = subject.frames[place.frame].place;
         let poses = self.state.poses[subject.slot].as_ref();

@@ -1,6 +1,6 @@
 //! The part of a step that learns the exposure of its frame.
 
-use super::super::frame_order::FramePlace;
+use super::super::frame_order::FrameIndex;
 use super::super::people::TrainSubject;
 use super::super::{TrainError, Trainer};
 use super::{FilmExposures, fit};
@@ -48,7 +48,7 @@ impl Trainer {
     /// and returns the one to compare them in.
     pub(in crate::train) fn fit_exposure(
         &mut self,
-        place: FramePlace,
+        place: FrameIndex,
         image: &FrameImage,
         picture: &Tensor<2>,
     ) -> Result<FrameExposure, TrainError> {

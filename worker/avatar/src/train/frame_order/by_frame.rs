@@ -1,6 +1,6 @@
 //! Epochs of shuffled frames, as in HumanNeRF's data loader: each has every frame of every person once.
 
-use super::FramePlace;
+use super::FrameIndex;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -10,18 +10,18 @@ pub struct ByFrame {
     seed: u64,
     epoch: u64,
     /// In the order of the current epoch; never empty.
-    places: Vec<FramePlace>,
+    places: Vec<FrameIndex>,
     /// In the order of the lists.
-    sorted: Vec<FramePlace>,
+    sorted: Vec<FrameIndex>,
 }
 
 impl ByFrame {
     /// The order for subjects with `counts[i]` frames.
     pub fn new(seed: u64, counts: &[usize]) -> Self {
-        let sorted: Vec<FramePlace> = (0..)
+        let sorted: Vec<FrameIndex> = (0..)
             .zip(counts)
             .flat_map(|(subject, &count)| {
-                (0..count).map(move |frame| FramePlace { subject, frame })
+                (0..count).map(move |frame| FrameIndex { subject, frame })
             })
             .collect();
         let mut order = Self {
@@ -38,7 +38,7 @@ impl ByFrame {
     ///
     /// # Panics
     /// If there are no frames.
-    pub fn place(&mut self, step: u64) -> FramePlace {
+    pub fn at(&mut self, step: u64) -> FrameIndex {
         let frames = self.sorted.len() as u64;
         let epoch = step / frames;
         if epoch != self.epoch {
@@ -64,8 +64,8 @@ mod tests {
     #[test]
     fn an_epoch_shows_every_frame_of_everybody_once() {
         let mut order = ByFrame::new(3, &[5, 1, 4]);
-        let mut epoch = |first: u64| -> Vec<FramePlace> {
-            (first..first + 10).map(|step| order.place(step)).collect()
+        let mut epoch = |first: u64| -> Vec<FrameIndex> {
+            (first..first + 10).map(|step| order.at(step)).collect()
         };
         let (one, two) = (epoch(0), epoch(10));
         for places in [&one, &two] {

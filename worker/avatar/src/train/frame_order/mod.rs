@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// A frame of a person, as indices into the trainer's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct FramePlace {
+pub(super) struct FrameIndex {
     pub subject: usize,
     pub frame: usize,
 }
@@ -31,7 +31,7 @@ impl FrameOrder {
     pub fn new(sampling: SamplingConfig, seed: u64, counts: &[usize]) -> Self {
         match sampling.turns {
             Turns::Frame => Self::ByFrame(ByFrame::new(seed, counts)),
-            Turns::Person => Self::ByPerson(ByPerson::new(seed, counts, sampling.harder)),
+            Turns::Person => Self::ByPerson(ByPerson::new(seed, counts)),
         }
     }
 
@@ -39,10 +39,10 @@ impl FrameOrder {
     ///
     /// # Panics
     /// If there are no subjects, or `practice` has another number of them.
-    pub fn place(&mut self, step: u64, practice: &[Practice]) -> FramePlace {
+    pub fn at(&mut self, step: u64, practice: &[Practice]) -> FrameIndex {
         match self {
-            Self::ByFrame(order) => order.place(step),
-            Self::ByPerson(order) => order.place(step, practice),
+            Self::ByFrame(order) => order.at(step),
+            Self::ByPerson(order) => order.at(step, practice),
         }
     }
 }

@@ -175,13 +175,6 @@ impl Residue {
             .filter_map(|(_, skeleton)| skeleton.as_ref())
             .flat_map(texts)
             .collect();
-        let loss = |slot: usize| state.practice.get(slot).and_then(|practice| practice.loss);
-        let shared = (0..state.practice.len()).any(|it| it != slot && loss(it) == loss(slot));
-        if let Some(loss) = loss(slot).filter(|_| !shared)
-            && let Ok(text) = serde_json::to_string(&loss)
-        {
-            self.add("the loss".to_owned(), text.into_bytes());
-        }
         if let Some(Some(skeleton)) = state.slots.get(slot) {
             for text in texts(skeleton).difference(&others) {
                 self.add(format!("the measure {text}"), text.clone().into_bytes());
