@@ -153,7 +153,7 @@ mod tests {
     fn evaluate(slot: usize, with_grid: bool, with_code: bool) {
         let device = Device::flex();
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
-        let config = config.canonical;
+        let config = &config.appearance.field().expect("a field").canonical;
         let area = WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
@@ -162,11 +162,11 @@ mod tests {
         };
         let grid = hash_grid(&config.encoding, &area);
         let init = Initial::new(&device, 1);
-        let field = Canonical::new(&init, &config, 2, 8, grid.as_ref(), Precision::F32);
+        let field = Canonical::new(&init, config, 2, 8, grid.as_ref(), Precision::F32);
         let points = Tensor::<2>::ones([1, 3], &device) * 0.5;
         let code = with_code.then(|| Tensor::zeros([8], &device));
         let grid = grid.filter(|_| with_grid);
-        field.forward(&config, points, slot, grid.as_ref(), code);
+        field.forward(config, points, slot, grid.as_ref(), code);
     }
 
     #[test]

@@ -33,7 +33,7 @@ impl Body {
         let grid = canonical_grid(
             &skeleton,
             config.motion.resolution.nodes(),
-            config.march.epsilon,
+            config.box_epsilon(),
         );
         let values: Vec<f32> = prior(&skeleton, &grid)
             .iter()
@@ -48,7 +48,10 @@ impl Body {
             config.motion.resolution.voxels(),
         ];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
-        let hash = hash_grid(&config.canonical.encoding, &grid);
+        let hash = config
+            .appearance
+            .field()
+            .and_then(|field| hash_grid(&field.canonical.encoding, &grid));
         Self {
             rest: skeleton.rest.clone(),
             skeleton,

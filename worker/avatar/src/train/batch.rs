@@ -4,14 +4,14 @@
 //! Each stage is a trace span, as are the trainer's: `yoto bench` measures the stages of a step by
 //! them.
 
-use crate::avatar::Avatar;
+use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::ModelConfig;
+use crate::host::read;
 use crate::loss::{LossTerm, Objective, Patches, total};
 use crate::motion::body::Body;
 use crate::render::RenderError;
 use crate::render::SampleCounts;
 use crate::render::composite::{Composite, composite};
-use crate::render::frame::read;
 use crate::render::march::{Volume, march};
 use crate::render::occupancy::{DensityObservations, Occupancy};
 use burn::tensor::{Tensor, TensorData};
@@ -83,7 +83,7 @@ fn off_the_mask(opacity: Tensor<1>, coverage: &[f32]) -> Tensor<1> {
 /// samples are in the middle and gradients flow to all.
 ///
 /// # Errors
-/// If the device fails or the objective has no terms.
+/// If the device fails, the objective has no terms, or the model has splats.
 ///
 /// [`OptimiseConfig::backward_share`]: crate::config::OptimiseConfig::backward_share
 pub fn outcome(
@@ -94,6 +94,14 @@ pub fn outcome(
     mut jitter: Option<&mut ChaCha8Rng>,
 ) -> Result<Option<Outcome>, RenderError> {
     let Scene { config, body, .. } = *scene;
+    let field = match avatar.appearance(config) {
+        AvatarAppearance::Field(field) => field,
+        AvatarAppearance::Splats(_) => {
+            let tier = &config.tier;
+            let message = format!("the tier {tier} has splats, which no ray meets");
+            return Err(RenderError::Settings(message));
+        }
+    };
     let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
         let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
         let weights = read(posed.weights.clone())?;
@@ -109,7 +117,12 @@ pub fn outcome(
         step: Some(scene.step),
     };
     let (mut samples, counts) = trace_span!("march").in_scope(|| {
-        let candidates = march(&batch.rays, &config.march, jitter.as_deref_mut(), &volume);
+        let candidates = march(
+            &batch.rays,
+            &field.config.march,
+            jitter.as_deref_mut(),
+            &volume,
+        );
         let samples = candidates.all();
         let counts = SampleCounts {
             evaluated: samples.live() as u64,
@@ -125,8 +138,8 @@ pub fn outcome(
     let points = Tensor::from_data(points, &device);
     let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
     let near = Tensor::from_data(near, &device);
-    let (values, canonical, likelihood) = trace_span!("fields")
-        .in_scope(|| avatar.evaluate(config, body, &posed, points, Some(near)));
+    let (values, canonical, likelihood) =
+        trace_span!("fields").in_scope(|| field.evaluate(body, &posed, points, Some(near)));
     let observations = match scene.occupancy {
         Some(_) => Some(DensityObservations {
             // Not the points that the march found: where the two disagree, it is no offset.
@@ -143,12 +156,12 @@ pub fn outcome(
         .filter(|_| share < 1.0)
         .map(|rng| GradientSubsampling {
             share,
-            density_scale: config.canonical.density_scale,
+            density_scale: field.config.canonical.density_scale,
             seed: rng.random(),
         });
     let seen = composite(
         &samples,
-        config.march.min_transmittance,
+        field.config.march.min_transmittance,
         subsampling,
         values.rgb,
         values.density,

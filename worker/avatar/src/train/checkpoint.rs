@@ -4,7 +4,7 @@
 use super::TrainError;
 use super::frame_order::Practice;
 use crate::avatar::Avatar;
-use crate::config::ModelConfig;
+use crate::config::{FieldConfig, ModelConfig};
 use crate::identity::own;
 use crate::motion::body::Body;
 use crate::motion::prior::canonical_grid;
@@ -194,7 +194,9 @@ pub(super) fn load_occupancy(
         .map(|bytes| SafeTensors::deserialize(bytes))
         .transpose()
         .map_err(|e| failed(&path, e))?;
-    let march = &state.config.march;
+    let Some(FieldConfig { march, .. }) = state.config.appearance.field() else {
+        return Ok(vec![None; state.slots.len()]);
+    };
     let grid = |(slot, skeleton): (usize, &Option<Skeleton>)| {
         let Some(skeleton) = skeleton else {
             return Ok(None);
@@ -202,7 +204,7 @@ pub(super) fn load_occupancy(
         let box_grid = canonical_grid(
             skeleton,
             state.config.motion.resolution.nodes(),
-            march.epsilon,
+            state.config.box_epsilon(),
         );
         let Some(blank) = Occupancy::new(&box_grid, march) else {
             return Ok(None);

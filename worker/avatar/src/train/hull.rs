@@ -4,10 +4,10 @@
 //! through, so that nothing has to be unlearned in poses that no frame shows.
 
 use super::people::{TrainFrame, TrainSubject};
+use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::Halo;
 use crate::render::RenderError;
-use crate::render::frame::read;
 use crate::render::splats::sight;
 use rayon::prelude::*;
 use yoto_capture::FrameImage;

@@ -46,6 +46,7 @@ pub use trainer::Trainer;
 pub use validate::Preview;
 
 use crate::config::ConfigError;
+use crate::host::ReadError;
 use crate::loss::lpips::LpipsError;
 use crate::render::RenderError;
 use thiserror::Error;
@@ -83,6 +84,9 @@ pub enum TrainError {
     /// A batch or a validation frame can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A tensor can't be read from its device.
+    #[error(transparent)]
+    Read(#[from] ReadError),
     /// A file of a checkpoint can't be written or read.
     #[error("{file}: {message}")]
     File {

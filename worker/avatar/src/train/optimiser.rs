@@ -84,7 +84,7 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
         group("condition.", rates.slow_rate),
         group("non_rigid.", rates.slow_rate),
     ];
-    let splats = config.splats.iter().flat_map(|splats| {
+    let splats = config.appearance.splats().into_iter().flat_map(|splats| {
         [
             group(".means", splats.mean_rate),
             group(".turns", splats.turn_rate),
@@ -151,13 +151,13 @@ mod tests {
             check_rates(&ModelConfig::named(tier, "yoto").expect("a tier"));
         }
         let mut shiny = ModelConfig::named("splat", "yoto").expect("a tier");
-        shiny.splats.as_mut().expect("splats").harmonics = 2;
+        shiny.appearance.splats_mut().expect("splats").harmonics = 2;
         check_rates(&shiny);
     }
 
     fn check_rates(config: &ModelConfig) {
         let rates = &config.optimise;
-        let splats = config.splats.as_ref();
+        let splats = config.appearance.splats();
         let mut avatar = Avatar::new(config, 2, 24, 3, &Device::flex().autodiff());
         let mut optimiser = optimiser(config);
         let (mut first_moment, mut second_moment) = (0.0, 0.0);

@@ -25,7 +25,7 @@ pub(super) fn place_first(
     subject: &TrainSubject,
     known: bool,
 ) -> Result<(), TrainError> {
-    let Some(splats) = &config.splats else {
+    let Some(splats) = config.appearance.splats() else {
         return Ok(());
     };
     let own = Avatar::own_slot(config, subject.slot);
@@ -54,7 +54,7 @@ impl Trainer {
     pub(super) fn place_again(&mut self, place: FrameIndex) -> Result<(), TrainError> {
         let (opened, fraction) = (self.opened(), self.fraction());
         let subject = &self.subjects[place.subject];
-        let Some(config) = &self.config.splats else {
+        let Some(config) = self.config.appearance.splats() else {
             return Ok(());
         };
         let Some(poses) = &mut self.state.poses[subject.slot] else {

@@ -14,7 +14,9 @@ use super::trainer::Trainer;
 use super::whole_picture::OBJECTIVE;
 use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant};
+use crate::config::{
+    Appearance, ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant,
+};
 use crate::identity::own;
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
@@ -94,7 +96,7 @@ impl Trainer {
     /// If the model has splats: they learn from whole pictures by a loss with a backward pass of its own,
     /// and an [`Objective`] compares patches.
     pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Result<Self, TrainError> {
-        if self.config.splats.is_some() {
+        if self.config.appearance.splats().is_some() {
             return Err(TrainError::Objective {
                 objective: objective.name(),
                 tier: self.config.tier.clone(),
@@ -146,8 +148,9 @@ impl Trainer {
         for person in people {
             let subject = TrainSubject::new(person, &saved.config, &options, &device)?;
             let known = state.occupancy[person.slot].take();
-            state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
-                .map(|grid| grid.taught_by(known.as_ref()));
+            let field = saved.config.appearance.field();
+            let grid = field.and_then(|it| Occupancy::new(&subject.body.grid, &it.march));
+            state.occupancy[person.slot] = grid.map(|grid| grid.taught_by(known.as_ref()));
             let known = state.poses[person.slot].take();
             let decision = whose_poses::decide(wanted.refinement.who, person)?;
             notes.extend(decision.why);
@@ -182,13 +185,13 @@ impl Trainer {
             patch_size,
             &device,
         )?;
-        if saved.config.splats.is_some() && options.lpips.is_some() {
+        if saved.config.appearance.splats().is_some() && options.lpips.is_some() {
             notes.push("splats learn without LPIPS".to_owned());
         }
         let progress = TrainProgress {
-            objective: match saved.config.splats {
-                Some(_) => OBJECTIVE,
-                None => objective.name(),
+            objective: match saved.config.appearance {
+                Appearance::Splats(_) => OBJECTIVE,
+                Appearance::Field(_) => objective.name(),
             },
             notes,
             ..TrainProgress::default()
@@ -237,7 +240,7 @@ fn reach_harmonics(
         let field = "harmonics";
         Err(TrainError::Config(ConfigError::Field { field, message }))
     };
-    match &mut wanted.splats {
+    match wanted.appearance.splats_mut() {
         None if degree == 0 => Ok(()),
         None => fail(format!(
             "the tier {} has a field, whose colours do not depend on the view",

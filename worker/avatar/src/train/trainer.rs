@@ -9,10 +9,11 @@ use super::patches;
 use super::people::TrainSubject;
 use super::whole_picture::{compared, pictured};
 use super::{Preview, TrainError, TrainProgress};
+use crate::avatar::AvatarAppearance;
 use crate::config::ModelConfig;
+use crate::host::read;
 use crate::loss::{LossTerm, Objective};
 use crate::render::SampleCounts;
-use crate::render::frame::read;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
@@ -116,10 +117,14 @@ impl Trainer {
         self.fit_pose(place, &mut rng)?;
         self.place_again(place)?;
         let pose = self.pose(place);
-        match self.config.splats {
-            Some(_) => self.learn_from_picture(place, &pose)?,
-            None => self.learn_from_patches(place, &pose, &mut rng)?,
-        };
+        match self.state.avatar().appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => {
+                let frame = &self.subjects[place.subject].frames[place.frame];
+                let picture = pictured(splats, &self.scene(place, &pose), &frame.camera);
+                self.learn_from_picture(place, picture)?;
+            }
+            AvatarAppearance::Field(_) => self.learn_from_patches(place, &pose, &mut rng)?,
+        }
         self.practice[self.subjects[place.subject].slot].steps += 1;
         self.step += 1;
         self.budget_steps += 1;
@@ -157,12 +162,13 @@ impl Trainer {
         }
     }
 
-    /// Learns from the whole frame at `place`.
-    fn learn_from_picture(&mut self, place: FrameIndex, pose: &Pose) -> Result<(), TrainError> {
+    /// Learns from the whole frame at `place`, of which the model has the `picture` `[H W, 4]`.
+    fn learn_from_picture(
+        &mut self,
+        place: FrameIndex,
+        picture: Tensor<2>,
+    ) -> Result<(), TrainError> {
         let frame = &self.subjects[place.subject].frames[place.frame];
-        let scene = self.scene(place, pose);
-        let picture = pictured(self.state.avatar(), &scene, &frame.camera);
-        let picture = picture.ok_or(TrainError::NoLoss)?;
         let image = self.subjects[place.subject].image(frame);
         let exposure = self.fit_exposure(place, &image, &picture)?;
         let (loss, terms) = compared(exposed(picture, &exposure), &image, &self.config);

@@ -1,7 +1,7 @@
 //! The loss of a whole frame, for models of splats: their pictures cost by splats, not by pixels.
 
 use super::batch::Scene;
-use crate::avatar::Avatar;
+use crate::avatar::AvatarSplats;
 use crate::config::ModelConfig;
 use crate::loss::LossTerm;
 use crate::render::splats::sight;
@@ -17,17 +17,15 @@ pub(super) const OBJECTIVE: &str = "l1+ssim";
 /// Colours are compared in the person's box and this part of the picture's width around it.
 const MARGIN: usize = 32;
 
-/// The model's picture `[H W, 4]` of a frame: colours over black, and opacity; `None` if the model has a
-/// field.
-pub(super) fn pictured(avatar: &Avatar, scene: &Scene, camera: &Camera) -> Option<Tensor<2>> {
-    let Scene { config, body, .. } = *scene;
-    config.splats.as_ref()?;
+/// The model's picture `[H W, 4]` of a frame: colours over black, and opacity.
+pub(super) fn pictured(avatar: AvatarSplats<'_>, scene: &Scene, camera: &Camera) -> Tensor<2> {
+    let body = scene.body;
     let splats = trace_span!("pose").in_scope(|| {
-        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
-        avatar.posed_splats(config, body, &posed)
-    })?;
+        let posed = avatar.pose(body, scene.slot, scene.pose, scene.progress);
+        avatar.posed(body, &posed)
+    });
     let sight = sight(&body.skeleton, scene.pose, camera);
-    Some(trace_span!("splat").in_scope(|| splat(splats, &sight)))
+    trace_span!("splat").in_scope(|| splat(splats, &sight))
 }
 
 /// The loss of a frame, `[1]`, and its terms, from the model's `picture` `[H W, 4]` of it.
@@ -51,10 +49,10 @@ pub(super) fn compared(
         weights,
     };
     let terms = trace_span!("compare").in_scope(|| picture_loss(picture, &target));
-    let term = |name, weight: f32, place: usize| LossTerm {
+    let term = |name, weight: f32, index: usize| LossTerm {
         name,
         weight: f64::from(weight),
-        value: terms.clone().narrow(0, place, 1).detach(),
+        value: terms.clone().narrow(0, index, 1).detach(),
     };
     let named = vec![
         term("l1", weights.absolute, 1),

@@ -145,13 +145,14 @@ fn config(encoding: Encoding, unposing: Unposing) -> ModelConfig {
     config.schedule = config.schedule.all_at_once();
     config.non_rigid.layers = layers.clone();
     config.non_rigid.bands = 2;
-    config.canonical.layers = layers;
-    config.canonical.encoding = encoding;
-    config.canonical.density_scale = 5.0;
-    config.march.samples = 16;
+    let field = config.appearance.field_mut().expect("a field");
+    field.canonical.layers = layers;
+    field.canonical.encoding = encoding;
+    field.canonical.density_scale = 5.0;
+    field.march.samples = 16;
     // All samples are evaluated, since a move could change which ones are left out.
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
     config.check().expect("a possible model");
     config
 }

@@ -17,7 +17,12 @@ fn config(variant: &str) -> ModelConfig {
         own_log2_rows,
         log2_rows,
         ..
-    } = &mut config.canonical.encoding
+    } = &mut config
+        .appearance
+        .field_mut()
+        .expect("a field")
+        .canonical
+        .encoding
     {
         *own_log2_rows = 8;
         *log2_rows = 10;
@@ -68,10 +73,6 @@ fn sizes(variant: &str) -> BTreeMap<String, usize> {
     let mut sizes = Sizes::default();
     avatar.visit(&mut sizes);
     sizes.found
-}
-
-fn names(sizes: &BTreeMap<String, usize>) -> Vec<&str> {
-    sizes.keys().map(String::as_str).collect()
 }
 
 #[test]

@@ -19,7 +19,7 @@ const SIZE: u32 = 64;
 /// Few splats, for small pictures, with poses as they are: they are exact.
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let splats = config.splats.as_mut().expect("splats");
+    let splats = config.appearance.splats_mut().expect("splats");
     splats.count = 2000;
     config.refinement.who = Refine::Never;
     config
@@ -116,7 +116,7 @@ fn a_resumed_training_of_splats_ends_bit_for_bit_where_an_uninterrupted_one_does
     let (stopped, resumed, straight) = (tempdir(), tempdir(), tempdir());
     // Poses are refined; splats are placed again before the stop and after it.
     let mut refined = config();
-    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.appearance.splats_mut().expect("splats").coarse = 500;
     refined.refinement.who = Refine::Always;
     let both = people(&[0, 1], 12, SIZE);
     let mut first = Trainer::new(refined, options(20), both, &Device::flex()).expect("starts");
@@ -151,7 +151,7 @@ fn shown_of(trainer: &Trainer) -> usize {
 #[test]
 fn splats_are_few_until_poses_are_refined() {
     let mut refined = config();
-    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.appearance.splats_mut().expect("splats").coarse = 500;
     refined.refinement.who = Refine::Always;
     let ada = || people(&[0], 12, SIZE);
     let mut trainer =
@@ -400,7 +400,7 @@ fn cropped_and_empty_frames_do_not_cut_the_person() {
 #[test]
 fn people_without_identities_share_their_splats() {
     let mut config = ModelConfig::named("splat", "no-identity").expect("a tier");
-    config.splats.as_mut().expect("splats").count = 500;
+    config.appearance.splats_mut().expect("splats").count = 500;
     let both = people(&[0, 1], 12, SIZE);
     let mut trainer =
         Trainer::new(config, options(3), both.clone(), &Device::flex()).expect("starts");

@@ -6,9 +6,9 @@ mod sighted;
 
 use super::people::{TrainFrame, TrainSubject};
 use super::{TrainError, Trainer};
-use crate::avatar::Avatar;
+use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
+use crate::host::read;
 use crate::motion::posed;
-use crate::render::frame::read;
 use burn::module::Module;
 use guess::{Guessed, Surface};
 use std::cmp::Ordering;
@@ -27,16 +27,21 @@ impl Trainer {
     pub(super) fn guess_unseen(&mut self) -> Result<(), TrainError> {
         let guesses = self
             .config
-            .splats
-            .as_ref()
+            .appearance
+            .splats()
             .is_some_and(|it| it.guess_unseen);
         if !guesses || self.options.leave_unseen {
             return Ok(());
         }
         let _span = trace_span!("unseen").entered();
-        for place in 0..self.subjects.len() {
-            let guessed = self.guess(&self.subjects[place])?;
-            let subject = &self.subjects[place];
+        let avatar = self.state.avatar().clone().no_grad();
+        let AvatarAppearance::Splats(splats) = avatar.appearance(&self.config) else {
+            return Ok(());
+        };
+        let guesses: Vec<Guessed> = (self.subjects.iter())
+            .map(|subject| self.guess(subject, splats))
+            .collect::<Result<_, TrainError>>()?;
+        for (subject, guessed) in self.subjects.iter().zip(guesses) {
             let own = Avatar::own_slot(&self.config, subject.slot);
             if let Some(note) = guessed.note(&subject.name) {
                 self.progress.notes.push(note);
@@ -48,24 +53,20 @@ impl Trainer {
     }
 
     /// The colours of a person's splats, with guesses where no frame shows them.
-    fn guess(&self, subject: &TrainSubject) -> Result<Guessed, TrainError> {
-        let avatar = self.state.avatar().clone().no_grad();
+    fn guess(
+        &self,
+        subject: &TrainSubject,
+        avatar: AvatarSplats<'_>,
+    ) -> Result<Guessed, TrainError> {
         let pose = |frame: &TrainFrame| match &self.state.poses[subject.slot] {
             Some(poses) => poses.refined(frame.place, &frame.pose),
             None => frame.pose.clone(),
         };
-        let seen = self.sighted(subject, &avatar, pose)?;
+        let seen = self.sighted(subject, avatar, pose)?;
         let skeleton = &subject.body.skeleton;
         let rest = Pose::rest(skeleton.joints());
-        let posed = avatar.pose(
-            &self.config,
-            &subject.body,
-            subject.slot,
-            &rest,
-            self.opened(),
-        );
-        let splats = avatar.posed_splats(&self.config, &subject.body, &posed);
-        let rows = read(splats.ok_or(TrainError::NoLoss)?.rows())?;
+        let posed = avatar.pose(&subject.body, subject.slot, &rest, self.opened());
+        let rows = read(avatar.posed(&subject.body, &posed).rows())?;
         let (weights, transforms) = (
             read(posed.weights)?,
             read(posed::transforms(&subject.body, &rest))?,

@@ -2,7 +2,7 @@
 
 use super::super::people::{TrainFrame, TrainSubject};
 use super::super::{TrainError, Trainer};
-use crate::avatar::Avatar;
+use crate::avatar::AvatarSplats;
 use crate::render::splats::{HostSplats, sight};
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
@@ -25,23 +25,17 @@ impl Trainer {
     pub(super) fn sighted(
         &self,
         subject: &TrainSubject,
-        avatar: &Avatar,
+        avatar: AvatarSplats<'_>,
         pose: impl Fn(&TrainFrame) -> Pose,
     ) -> Result<Vec<bool>, TrainError> {
         let stride = subject.frames.len().div_ceil(FRAMES).max(1);
         let mut most: Vec<f32> = Vec::new();
         for frame in subject.frames.iter().step_by(stride) {
             let pose = pose(frame);
-            let posed = avatar.pose(
-                &self.config,
-                &subject.body,
-                subject.slot,
-                &pose,
-                self.opened(),
-            );
-            let splats = avatar.posed_splats(&self.config, &subject.body, &posed);
+            let posed = avatar.pose(&subject.body, subject.slot, &pose, self.opened());
+            let splats = avatar.posed(&subject.body, &posed);
             let sight = sight(&subject.body.skeleton, &pose, &frame.camera);
-            let splats = HostSplats::read(splats.ok_or(TrainError::NoLoss)?, &sight)?;
+            let splats = HostSplats::read(splats, &sight)?;
             let probe = Probe::new(splats.numbers(), &sight);
             let mut here = vec![0f32; probe.splats()];
             let covered = subject.picture(frame).covered;

@@ -50,17 +50,18 @@ pub fn config(encoding: Encoding) -> ModelConfig {
         skip: Some(2),
         inject: 1,
     };
-    config.canonical.encoding = encoding;
-    config.canonical.density_scale = 8.0;
-    config.canonical.layers = LayersConfig {
+    let field = config.appearance.field_mut().expect("a field");
+    field.canonical.encoding = encoding;
+    field.canonical.density_scale = 8.0;
+    field.canonical.layers = LayersConfig {
         width: 16,
         depth: 4,
         skip: Some(2),
         inject: 2,
     };
-    config.march.samples = 12;
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
+    field.march.samples = 12;
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
     config.optimise.rate = 2e-3;
     config.optimise.table_rate = 1e-2;
     config.optimise.motion_rate = 4e-3;
@@ -74,7 +75,13 @@ pub fn config(encoding: Encoding) -> ModelConfig {
 
 /// The model with the reference's weights, read like those of a checkpoint.
 pub fn avatar(config: &ModelConfig) -> Avatar {
-    let file = match config.canonical.encoding {
+    let file = match config
+        .appearance
+        .field()
+        .expect("a field")
+        .canonical
+        .encoding
+    {
         Encoding::Fourier { .. } => "model-fourier",
         Encoding::Hash { .. } => "model-hash",
     };
