@@ -1,49 +1,34 @@
 //! Training: batches of patches, steps, their supervision, and checkpoints.
 
-pub mod batch;
-mod checkpoint;
-mod expected_errors;
+mod data;
 mod exposure;
-mod first_splats;
-mod fit_poses;
-mod frame_order;
-mod guard;
-mod hull;
-mod learn;
-pub mod leaving;
-mod optimiser;
-mod options;
-mod parts;
-mod patches;
+mod frames;
+mod known;
+mod model;
 mod people;
-mod placing;
-mod progress;
-mod refinement;
-mod refinement_file;
+mod poses;
 mod report;
+mod run;
+mod splats;
 mod start;
 #[cfg(test)]
 mod tests;
 mod trainer;
 mod trunk;
-mod unseen;
-mod validate;
-mod whole_picture;
-mod whose_poses;
-mod wrong_frames;
 
-pub use checkpoint::ModelState;
-pub(crate) use checkpoint::save_model;
 pub use exposure::{FilmExposures, film_exposures};
-pub use learn::Learn;
-pub use optimiser::optimiser;
-pub use options::{Budget, TrainOptions, Validation};
-pub use parts::read_parts;
-pub use people::Person;
-pub use progress::TrainProgress;
-pub use refinement_file::refined_track;
+pub use frames::batch;
+pub use people::learn::Learn;
+pub use people::{Person, leaving};
+pub use poses::refinement_file::refined_track;
+pub use run::checkpoint::ModelState;
+pub(crate) use run::checkpoint::save_model;
+pub use run::optimiser::optimiser;
+pub use run::options::{Budget, TrainOptions, Validation};
+pub use run::parts::read_parts;
+pub use run::progress::TrainProgress;
+pub use run::validate::Preview;
 pub use trainer::Trainer;
-pub use validate::Preview;
 
 use crate::config::ConfigError;
 use crate::host::ReadError;
