@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..TrainOptions::default()
     };
     let mut trainer = Trainer::new(config, options, vec![person], &Device::flex())?
-        .with_objective(Box::new(Absolute));
+        .with_objective(Box::new(Absolute))?;
     while !trainer.finished() {
         trainer.step()?;
         if trainer.progress().step.is_multiple_of(200) {

@@ -1,9 +1,10 @@
 //! The whole model: shared networks and the parameters of each identity.
 
-use crate::config::{Encoding, ModelConfig, Numerics, Precision, Unposing, Variant};
-use crate::field::canonical::{Canonical, FieldValues};
+use crate::config::{Appearance, Encoding, ModelConfig, Numerics, Precision, Unposing, Variant};
+use crate::field::canonical::Canonical;
 use crate::field::non_rigid::NonRigid;
 use crate::field::splats::{FirstSplats, Splats};
+use crate::host::ReadError;
 use crate::identity::blend::Blend;
 use crate::identity::pose_condition::PoseCondition;
 use crate::init::Initial;
@@ -12,12 +13,15 @@ use crate::motion::correction::PoseCorrection;
 use crate::motion::posed;
 use crate::motion::released;
 use crate::motion::weights::MotionWeights;
-use crate::render::RenderError;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use yoto_capture::camera::Pose;
 use yoto_ops::hash::HashGrid;
-use yoto_ops::{splat, warp};
+use yoto_ops::warp;
+
+mod appearance;
+
+pub use appearance::{AvatarAppearance, AvatarField, AvatarSplats};
 
 /// Standard deviation of the initial identity codes.
 const CODE_STD: f64 = 0.01;
@@ -36,10 +40,12 @@ pub struct Avatar {
     pub condition: Option<PoseCondition>,
     /// Motion that bones do not explain.
     pub non_rigid: NonRigid,
+    // Exactly one of these two is there: `Avatar::appearance` tells which. Burn names tensors after fields, so
+    // that an enum would rename those of every checkpoint.
     /// Colour and density; absent in models of splats.
-    pub canonical: Option<Canonical>,
+    pub(crate) canonical: Option<Canonical>,
     /// One per identity, in models of splats.
-    pub splats: Vec<Splats>,
+    pub(crate) splats: Vec<Splats>,
 }
 
 /// Size of one part of a model.
@@ -90,7 +96,24 @@ impl Avatar {
             Variant::Yoto | Variant::NoPoseCondition => identities,
         };
         let code_width = if codes > 0 { config.code_width } else { 0 };
-        let grid = any_grid(&config.canonical.encoding);
+        let (canonical, splats) = match &config.appearance {
+            Appearance::Field(field) => {
+                let canonical = Canonical::new(
+                    &init,
+                    &field.canonical,
+                    identities,
+                    code_width,
+                    any_grid(&field.canonical.encoding).as_ref(),
+                    config.precision,
+                );
+                (Some(canonical), Vec::new())
+            }
+            Appearance::Splats(splats) => {
+                let nobody = FirstSplats::of_nobody(splats.count);
+                let of = |slot| Splats::new(&init, slot, &nobody, splats.harmonics);
+                (None, (0..identities).map(of).collect())
+            }
+        };
         Self {
             codes: (0..codes)
                 .map(|slot| init.normal(&format!("codes.{slot}"), [config.code_width], CODE_STD))
@@ -106,24 +129,8 @@ impl Avatar {
                 code_width,
                 config.precision,
             ),
-            canonical: config.splats.is_none().then(|| {
-                Canonical::new(
-                    &init,
-                    &config.canonical,
-                    identities,
-                    code_width,
-                    grid.as_ref(),
-                    config.precision,
-                )
-            }),
-            splats: match &config.splats {
-                Some(splats) => {
-                    let nobody = FirstSplats::of_nobody(splats.count);
-                    let of = |slot| Splats::new(&init, slot, &nobody, splats.harmonics);
-                    (0..identities).map(of).collect()
-                }
-                None => Vec::new(),
-            },
+            canonical,
+            splats,
         }
     }
 
@@ -133,8 +140,8 @@ impl Avatar {
         (count(2) - count(1)) as u64
     }
 
-    /// The place of the parameters of the identity in `slot`: where nothing tells people apart, all have
-    /// the same.
+    /// The slot of the parameters of the identity in `slot`: without identities, all people have those of
+    /// the first.
     pub(crate) fn own_slot(config: &ModelConfig, slot: usize) -> usize {
         match config.variant {
             Variant::NoIdentity => 0,
@@ -206,22 +213,6 @@ impl Avatar {
         }
     }
 
-    /// Colour and density, canonical points `[N, 3]` before the non-rigid field, metres, and foreground
-    /// likelihoods `[N]` at `points` `[N, 3]` of the posed body. `near` `[N, 3]` are their canonical
-    /// points if they were found before, and only need gradients.
-    pub fn evaluate(
-        &self,
-        config: &ModelConfig,
-        body: &Body,
-        posed: &Posed,
-        points: Tensor<2>,
-        near: Option<Tensor<2>>,
-    ) -> (FieldValues, Tensor<2>, Tensor<1>) {
-        let (canonical, likelihood) = self.unposed(config, body, posed, points, near);
-        let values = self.fields(config, body, posed, canonical.clone());
-        (values, canonical, likelihood)
-    }
-
     /// Canonical points `[N, 3]`, metres, before the non-rigid field, and foreground likelihoods
     /// `[N]` of `points` `[N, 3]` of the posed body.
     pub(crate) fn unposed(
@@ -262,30 +253,6 @@ impl Avatar {
         (canonical, likelihood)
     }
 
-    /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
-    /// follows the warp.
-    ///
-    /// # Panics
-    /// If the model has splats in place of a field.
-    pub fn fields(
-        &self,
-        config: &ModelConfig,
-        body: &Body,
-        posed: &Posed,
-        canonical: Tensor<2>,
-    ) -> FieldValues {
-        let moved = self.moved(config, posed, canonical);
-        let field = self.canonical.as_ref();
-        let field = field.expect("callers ask models with a field");
-        field.forward(
-            &config.canonical,
-            moved,
-            posed.slot,
-            body.hash.as_ref(),
-            posed.code.clone(),
-        )
-    }
-
     /// `canonical` points `[N, 3]`, metres, after the non-rigid field.
     pub(crate) fn moved(
         &self,
@@ -298,35 +265,8 @@ impl Avatar {
             .forward(config, canonical, pose, code, posed.progress)
     }
 
-    /// The splats of a posed identity; `None` in models with a field.
-    pub fn posed_splats(
-        &self,
-        config: &ModelConfig,
-        body: &Body,
-        posed: &Posed,
-    ) -> Option<splat::Splats> {
-        let splats = self.splats.get(posed.slot)?;
-        let means = self.moved(config, posed, splats.means.val());
-        let transforms = warp::skin::skin(
-            posed.weights.clone(),
-            posed.transforms.clone(),
-            means.clone(),
-            &body.grid,
-        );
-        Some(splat::Splats {
-            transforms,
-            means,
-            rotations: splats.turns.val(),
-            scales: splats.scales.val(),
-            opacities: splats.opacities.val(),
-            colours: splats.colours.val(),
-            harmonics: splats.harmonics.as_ref().map(Param::val),
-            light: splats.light.val(),
-        })
-    }
-
     /// Whether no splat of the identity in `slot` is hidden ([`FirstSplats::and_hidden`]).
-    pub(crate) fn shows_all_splats(&self, slot: usize) -> Result<bool, RenderError> {
+    pub(crate) fn shows_all_splats(&self, slot: usize) -> Result<bool, ReadError> {
         match self.splats.get(slot) {
             Some(splats) => splats.shows_all(),
             None => Ok(true),
@@ -351,7 +291,7 @@ impl Avatar {
         slot: usize,
         colours: &[f32],
         anew: &[bool],
-    ) -> Result<(), RenderError> {
+    ) -> Result<(), ReadError> {
         let device = self.device();
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);
@@ -362,7 +302,7 @@ impl Avatar {
     }
 
     /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
-    pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), RenderError> {
+    pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), ReadError> {
         let device = self.device();
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);

@@ -2,8 +2,10 @@
 //! a place on the speed/accuracy curve; a variant switches off parts of the model. Both are
 //! settings of the same code.
 
+mod appearance;
 mod check;
 mod exposure;
+mod field;
 mod named_tiers;
 mod refinement;
 mod resolution;
@@ -13,15 +15,16 @@ mod setting;
 mod sharing;
 mod splats;
 
+pub use appearance::Appearance;
 pub(crate) use check::check_precision;
 pub use exposure::{ExposureConfig, LearnExposure};
+pub use field::{CanonicalConfig, DensityActivation, Encoding, FieldConfig, MarchConfig};
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Refine, RefinementConfig};
 pub use resolution::Resolution;
 pub use sampling::{SamplingConfig, Turns};
 pub use schedule::Schedule;
 pub use setting::Setting;
-pub use sharing::Sharing;
 pub use splats::SplatConfig;
 pub use yoto_ops::Precision;
 
@@ -71,17 +74,13 @@ pub struct ModelConfig {
     pub condition: ConditionConfig,
     /// Non-rigid field.
     pub non_rigid: NonRigidConfig,
-    /// Canonical field.
-    pub canonical: CanonicalConfig,
-    /// Splats in place of the canonical field, whose settings and those of the march then mean nothing;
-    /// none in tiers with a field.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub splats: Option<SplatConfig>,
-    /// Ray marching.
-    pub march: MarchConfig,
+    /// What is in canonical space: a field, or splats. Their settings stand beside the others, as in
+    /// `splats.count` or `march.epsilon`.
+    #[serde(flatten)]
+    pub appearance: Appearance,
     /// Optimisation.
     pub optimise: OptimiseConfig,
-    /// From whom each step learns.
+    /// The person that each step learns from.
     #[serde(default)]
     pub sampling: SamplingConfig,
     /// Start of each part of the model, and learning rates over a run.
@@ -229,89 +228,6 @@ pub struct LayersConfig {
     pub inject: usize,
 }
 
-/// Canonical field (HumanNeRF, with the paper's identity codes).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CanonicalConfig {
-    /// Encoding of points.
-    pub encoding: Encoding,
-    /// Hidden layers.
-    pub layers: LayersConfig,
-    /// Factor on the activated output, 1/m (HumanNeRF: 1). Small networks do not reach densities
-    /// of hundreds per metre quickly without one.
-    pub density_scale: f32,
-    /// Activation of the network's density output.
-    #[serde(default)]
-    pub activation: DensityActivation,
-}
-
-/// Activation of the density. Weights are trained with one of them, so it belongs to the model
-/// and not to [`Numerics`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DensityActivation {
-    /// softplus(raw − 1), which has a gradient everywhere.
-    #[default]
-    Softplus,
-    /// max(raw, 0) (HumanNeRF). A network that starts below 0 everywhere never learns.
-    Relu,
-}
-
-/// Encodings of a canonical point.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Encoding {
-    /// The point, and sine and cosine of its multiples by powers of two (HumanNeRF: 10 bands).
-    Fourier {
-        /// Frequency bands.
-        bands: usize,
-    },
-    /// Multiresolution hash grid.
-    Hash {
-        /// Levels.
-        levels: usize,
-        /// Cells per axis of the coarsest level.
-        base: usize,
-        /// Ratio of successive levels.
-        growth: f64,
-        /// Binary logarithm of the rows of the largest level.
-        log2_rows: u32,
-        /// Features per row: 1, 2, 4 or 8.
-        features: usize,
-        /// Entries that people share.
-        #[serde(default)]
-        sharing: Sharing,
-    },
-}
-
-impl Encoding {
-    /// Number of frequency bands; 0 for a hash grid.
-    pub fn bands(&self) -> usize {
-        match self {
-            Self::Fourier { bands } => *bands,
-            Self::Hash { .. } => 0,
-        }
-    }
-}
-
-/// Ray marching (paper eq. 9; skipping by foreground likelihood).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MarchConfig {
-    /// Samples per ray.
-    pub samples: usize,
-    /// Samples with a foreground likelihood below this are not evaluated.
-    pub epsilon: f32,
-    /// Transmittance below which a ray ends; 0: rays never end early.
-    #[serde(default)]
-    pub min_transmittance: f32,
-    /// Cells of a person's occupancy grid along the longest side of the box; 0: no grid.
-    #[serde(default)]
-    pub occupancy_cells: usize,
-    /// A cell is empty if the opacity of the longest step is below this in the cell and its
-    /// neighbours; 0: no grid.
-    #[serde(default)]
-    pub occupancy_alpha: f32,
-}
-
 /// Optimisation (docs/paper.md compares it with the paper's).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimiseConfig {
@@ -342,26 +258,6 @@ pub struct OptimiseConfig {
 /// All samples.
 fn whole() -> f32 {
     1.0
-}
-
-impl ModelConfig {
-    /// This configuration with `kind` as the sharing of its hash grid.
-    ///
-    /// # Errors
-    /// If the model has no hash grid, or `kind` is out of range for it.
-    pub fn shared(mut self, kind: Sharing) -> Result<Self, ConfigError> {
-        match &mut self.canonical.encoding {
-            Encoding::Hash { sharing, .. } if self.splats.is_none() => *sharing = kind,
-            Encoding::Hash { .. } | Encoding::Fourier { .. } => {
-                return Err(ConfigError::Field {
-                    field: "canonical.encoding.sharing",
-                    message: format!("the tier '{}' has no tables to share", self.tier),
-                });
-            }
-        }
-        self.check()?;
-        Ok(self)
-    }
 }
 
 impl Variant {

@@ -113,18 +113,6 @@ impl<'a> Initial<'a> {
         })
     }
 
-    /// `[sets, R]` coefficients of mixtures: the first of each set is 1, the others are normal
-    /// with standard deviation `std`.
-    pub fn mixture(&self, path: &str, shape: [usize; 2], std: f64) -> Param<Tensor<2>> {
-        let mut stream = self.stream(path);
-        let mut drawn = 0;
-        self.filled(path, shape, || {
-            let first = drawn % shape[1] == 0;
-            drawn += 1;
-            if first { 1.0 } else { normal(&mut stream, std) }
-        })
-    }
-
     /// Normal with mean 0 and standard deviation `std`.
     pub fn normal<const D: usize>(
         &self,

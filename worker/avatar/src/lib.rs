@@ -13,6 +13,7 @@ pub mod distill;
 pub mod evaluate;
 pub mod field;
 mod fit;
+pub mod host;
 mod identity;
 pub mod import;
 mod init;

@@ -33,7 +33,7 @@ fn trainer() -> (Trainer, Person) {
         shard: Arc::new(builder.finish().expect("all frames are there")),
     };
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let splats = config.splats.as_mut().expect("splats");
+    let splats = config.appearance.splats_mut().expect("splats");
     splats.count = 2000;
     // Fast enough to be visible after a few steps.
     (splats.harmonics, splats.harmonic_rate) = (2, 2e-2);

@@ -15,7 +15,7 @@ use crate::report::{Curve, CurvePoint, Report, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use std::path::PathBuf;
-use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting, Sharing};
+use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting};
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums, SplitScores, SubjectScore};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
@@ -45,8 +45,6 @@ pub struct QualityOptions {
     pub tier: String,
     /// Model variant.
     pub variant: String,
-    /// Sharing of the hash grid, in place of the tier's.
-    pub sharing: Option<Sharing>,
     /// Other settings in place of the tier's.
     pub settings: Vec<Setting>,
     /// File in each capture's folder with other poses for its training frames.
@@ -72,9 +70,6 @@ pub struct QualityOptions {
 /// diverges.
 pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Report> {
     let mut config = ModelConfig::named(&options.tier, &options.variant)?;
-    if let Some(sharing) = options.sharing {
-        config = config.shared(sharing)?;
-    }
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
     let mut recordings = captures::read_films(
@@ -277,7 +272,6 @@ fn finish(
             variant: options.variant.clone(),
             size: options.size,
             seed: options.seed,
-            sharing: options.sharing.map(|sharing| sharing.to_string()),
             changed: options.settings.iter().map(Setting::to_string).collect(),
         },
         curve: (options.curve_pictures > 0).then_some(curve),

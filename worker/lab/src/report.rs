@@ -77,9 +77,6 @@ pub struct Settings {
     pub size: u32,
     /// Random seed.
     pub seed: u64,
-    /// Sharing of the hash grid, if it is not the tier's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sharing: Option<String>,
     /// Settings that are not the tier's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changed: Vec<String>,
@@ -232,7 +229,6 @@ mod tests {
                 variant: "yoto".into(),
                 size: 128,
                 seed: 7,
-                sharing: None,
                 changed: Vec::new(),
             },
             curve: None,

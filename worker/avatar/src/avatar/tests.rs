@@ -1,5 +1,5 @@
 use super::*;
-use crate::render::frame::read;
+use crate::host::read;
 use yoto_capture::skeleton::Skeleton;
 use yoto_synthetic::SyntheticPerson;
 

@@ -1,8 +1,8 @@
 //! Validation of configurations.
 
 use super::{
-    ConfigError, Encoding, LearnExposure, ModelConfig, MotionForm, Numerics, Precision, Sharing,
-    Variant,
+    Appearance, ConfigError, LayersConfig, LearnExposure, ModelConfig, MotionForm, Numerics,
+    Precision, Variant,
 };
 use burn::tensor::Device;
 use yoto_ops::mlp::supports;
@@ -36,9 +36,9 @@ impl ModelConfig {
     /// # Errors
     /// Names the first field that the device does not support.
     pub(crate) fn render_device(&self, device: &Device) -> Result<Device, ConfigError> {
-        let device = match self.splats {
-            Some(_) => Device::flex(),
-            None => device.clone(),
+        let device = match self.appearance {
+            Appearance::Splats(_) => Device::flex(),
+            Appearance::Field(_) => device.clone(),
         };
         self.check_device(&device)?;
         Ok(device)
@@ -80,80 +80,12 @@ impl ModelConfig {
         if !(1..=4096).contains(&self.code_width) {
             return fail("code_width", "must be 1 to 4096");
         }
-        for (field, layers) in [
-            ("non_rigid.layers", &self.non_rigid.layers),
-            ("canonical.layers", &self.canonical.layers),
-        ] {
-            if layers.width == 0
-                || layers.depth == 0
-                || layers.inject >= layers.depth
-                || layers.skip.is_some_and(|s| s == 0 || s >= layers.depth)
-            {
-                return fail(
-                    field,
-                    "width and depth at least 1, inject and skip name a layer, and skip not the first",
-                );
-            }
-        }
+        self.non_rigid.layers.check("non_rigid.layers")?;
         let has_codes = matches!(self.variant, Variant::Yoto | Variant::NoPoseCondition);
         if has_codes && self.non_rigid.layers.inject == 0 {
             return fail(
                 "non_rigid.layers.inject",
                 "must not be 0: the first layer receives the pose",
-            );
-        }
-        if let Encoding::Hash {
-            levels,
-            base,
-            growth,
-            log2_rows,
-            features,
-            sharing,
-        } = self.canonical.encoding
-        {
-            let finest = base as f64 * growth.powi(levels as i32);
-            if !(1..=32).contains(&levels)
-                || base < 1
-                || growth < 1.0
-                || finest > 65_536.0
-                || !(4..=24).contains(&log2_rows)
-            {
-                return fail(
-                    "canonical.encoding",
-                    "levels 1 to 32, base at least 1, growth at least 1, finest level under 65,536 cells, log2_rows 4 to 24",
-                );
-            }
-            if ![1, 2, 4, 8].contains(&features) {
-                return fail("canonical.encoding.features", "must be 1, 2, 4 or 8");
-            }
-            match sharing {
-                Sharing::Split { own_log2_rows } if !(4..=log2_rows).contains(&own_log2_rows) => {
-                    return fail(
-                        "canonical.encoding.sharing.own_log2_rows",
-                        "must be 4 to log2_rows",
-                    );
-                }
-                Sharing::Bases { count }
-                    if ![2, 4, 8, 16].contains(&count) || count * features > 16 =>
-                {
-                    return fail(
-                        "canonical.encoding.sharing.count",
-                        "must be 2, 4, 8 or 16, and with features no more than 16 numbers",
-                    );
-                }
-                _ => {}
-            }
-        }
-        if self.march.samples < 2 || !(0.0..1.0).contains(&self.march.epsilon) {
-            return fail("march", "at least 2 samples, epsilon in [0, 1)");
-        }
-        if !(0.0..1.0).contains(&self.march.min_transmittance) {
-            return fail("march.min_transmittance", "must be in [0, 1)");
-        }
-        if self.march.occupancy_cells > 512 || !(0.0..1.0).contains(&self.march.occupancy_alpha) {
-            return fail(
-                "march.occupancy",
-                "at most 512 cells, occupancy_alpha in [0, 1)",
             );
         }
         if self.optimise.patches == 0 || self.optimise.patch_size == 0 {
@@ -167,24 +99,46 @@ impl ModelConfig {
         if !(share > 0.0 && share <= 1.0) {
             return fail("optimise.backward_share", "must be above 0 and at most 1");
         }
-        if let Some(splats) = &self.splats {
-            splats.check()?;
-            if !(0.0..=1.0).contains(&self.optimise.ssim_weight) {
-                return fail("optimise.ssim_weight", "must be 0 to 1 for splats");
+        match &self.appearance {
+            Appearance::Field(field) => {
+                field.check()?;
+                if self.exposure.who != LearnExposure::Never {
+                    return fail(
+                        "exposure.who",
+                        "must be never without splats: only their tier learns exposures",
+                    );
+                }
             }
-            if self.numerics == Numerics::Reference {
-                return fail("numerics", "must be sound for splats");
+            Appearance::Splats(splats) => {
+                splats.check()?;
+                if !(0.0..=1.0).contains(&self.optimise.ssim_weight) {
+                    return fail("optimise.ssim_weight", "must be 0 to 1 for splats");
+                }
+                if self.numerics == Numerics::Reference {
+                    return fail("numerics", "must be sound for splats");
+                }
             }
-        }
-        if self.exposure.who != LearnExposure::Never && self.splats.is_none() {
-            return fail(
-                "exposure.who",
-                "must be never without splats: only their tier learns exposures",
-            );
         }
         self.refinement.check()?;
         self.exposure.check()?;
-        self.sampling.check()?;
         self.schedule.check()
+    }
+}
+
+impl LayersConfig {
+    /// Checks the layers, which the configuration calls `field`.
+    pub(super) fn check(&self, field: &'static str) -> Result<(), ConfigError> {
+        if self.width == 0
+            || self.depth == 0
+            || self.inject >= self.depth
+            || self.skip.is_some_and(|s| s == 0 || s >= self.depth)
+        {
+            return Err(ConfigError::Field {
+                field,
+                message: "width and depth at least 1, inject and skip name a layer, and skip not the first"
+                    .into(),
+            });
+        }
+        Ok(())
     }
 }

@@ -1,11 +1,11 @@
 //! The named tiers, each with a place on the speed/accuracy curve.
 
 use super::{
-    BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
-    DensityActivation, Encoding, ExposureConfig, LayersConfig, LearnExposure, MarchConfig,
-    ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig, Precision,
-    Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, Sharing, SplatConfig, Unposing,
-    Variant,
+    Appearance, BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
+    DensityActivation, Encoding, ExposureConfig, FieldConfig, LayersConfig, LearnExposure,
+    MarchConfig, ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig,
+    Precision, Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, SplatConfig,
+    Unposing, Variant,
 };
 
 impl ModelConfig {
@@ -74,36 +74,35 @@ fn grid_tier(
             },
             before_kick_in: BeforeKickIn::Rests,
         },
-        canonical: CanonicalConfig {
-            encoding: Encoding::Hash {
-                levels,
-                base: 16,
-                growth: 1.45,
-                log2_rows,
-                features: 2,
-                // Chosen by experiment (docs/tiers.md).
-                sharing: Sharing::Split {
+        appearance: Appearance::Field(FieldConfig {
+            canonical: CanonicalConfig {
+                encoding: Encoding::Hash {
+                    levels,
+                    base: 16,
+                    growth: 1.45,
+                    log2_rows,
+                    features: 2,
+                    // Chosen by experiment (docs/tiers.md).
                     own_log2_rows: log2_rows - 3,
                 },
+                layers: LayersConfig {
+                    width,
+                    depth,
+                    skip: None,
+                    inject: 1,
+                },
+                density_scale: 50.0,
+                activation: DensityActivation::Softplus,
             },
-            layers: LayersConfig {
-                width,
-                depth,
-                skip: None,
-                inject: 1,
+            march: MarchConfig {
+                samples,
+                epsilon: 1e-3,
+                min_transmittance: 1e-3,
+                occupancy_cells: 64,
+                // What is left out changes no colour of a picture by more than 0.004 (docs/quality.md).
+                occupancy_alpha: 1e-3,
             },
-            density_scale: 50.0,
-            activation: DensityActivation::Softplus,
-        },
-        splats: None,
-        march: MarchConfig {
-            samples,
-            epsilon: 1e-3,
-            min_transmittance: 1e-3,
-            occupancy_cells: 64,
-            // What is left out changes no colour of a picture by more than 0.004 (docs/quality.md).
-            occupancy_alpha: 1e-3,
-        },
+        }),
         optimise: OptimiseConfig {
             patches: 8,
             patch_size: 12,
@@ -138,14 +137,13 @@ fn grid_tier(
 /// The tier `fast` with splats in place of its field (docs/splats.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
-    config.splats = Some(SplatConfig::default());
+    config.appearance = Appearance::Splats(SplatConfig::default());
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
     config.refinement.noise = 0.08;
     // A minute's training gains nothing by it (docs/splats.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
-    config.march.occupancy_cells = 0;
     config.exposure.who = LearnExposure::Auto;
     config
 }
@@ -183,25 +181,26 @@ fn paper(variant: Variant) -> ModelConfig {
             },
             before_kick_in: BeforeKickIn::Runs,
         },
-        canonical: CanonicalConfig {
-            encoding: Encoding::Fourier { bands: 10 },
-            layers: LayersConfig {
-                width: 256,
-                depth: 8,
-                skip: Some(5),
-                inject: 5,
+        appearance: Appearance::Field(FieldConfig {
+            canonical: CanonicalConfig {
+                encoding: Encoding::Fourier { bands: 10 },
+                layers: LayersConfig {
+                    width: 256,
+                    depth: 8,
+                    skip: Some(5),
+                    inject: 5,
+                },
+                density_scale: 1.0,
+                activation: DensityActivation::Softplus,
             },
-            density_scale: 1.0,
-            activation: DensityActivation::Softplus,
-        },
-        splats: None,
-        march: MarchConfig {
-            samples: 128,
-            epsilon: INVISIBLE,
-            min_transmittance: 0.0,
-            occupancy_cells: 0,
-            occupancy_alpha: 0.0,
-        },
+            march: MarchConfig {
+                samples: 128,
+                epsilon: INVISIBLE,
+                min_transmittance: 0.0,
+                occupancy_cells: 0,
+                occupancy_alpha: 0.0,
+            },
+        }),
         optimise: OptimiseConfig {
             patches: 6,
             patch_size: 32,
@@ -225,14 +224,16 @@ fn paper(variant: Variant) -> ModelConfig {
 fn paper_lean(variant: Variant) -> ModelConfig {
     let mut config = paper(variant);
     config.tier = "paper-lean".into();
-    config.march = MarchConfig {
-        epsilon: 1e-2,
-        min_transmittance: 1e-3,
-        occupancy_cells: 64,
-        // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
-        occupancy_alpha: 2e-3,
-        ..config.march
-    };
+    if let Appearance::Field(field) = &mut config.appearance {
+        field.march = MarchConfig {
+            epsilon: 1e-2,
+            min_transmittance: 1e-3,
+            occupancy_cells: 64,
+            // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
+            occupancy_alpha: 2e-3,
+            ..field.march
+        };
+    }
     config.optimise.backward_share = 0.05;
     config
 }

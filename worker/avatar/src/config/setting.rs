@@ -50,18 +50,18 @@ impl ModelConfig {
         };
         let mut all = serde_json::to_value(self).map_err(|e| named(e.to_string()))?;
         for setting in settings {
-            let mut place = &mut all;
+            let mut value = &mut all;
             for name in &setting.path {
-                let names = place.as_object().map(|object| {
+                let names = value.as_object().map(|object| {
                     let names: Vec<_> = object.keys().map(String::as_str).collect();
                     names.join(", ")
                 });
-                place = place.get_mut(name).ok_or_else(|| {
+                value = value.get_mut(name).ok_or_else(|| {
                     let names = names.unwrap_or_else(|| "nothing".into());
                     named(format!("{setting}: no '{name}' here, but {names}"))
                 })?;
             }
-            *place = setting.value.clone();
+            *value = setting.value.clone();
             // Checked after each setting, so that the error names the right one.
             serde_json::from_value::<Self>(all.clone())
                 .map_err(|e| named(format!("{setting}: {e}")))?;
@@ -87,7 +87,10 @@ mod tests {
     #[test]
     fn numbers_and_words_are_set_by_name() {
         let config = with("march.epsilon=0.25").expect("there");
-        assert_eq!(config.march.epsilon, 0.25);
+        assert_eq!(
+            config.appearance.field().expect("a field").march.epsilon,
+            0.25
+        );
         let config = with("precision=bf16").expect("there");
         assert_eq!(config.precision, crate::config::Precision::Bf16);
         assert_eq!(fast().with(&[]).expect("nothing asked"), fast());

@@ -20,19 +20,22 @@ fn every_listed_tier_and_variant_exists() {
 #[test]
 fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
     let config = ModelConfig::named("fast", "yoto").expect("named");
-    assert!(config.march.min_transmittance > 0.0 && config.march.occupancy_cells > 0);
+    let march = &config.appearance.field().expect("a field").march;
+    assert!(march.min_transmittance > 0.0 && march.occupancy_cells > 0);
     let mut json = serde_json::to_value(&config).expect("serialises");
     let march = json["march"].as_object_mut().expect("an object");
     for field in ["min_transmittance", "occupancy_cells", "occupancy_alpha"] {
         assert!(march.remove(field).is_some(), "{field}");
     }
     let old: ModelConfig = serde_json::from_value(json).expect("reads");
-    assert_eq!(
-        (old.march.min_transmittance, old.march.occupancy_cells),
-        (0.0, 0)
-    );
+    let march = &old.appearance.field().expect("a field").march;
+    assert_eq!((march.min_transmittance, march.occupancy_cells), (0.0, 0));
     let mut bad = config.clone();
-    bad.march.min_transmittance = 1.0;
+    bad.appearance
+        .field_mut()
+        .expect("a field")
+        .march
+        .min_transmittance = 1.0;
     assert!(
         bad.check()
             .is_err_and(|e| e.to_string().starts_with("march.min_transmittance"))
@@ -44,7 +47,11 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
             .is_err_and(|e| e.to_string().starts_with("optimise.mask_weight"))
     );
     let mut bad = config;
-    bad.march.occupancy_alpha = f32::NAN;
+    bad.appearance
+        .field_mut()
+        .expect("a field")
+        .march
+        .occupancy_alpha = f32::NAN;
     assert!(
         bad.check()
             .is_err_and(|e| e.to_string().starts_with("march.occupancy"))
@@ -53,45 +60,54 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
 
 #[test]
 fn a_configuration_survives_json() {
-    let named = ModelConfig::named("fast", "no-identity").expect("named");
-    for kind in [
-        Sharing::Own,
-        Sharing::Split { own_log2_rows: 11 },
-        Sharing::Bases { count: 4 },
+    let config = ModelConfig::named("fast", "no-identity").expect("named");
+    let json = serde_json::to_string(&config).expect("serialises");
+    assert_eq!(
+        serde_json::from_str::<ModelConfig>(&json).expect("reads"),
+        config
+    );
+}
+
+#[test]
+fn the_size_of_own_tables_keeps_its_form_and_other_forms_are_named() {
+    let grid = |sharing: &str| {
+        let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2SHARING}"#;
+        serde_json::from_str::<Encoding>(&json.replace("SHARING", sharing))
+    };
+    let split = grid(r#","sharing":{"kind":"split","own_log2_rows":11}"#).expect("today's form");
+    assert!(matches!(
+        split,
+        Encoding::Hash {
+            own_log2_rows: 11,
+            ..
+        }
+    ));
+    for (sharing, named) in [
+        (r#","sharing":{"kind":"own"}"#, "own"),
+        (r#","sharing":{"kind":"bases","count":4}"#, "bases"),
+        ("", "sharing"),
     ] {
-        let config = named.clone().shared(kind).expect("possible");
-        let json = serde_json::to_string(&config).expect("serialises");
-        assert_eq!(
-            serde_json::from_str::<ModelConfig>(&json).expect("reads"),
-            config
-        );
+        let error = grid(sharing).expect_err("no such form").to_string();
+        assert!(error.contains(named), "{error}");
     }
 }
 
 #[test]
-fn a_grid_that_says_nothing_of_sharing_shares_nothing() {
-    let json = r#"{"kind":"hash","levels":8,"base":16,"growth":1.45,"log2_rows":15,"features":2}"#;
-    let read: Encoding = serde_json::from_str(json).expect("an older checkpoint's");
-    let fast = ModelConfig::named("fast", "yoto").expect("named");
-    let own = fast.shared(Sharing::Own).expect("possible");
-    assert_eq!(read, own.canonical.encoding);
-}
-
-#[test]
-fn impossible_sharing_is_named() {
-    for (kind, field) in [
-        (Sharing::Split { own_log2_rows: 3 }, "own_log2_rows"),
-        (Sharing::Split { own_log2_rows: 16 }, "own_log2_rows"),
-        (Sharing::Bases { count: 3 }, "count"),
-        (Sharing::Bases { count: 16 }, "count"),
-    ] {
-        let fast = ModelConfig::named("fast", "yoto").expect("named");
-        let error = fast.shared(kind).expect_err("impossible").to_string();
-        assert!(error.contains(field), "{error}");
+fn impossible_own_tables_are_named() {
+    for rows in [3, 16] {
+        let mut config = ModelConfig::named("fast", "yoto").expect("named");
+        if let Encoding::Hash { own_log2_rows, .. } = &mut config
+            .appearance
+            .field_mut()
+            .expect("a field")
+            .canonical
+            .encoding
+        {
+            *own_log2_rows = rows;
+        }
+        let error = config.check().expect_err("impossible").to_string();
+        assert!(error.contains("own_log2_rows"), "{error}");
     }
-    let paper = ModelConfig::named("paper", "yoto").expect("named");
-    let error = paper.shared(Sharing::Own).expect_err("no grid").to_string();
-    assert!(error.contains("no tables"), "{error}");
 }
 
 #[test]
@@ -121,4 +137,81 @@ fn a_configuration_without_a_precision_is_f32_and_an_unknown_one_is_named() {
     assert_eq!(half.precision, Precision::Bf16);
     let error = read(json.replace(named, r#""precision":"f8","#)).expect_err("no such one");
     assert!(error.to_string().contains("f8"), "{error}");
+}
+
+/// The configuration in a checkpoint of the tier splat of November 2026, which had a field's settings too.
+#[test]
+fn splats_of_a_checkpoint_with_a_fields_settings_are_read() {
+    let config = ModelConfig::named("splat", "yoto").expect("named");
+    let old = include_str!("tests/splat.json");
+    let read: ModelConfig = serde_json::from_str(old).expect("reads");
+    assert_eq!(read, config);
+    let written = serde_json::to_value(&config).expect("serialises");
+    assert!(written.get("canonical").is_none() && written.get("march").is_none());
+    assert_eq!(written["splats"]["count"], 20_000);
+    assert_eq!(
+        serde_json::from_value::<ModelConfig>(written).expect("reads"),
+        config
+    );
+
+    let other_box = old.replace("\"epsilon\": 0.001", "\"epsilon\": 0.002");
+    assert_ne!(old, other_box);
+    let error = serde_json::from_str::<ModelConfig>(&other_box).expect_err("another box");
+    assert!(error.to_string().contains("march.epsilon"), "{error}");
+}
+
+/// The same of the tier fast.
+#[test]
+fn a_field_of_a_checkpoint_is_read() {
+    let config = ModelConfig::named("fast", "yoto").expect("named");
+    let old: serde_json::Value =
+        serde_json::from_str(include_str!("tests/fast.json")).expect("JSON");
+    let read: ModelConfig = serde_json::from_value(old.clone()).expect("reads");
+    assert_eq!(read, config);
+    // Through text, in which single precision has few digits.
+    let written = serde_json::to_string(&config).expect("serialises");
+    let mut written: serde_json::Value = serde_json::from_str(&written).expect("JSON");
+    // An option of earlier versions.
+    written["sampling"]["harder"] = 0.0.into();
+    assert_eq!(written, old);
+    let mut half = old;
+    half.as_object_mut().expect("an object").remove("march");
+    let error = serde_json::from_value::<ModelConfig>(half).expect_err("no march");
+    assert!(error.to_string().contains("canonical and march"), "{error}");
+}
+
+#[test]
+fn settings_of_both_appearances_keep_their_names() {
+    let set = |tier: &str, text: &str| {
+        let config = ModelConfig::named(tier, "yoto").expect("named");
+        config.with(&[text.parse().expect("a setting")])
+    };
+    let splats = set("splat", "splats.harmonics=2").expect("there");
+    assert_eq!(splats.appearance.splats().expect("splats").harmonics, 2);
+    let field = set("fast", "march.samples=32").expect("there");
+    assert_eq!(field.appearance.field().expect("a field").march.samples, 32);
+    let field = set("fast", "canonical.encoding.sharing.own_log2_rows=9").expect("there");
+    let encoding = &field
+        .appearance
+        .field()
+        .expect("a field")
+        .canonical
+        .encoding;
+    assert!(matches!(
+        encoding,
+        Encoding::Hash {
+            own_log2_rows: 9,
+            ..
+        }
+    ));
+    for (tier, text) in [
+        ("splat", "march.samples=32"),
+        ("fast", "splats.harmonics=2"),
+        ("fast", "sampling.harder=1"),
+    ] {
+        assert!(
+            set(tier, text).is_err(),
+            "{tier}: {text} would mean nothing"
+        );
+    }
 }

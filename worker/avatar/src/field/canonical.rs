@@ -4,7 +4,7 @@
 
 use super::mlp::{Mlp, MlpShape};
 use super::tables::{self, Tables};
-use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision, Sharing};
+use crate::config::{CanonicalConfig, DensityActivation, Encoding, Precision};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
 use burn::module::{Module, Param};
@@ -19,10 +19,8 @@ use yoto_ops::mlp::Input;
 pub struct Canonical {
     /// One `[rows, F]` per identity; none with the Fourier encoding.
     tables: Vec<Param<Tensor<2>>>,
-    /// `[rows, F]`, or `[rows, R F]` with bases: the entries that all identities share.
+    /// `[rows, F]`: the entries that all identities share; none with the Fourier encoding.
     shared: Option<Param<Tensor<2>>>,
-    /// One `[L, R]` per identity, with bases: coefficients of the shared entries.
-    mixes: Vec<Param<Tensor<2>>>,
     mlp: Mlp,
 }
 
@@ -40,7 +38,6 @@ impl Canonical {
     /// Appends an identity that is a mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.tables);
-        blend.append(&mut self.mixes);
     }
 
     /// Sets the precision that the network multiplies in.
@@ -82,7 +79,6 @@ impl Canonical {
         Self {
             tables: tables.own,
             shared: tables.shared,
-            mixes: tables.mixes,
             mlp: Mlp::new(init, &shape),
         }
     }
@@ -109,19 +105,11 @@ impl Canonical {
                 };
                 (points, kind)
             }
-            Encoding::Hash { sharing, .. } => {
+            Encoding::Hash { own_log2_rows, .. } => {
                 let grid = grid.expect("a hash encoding comes with a grid");
-                let features = match sharing {
-                    Sharing::Own => tables::plain(&self.tables[slot], points, grid),
-                    Sharing::Split { own_log2_rows } => {
-                        let own = &grid.within(own_log2_rows);
-                        tables::plain(self.shared(), points.clone(), grid)
-                            + tables::plain(&self.tables[slot], points, own)
-                    }
-                    Sharing::Bases { .. } => {
-                        tables::mixed(self.shared(), &self.mixes[slot], points, grid)
-                    }
-                };
+                let own = &grid.within(own_log2_rows);
+                let features = tables::encode(self.shared(), points.clone(), grid)
+                    + tables::encode(&self.tables[slot], points, own);
                 let [_, width] = features.dims();
                 (features, Input::Features { width })
             }
@@ -148,7 +136,7 @@ impl Canonical {
     fn shared(&self) -> &Param<Tensor<2>> {
         self.shared
             .as_ref()
-            .expect("an encoding that shares entries has them")
+            .expect("a hash encoding comes with a shared table")
     }
 }
 
@@ -165,7 +153,7 @@ mod tests {
     fn evaluate(slot: usize, with_grid: bool, with_code: bool) {
         let device = Device::flex();
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
-        let config = config.canonical;
+        let config = &config.appearance.field().expect("a field").canonical;
         let area = WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],
@@ -174,11 +162,11 @@ mod tests {
         };
         let grid = hash_grid(&config.encoding, &area);
         let init = Initial::new(&device, 1);
-        let field = Canonical::new(&init, &config, 2, 8, grid.as_ref(), Precision::F32);
+        let field = Canonical::new(&init, config, 2, 8, grid.as_ref(), Precision::F32);
         let points = Tensor::<2>::ones([1, 3], &device) * 0.5;
         let code = with_code.then(|| Tensor::zeros([8], &device));
         let grid = grid.filter(|_| with_grid);
-        field.forward(&config, points, slot, grid.as_ref(), code);
+        field.forward(config, points, slot, grid.as_ref(), code);
     }
 
     #[test]

@@ -1,9 +1,8 @@
 //! The splats of one person: Gaussians on the body's surface in the canonical pose, and the light of the
 //! person's capture.
 
+use crate::host::{ReadError, read};
 use crate::init::Initial;
-use crate::render::RenderError;
-use crate::render::frame::read;
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Tensor, activation};
 use yoto_ops::splat::harmonics;
@@ -77,7 +76,7 @@ fn harmonics_path(slot: usize, degree: usize) -> String {
 
 impl Splats {
     /// Whether none is hidden.
-    pub(crate) fn shows_all(&self) -> Result<bool, RenderError> {
+    pub(crate) fn shows_all(&self) -> Result<bool, ReadError> {
         let opacities = read(self.opacities.val().detach())?;
         // Hidden ones never learn, so that they keep theirs exactly.
         Ok(opacities.iter().all(|logit| *logit != HIDDEN))
@@ -105,7 +104,7 @@ impl Splats {
         slot: usize,
         colours: &[f32],
         anew: &[bool],
-    ) -> Result<(), RenderError> {
+    ) -> Result<(), ReadError> {
         let path = format!("splats.{slot}.colours");
         self.colours = init.given(&path, [colours.len() / 3, 3], colours);
         if let Some(harmonics) = &self.harmonics {
@@ -126,7 +125,7 @@ impl Splats {
         init: &Initial,
         slot: usize,
         degree: usize,
-    ) -> Result<(), RenderError> {
+    ) -> Result<(), ReadError> {
         let before = self.degree();
         if degree == before {
             return Ok(());

@@ -1,10 +1,10 @@
 //! What a field shows, and how it changes with the pose.
 
 use super::{HostPose, Picture, PoseFitter, Shown, jacobian};
-use crate::avatar::Posed;
+use crate::avatar::{AvatarField, Posed};
+use crate::host::read;
 use crate::render::RenderError;
 use crate::render::composite::composite;
-use crate::render::frame::read;
 use crate::render::march::{Volume, march};
 use crate::render::samples::Samples;
 use burn::tensor::{Tensor, TensorData};
@@ -17,19 +17,20 @@ impl PoseFitter<'_> {
     /// What the `pixels` show, each by its `weights`; `None` if no sample is live.
     pub(super) fn field_shown(
         &self,
+        field: AvatarField<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
         weights: &[[f32; 4]],
     ) -> Result<Option<Shown>, RenderError> {
         let (posed, host) = self.posed(pose)?;
-        let samples =
-            trace_span!("fit: march").in_scope(|| self.samples(pose, picture, pixels, &host));
+        let samples = trace_span!("fit: march")
+            .in_scope(|| self.samples(field, pose, picture, pixels, &host));
         if samples.live() == 0 {
             return Ok(None);
         }
-        let (values, to_warped) =
-            trace_span!("fit: gradients").in_scope(|| self.gradients(&posed, &samples, weights))?;
+        let (values, to_warped) = trace_span!("fit: gradients")
+            .in_scope(|| self.gradients(field, &posed, &samples, weights))?;
         let unposing = self.config.motion.unposing;
         let rows = trace_span!("fit: joints")
             .in_scope(|| jacobian::rows(self.body, &host, unposing, &samples, to_warped));
@@ -39,23 +40,25 @@ impl PoseFitter<'_> {
     /// Red, green, blue and opacity of the `pixels`; `None` if no sample is live.
     pub(super) fn field_seen(
         &self,
+        field: AvatarField<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
     ) -> Result<Option<Vec<[f32; 4]>>, RenderError> {
         let (posed, host) = self.posed(pose)?;
-        let samples = self.samples(pose, picture, pixels, &host);
+        let samples = self.samples(field, pose, picture, pixels, &host);
         if samples.live() == 0 {
             return Ok(None);
         }
         let (points, likelihood) = self.warped(&samples);
-        let seen = read(self.seen(&posed, &samples, points, likelihood))?;
+        let seen = read(self.seen(field, &posed, &samples, points, likelihood))?;
         Ok(Some(seen.as_chunks::<4>().0.to_vec()))
     }
 
     /// The live samples of the rays through `pixels`.
     pub(super) fn samples(
         &self,
+        field: AvatarField<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
@@ -74,7 +77,7 @@ impl PoseFitter<'_> {
             occupancy: self.occupancy,
             step: None,
         };
-        march(&rays, &self.config.march, None::<&mut ChaCha8Rng>, &volume).all()
+        march(&rays, &field.config.march, None::<&mut ChaCha8Rng>, &volume).all()
     }
 
     /// The canonical points `[n, 3]` and the likelihoods `[n]` of `samples`.
@@ -91,15 +94,16 @@ impl PoseFitter<'_> {
     /// Red, green, blue and opacity of the rays of `samples`, `[R, 4]`.
     fn seen(
         &self,
+        field: AvatarField<'_>,
         posed: &Posed,
         samples: &Samples,
         points: Tensor<2>,
         likelihood: Tensor<1>,
     ) -> Tensor<2> {
-        let values = self.avatar.fields(self.config, self.body, posed, points);
+        let values = field.values(self.body, posed, points);
         let seen = composite(
             samples,
-            self.config.march.min_transmittance,
+            field.config.march.min_transmittance,
             None,
             values.rgb,
             values.density,
@@ -112,6 +116,7 @@ impl PoseFitter<'_> {
     /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
     pub(super) fn gradients(
         &self,
+        field: AvatarField<'_>,
         posed: &Posed,
         samples: &Samples,
         weights: &[[f32; 4]],
@@ -119,7 +124,7 @@ impl PoseFitter<'_> {
         let n = samples.live();
         let (points, likelihood) = self.warped(samples);
         let (points, likelihood) = (points.require_grad(), likelihood.require_grad());
-        let seen = self.seen(posed, samples, points.clone(), likelihood.clone());
+        let seen = self.seen(field, posed, samples, points.clone(), likelihood.clone());
         let weights = TensorData::new(weights.concat(), [weights.len(), 4]);
         let weights = Tensor::<2>::from_data(weights, self.device);
         let seen = (seen * weights).sum_dim(1);

@@ -7,9 +7,9 @@
 use super::wrench::{self, Wrench};
 use crate::avatar::Posed;
 use crate::config::Unposing;
+use crate::host::read;
 use crate::motion::body::Body;
 use crate::render::RenderError;
-use crate::render::frame::read;
 use crate::render::samples::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;

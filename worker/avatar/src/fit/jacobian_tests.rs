@@ -1,5 +1,5 @@
 use super::*;
-use crate::avatar::Avatar;
+use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::{ModelConfig, Unposing};
 use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, SEEN, truth};
@@ -24,25 +24,29 @@ fn rays_change_by(unposing: Unposing) {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.motion.unposing = unposing;
     // No sample comes or goes with the change.
-    config.march.epsilon = 0.0;
-    config.march.occupancy_cells = 0;
+    let field = config.appearance.field_mut().expect("a field");
+    field.march.epsilon = 0.0;
+    field.march.occupancy_cells = 0;
     let scene = TestScene::new(config, 48);
     let (config, body, image) = (&scene.config, &scene.body, &scene.image);
     let (pose, picture, covered) = (&scene.pose, scene.picture(), &scene.covered);
     let joints = body.skeleton.joints();
     let avatar = Avatar::new(config, 1, joints, 5, &scene.device).no_grad();
+    let AvatarAppearance::Field(field) = avatar.appearance(config) else {
+        panic!("the tier has a field");
+    };
     let fitter = scene.fitter(&avatar);
     let grid = PixelGrid::new(image, covered, 0.2, [0.0; 2]).expect("a person");
     let posed = avatar.pose(config, body, 0, pose, 0.0);
     let host = HostPose::new(body, pose, &posed).expect("reads");
-    let mut samples = fitter.samples(pose, &picture, &grid.pixels, &host);
+    let mut samples = fitter.samples(field, pose, &picture, &grid.pixels, &host);
     assert!(truth(image, covered[0] as usize, SEEN[0]) > 0.0);
 
     let width = 3 * (joints + 1);
     let size = 1e-3;
     for weights in SEEN.map(|weights| vec![weights; samples.rays]) {
         let (_, to_warped) = fitter
-            .gradients(&posed, &samples, &weights)
+            .gradients(field, &posed, &samples, &weights)
             .expect("renders");
         let rows = rows(body, &host, unposing, &samples, to_warped);
         let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
@@ -86,7 +90,7 @@ fn rays_change_by(unposing: Unposing) {
                 samples.canonical = canonical.flatten().collect();
                 samples.likelihoods = warped.iter().map(|w| w[3]).collect();
                 fitter
-                    .gradients(&posed, &samples, &weights)
+                    .gradients(field, &posed, &samples, &weights)
                     .expect("renders")
                     .0
             });

@@ -11,7 +11,7 @@ mod splats;
 mod test_scene;
 mod wrench;
 
-use crate::avatar::{Avatar, Posed};
+use crate::avatar::{Avatar, AvatarAppearance, Posed};
 use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use crate::render::RenderError;
@@ -132,10 +132,13 @@ impl PoseFitter<'_> {
         let weights: Vec<[f32; 4]> = (grids.iter())
             .flat_map(|(grid, weights)| grid.pixels.iter().map(|_| *weights))
             .collect();
-        let shown = if self.config.splats.is_some() {
-            self.splats_shown(pose, picture, &pixels, &weights)?
-        } else {
-            self.field_shown(pose, picture, &pixels, &weights)?
+        let shown = match self.avatar.appearance(self.config) {
+            AvatarAppearance::Splats(splats) => {
+                self.splats_shown(splats, pose, picture, &pixels, &weights)?
+            }
+            AvatarAppearance::Field(field) => {
+                self.field_shown(field, pose, picture, &pixels, &weights)?
+            }
         };
         let width = wishes.all.len();
         let Some(Shown { values, rows }) = shown else {
@@ -189,10 +192,13 @@ impl PoseFitter<'_> {
         let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
             return Ok(None);
         };
-        let seen = if self.config.splats.is_some() {
-            self.splats_seen(pose, picture, &grid.pixels)?
-        } else {
-            self.field_seen(pose, picture, &grid.pixels)?
+        let seen = match self.avatar.appearance(self.config) {
+            AvatarAppearance::Splats(splats) => {
+                self.splats_seen(splats, pose, picture, &grid.pixels)?
+            }
+            AvatarAppearance::Field(field) => {
+                self.field_seen(field, pose, picture, &grid.pixels)?
+            }
         };
         let Some(seen) = seen else {
             return Ok(Some(1.0));

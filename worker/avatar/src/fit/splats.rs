@@ -7,7 +7,7 @@
 
 use super::wrench::{self, Wrench};
 use super::{Picture, PoseFitter, Shown};
-use crate::avatar::Posed;
+use crate::avatar::{AvatarSplats, Posed};
 use crate::render::RenderError;
 use crate::render::splats::{HostSplats, sight};
 use rayon::prelude::*;
@@ -21,15 +21,14 @@ impl PoseFitter<'_> {
     /// What the `pixels` show, each by its `weights`; `None` if no splat is at any of them.
     pub(super) fn splats_shown(
         &self,
+        splats: AvatarSplats<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
         weights: &[[f32; 4]],
     ) -> Result<Option<Shown>, RenderError> {
         let (posed, host) = self.posed(pose)?;
-        let Some((splats, sight)) = self.host_splats(pose, picture, &posed)? else {
-            return Ok(None);
-        };
+        let (splats, sight) = self.host_splats(splats, pose, picture, &posed)?;
         let _span = trace_span!("fit: splats").entered();
         let probe = Probe::new(splats.numbers(), &sight);
         let asked = pixels.par_iter().zip(weights);
@@ -68,14 +67,13 @@ impl PoseFitter<'_> {
     /// Red, green, blue and opacity of the `pixels`; `None` if no splat is at any of them.
     pub(super) fn splats_seen(
         &self,
+        splats: AvatarSplats<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
     ) -> Result<Option<Vec<[f32; 4]>>, RenderError> {
         let posed = (self.avatar).pose(self.config, self.body, self.slot, pose, self.progress);
-        let Some((splats, sight)) = self.host_splats(pose, picture, &posed)? else {
-            return Ok(None);
-        };
+        let (splats, sight) = self.host_splats(splats, pose, picture, &posed)?;
         let probe = Probe::new(splats.numbers(), &sight);
         let pixels = pixels.par_iter();
         let seen: Vec<[f32; 4]> = pixels.map(|pixel| probe.pixel(*pixel)).collect();
@@ -83,19 +81,17 @@ impl PoseFitter<'_> {
         Ok(somebody.then_some(seen))
     }
 
-    /// The splats of the person in `pose`, and the camera of `picture` in their frame; `None` if the
-    /// model has none.
+    /// The splats of the person in `pose`, and the camera of `picture` in their frame.
     fn host_splats(
         &self,
+        splats: AvatarSplats<'_>,
         pose: &Pose,
         picture: &Picture,
         posed: &Posed,
-    ) -> Result<Option<(HostSplats<'static>, View)>, RenderError> {
-        let splats = self.avatar.posed_splats(self.config, self.body, posed);
+    ) -> Result<(HostSplats<'static>, View), RenderError> {
         let sight = sight(&self.body.skeleton, pose, picture.camera);
-        let splats = splats.map(|splats| HostSplats::read(splats, &sight));
-        let splats = splats.transpose()?;
-        Ok(splats.map(|splats| (splats, sight)))
+        let splats = HostSplats::read(splats.posed(self.body, posed), &sight)?;
+        Ok((splats, sight))
     }
 }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::avatar::Avatar;
+use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::ModelConfig;
 use crate::field::splats::FirstSplats;
 use crate::fit::test_scene::TestScene;
@@ -31,7 +31,7 @@ fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
 fn pixels_change_as_the_rows_say() {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let count = 400;
-    config.splats.as_mut().expect("splats").count = count;
+    config.appearance.splats_mut().expect("splats").count = count;
     let scene = TestScene::new(config, 64);
     let (config, body, device) = (&scene.config, &scene.body, &scene.device);
     let (pose, picture) = (&scene.pose, scene.picture());
@@ -41,6 +41,9 @@ fn pixels_change_as_the_rows_say() {
     let light = Tensor::<2>::from_floats([[0.2, -0.1, 0.3, 0.1, 0.0, 0.2, -0.2, 0.1]; 3], device);
     avatar.splats[0].light = burn::module::Param::from_tensor(light);
     let avatar = avatar.no_grad();
+    let AvatarAppearance::Splats(splats_of) = avatar.appearance(config) else {
+        panic!("the tier has splats");
+    };
     let fitter = scene.fitter(&avatar);
     let grid = PixelGrid::new(&scene.image, &scene.covered, 0.05, [0.0; 2]).expect("a person");
     let width = 3 * (joints + 1);
@@ -49,16 +52,16 @@ fn pixels_change_as_the_rows_say() {
         let (posed, _) = fitter.posed(pose).expect("poses");
         let weights = vec![by; grid.pixels.len()];
         let shown = fitter
-            .splats_shown(pose, &picture, &grid.pixels, &weights)
+            .splats_shown(splats_of, pose, &picture, &grid.pixels, &weights)
             .expect("reads")
             .expect("somebody");
         let at = |pose: &Pose| -> Vec<f32> {
-            let seen = fitter.splats_seen(pose, &picture, &grid.pixels);
+            let seen = fitter.splats_seen(splats_of, pose, &picture, &grid.pixels);
             let seen = seen.expect("reads").expect("somebody");
             let sums = seen.iter().map(|it| (0..4).map(|c| it[c] * by[c]).sum());
             sums.collect()
         };
-        let splats = avatar.posed_splats(config, body, &posed).expect("splats");
+        let splats = splats_of.posed(body, &posed);
         let sight = sight(&body.skeleton, pose, &scene.camera);
         let splats = HostSplats::read(splats, &sight).expect("reads");
         let drawn = render(&[(splats.numbers(), &sight)]).expect("somebody");

@@ -5,12 +5,11 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
 /// Where the parameters of each person are, one entry per slot.
-const OWN: [&str; 6] = [
+const OWN: [&str; 5] = [
     "codes",
     "motion.residuals",
     "motion.decoder.embeddings",
     "canonical.tables",
-    "canonical.mixes",
     "splats",
 ];
 
@@ -82,7 +81,7 @@ impl ModuleMapper for Freeze {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{ModelConfig, MotionForm, Resolution, Sharing};
+    use crate::config::{ModelConfig, MotionForm, Resolution};
     use burn::module::ParamId;
     use burn::tensor::Device;
 
@@ -147,16 +146,7 @@ mod tests {
             channels: vec![4, 4],
         };
         decoded.motion.resolution = Resolution::Cube(8);
-        let mixed = named("draft").shared(Sharing::Bases { count: 2 });
-        let own = named("draft").shared(Sharing::Own);
-        let configs = [
-            named("draft"),
-            named("splat"),
-            decoded,
-            mixed.expect("possible"),
-            own.expect("possible"),
-        ];
-        for config in configs {
+        for config in [named("draft"), named("splat"), decoded] {
             let avatar = Avatar::new(&config, 2, 4, 3, &Device::flex());
             let of = |slot| -> usize {
                 let ids = parameters_of(&avatar, slot);

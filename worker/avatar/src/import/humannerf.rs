@@ -7,7 +7,9 @@ use super::joints::SMPL;
 use super::tensors::Tensors;
 use super::{HumanNerfOptions, ImportError, read_canonical_joints};
 use crate::avatar::Avatar;
-use crate::config::{DensityActivation, LayersConfig, ModelConfig, MotionForm, Numerics};
+use crate::config::{
+    DensityActivation, FieldConfig, LayersConfig, ModelConfig, MotionForm, Numerics,
+};
 use crate::init;
 use crate::train::{ModelState, TrainError, save_model};
 use burn::module::{Module, ModuleMapper, Param, ParamId};
@@ -61,10 +63,10 @@ pub fn import_humannerf(
     };
     layers.correction(&correction);
     layers.non_rigid(&config.non_rigid.layers, 6 * config.non_rigid.bands);
-    layers.canonical(
-        &config.canonical.layers,
-        3 + 6 * config.canonical.encoding.bands(),
-    );
+    if let Some(field) = config.appearance.field() {
+        let canonical = &field.canonical;
+        layers.canonical(&canonical.layers, 3 + 6 * canonical.encoding.bands());
+    }
     let values = layers.values;
     let iteration = tensors.iteration;
     tensors.finish(checkpoint)?;
@@ -110,8 +112,6 @@ fn config_of(tensors: &Tensors, options: &HumanNerfOptions) -> ModelConfig {
     };
     let mut config = ModelConfig::humannerf();
     config.numerics = Numerics::Reference;
-    config.canonical.activation = DensityActivation::Relu;
-    config.march.samples = options.samples;
     // Shares of a run that is long enough to open all bands.
     let schedule = &mut config.schedule;
     schedule.steps = schedule.steps.max(options.full_band);
@@ -133,8 +133,11 @@ fn config_of(tensors: &Tensors, options: &HumanNerfOptions) -> ModelConfig {
     let width = |name: &str, default: usize| extent(name, 0, default);
     let layers = &mut config.non_rigid.layers;
     layers.width = width("non_rigid_mlp.block_mlps.2.weight", layers.width);
-    let layers = &mut config.canonical.layers;
-    layers.width = width("cnl_mlp.pts_linears.2.weight", layers.width);
+    if let Some(FieldConfig { canonical, march }) = config.appearance.field_mut() {
+        canonical.activation = DensityActivation::Relu;
+        canonical.layers.width = width("cnl_mlp.pts_linears.2.weight", canonical.layers.width);
+        march.samples = options.samples;
+    }
     config.correction.width = width("pose_decoder.block_mlps.2.weight", config.correction.width);
     config
 }

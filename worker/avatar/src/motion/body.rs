@@ -1,7 +1,7 @@
 //! The constants of one identity: its skeleton, canonical box, and prior.
 
 use super::prior::{canonical_grid, prior};
-use crate::config::{Encoding, ModelConfig, Numerics, Sharing};
+use crate::config::{Encoding, ModelConfig, Numerics};
 use burn::tensor::{Device, Tensor, TensorData};
 use yoto_capture::skeleton::{Skeleton, Vec3};
 use yoto_ops::hash::HashGrid;
@@ -20,8 +20,8 @@ pub struct Body {
     pub rest: Vec<Vec3>,
     /// Box of the motion weights.
     pub grid: WarpGrid,
-    /// Hash grid over the same box, if the encoding is one. Where entries are shared, this is the
-    /// grid of the shared ones.
+    /// Hash grid over the same box, if the encoding is one. This is the grid of the
+    /// shared table.
     pub hash: Option<HashGrid>,
     /// Logarithm of the prior `[K + 1, V]`, the background last.
     pub log_prior: Tensor<2>,
@@ -33,7 +33,7 @@ impl Body {
         let grid = canonical_grid(
             &skeleton,
             config.motion.resolution.nodes(),
-            config.march.epsilon,
+            config.box_epsilon(),
         );
         let values: Vec<f32> = prior(&skeleton, &grid)
             .iter()
@@ -48,7 +48,10 @@ impl Body {
             config.motion.resolution.voxels(),
         ];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
-        let hash = hash_grid(&config.canonical.encoding, &grid);
+        let hash = config
+            .appearance
+            .field()
+            .and_then(|field| hash_grid(&field.canonical.encoding, &grid));
         Self {
             rest: skeleton.rest.clone(),
             skeleton,
@@ -76,14 +79,10 @@ pub fn hash_grid(encoding: &Encoding, grid: &WarpGrid) -> Option<HashGrid> {
         growth,
         log2_rows,
         features,
-        sharing,
+        ..
     } = *encoding
     else {
         return None;
-    };
-    let features = match sharing {
-        Sharing::Bases { count } => count * features,
-        Sharing::Own | Sharing::Split { .. } => features,
     };
     let side = (0..3)
         .map(|a| grid.max[a] - grid.min[a])

@@ -29,7 +29,7 @@ impl Renderer {
         }
         let bones = self.bones_between(from, to, share)?;
         // Without identities there is one person's worth of splats, for everybody.
-        if self.config.splats.is_none() || self.config.variant == Variant::NoIdentity {
+        if self.config.appearance.splats().is_none() || self.config.variant == Variant::NoIdentity {
             let body = Body::new(bones, &self.config, &self.device());
             let (renderer, slot) = self.with_person(Blend { from, to, share }, body);
             return Ok((renderer, vec![slot]));

@@ -1,7 +1,9 @@
 //! What a person of splats keeps from pose to pose: the splats in the rest pose, and the bones that carry each.
 //! A frame then only moves bones.
 
-use super::frame::{RenderError, Renderer, read};
+use super::frame::{RenderError, Renderer};
+use crate::avatar::AvatarSplats;
+use crate::host::read;
 use crate::motion::body::Body;
 use std::borrow::Cow;
 use yoto_capture::camera::Pose;
@@ -38,12 +40,13 @@ impl Carried {
 
 impl Renderer {
     /// What the identity in `slot` keeps; looked up at the first frame. `None` where splats move with the pose
-    /// on top of their bones, or there are none.
+    /// on top of their bones.
     ///
     /// # Errors
     /// If the model can't be read from its device.
     pub(super) fn carried(
         &self,
+        splats: AvatarSplats<'_>,
         slot: usize,
         body: &Body,
     ) -> Result<Option<&Carried>, RenderError> {
@@ -56,9 +59,7 @@ impl Renderer {
         }
         let rest = Pose::rest(body.skeleton.joints());
         let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
-        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
-            return Ok(None);
-        };
+        let splats = splats.posed(body, &posed);
         let (rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
         let means = read(splats.means.detach())?;
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
@@ -77,7 +78,7 @@ impl Renderer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::avatar::Avatar;
+    use crate::avatar::{Avatar, AvatarAppearance};
     use crate::config::ModelConfig;
     use crate::field::splats::FirstSplats;
     use crate::render::splats::{HostSplats, sight};
@@ -91,7 +92,7 @@ mod tests {
     fn splats_go_with_the_bones_of_every_pose() {
         let device = Device::flex();
         let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-        config.splats.as_mut().expect("splats").harmonics = 2;
+        config.appearance.splats_mut().expect("splats").harmonics = 2;
         let person = &SyntheticPerson::cast(1, 7)[0];
         let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
         let near = |[x, y, z]: &[f64; 3]| [*x as f32 + 0.02, *y as f32 - 0.03, *z as f32];
@@ -109,14 +110,16 @@ mod tests {
         let body = Body::new(skeleton, &config, &device);
         let renderer = Renderer::new(config, avatar, vec![Some(body)], vec![None], 1.0);
         let mut seen: Vec<Vec<f32>> = Vec::new();
+        let AvatarAppearance::Splats(avatar) = renderer.avatar.appearance(&renderer.config) else {
+            panic!("the tier has splats");
+        };
         for pose in person.unseen_motion(3) {
             let body = renderer.body_in(0, &pose).expect("a body");
-            let carried = renderer.carried(0, body).expect("read");
+            let carried = renderer.carried(avatar, 0, body).expect("read");
             let carried = carried.expect("nothing but bones moves splats of this tier");
             let posed = (renderer.avatar).pose(&renderer.config, body, 0, &pose, 1.0);
             let bones = read(posed.transforms.clone()).expect("read");
-            let splats = renderer.avatar.posed_splats(&renderer.config, body, &posed);
-            let splats = splats.expect("splats");
+            let splats = avatar.posed(body, &posed);
             let camera = Camera::look_at(
                 [0.5, 1.2, 3.0],
                 [0.0, 1.0, 0.0],

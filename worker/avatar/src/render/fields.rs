@@ -1,10 +1,11 @@
 //! Frames of models that consist of fields.
 
-use super::frame::{RenderError, Rendered, Renderer, read};
+use super::frame::{RenderError, Rendered, Renderer};
 use super::march::{Volume, march};
 use super::samples::SampleCounts;
 use super::view::{SceneView, Shown};
-use crate::avatar::Posed;
+use crate::avatar::{AvatarField, Posed};
+use crate::host::read;
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::body_box::{BodyView, Ray};
@@ -18,6 +19,7 @@ const FIRST_WAVE: usize = 8;
 
 /// An actor in their pose, for rays to march through.
 pub(super) struct Staged<'a> {
+    field: AvatarField<'a>,
     shown: Shown<'a>,
     posed: Posed,
     weights: Vec<f32>,
@@ -52,11 +54,12 @@ impl Renderer {
     /// person's box.
     pub(super) fn render_fields(
         &self,
+        field: AvatarField<'_>,
         shown: &[Shown<'_>],
         view: &SceneView,
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let staged = shown.iter().map(|shown| self.staged(shown, view));
+        let staged = shown.iter().map(|shown| self.staged(field, shown, view));
         let staged = staged.collect::<Result<Vec<_>, _>>()?;
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let mut frame = Rendered::empty(view);
@@ -88,8 +91,10 @@ impl Renderer {
         Ok(frame)
     }
 
+    /// An actor of this model, which has a `field`, in their pose.
     pub(super) fn staged<'a>(
         &self,
+        field: AvatarField<'a>,
         shown: &Shown<'a>,
         view: &SceneView,
     ) -> Result<Staged<'a>, RenderError> {
@@ -97,6 +102,7 @@ impl Renderer {
         let (slot, pose) = (actor.slot, &actor.pose);
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
         Ok(Staged {
+            field,
             shown: *shown,
             weights: read(posed.weights.clone())?,
             transforms: read(posed.transforms.clone())?,
@@ -124,7 +130,7 @@ impl Renderer {
             step: None,
         };
         let rays: Vec<Option<Ray>> = hits.iter().map(|(_, ray)| Some(*ray)).collect();
-        let settings = &self.config.march;
+        let settings = &staged.field.config.march;
         let candidates = march(&rays, settings, None::<&mut ChaCha8Rng>, &volume);
         let mut walk = candidates.walk();
         let mut sums = vec![RayAccumulator::START; rays.len()];
@@ -143,7 +149,7 @@ impl Renderer {
             }
             let points = TensorData::new(samples.canonical.clone(), [count, 3]);
             let points = Tensor::<2>::from_data(points, &device);
-            let values = (self.avatar).fields(&self.config, body, &staged.posed, points);
+            let values = staged.field.values(body, &staged.posed, points);
             let (rgb, density) = (read(values.rgb)?, read(values.density)?);
             if (rgb.len(), density.len()) != (3 * count, count) {
                 return Err(RenderError::Device("fewer field values than points".into()));

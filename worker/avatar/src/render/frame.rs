@@ -6,11 +6,12 @@ use super::occupancy::Occupancy;
 use super::samples::SampleCounts;
 use super::settings::RenderSettings;
 use super::view::{RenderView, SceneView};
-use crate::avatar::Avatar;
+use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::check_precision;
 use crate::config::{ModelConfig, Numerics, Precision};
+use crate::host::ReadError;
 use crate::motion::body::Body;
-use burn::tensor::{Device, ExecutionError, Tensor};
+use burn::tensor::{Device, ExecutionError};
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
 use thiserror::Error;
@@ -50,6 +51,12 @@ pub enum RenderError {
     /// The caller did not want the rest of the frame.
     #[error("the frame was not finished, as asked")]
     Stopped,
+}
+
+impl From<ReadError> for RenderError {
+    fn from(error: ReadError) -> Self {
+        Self::Device(error.into_message())
+    }
 }
 
 impl From<ExecutionError> for RenderError {
@@ -170,7 +177,7 @@ impl Renderer {
 
     /// Replaces the numerics of the model's configuration. Splats have sound ones only, and keep them.
     pub fn with_numerics(mut self, numerics: Numerics) -> Self {
-        if self.config.numerics != numerics && self.config.splats.is_none() {
+        if self.config.numerics != numerics && self.config.appearance.splats().is_none() {
             self.config.numerics = numerics;
             // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {
@@ -311,21 +318,14 @@ impl Renderer {
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
         let shown = self.shown(view)?;
-        if self.config.numerics == Numerics::Reference {
-            return self.render_as_released(&shown, view, go_on);
+        match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => self.render_splats(splats, &shown, view),
+            AvatarAppearance::Field(field) if self.config.numerics == Numerics::Reference => {
+                self.render_as_released(field, &shown, view, go_on)
+            }
+            AvatarAppearance::Field(field) => self.render_fields(field, &shown, view, go_on),
         }
-        if self.config.splats.is_some() {
-            return self.render_splats(&shown, view);
-        }
-        self.render_fields(&shown, view, go_on)
     }
-}
-
-/// Values of a tensor, in host memory.
-pub(crate) fn read<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, RenderError> {
-    tensor
-        .try_into_vec_as::<f32>()
-        .map_err(|error| RenderError::Device(format!("{error:?}")))
 }
 
 #[cfg(test)]

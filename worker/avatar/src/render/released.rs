@@ -5,10 +5,11 @@
 //!
 //! Compositing runs on the host, without gradients: the networks take nearly all of the time.
 
-use super::frame::{RenderError, Rendered, Renderer, read};
+use super::frame::{RenderError, Rendered, Renderer};
 use super::samples::SampleCounts;
 use super::view::{SceneView, Shown};
-use crate::avatar::Posed;
+use crate::avatar::{AvatarField, Posed};
+use crate::host::read;
 use crate::motion::body::Body;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::body_box::{BodyView, Ray};
@@ -104,6 +105,7 @@ impl Renderer {
     /// A view of one person.
     pub(super) fn render_as_released(
         &self,
+        field: AvatarField<'_>,
         shown: &[Shown<'_>],
         view: &SceneView,
         go_on: &mut dyn FnMut(f64) -> bool,
@@ -131,7 +133,7 @@ impl Renderer {
             if !go_on((place * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
                 return Err(RenderError::Stopped);
             }
-            let (seen, counts) = self.look(body, &posed, (&weights, &transforms), batch)?;
+            let (seen, counts) = look(field, body, &posed, (&weights, &transforms), batch)?;
             frame.counts += counts;
             for ((pixel, _), seen) in batch.iter().zip(seen) {
                 for (c, background) in view.background.iter().enumerate() {
@@ -143,67 +145,67 @@ impl Renderer {
         }
         Ok(frame)
     }
+}
 
-    /// Sums of a batch of rays, and how many samples were evaluated.
-    fn look(
-        &self,
-        body: &Body,
-        posed: &Posed,
-        (weights, transforms): (&[f32], &[f32]),
-        batch: &[(usize, Ray)],
-    ) -> Result<(Vec<Seen>, SampleCounts), RenderError> {
-        let per_ray = self.config.march.samples;
-        let points: Vec<f32> = batch
-            .iter()
-            .flat_map(|(_, ray)| {
-                distances(ray, per_ray)
-                    .flat_map(move |t| (0..3).map(move |a| ray.origin[a] + t * ray.direction[a]))
-            })
-            .collect();
-        let warped = forward_unclamped(weights, transforms, &points, &body.grid);
-        // α is at most the sum of weights, whatever the density.
-        let live: Vec<&[f32; 4]> = warped
-            .as_chunks::<4>()
-            .0
-            .iter()
-            .filter(|point| point[3] > self.config.march.epsilon)
-            .collect();
-        let mut seen: Vec<Seen> = batch.iter().map(|_| Seen::NOTHING).collect();
-        let counts = SampleCounts {
-            rays: batch.len() as u64,
-            placed: (batch.len() * per_ray) as u64,
-            likely: live.len() as u64,
-            evaluated: live.len() as u64,
-        };
-        if live.is_empty() {
-            return Ok((seen, counts));
-        }
-        let canonical: Vec<f32> = live.iter().flat_map(|p| p[..3].iter().copied()).collect();
-        let canonical = TensorData::new(canonical, [live.len(), 3]);
-        let canonical = Tensor::<2>::from_data(canonical, &body.log_prior.device());
-        let values = self.avatar.fields(&self.config, body, posed, canonical);
-        let (rgb, density) = (read(values.rgb)?, read(values.density)?);
-        let mut fields = rgb.chunks_exact(3).zip(density);
-        for (at, (seen, (_, ray))) in seen.iter_mut().zip(batch).enumerate() {
-            let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
-            let distances: Vec<f32> = distances(ray, per_ray).collect();
-            let samples = &warped[4 * at * per_ray..4 * (at + 1) * per_ray];
-            for (m, point) in samples.as_chunks::<4>().0.iter().enumerate() {
-                if point[3] <= self.config.march.epsilon {
-                    continue;
-                }
-                let Some((rgb, density)) = fields.next() else {
-                    return Err(RenderError::Device("fewer field values than points".into()));
-                };
-                let step = distances
-                    .get(m + 1)
-                    .map_or(LAST_STEP, |next| next - distances[m]);
-                let alpha = (1.0 - (-density * step * length).exp()) * point[3];
-                seen.add(rgb, alpha, distances[m]);
-            }
-        }
-        Ok((seen, counts))
+/// Sums of a batch of rays, and how many samples were evaluated.
+fn look(
+    field: AvatarField<'_>,
+    body: &Body,
+    posed: &Posed,
+    (weights, transforms): (&[f32], &[f32]),
+    batch: &[(usize, Ray)],
+) -> Result<(Vec<Seen>, SampleCounts), RenderError> {
+    let per_ray = field.config.march.samples;
+    let points: Vec<f32> = batch
+        .iter()
+        .flat_map(|(_, ray)| {
+            distances(ray, per_ray)
+                .flat_map(move |t| (0..3).map(move |a| ray.origin[a] + t * ray.direction[a]))
+        })
+        .collect();
+    let warped = forward_unclamped(weights, transforms, &points, &body.grid);
+    // α is at most the sum of weights, whatever the density.
+    let live: Vec<&[f32; 4]> = warped
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .filter(|point| point[3] > field.config.march.epsilon)
+        .collect();
+    let mut seen: Vec<Seen> = batch.iter().map(|_| Seen::NOTHING).collect();
+    let counts = SampleCounts {
+        rays: batch.len() as u64,
+        placed: (batch.len() * per_ray) as u64,
+        likely: live.len() as u64,
+        evaluated: live.len() as u64,
+    };
+    if live.is_empty() {
+        return Ok((seen, counts));
     }
+    let canonical: Vec<f32> = live.iter().flat_map(|p| p[..3].iter().copied()).collect();
+    let canonical = TensorData::new(canonical, [live.len(), 3]);
+    let canonical = Tensor::<2>::from_data(canonical, &body.log_prior.device());
+    let values = field.values(body, posed, canonical);
+    let (rgb, density) = (read(values.rgb)?, read(values.density)?);
+    let mut fields = rgb.chunks_exact(3).zip(density);
+    for (at, (seen, (_, ray))) in seen.iter_mut().zip(batch).enumerate() {
+        let length = ray.direction.iter().map(|d| d * d).sum::<f32>().sqrt();
+        let distances: Vec<f32> = distances(ray, per_ray).collect();
+        let samples = &warped[4 * at * per_ray..4 * (at + 1) * per_ray];
+        for (m, point) in samples.as_chunks::<4>().0.iter().enumerate() {
+            if point[3] <= field.config.march.epsilon {
+                continue;
+            }
+            let Some((rgb, density)) = fields.next() else {
+                return Err(RenderError::Device("fewer field values than points".into()));
+            };
+            let step = distances
+                .get(m + 1)
+                .map_or(LAST_STEP, |next| next - distances[m]);
+            let alpha = (1.0 - (-density * step * length).exp()) * point[3];
+            seen.add(rgb, alpha, distances[m]);
+        }
+    }
+    Ok((seen, counts))
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Where a model finds an observed point in the rest pose: what its skinning and its non-rigid
 //! field have learned together.
 
-use super::frame::{RenderError, Renderer, read};
+use super::frame::{RenderError, Renderer};
+use crate::host::read;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{apply, inverse};

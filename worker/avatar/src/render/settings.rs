@@ -2,10 +2,13 @@
 //! for fidelity without retraining.
 
 use super::RenderError;
-use crate::config::{ConfigError, ModelConfig, Precision};
+use crate::config::{Appearance, ConfigError, FieldConfig, ModelConfig, Precision};
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1;
 
+/// Samples per ray, epsilon and least transmittance that models of splats report: they have no rays, and
+/// nothing reads these numbers.
+const WITHOUT_RAYS: (usize, f32, f32) = (64, 1e-3, 1e-3);
 /// Smallest scale: below it, a person covers only a few pixels.
 const SMALLEST_SCALE: f32 = 0.05;
 
@@ -37,10 +40,16 @@ fn whole() -> f32 {
 impl RenderSettings {
     /// A model's default settings: those of its configuration, at full size.
     pub fn of(config: &ModelConfig) -> Self {
+        let (samples, epsilon, min_transmittance) = match &config.appearance {
+            Appearance::Field(FieldConfig { march, .. }) => {
+                (march.samples, march.epsilon, march.min_transmittance)
+            }
+            Appearance::Splats(_) => WITHOUT_RAYS,
+        };
         Self {
-            samples: config.march.samples,
-            epsilon: config.march.epsilon,
-            min_transmittance: config.march.min_transmittance,
+            samples,
+            epsilon,
+            min_transmittance,
             precision: config.precision,
             scale: whole(),
         }
@@ -72,11 +81,13 @@ impl RenderSettings {
         Ok(())
     }
 
-    /// Replaces these settings in `config`, which has all of them except the scale.
+    /// Replaces those of these settings that `config` has.
     pub(super) fn apply(&self, config: &mut ModelConfig) {
-        config.march.samples = self.samples;
-        config.march.epsilon = self.epsilon;
-        config.march.min_transmittance = self.min_transmittance;
+        if let Appearance::Field(FieldConfig { march, .. }) = &mut config.appearance {
+            march.samples = self.samples;
+            march.epsilon = self.epsilon;
+            march.min_transmittance = self.min_transmittance;
+        }
         config.precision = self.precision;
     }
 

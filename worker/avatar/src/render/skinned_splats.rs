@@ -1,7 +1,9 @@
 //! What a model of splats knows about one person, for players and files: splats in the rest pose, and the
 //! bones that carry them.
 
-use super::frame::{RenderError, Renderer, read};
+use super::frame::{RenderError, Renderer};
+use crate::avatar::AvatarAppearance;
+use crate::host::read;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::harmonics;
@@ -58,8 +60,9 @@ impl Renderer {
         let posed = self
             .avatar
             .pose(&self.config, body, slot, &rest, self.progress);
-        let Some(splats) = self.avatar.posed_splats(&self.config, body, &posed) else {
-            return Ok(None);
+        let splats = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats.posed(body, &posed),
+            AvatarAppearance::Field(_) => return Ok(None),
         };
         let rows = read(splats.rows())?;
         let shine = splats.harmonics.map(read).transpose()?.unwrap_or_default();

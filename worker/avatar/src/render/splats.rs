@@ -1,7 +1,9 @@
 //! Frames of models that consist of splats.
 
-use super::frame::{RenderError, Rendered, Renderer, read};
+use super::frame::{RenderError, Rendered, Renderer};
 use super::view::{Light, SceneView, Shown};
+use crate::avatar::AvatarSplats;
+use crate::host::read;
 use crate::motion::body::Body;
 use crate::motion::posed::pose_vector;
 use rayon::prelude::*;
@@ -86,22 +88,24 @@ impl Renderer {
     /// Renders a view of people that consist of splats, all in one pass, so that they hide each other.
     pub(super) fn render_splats(
         &self,
+        splats: AvatarSplats<'_>,
         shown: &[Shown<'_>],
         view: &SceneView,
     ) -> Result<Rendered, RenderError> {
-        let people = shown.iter().map(|shown| self.lit(shown, view));
+        let people = shown.iter().map(|shown| self.lit(splats, shown, view));
         Ok(blended(&people.collect::<Result<Vec<_>, _>>()?, view))
     }
 
     /// The splats of the identity in `slot` in a pose, as the camera sees them.
     fn posed(
         &self,
+        splats: AvatarSplats<'_>,
         slot: usize,
         body: &Body,
         pose: &Pose,
         sight: &View,
     ) -> Result<HostSplats<'_>, RenderError> {
-        if let Some(carried) = self.carried(slot, body)? {
+        if let Some(carried) = self.carried(splats, slot, body)? {
             let vector = pose_vector(body, pose);
             let bones = (self.avatar).bones(&self.config, body, pose, vector, self.progress);
             let transforms = carried.posed(&read(bones)?);
@@ -112,25 +116,25 @@ impl Renderer {
             });
         }
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
-        let splats = self.avatar.posed_splats(&self.config, body, &posed);
-        HostSplats::read(splats.ok_or(RenderError::NoSuchSlot(slot))?, sight)
+        HostSplats::read(splats.posed(body, &posed), sight)
     }
 
     /// The splats of an actor in the light of the scene, and the camera in their body's frame.
     pub(super) fn lit(
         &self,
+        avatar: AvatarSplats<'_>,
         shown: &Shown<'_>,
         view: &SceneView,
     ) -> Result<(HostSplats<'_>, View), RenderError> {
         let Shown { actor, body } = *shown;
         let (slot, pose) = (actor.slot, &actor.pose);
         let mut sight = sight(&body.skeleton, pose, &view.camera);
-        let mut splats = self.posed(slot, body, pose, &sight)?;
+        let mut splats = self.posed(avatar, slot, body, pose, &sight)?;
         match actor.light {
             Light::Own => (),
             Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS].into(),
             Light::Of { slot, turn } => {
-                let other = self.avatar.splats.get(slot);
+                let other = avatar.splats.get(slot);
                 let light = other.ok_or(RenderError::NoSuchSlot(slot))?.light.val();
                 splats.light = read(light.detach())?.into();
                 sight.world = product(&turn, &sight.world);

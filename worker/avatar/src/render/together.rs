@@ -7,6 +7,7 @@ use super::fields::{Met, merged};
 use super::frame::{RenderError, Rendered, Renderer};
 use super::splats::blended;
 use super::view::{Actor, SceneView};
+use crate::avatar::AvatarAppearance;
 use crate::config::Numerics;
 use rayon::prelude::*;
 use yoto_capture::camera::Camera;
@@ -48,10 +49,11 @@ pub fn render_together(
             return Err(RenderError::OnePerson(guests.len()));
         }
         for shown in model.shown(view)? {
-            if model.config().splats.is_some() {
-                splats.push(model.lit(&shown, view)?);
-            } else {
-                fields.push((model, model.staged(&shown, view)?));
+            match model.avatar.appearance(model.config()) {
+                AvatarAppearance::Splats(avatar) => splats.push(model.lit(avatar, &shown, view)?),
+                AvatarAppearance::Field(field) => {
+                    fields.push((model, model.staged(field, &shown, view)?));
+                }
             }
         }
     }

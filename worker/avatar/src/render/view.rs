@@ -88,7 +88,7 @@ pub(super) struct Shown<'a> {
 impl Renderer {
     /// Whether people can be lit otherwise than in their captures.
     pub fn has_light(&self) -> bool {
-        self.config().splats.is_some()
+        self.config().appearance.splats().is_some()
     }
 
     /// The actors of a view with their bodies, once the view is checked.

@@ -34,7 +34,7 @@ impl Axes {
     pub fn of(renderer: &Renderer) -> Self {
         let own = renderer.settings();
         let all = Self::around(&own, &renderer.precisions());
-        if renderer.config().splats.is_none() {
+        if renderer.config().appearance.splats().is_none() {
             return all;
         }
         Self {

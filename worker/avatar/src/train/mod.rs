@@ -1,51 +1,37 @@
 //! Training: batches of patches, steps, their supervision, and checkpoints.
 
-pub mod batch;
-mod checkpoint;
-mod expected_errors;
+mod data;
 mod exposure;
-mod first_splats;
-mod fit_poses;
-mod frame_order;
-mod guard;
-mod hull;
-mod learn;
-pub mod leaving;
-mod optimiser;
-mod options;
-mod parts;
-mod patches;
+mod frames;
+mod known;
+mod model;
 mod people;
-mod placing;
-mod progress;
-mod refinement;
-mod refinement_file;
+mod poses;
 mod report;
+mod run;
+mod splats;
 mod start;
 #[cfg(test)]
 mod tests;
 mod trainer;
 mod trunk;
-mod unseen;
-mod validate;
-mod whole_picture;
-mod whose_poses;
-mod wrong_frames;
 
-pub use checkpoint::ModelState;
-pub(crate) use checkpoint::save_model;
 pub use exposure::{FilmExposures, film_exposures};
-pub use learn::Learn;
-pub use optimiser::optimiser;
-pub use options::{Budget, TrainOptions, Validation};
-pub use parts::read_parts;
-pub use people::Person;
-pub use progress::TrainProgress;
-pub use refinement_file::refined_track;
+pub use frames::batch;
+pub use people::learn::Learn;
+pub use people::{Person, leaving};
+pub use poses::refinement_file::refined_track;
+pub use run::checkpoint::ModelState;
+pub(crate) use run::checkpoint::save_model;
+pub use run::optimiser::optimiser;
+pub use run::options::{Budget, TrainOptions, Validation};
+pub use run::parts::read_parts;
+pub use run::progress::TrainProgress;
+pub use run::validate::Preview;
 pub use trainer::Trainer;
-pub use validate::Preview;
 
 use crate::config::ConfigError;
+use crate::host::ReadError;
 use crate::loss::lpips::LpipsError;
 use crate::render::RenderError;
 use thiserror::Error;
@@ -83,6 +69,9 @@ pub enum TrainError {
     /// A batch or a validation frame can't be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A tensor can't be read from its device.
+    #[error(transparent)]
+    Read(#[from] ReadError),
     /// A file of a checkpoint can't be written or read.
     #[error("{file}: {message}")]
     File {
@@ -90,6 +79,17 @@ pub enum TrainError {
         file: String,
         /// What is wrong.
         message: String,
+    },
+    /// An objective that compares patches, for a model that learns from whole pictures.
+    #[error(
+        "the tier {tier} can't learn by the objective {objective}: its splats learn from whole pictures by a \
+         fixed loss, and an objective compares patches; use a tier with a field, such as fast"
+    )]
+    Objective {
+        /// Name of the objective.
+        objective: &'static str,
+        /// Tier of the model.
+        tier: String,
     },
     /// The objective has no value.
     #[error("the objective has no value")]

@@ -1,58 +1,46 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
-use super::checkpoint::{self, ModelState};
-use super::exposure;
-use super::options::{Budget, Validation};
-use super::refinement_file;
-use super::trainer::Trainer;
-use super::{TrainError, TrainProgress};
 use crate::avatar::Avatar;
 use crate::motion::body::Body;
-use crate::render::Renderer;
+use crate::render::{FrameExposure, Renderer};
+use crate::train::exposure;
+use crate::train::poses::fit::{fitted_pose, refined_track};
+use crate::train::poses::refinement_file;
+use crate::train::poses::wrong_frames::doubts;
+use crate::train::run::checkpoint::{self, ModelState};
+use crate::train::run::options::Validation;
+use crate::train::run::validate::validate;
+use crate::train::trainer::Trainer;
+use crate::train::{Preview, TrainError, TrainProgress};
 use burn::module::Module;
 use std::path::Path;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 
 impl Trainer {
     /// Slots of the people whom the model knows: those of this training and of earlier ones.
     pub fn known_slots(&self) -> impl Iterator<Item = usize> {
-        let slots = self.slots.iter().enumerate();
+        let slots = self.known.skeletons().iter().enumerate();
         slots.filter_map(|(slot, skeleton)| skeleton.as_ref().map(|_| slot))
     }
 
     /// Current progress.
     pub fn progress(&self) -> TrainProgress {
-        let fraction = self.fraction();
-        let (total_steps, seconds_left) = match self.options.budget {
-            Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
-            Budget::Steps(steps) => {
-                let left = steps.saturating_sub(self.budget_steps);
-                (
-                    self.step + left,
-                    left as f64 / self.progress.steps_per_second.max(1e-6),
-                )
-            }
-        };
+        let (skipped_steps, rollbacks) = self.model.mishaps();
         TrainProgress {
-            step: self.step,
-            total_steps,
-            fraction,
-            seconds_left,
-            skipped_steps: self.guard.skipped,
-            rollbacks: self.guard.rollbacks,
-            train_seconds: self.budget_seconds,
-            active_parts: self.active_parts(),
-            ..self.progress.clone()
+            skipped_steps,
+            rollbacks,
+            active_parts: self.model.active_parts(self.run.opened()),
+            ..self.run.progress()
         }
     }
 
     /// Whose poses are refined and why, and what became of single frames, for people.
     pub fn notes(&self) -> Vec<String> {
-        let all = Validation::NONE == self.options.validation;
-        let unmeasured = self
-            .subjects
-            .iter()
-            .filter(|it| !all && it.held_out.is_empty());
+        let all = Validation::NONE == self.run.options().validation;
+        let subjects = self.data.subjects();
+        let unmeasured = subjects.iter().filter(|it| !all && it.held_out.is_empty());
         let unmeasured = unmeasured.map(|it| {
             format!(
                 "{}: too few frames to hold one out, so that nothing measures this person",
@@ -60,23 +48,80 @@ impl Trainer {
             )
         });
         [
-            self.progress.notes.clone(),
-            self.doubts(),
+            self.run.notes().to_vec(),
+            doubts(&self.model, subjects),
             unmeasured.collect(),
         ]
         .concat()
     }
 
-    /// Parts that take part only from some moment of a run on, and do now.
-    fn active_parts(&self) -> Vec<String> {
-        let (config, progress) = (&self.config, self.opened());
-        let bands = config.non_rigid.bands;
-        let mut parts = config.schedule.active_parts(progress, bands);
-        let refined = self.state.poses.iter().any(Option::is_some);
-        if refined && config.refinement.takes_part(progress) {
-            parts.push("pose refinement".to_owned());
-        }
-        parts
+    /// The first held-out frame of each person that has one, as the last [validation] rendered it;
+    /// none before the first validation.
+    ///
+    /// [validation]: Self::validate
+    pub fn previews(&self) -> &[Preview] {
+        self.run.previews()
+    }
+
+    /// Renders held-out frames and sets PSNR and SSIM of the progress to their means. Where poses
+    /// are refined, those of held-out frames change as their neighbours' do, without a look at their
+    /// pictures; their exposures lie between those of their neighbours. Training time does not include this.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn validate(&mut self) -> Result<(), TrainError> {
+        self.validate_with(&mut || {})
+    }
+
+    /// The same; `goes_on` is called before each batch of rays, since a frame of the paper's tiers takes
+    /// most of a minute.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn validate_with(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
+        let (renderer, opened) = (self.renderer(), self.run.opened());
+        let subjects = self.data.subjects();
+        let measured = validate(&renderer, &self.model, subjects, opened, goes_on)?;
+        self.run.take_measured(measured);
+        Ok(())
+    }
+
+    /// `pose` of the person in `slot` after a fit to the picture `image` by `camera`, with the
+    /// model as it is. Every picture gets the same number of steps.
+    ///
+    /// # Errors
+    /// If training has nobody in `slot`, or the device fails.
+    pub fn fitted_pose(
+        &self,
+        slot: usize,
+        pose: &Pose,
+        camera: &Camera,
+        image: &FrameImage,
+    ) -> Result<Pose, TrainError> {
+        let subject = self.data.in_slot(slot);
+        let subject =
+            subject.ok_or_else(|| TrainError::People(format!("nobody in slot {slot}")))?;
+        let at = (self.run.opened(), self.run.options().seed);
+        fitted_pose(&self.model, subject, pose, camera, image, at)
+    }
+
+    /// The pose of each training frame of the person in `slot` as training has refined it, with the
+    /// frame's index in the pose track; empty where poses stay as they are given.
+    pub fn refined_poses(&self, slot: usize) -> Vec<(usize, Pose)> {
+        let poses = self.model.state.poses.get(slot).and_then(Option::as_ref);
+        let (Some(subject), Some(poses)) = (self.data.in_slot(slot), poses) else {
+            return Vec::new();
+        };
+        let frames = subject.frames.iter();
+        frames
+            .map(|frame| (frame.place, poses.refined(frame.place, &frame.pose)))
+            .collect()
+    }
+
+    /// The exposure of the frame with this `index` of the film of the person in `slot`, whether it is trained
+    /// on or not; neutral where exposures are not learned.
+    pub fn exposure_near(&self, slot: usize, index: u32) -> FrameExposure {
+        exposure::near(&self.model.state.exposures, slot, index)
     }
 
     /// Writes a checkpoint into `dir`.
@@ -84,63 +129,61 @@ impl Trainer {
     /// # Errors
     /// If a file can't be written.
     pub fn save(&self, dir: &Path) -> Result<(), TrainError> {
-        let state = ModelState {
-            step: self.step,
-            progress: self.opened(),
-            train_seconds: self.seconds,
-            rate_scale: self.state.rate_scale,
-            skipped_steps: self.guard.skipped,
-            rollbacks: self.guard.rollbacks,
-            goes_on: self.goes_on,
-            own_only: self.own_only.clone(),
-            practice: self.practice.clone(),
-            erased: self.erased.clone(),
-            ..ModelState::new(
-                self.config.clone(),
-                self.joints,
-                self.options.seed,
-                self.slots.clone(),
-            )
-        };
-        checkpoint::save_occupancy(dir, &self.state.occupancy)?;
-        refinement_file::save(dir, &self.state.poses)?;
-        exposure::file::save(dir, &self.state.exposures)?;
-        for (slot, file) in &self.kept_tracks {
+        let Self {
+            run,
+            data,
+            model,
+            known,
+        } = self;
+        let mut state = ModelState::new(
+            model.config.clone(),
+            model.joints,
+            run.options().seed,
+            Vec::new(),
+        );
+        run.record(&mut state);
+        model.record(&mut state);
+        known.record(&mut state);
+        checkpoint::save_occupancy(dir, &model.state.occupancy)?;
+        refinement_file::save(dir, &model.state.poses)?;
+        exposure::file::save(dir, &model.state.exposures)?;
+        for (slot, file) in known.kept_tracks() {
             refinement_file::keep(dir, *slot, file)?;
         }
-        for subject in &self.subjects {
-            if let Some(track) = self.refined_track(subject)? {
+        for subject in data.subjects() {
+            if let Some(track) = refined_track(&model.state, subject) {
                 refinement_file::save_track(dir, subject.slot, &track)?;
             }
         }
-        checkpoint::save(dir, &state, self.state.avatar(), &self.state.optimiser)
+        checkpoint::save(dir, &state, model.state.avatar(), &model.state.optimiser)
     }
 
     /// The current model, for rendering.
     pub fn renderer(&self) -> Renderer {
-        let device = self.device.clone().inner();
+        let model = &self.model;
+        let device = model.device.clone().inner();
         let body = |slot: &Option<Skeleton>| {
             slot.clone()
-                .map(|skeleton| Body::new(skeleton, &self.config, &device))
+                .map(|skeleton| Body::new(skeleton, &model.config, &device))
         };
-        let bodies = self.slots.iter().map(body).collect();
+        let bodies = self.known.skeletons().iter().map(body).collect();
         Renderer::new(
-            self.config.clone(),
-            self.state.avatar().valid(),
+            model.config.clone(),
+            model.state.avatar().valid(),
             bodies,
-            self.state.occupancy.clone(),
-            self.opened(),
+            model.state.occupancy.clone(),
+            self.run.opened(),
         )
-        .without(self.erased.clone())
+        .without(self.known.erased().clone())
     }
 
     /// Number of parameters that an additional person would add.
     pub fn parameters_of_a_person(&self) -> u64 {
-        Avatar::parameters_of_a_person(&self.config, self.joints)
+        Avatar::parameters_of_a_person(&self.model.config, self.model.joints)
     }
 
     /// Number of parameters.
     pub fn parameters(&self) -> u64 {
-        self.state.avatar().num_params() as u64
+        self.model.state.avatar().num_params() as u64
     }
 }

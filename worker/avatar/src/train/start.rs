@@ -1,23 +1,29 @@
 //! Start of a training, with a new model or a checkpoint.
 
-use super::checkpoint::{self, ModelState};
-use super::exposure;
-use super::frame_order::{FrameOrder, Practice};
-use super::guard::{Guard, TrainState};
-use super::optimiser::optimiser;
-use super::options::TrainOptions;
-use super::people::{Person, TrainSubject, check_people};
-use super::placing::place_first;
-use super::refinement::PoseRefinement;
-use super::refinement_file;
-use super::trainer::Trainer;
-use super::whole_picture::OBJECTIVE;
-use super::{TrainError, TrainProgress, whose_poses};
 use crate::avatar::Avatar;
-use crate::config::{ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant};
+use crate::config::{
+    Appearance, ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant,
+};
 use crate::identity::own;
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
+use crate::train::data::Data;
+use crate::train::exposure;
+use crate::train::frames::whole_picture::OBJECTIVE;
+use crate::train::known::Known;
+use crate::train::model::{Model, PatchLearning};
+use crate::train::people::{Person, TrainSubject, check_people};
+use crate::train::poses::decision::decide;
+use crate::train::poses::refinement::PoseRefinement;
+use crate::train::poses::refinement_file;
+use crate::train::run::Run;
+use crate::train::run::checkpoint::{self, ModelState};
+use crate::train::run::guard::TrainState;
+use crate::train::run::optimiser::optimiser;
+use crate::train::run::options::TrainOptions;
+use crate::train::splats::placing::place_first;
+use crate::train::trainer::Trainer;
+use crate::train::{TrainError, TrainProgress};
 use burn::tensor::Device;
 use std::path::Path;
 
@@ -41,7 +47,7 @@ impl Trainer {
         let avatar = Avatar::new(&config, slots, joints, options.seed, &device);
         let saved = ModelState::new(config.clone(), joints, options.seed, vec![None; slots]);
         let state = TrainState::new(avatar, optimiser(&config));
-        Self::assemble(saved, options, &people, state, device)
+        Self::assemble(saved, options, &people, state, Vec::new(), device)
     }
 
     /// Continues from a checkpoint of [`Self::save`] in `dir`, with the checkpoint's seed. People in
@@ -83,16 +89,20 @@ impl Trainer {
         }
         state.rate_scale = saved.rate_scale;
         saved.slots.resize(saved.slots.len().max(slots), None);
-        let mut trainer = Self::assemble(saved, options, &people, state, device)?;
-        trainer.kept_tracks = refinement_file::others(dir, &people)?;
-        Ok(trainer)
+        let kept_tracks = refinement_file::others(dir, &people)?;
+        Self::assemble(saved, options, &people, state, kept_tracks, device)
     }
 
     /// Replaces the default objective.
-    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Self {
-        self.progress.objective = objective.name();
-        self.objective = objective;
-        self
+    ///
+    /// # Errors
+    /// If the model has splats: they learn from whole pictures by a loss with a backward pass of its own,
+    /// and an [`Objective`] compares patches.
+    pub fn with_objective(mut self, objective: Box<dyn Objective>) -> Result<Self, TrainError> {
+        let name = objective.name();
+        self.model.set_objective(objective)?;
+        self.run.set_objective(name);
+        Ok(self)
     }
 
     /// A trainer of `people`, each of whom has a slot in `saved`.
@@ -101,6 +111,7 @@ impl Trainer {
         options: TrainOptions,
         people: &[Person],
         mut state: TrainState,
+        kept_tracks: Vec<(usize, Vec<u8>)>,
         device: Device,
     ) -> Result<Self, TrainError> {
         let mut wanted = saved.config.clone();
@@ -126,93 +137,102 @@ impl Trainer {
         if let Some(slot) = only {
             state.change_avatar(|avatar| own::freeze_all_but(avatar, slot));
         }
-        let mut slots = saved.slots;
-        state.occupancy.resize(slots.len(), None);
-        saved.practice.resize(slots.len(), Practice::default());
-        state.poses.resize(slots.len(), None);
-        state.exposures.resize(slots.len(), None);
+        state.resize(saved.slots.len());
+        let mut known = Known::new(&saved, kept_tracks);
         let mut subjects = Vec::with_capacity(people.len());
         let mut notes = Vec::new();
         for person in people {
             let subject = TrainSubject::new(person, &saved.config, &options, &device)?;
-            let known = state.occupancy[person.slot].take();
-            state.occupancy[person.slot] = Occupancy::new(&subject.body.grid, &saved.config.march)
-                .map(|grid| grid.taught_by(known.as_ref()));
-            let known = state.poses[person.slot].take();
-            let decision = whose_poses::decide(wanted.refinement.who, person)?;
-            notes.extend(decision.why);
-            if decision.refine {
-                let track = &person.shard.track;
-                // Another film of the same person starts anew.
-                let known = known.filter(|known| known.is_of(track));
-                // The schedule of a model that stays as it is stands still.
-                let late = only.is_some() || saved.progress >= saved.config.refinement.end;
-                let fresh = || PoseRefinement::new(track, late);
-                state.poses[person.slot] = Some(known.unwrap_or_else(fresh));
-            }
-            let known = state.exposures[person.slot].take();
-            let track = &person.shard.track;
-            state.exposures[person.slot] = exposure::begin(&wanted.exposure, track, known);
-            let known = match saved.config.variant {
-                Variant::NoIdentity => slots.iter().any(Option::is_some),
-                _ => slots[person.slot].is_some(),
+            notes.extend(begin(
+                &mut state,
+                &saved,
+                &wanted,
+                person,
+                &subject,
+                only.is_some(),
+            )?);
+            let placed = match saved.config.variant {
+                Variant::NoIdentity => known.knows_anybody(),
+                _ => known.knows(person.slot),
             };
-            place_first(&mut state, &saved.config, saved.progress, &subject, known)?;
-            slots[person.slot] = Some(subject.body.skeleton.clone());
+            place_first(&mut state, &saved.config, saved.progress, &subject, placed)?;
+            known.meet(person.slot, subject.body.skeleton.clone());
             subjects.push(subject);
         }
-        // Patches are no larger than any frame.
-        let patch_size = subjects
-            .iter()
-            .flat_map(TrainSubject::size)
-            .fold(saved.config.optimise.patch_size as usize, usize::min);
-        let objective = PatchObjective::with_weights(
-            options.lpips.as_ref(),
-            saved.config.optimise.ssim_weight,
-            patch_size,
-            &device,
-        )?;
-        if saved.config.splats.is_some() && options.lpips.is_some() {
-            notes.push("splats learn without LPIPS".to_owned());
-        }
+        let (patches, objective) = match saved.config.appearance {
+            Appearance::Splats(_) => {
+                if options.lpips.is_some() {
+                    notes.push("splats learn without LPIPS".to_owned());
+                }
+                (None, OBJECTIVE)
+            }
+            Appearance::Field(_) => {
+                let patches = patches(&saved.config, &options, &subjects, &device)?;
+                let name = patches.objective.name();
+                (Some(patches), name)
+            }
+        };
         let progress = TrainProgress {
-            objective: match saved.config.splats {
-                Some(_) => OBJECTIVE,
-                None => objective.name(),
-            },
+            objective,
             notes,
             ..TrainProgress::default()
         };
-        let counts: Vec<usize> = subjects.iter().map(|it| it.frames.len()).collect();
         Ok(Self {
-            order: FrameOrder::new(saved.config.sampling, saved.seed, &counts),
-            options: TrainOptions {
-                seed: saved.seed,
-                ..options
-            },
-            config: saved.config,
-            subjects,
-            slots,
-            joints: saved.joints,
-            state,
-            guard: Guard::new(saved.skipped_steps, saved.rollbacks),
-            objective: Box::new(objective),
-            patch_size,
-            device,
-            step: saved.step,
-            seconds: saved.train_seconds,
-            opened: saved.progress,
-            own_only: saved.own_only,
-            practice: saved.practice,
-            erased: saved.erased,
-            kept_tracks: Vec::new(),
-            goes_on,
-            budget_steps: options.used_steps,
-            budget_seconds: options.used_seconds,
-            progress,
-            previews: Vec::new(),
+            data: Data::new(subjects, saved.config.sampling, saved.seed),
+            model: Model::new(&saved, state, device, patches),
+            run: Run::new(&saved, options, goes_on, progress),
+            known,
         })
     }
+}
+
+/// Begins or goes on with what is learned of the film of a `person`, who may be trained `alone`: occupancy, poses and
+/// exposures. Returns a note on whether poses are refined.
+fn begin(
+    state: &mut TrainState,
+    saved: &ModelState,
+    wanted: &ModelConfig,
+    person: &Person,
+    subject: &TrainSubject,
+    alone: bool,
+) -> Result<Option<String>, TrainError> {
+    let (slot, track) = (person.slot, &person.shard.track);
+    let known = state.occupancy[slot].take();
+    let field = saved.config.appearance.field();
+    let grid = field.and_then(|it| Occupancy::new(&subject.body.grid, &it.march));
+    state.occupancy[slot] = grid.map(|grid| grid.taught_by(known.as_ref()));
+    let known = state.poses[slot].take();
+    let decision = decide(wanted.refinement.who, person)?;
+    if decision.refine {
+        // Another film of the same person starts anew.
+        let known = known.filter(|known| known.is_of(track));
+        // The schedule of a model that stays as it is stands still.
+        let late = alone || saved.progress >= saved.config.refinement.end;
+        let fresh = || PoseRefinement::new(track, late);
+        state.poses[slot] = Some(known.unwrap_or_else(fresh));
+    }
+    let known = state.exposures[slot].take();
+    state.exposures[slot] = exposure::begin(&wanted.exposure, track, known);
+    Ok(decision.why)
+}
+
+/// How a model with a field compares patches, which are no larger than any frame.
+fn patches(
+    config: &ModelConfig,
+    options: &TrainOptions,
+    subjects: &[TrainSubject],
+    device: &Device,
+) -> Result<PatchLearning, TrainError> {
+    let size = subjects
+        .iter()
+        .flat_map(TrainSubject::size)
+        .fold(config.optimise.patch_size as usize, usize::min);
+    let weight = config.optimise.ssim_weight;
+    let objective = PatchObjective::with_weights(options.lpips.as_ref(), weight, size, device)?;
+    Ok(PatchLearning {
+        objective: Box::new(objective),
+        size,
+    })
 }
 
 /// Lets colours depend on the view by harmonics of up to `degree`. In a model that stays as it is for all but one
@@ -227,7 +247,7 @@ fn reach_harmonics(
         let field = "harmonics";
         Err(TrainError::Config(ConfigError::Field { field, message }))
     };
-    match &mut wanted.splats {
+    match wanted.appearance.splats_mut() {
         None if degree == 0 => Ok(()),
         None => fail(format!(
             "the tier {} has a field, whose colours do not depend on the view",

@@ -1,15 +1,15 @@
 //! Properties of training steps: decaying rates, a turn for every person, the person in most
 //! patches, gradients of a share of the samples.
 
-use super::batch::{Batch, Scene, outcome};
-use super::options::{Budget, TrainOptions};
-use super::patches;
-use super::people::{Person, TrainFrame, TrainSubject};
-use super::trainer::Trainer;
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Schedule};
 use crate::loss::PatchObjective;
 use crate::motion::body::Body;
+use crate::train::frames::batch::{Batch, Scene, outcome};
+use crate::train::frames::patches;
+use crate::train::people::{Person, TrainFrame, TrainSubject};
+use crate::train::run::options::{Budget, TrainOptions};
+use crate::train::trainer::Trainer;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
@@ -105,9 +105,9 @@ fn rates_fall_over_the_run() {
     config.schedule.final_rate = 1e-4;
     let mut trainer = trainer(config, 1, 10);
     let mut step = || {
-        let before = numbers(trainer.state.avatar(), None);
+        let before = numbers(trainer.model.state.avatar(), None);
         trainer.step().expect("a step");
-        let after = numbers(trainer.state.avatar(), None);
+        let after = numbers(trainer.model.state.avatar(), None);
         moved(&before, &after["codes.0"], "codes.0")
     };
     let first = step();
@@ -142,9 +142,9 @@ fn a_training_that_goes_on_begins_with_lower_rates_if_it_is_short() {
         resumed.expect("resumes")
     };
     let step = |trainer: &mut Trainer| {
-        let before = numbers(trainer.state.avatar(), None);
+        let before = numbers(trainer.model.state.avatar(), None);
         trainer.step().expect("a step");
-        let after = numbers(trainer.state.avatar(), None);
+        let after = numbers(trainer.model.state.avatar(), None);
         moved(&before, &after["codes.0"], "codes.0")
     };
     let lower = step(&mut resume(&dir, 1, 4, 0));
@@ -155,23 +155,23 @@ fn a_training_that_goes_on_begins_with_lower_rates_if_it_is_short() {
         (long - full).abs() < 0.1 * full,
         "{long:e} for as long a run"
     );
-    assert!(!resume(&dir, 2, 4, 0).goes_on, "somebody is new");
+    assert!(!resume(&dir, 2, 4, 0).run.goes_on(), "somebody is new");
     // The rest of a budget continues as it began.
-    assert!(!resume(&dir, 1, 16, 8).goes_on);
+    assert!(!resume(&dir, 1, 16, 8).run.goes_on());
     let mut again = resume(&dir, 1, 4, 0);
     again.step().expect("a step");
     again.save(dir.path()).expect("saves");
-    assert!(resume(&dir, 1, 4, 1).goes_on);
+    assert!(resume(&dir, 1, 4, 1).run.goes_on());
 }
 
 #[test]
 fn an_epoch_teaches_everybody() {
     let mut trainer = trainer(config(), 3, 100);
-    let before = numbers(trainer.state.avatar(), None);
+    let before = numbers(trainer.model.state.avatar(), None);
     for _ in 0..3 * FRAMES {
         trainer.step().expect("a step");
     }
-    let after = numbers(trainer.state.avatar(), None);
+    let after = numbers(trainer.model.state.avatar(), None);
     for slot in 0..3 {
         let code = format!("codes.{slot}");
         assert!(moved(&before, &after[&code], &code) > 0.0, "{code}");
@@ -202,7 +202,7 @@ fn draw(
 #[test]
 fn four_patches_in_five_are_centred_on_the_person() {
     let trainer = trainer(config(), 1, 1);
-    let subject = &trainer.subjects[0];
+    let subject = &trainer.data.subjects()[0];
     let frame = &subject.frames[1];
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     // Patches of one pixel are their centres; pixels off the person have the background's colour.
@@ -225,7 +225,7 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
         let mut config = config();
         config.optimise.backward_share = share;
         let trainer = trainer(config.clone(), 1, 1);
-        let subject = &trainer.subjects[0];
+        let subject = &trainer.data.subjects()[0];
         let frame = &subject.frames[1];
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let batch = draw(subject, frame, 2, 12, &mut rng);
@@ -264,7 +264,7 @@ fn a_resting_non_rigid_field_has_no_reach() {
     while !trainer.finished() {
         trainer.step().expect("a step");
     }
-    let grid = trainer.state.occupancy[0].as_ref().expect("a grid");
+    let grid = trainer.model.state.occupancy[0].as_ref().expect("a grid");
     // Searches for canonical points that end elsewhere the second time are no offsets.
     assert_eq!(grid.reach(), 0.0);
 }

@@ -1,8 +1,8 @@
 //! A training that starts with the trunk of another model: what all of its people share.
 
-use super::checkpoint::ModelState;
-use super::{TrainError, Trainer};
 use crate::identity::own;
+use crate::train::run::checkpoint::ModelState;
+use crate::train::{TrainError, Trainer};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use safetensors::SafeTensors;
 use std::path::Path;
@@ -20,16 +20,16 @@ impl Trainer {
             file: path.display().to_string(),
             message,
         };
-        if self.step > 0 {
+        if self.run.moment().step > 0 {
             return Err(failed(
                 "a training that has begun has a trunk already".into(),
             ));
         }
         let other = ModelState::read(dir)?;
-        if other.joints != self.joints {
+        if other.joints != self.model.joints {
             return Err(failed(format!(
                 "its skeletons have {} joints, those of this training have {}",
-                other.joints, self.joints
+                other.joints, self.model.joints
             )));
         }
         let bytes = std::fs::read(&path).map_err(|e| failed(e.to_string()))?;
@@ -42,11 +42,11 @@ impl Trainer {
         let unlike = || {
             failed(format!(
                 "a model of the tier {} has not the same trunk as this one of the tier {}",
-                other.config.tier, self.config.tier
+                other.config.tier, self.model.config.tier
             ))
         };
         // Of a tensor with another shape the store says no more than that.
-        let applied = self.state.avatar_mut().load_from(&mut store);
+        let applied = self.model.state.avatar_mut().load_from(&mut store);
         let applied = applied.map_err(|_| unlike())?;
         let missing = applied.missing.iter().map(|(name, _)| name);
         // The other model may have more people.

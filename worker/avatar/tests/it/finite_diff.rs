@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Resolution, Sharing, Unposing};
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Resolution, Unposing};
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::train::batch::{Batch, Outcome, Scene, outcome};
@@ -145,13 +145,14 @@ fn config(encoding: Encoding, unposing: Unposing) -> ModelConfig {
     config.schedule = config.schedule.all_at_once();
     config.non_rigid.layers = layers.clone();
     config.non_rigid.bands = 2;
-    config.canonical.layers = layers;
-    config.canonical.encoding = encoding;
-    config.canonical.density_scale = 5.0;
-    config.march.samples = 16;
+    let field = config.appearance.field_mut().expect("a field");
+    field.canonical.layers = layers;
+    field.canonical.encoding = encoding;
+    field.canonical.density_scale = 5.0;
+    field.march.samples = 16;
     // All samples are evaluated, since a move could change which ones are left out.
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
     config.check().expect("a possible model");
     config
 }
@@ -351,42 +352,21 @@ fn every_group_of_a_model_with_bands() {
     groups_agree(Encoding::Fourier { bands: 3 }, Unposing::Blend, &GROUPS);
 }
 
-/// A small grid with the given sharing.
-fn grid(sharing: Sharing) -> Encoding {
-    Encoding::Hash {
-        levels: 2,
-        base: 2,
-        growth: 2.0,
-        log2_rows: 6,
-        features: 4,
-        sharing,
-    }
-}
+/// A small grid.
+const GRID: Encoding = Encoding::Hash {
+    levels: 2,
+    base: 2,
+    growth: 2.0,
+    log2_rows: 6,
+    features: 4,
+    own_log2_rows: 5,
+};
 
 #[test]
 fn every_group_of_a_model_with_tables() {
-    let groups: Vec<&str> = GROUPS.into_iter().chain(["canonical.tables.0"]).collect();
-    groups_agree(grid(Sharing::Own), Unposing::Blend, &groups);
-}
-
-#[test]
-fn tables_that_are_split() {
-    let sharing = Sharing::Split { own_log2_rows: 5 };
-    groups_agree(
-        grid(sharing),
-        Unposing::Blend,
-        &["canonical.tables.0", "canonical.shared"],
-    );
-}
-
-#[test]
-fn tables_that_are_mixed() {
-    let sharing = Sharing::Bases { count: 2 };
-    groups_agree(
-        grid(sharing),
-        Unposing::Blend,
-        &["canonical.mixes.0", "canonical.shared"],
-    );
+    let tables = ["canonical.tables.0", "canonical.shared"];
+    let groups: Vec<&str> = GROUPS.into_iter().chain(tables).collect();
+    groups_agree(GRID, Unposing::Blend, &groups);
 }
 
 #[test]
@@ -397,5 +377,5 @@ fn motion_through_inverse_skinning() {
         "correction.",
         "canonical.tables.0",
     ];
-    groups_agree(grid(Sharing::Own), Unposing::Inverse, &groups);
+    groups_agree(GRID, Unposing::Inverse, &groups);
 }

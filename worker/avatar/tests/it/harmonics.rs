@@ -16,7 +16,7 @@ const SIZE: u32 = 64;
 
 fn config(harmonics: usize) -> ModelConfig {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let splats = config.splats.as_mut().expect("splats");
+    let splats = config.appearance.splats_mut().expect("splats");
     splats.count = 2000;
     splats.harmonics = harmonics;
     // As fast as colours, since there are few steps.

@@ -24,7 +24,7 @@ fn config(tier: &str) -> ModelConfig {
     let mut config = ModelConfig::named(tier, "yoto").expect("a tier");
     config.refinement.who = Refine::Always;
     config.optimise.patches = 4;
-    if let Some(splats) = &mut config.splats {
+    if let Some(splats) = config.appearance.splats_mut() {
         (splats.count, splats.coarse) = (1500, 1000);
     }
     config

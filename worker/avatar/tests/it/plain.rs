@@ -5,7 +5,7 @@ use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
-use yoto_avatar::avatar::Avatar;
+use yoto_avatar::avatar::{Avatar, AvatarAppearance};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
 use yoto_avatar::motion::body::Body;
@@ -22,9 +22,10 @@ const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
 
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
-    config.march.occupancy_cells = 0;
+    let field = config.appearance.field_mut().expect("a field");
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
+    field.march.occupancy_cells = 0;
     // The plain form compares colours only.
     config.optimise.mask_weight = 0.0;
     config
@@ -81,15 +82,28 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
         occupancy: None,
         step: None,
     };
-    let samples = march(&batch.rays, &config.march, None::<&mut ChaCha8Rng>, &volume).all();
+    let samples = march(
+        &batch.rays,
+        &config.appearance.field().expect("a field").march,
+        None::<&mut ChaCha8Rng>,
+        &volume,
+    )
+    .all();
     let hits = batch.rays.iter().flatten().count();
-    assert_eq!(samples.live(), hits * config.march.samples, "all samples");
+    assert_eq!(
+        samples.live(),
+        hits * config.appearance.field().expect("a field").march.samples,
+        "all samples"
+    );
     let device = posed.weights.device();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &device);
     let near = TensorData::new(samples.canonical.clone(), [samples.live(), 3]);
     let near = Some(Tensor::from_data(near, &device));
-    let (fields, _, likelihood) = avatar.evaluate(config, body, &posed, points, near);
+    let AvatarAppearance::Field(field) = avatar.appearance(config) else {
+        panic!("the tier has a field");
+    };
+    let (fields, _, likelihood) = field.evaluate(body, &posed, points, near);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),

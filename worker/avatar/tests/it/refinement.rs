@@ -75,7 +75,7 @@ fn config() -> ModelConfig {
 
 fn config_of_splats() -> ModelConfig {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let splats = config.splats.as_mut().expect("splats");
+    let splats = config.appearance.splats_mut().expect("splats");
     (splats.count, splats.coarse) = (2000, 500);
     config.refinement.who = Refine::Always;
     config

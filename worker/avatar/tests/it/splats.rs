@@ -6,6 +6,7 @@ use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Numerics, Refine, Setting};
 use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::loss::{LossTerm, Objective, Patches};
 use yoto_avatar::render::{Actor, Light, RenderView, Rendered, Renderer, SceneView};
 use yoto_avatar::tradeoff::Axes;
 use yoto_avatar::train::{Person, Trainer};
@@ -18,7 +19,7 @@ const SIZE: u32 = 64;
 /// Few splats, for small pictures, with poses as they are: they are exact.
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let splats = config.splats.as_mut().expect("splats");
+    let splats = config.appearance.splats_mut().expect("splats");
     splats.count = 2000;
     config.refinement.who = Refine::Never;
     config
@@ -115,7 +116,7 @@ fn a_resumed_training_of_splats_ends_bit_for_bit_where_an_uninterrupted_one_does
     let (stopped, resumed, straight) = (tempdir(), tempdir(), tempdir());
     // Poses are refined; splats are placed again before the stop and after it.
     let mut refined = config();
-    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.appearance.splats_mut().expect("splats").coarse = 500;
     refined.refinement.who = Refine::Always;
     let both = people(&[0, 1], 12, SIZE);
     let mut first = Trainer::new(refined, options(20), both, &Device::flex()).expect("starts");
@@ -150,7 +151,7 @@ fn shown_of(trainer: &Trainer) -> usize {
 #[test]
 fn splats_are_few_until_poses_are_refined() {
     let mut refined = config();
-    refined.splats.as_mut().expect("splats").coarse = 500;
+    refined.appearance.splats_mut().expect("splats").coarse = 500;
     refined.refinement.who = Refine::Always;
     let ada = || people(&[0], 12, SIZE);
     let mut trainer =
@@ -325,6 +326,40 @@ fn what_splats_can_not_do_is_refused_by_name() {
 }
 
 /// A frame that shows half of the person, and one that shows nobody, say nothing about what they lack.
+/// An objective that nothing evaluates here.
+struct Custom;
+
+impl Objective for Custom {
+    fn name(&self) -> &'static str {
+        "custom"
+    }
+
+    fn terms(&self, _: Patches) -> Vec<LossTerm> {
+        Vec::new()
+    }
+}
+
+/// Splats learn by their own loss, so a training that took another objective would not learn by it.
+#[test]
+fn another_objective_is_refused_where_it_would_be_ignored() {
+    let refused = trainer(&[0], 1).with_objective(Box::new(Custom));
+    let error = refused
+        .err()
+        .expect("splats have their own loss")
+        .to_string();
+    assert!(
+        error.contains("tier splat")
+            && error.contains("custom")
+            && error.contains("whole pictures"),
+        "{error}"
+    );
+    let field = ModelConfig::named("draft", "yoto").expect("a tier");
+    let people = people(&[0], 3, SIZE);
+    let trainer = Trainer::new(field, options(1), people, &Device::flex()).expect("starts");
+    let trainer = trainer.with_objective(Box::new(Custom)).expect("patches");
+    assert_eq!(trainer.progress().objective, "custom");
+}
+
 #[test]
 fn cropped_and_empty_frames_do_not_cut_the_person() {
     let whole = people(&[0], 12, SIZE).remove(0);
@@ -365,7 +400,7 @@ fn cropped_and_empty_frames_do_not_cut_the_person() {
 #[test]
 fn people_without_identities_share_their_splats() {
     let mut config = ModelConfig::named("splat", "no-identity").expect("a tier");
-    config.splats.as_mut().expect("splats").count = 500;
+    config.appearance.splats_mut().expect("splats").count = 500;
     let both = people(&[0, 1], 12, SIZE);
     let mut trainer =
         Trainer::new(config, options(3), both.clone(), &Device::flex()).expect("starts");

@@ -15,7 +15,7 @@ const SIZE: u32 = 64;
 fn trained(tier: &str, person: Person, steps: u64) -> Renderer {
     let mut config = ModelConfig::named(tier, "yoto").expect("a tier");
     config.refinement.who = Refine::Never;
-    if let Some(splats) = &mut config.splats {
+    if let Some(splats) = config.appearance.splats_mut() {
         splats.count = 2000;
     }
     let device = Device::flex();

@@ -16,7 +16,7 @@ const STEPS: u64 = 150;
 
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    config.splats.as_mut().expect("splats").count = 2000;
+    config.appearance.splats_mut().expect("splats").count = 2000;
     config.refinement.who = Refine::Never;
     config
 }

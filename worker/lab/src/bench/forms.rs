@@ -53,8 +53,8 @@ impl StepForm {
     /// When a setting does not exist or has an invalid value.
     pub fn config(self, settings: &[Setting]) -> Result<ModelConfig, ConfigError> {
         let mut config = ModelConfig::named(self.tier(), "yoto")?;
-        if self == Self::Tuned {
-            config.march.epsilon = 1e-3;
+        if let (Self::Tuned, Some(field)) = (self, config.appearance.field_mut()) {
+            field.march.epsilon = 1e-3;
         }
         config.with(settings)
     }
@@ -82,15 +82,22 @@ mod tests {
     #[test]
     fn forms_leave_out_what_they_say() {
         let config = |form: StepForm| form.config(&[]).expect("a configuration");
+        let march = |config: &ModelConfig| {
+            let field = config.appearance.field().expect("a field");
+            field.march.clone()
+        };
         let exact = config(StepForm::Exact);
         assert_eq!(
-            (exact.optimise.backward_share, exact.march.min_transmittance),
+            (
+                exact.optimise.backward_share,
+                march(&exact).min_transmittance
+            ),
             (1.0, 0.0)
         );
-        assert!(exact.march.epsilon < 1e-7 && exact.march.occupancy_cells == 0);
+        assert!(march(&exact).epsilon < 1e-7 && march(&exact).occupancy_cells == 0);
         let tuned = config(StepForm::Tuned);
         assert_eq!(
-            (tuned.optimise.backward_share, tuned.march.epsilon),
+            (tuned.optimise.backward_share, march(&tuned).epsilon),
             (1.0, 1e-3)
         );
         assert_eq!(config(StepForm::Lean).tier, "paper-lean");

@@ -132,7 +132,7 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
         Timed::Form(form) => form.config(&options.settings)?,
     };
     // The non-rigid field never moves splats.
-    if config.splats.is_none() {
+    if config.appearance.splats().is_none() {
         config.schedule = config.schedule.all_at_once();
     }
     let cast = SyntheticPerson::cast(options.people, options.seed);

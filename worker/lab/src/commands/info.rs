@@ -4,7 +4,7 @@ use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::avatar::PartCount;
-use yoto_avatar::config::ModelConfig;
+use yoto_avatar::config::{Appearance, ModelConfig};
 use yoto_avatar::train::{ModelState, read_parts};
 use yoto_terminal::output;
 use yoto_terminal::table::table;
@@ -54,9 +54,9 @@ fn about(config: &ModelConfig, people: usize) {
         "numerics    {}",
         name(serde_json::to_value(config.numerics))
     );
-    match &config.splats {
-        Some(splats) => say!("splats      {} per person", splats.count),
-        None => say!("samples     {} per ray", config.march.samples),
+    match &config.appearance {
+        Appearance::Splats(splats) => say!("splats      {} per person", splats.count),
+        Appearance::Field(field) => say!("samples     {} per ray", field.march.samples),
     }
     say!("people      {people}");
 }

@@ -12,7 +12,7 @@ use clap::builder::OsStringValueParser;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::config::{LearnExposure, Refine, Setting, Sharing};
+use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
@@ -71,11 +71,6 @@ pub(super) struct Quality {
     /// Model variant of the paper's ablation.
     #[arg(long, default_value = "yoto", value_parser = args::variant, long_help = args::variant_help())]
     variant: String,
-    /// Sharing of the hash grid: own, split:ROWS (a shared table, and one per person with at most
-    /// 2^ROWS rows per level) or bases:COUNT (shared rows that each person mixes) [default: the
-    /// tier's].
-    #[arg(long, value_name = "KIND")]
-    sharing: Option<Sharing>,
     /// Another value for a setting of the tier, such as march.epsilon=1e-3; may be repeated.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<Setting>,
@@ -132,7 +127,6 @@ impl Quality {
                 None => Budget::Seconds(self.seconds),
             },
             measured: self.measure.map_or(usize::MAX, |count| count as usize),
-            sharing: self.sharing,
             settings: self.settings,
             curve_pictures: self.curve_pictures as usize,
             tier: self.tier,

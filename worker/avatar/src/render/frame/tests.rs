@@ -2,9 +2,10 @@
 //! composited by Burn's own tensor operations.
 
 use super::*;
+use crate::host::read;
 use crate::render::march::{Volume, march};
 use crate::render::view::{Actor, Light};
-use burn::tensor::{Device, TensorData};
+use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::body_box::{BodyView, Ray};
 use yoto_ops::composite::{RaySamples, reference};
@@ -16,10 +17,11 @@ const BACKGROUND: [f32; 3] = [0.2, 0.5, 0.9];
 fn config() -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     // What a fresh model is made of is thin, and some rays should meet something opaque.
-    config.canonical.density_scale = 5000.0;
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
-    config.march.occupancy_cells = 0;
+    let field = config.appearance.field_mut().expect("a field");
+    field.canonical.density_scale = 5000.0;
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
+    field.march.occupancy_cells = 0;
     config
 }
 
@@ -31,7 +33,10 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let avatar = Avatar::new(&config, 1, skeleton.parents.len(), 5, &device);
     let body = Body::new(skeleton, &config, &device);
-    let occupancy = Occupancy::new(&body.grid, &config.march);
+    let occupancy = Occupancy::new(
+        &body.grid,
+        &config.appearance.field().expect("a field").march,
+    );
     let view = RenderView {
         slot: 0,
         pose: person.unseen_motion(4)[2].clone(),
@@ -65,10 +70,19 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
         occupancy: None,
         step: None,
     };
-    let samples = march(&rays, &config.march, None::<&mut ChaCha8Rng>, &volume).all();
+    let samples = march(
+        &rays,
+        &config.appearance.field().expect("a field").march,
+        None::<&mut ChaCha8Rng>,
+        &volume,
+    )
+    .all();
     let points = TensorData::new(samples.points.clone(), [samples.live(), 3]);
     let points = Tensor::from_data(points, &Device::flex());
-    let (fields, _, likelihood) = renderer.avatar.evaluate(config, body, &posed, points, None);
+    let AvatarAppearance::Field(field) = renderer.avatar.appearance(config) else {
+        panic!("the tier has a field");
+    };
+    let (fields, _, likelihood) = field.evaluate(body, &posed, points, None);
     let along = RaySamples {
         starts: samples.starts().into(),
         steps: samples.steps.as_slice().into(),
@@ -119,7 +133,12 @@ fn a_stopped_frame_is_wrong_by_its_bound_at_most_and_evaluates_less() {
     let (whole, view) = renderer(config());
     let whole = whole.render(&view).expect("renders");
     let mut bounded = config();
-    bounded.march.min_transmittance = 1e-2;
+    bounded
+        .appearance
+        .field_mut()
+        .expect("a field")
+        .march
+        .min_transmittance = 1e-2;
     let stopped = renderer(bounded).0.render(&view).expect("renders");
     assert!(
         stopped.counts.likely == whole.counts.likely
@@ -136,7 +155,12 @@ fn a_stopped_frame_is_wrong_by_its_bound_at_most_and_evaluates_less() {
 fn a_grid_that_knows_nothing_changes_nothing() {
     let (without, view) = renderer(config());
     let mut unknowing = config();
-    unknowing.march.occupancy_cells = 32;
+    unknowing
+        .appearance
+        .field_mut()
+        .expect("a field")
+        .march
+        .occupancy_cells = 32;
     let without = without.render(&view).expect("renders");
     let with = renderer(unknowing).0.render(&view).expect("renders");
     assert_eq!((without.rgb, without.counts), (with.rgb, with.counts));

@@ -4,7 +4,8 @@ use super::*;
 use crate::config::ModelConfig;
 
 fn grid(cells: usize) -> Occupancy {
-    let mut config = ModelConfig::named("draft", "yoto").expect("a tier").march;
+    let tier = ModelConfig::named("draft", "yoto").expect("a tier");
+    let mut config = tier.appearance.field().expect("a field").march.clone();
     config.occupancy_cells = cells;
     config.occupancy_alpha = 1e-2;
     let area = WarpGrid {

@@ -1,7 +1,7 @@
 //! The exposures of a checkpoint, for a training that goes on, and for measurements on frames of the same film.
 
-use super::super::TrainError;
 use super::FilmExposures;
+use crate::train::TrainError;
 use std::path::Path;
 use yoto_proto::manifest::files;
 use yoto_proto::pose_track::PoseTrack;

@@ -1,12 +1,12 @@
 //! The part of a step that learns the exposure of its frame.
 
-use super::super::frame_order::FramePlace;
-use super::super::people::TrainSubject;
-use super::super::{TrainError, Trainer};
 use super::{FilmExposures, fit};
 use crate::config::{ExposureConfig, LearnExposure};
+use crate::host::read;
 use crate::render::FrameExposure;
-use crate::render::frame::read;
+use crate::train::TrainError;
+use crate::train::model::Model;
+use crate::train::people::{TrainFrame, TrainSubject};
 use burn::tensor::Tensor;
 use tracing::trace_span;
 use yoto_capture::FrameImage;
@@ -43,47 +43,61 @@ pub(in crate::train) fn exposed(picture: Tensor<2>, exposure: &FrameExposure) ->
     picture * gain + alpha * offset
 }
 
-impl Trainer {
-    /// Fits the exposure of the frame at `place`, which shows `image`, to the model's `picture` of it, `[H W, 4]`,
-    /// and returns the one to compare them in.
-    pub(in crate::train) fn fit_exposure(
-        &mut self,
-        place: FramePlace,
-        image: &FrameImage,
-        picture: &Tensor<2>,
-    ) -> Result<FrameExposure, TrainError> {
-        let opened = self.opened();
-        let config = &self.config.exposure;
-        let subject: &TrainSubject = &self.subjects[place.subject];
-        let Some(film) = &mut self.state.exposures[subject.slot] else {
-            return Ok(FrameExposure::NEUTRAL);
-        };
-        let frame = &subject.frames[place.frame];
-        // What was not heeded stays unheard.
-        if opened >= config.start && film.heeded != Some(false) {
-            let _span = trace_span!("exposure").entered();
-            let picture = read(picture.clone().detach())?;
-            if let Some(found) = fit::exposure(&picture, image, config) {
-                film.take(frame.place, &found, config.share);
-            }
-            if let Some(spread) = film.decide(config, opened, subject.frames.len()) {
-                let then = match film.heeded {
-                    Some(true) => "exposures are learned",
-                    _ => "all are taken to be exposed alike",
-                };
-                let (name, percent) = (&subject.name, 100.0 * spread);
-                let note =
-                    format!("{name}: the exposure of frames differs by {percent:.1} %: {then}");
-                self.progress.notes.push(note);
-            }
-        }
-        Ok(film.of(frame.place))
-    }
+/// The exposure to compare a frame in, and what was found of the film's, for people.
+pub(in crate::train) struct FittedExposure {
+    pub exposure: FrameExposure,
+    pub note: Option<String>,
+}
 
-    /// The exposure of the frame with this `index` of the film of the person in `slot`, as
-    /// [`FilmExposures::near`] tells it; neutral where exposures are not learned.
-    pub fn exposure_near(&self, slot: usize, index: u32) -> FrameExposure {
-        let film = self.state.exposures.get(slot).and_then(Option::as_ref);
-        film.map_or(FrameExposure::NEUTRAL, |film| film.near(index))
+/// Fits the exposure of a `frame`, which shows `image`, to the model's `picture` of it, `[H W, 4]`, after the
+/// completed fraction `opened` of the model's run.
+pub(in crate::train) fn fit_exposure(
+    model: &mut Model,
+    subject: &TrainSubject,
+    frame: &TrainFrame,
+    opened: f64,
+    image: &FrameImage,
+    picture: &Tensor<2>,
+) -> Result<FittedExposure, TrainError> {
+    let config = &model.config.exposure;
+    let Some(film) = &mut model.state.exposures[subject.slot] else {
+        return Ok(FittedExposure {
+            exposure: FrameExposure::NEUTRAL,
+            note: None,
+        });
+    };
+    let mut note = None;
+    // A film whose exposures were found to be alike stays so.
+    if opened >= config.start && film.heeded != Some(false) {
+        let _span = trace_span!("exposure").entered();
+        let picture = read(picture.clone().detach())?;
+        if let Some(found) = fit::exposure(&picture, image, config) {
+            film.take(frame.place, &found, config.share);
+        }
+        if let Some(spread) = film.decide(config, opened, subject.frames.len()) {
+            let then = match film.heeded {
+                Some(true) => "exposures are learned",
+                _ => "all are taken to be exposed alike",
+            };
+            let (name, percent) = (&subject.name, 100.0 * spread);
+            note = Some(format!(
+                "{name}: the exposure of frames differs by {percent:.1} %: {then}"
+            ));
+        }
     }
+    Ok(FittedExposure {
+        exposure: film.of(frame.place),
+        note,
+    })
+}
+
+/// The exposure of the frame with this `index` of the film of the person in `slot`, as
+/// [`FilmExposures::near`] tells it; neutral where exposures are not learned.
+pub(in crate::train) fn near(
+    films: &[Option<FilmExposures>],
+    slot: usize,
+    index: u32,
+) -> FrameExposure {
+    let film = films.get(slot).and_then(Option::as_ref);
+    film.map_or(FrameExposure::NEUTRAL, |film| film.near(index))
 }

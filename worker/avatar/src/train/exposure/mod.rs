@@ -9,7 +9,7 @@ mod fit;
 mod learn;
 
 pub use file::film_exposures;
-pub(super) use learn::{begin, exposed};
+pub(super) use learn::{begin, exposed, fit_exposure, near};
 
 use crate::config::{ExposureConfig, LearnExposure};
 use crate::render::FrameExposure;

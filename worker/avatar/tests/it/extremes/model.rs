@@ -4,7 +4,7 @@ use super::table::{report, values};
 use burn::module::{Module, ModuleMapper, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use std::sync::Arc;
-use yoto_avatar::avatar::Avatar;
+use yoto_avatar::avatar::{Avatar, AvatarAppearance};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
@@ -49,7 +49,10 @@ fn evaluate(
     let posed = avatar.pose(config, &body, 0, pose, 1.0);
     let n = points.len() / 3;
     let points = Tensor::<2>::from_data(TensorData::new(points, [n, 3]), &device);
-    let (field, _, likelihood) = avatar.evaluate(config, &body, &posed, points, None);
+    let AvatarAppearance::Field(field) = avatar.appearance(config) else {
+        panic!("the tier has a field");
+    };
+    let (field, _, likelihood) = field.evaluate(&body, &posed, points, None);
     let output = Tensor::cat(
         vec![field.rgb.reshape([3 * n]), field.density, likelihood],
         0,

@@ -251,7 +251,7 @@ fn a_training_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
 fn a_training_of_splats_goes_the_cpus_way_and_its_checkpoint_renders_the_same() {
     on_vulkan(LIMIT, |vulkan| {
         let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-        let splats = config.splats.as_mut().expect("splats");
+        let splats = config.appearance.splats_mut().expect("splats");
         (splats.count, splats.harmonics) = (600, 2);
         let [ours, reference] = assert_trains_and_renders_alike(&config, 12, &vulkan);
         assert_same_picture(&ours, &reference, 1e-4);

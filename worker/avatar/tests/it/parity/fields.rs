@@ -6,6 +6,7 @@ use crate::parity::check::{Check, GRADIENTS, VALUES};
 use crate::parity::small;
 use burn::optim::GradientsParams;
 use burn::tensor::Tensor;
+use yoto_avatar::avatar::AvatarAppearance;
 use yoto_avatar::config::Encoding;
 use yoto_avatar::field::window::hann_window;
 use yoto_avatar::motion::body::Body;
@@ -121,9 +122,11 @@ fn canonical(case: Case, encoding: Encoding) {
     let body = Body::new(case.skeleton(), &config, &device);
     let points = case.tensor::<2>("points", &device).require_grad();
     let code: Tensor<1> = case.tensor("code", &device).require_grad();
-    let field = avatar.canonical.as_ref().expect("the tier has a field");
-    let values = field.forward(
-        &config.canonical,
+    let AvatarAppearance::Field(field) = avatar.appearance(&config) else {
+        panic!("the tier has a field");
+    };
+    let values = field.canonical.forward(
+        &field.config.canonical,
         points.clone(),
         1,
         body.hash.as_ref(),

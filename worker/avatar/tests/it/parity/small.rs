@@ -1,10 +1,11 @@
 //! The small complete model of `tests/reference/model.py`, with its weights.
 
 use crate::parity::case::path;
+use burn::module::{Module, ModuleMapper, Param};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use yoto_avatar::avatar::Avatar;
-use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Sharing, Unposing};
+use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Unposing};
 
 /// Joints of the small tree.
 const JOINTS: usize = 5;
@@ -22,7 +23,7 @@ pub const HASH: Encoding = Encoding::Hash {
     growth: 1.6,
     log2_rows: 7,
     features: 2,
-    sharing: Sharing::Own,
+    own_log2_rows: 7,
 };
 
 /// Device of the tests.
@@ -49,17 +50,18 @@ pub fn config(encoding: Encoding) -> ModelConfig {
         skip: Some(2),
         inject: 1,
     };
-    config.canonical.encoding = encoding;
-    config.canonical.density_scale = 8.0;
-    config.canonical.layers = LayersConfig {
+    let field = config.appearance.field_mut().expect("a field");
+    field.canonical.encoding = encoding;
+    field.canonical.density_scale = 8.0;
+    field.canonical.layers = LayersConfig {
         width: 16,
         depth: 4,
         skip: Some(2),
         inject: 2,
     };
-    config.march.samples = 12;
-    config.march.epsilon = 0.0;
-    config.march.min_transmittance = 0.0;
+    field.march.samples = 12;
+    field.march.epsilon = 0.0;
+    field.march.min_transmittance = 0.0;
     config.optimise.rate = 2e-3;
     config.optimise.table_rate = 1e-2;
     config.optimise.motion_rate = 4e-3;
@@ -73,15 +75,43 @@ pub fn config(encoding: Encoding) -> ModelConfig {
 
 /// The model with the reference's weights, read like those of a checkpoint.
 pub fn avatar(config: &ModelConfig) -> Avatar {
-    let file = match config.canonical.encoding {
+    let file = match config
+        .appearance
+        .field()
+        .expect("a field")
+        .canonical
+        .encoding
+    {
         Encoding::Fourier { .. } => "model-fourier",
         Encoding::Hash { .. } => "model-hash",
     };
-    let mut avatar = Avatar::new(config, SLOTS, JOINTS, 0, &device());
-    avatar
-        .load_from(&mut SafetensorsStore::from_file(path(file)))
-        .expect("weights that fit");
-    avatar
+    avatar_with(config, file)
+}
+
+/// Path of the table that people share, which the reference lacks: its people have tables alone.
+pub const SHARED_TABLE: &str = "canonical.shared";
+
+/// Empties the table that people share.
+#[derive(Default)]
+struct Empty {
+    path: Vec<String>,
+}
+
+impl ModuleMapper for Empty {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
+        match self.path.join(".") == SHARED_TABLE {
+            true => param.map(|table| table.zeros_like().require_grad()),
+            false => param,
+        }
+    }
 }
 
 /// The model with the weights in `file`, which may lack some.
@@ -90,5 +120,5 @@ pub fn avatar_with(config: &ModelConfig, file: &str) -> Avatar {
     let mut store = SafetensorsStore::from_file(path(file)).allow_partial(true);
     let loaded = avatar.load_from(&mut store).expect("weights that fit");
     assert!(loaded.unused.is_empty(), "{:?}", loaded.unused);
-    avatar
+    avatar.map(&mut Empty::default())
 }

@@ -1,0 +1,129 @@
+//! The part of a model that stands in canonical space, with its configuration.
+
+use super::{Avatar, Posed};
+use crate::config::{Appearance, FieldConfig, ModelConfig, SplatConfig};
+use crate::field::canonical::{Canonical, FieldValues};
+use crate::field::splats::Splats;
+use crate::motion::body::Body;
+use burn::module::Param;
+use burn::tensor::Tensor;
+use yoto_capture::camera::Pose;
+use yoto_ops::{splat, warp};
+
+/// A model with what its tier has in canonical space.
+pub enum AvatarAppearance<'a> {
+    /// A field.
+    Field(AvatarField<'a>),
+    /// Splats.
+    Splats(AvatarSplats<'a>),
+}
+
+/// A model with a field.
+#[derive(Clone, Copy)]
+pub struct AvatarField<'a> {
+    avatar: &'a Avatar,
+    model: &'a ModelConfig,
+    /// Settings of the field and the march.
+    pub config: &'a FieldConfig,
+    /// The field.
+    pub canonical: &'a Canonical,
+}
+
+/// A model with splats.
+#[derive(Clone, Copy)]
+pub struct AvatarSplats<'a> {
+    avatar: &'a Avatar,
+    model: &'a ModelConfig,
+    /// Settings of the splats.
+    pub config: &'a SplatConfig,
+    /// One per identity.
+    pub splats: &'a [Splats],
+}
+
+impl Avatar {
+    /// What the model has in canonical space; `config` is the one that it was made by.
+    ///
+    /// # Panics
+    /// If `config` is of another model.
+    pub fn appearance<'a>(&'a self, model: &'a ModelConfig) -> AvatarAppearance<'a> {
+        match (&model.appearance, &self.canonical) {
+            (Appearance::Field(config), Some(canonical)) => AvatarAppearance::Field(AvatarField {
+                avatar: self,
+                model,
+                config,
+                canonical,
+            }),
+            (Appearance::Splats(config), None) => AvatarAppearance::Splats(AvatarSplats {
+                avatar: self,
+                model,
+                config,
+                splats: &self.splats,
+            }),
+            _ => panic!("a configuration of another model"),
+        }
+    }
+}
+
+impl AvatarField<'_> {
+    /// Colour and density, canonical points `[N, 3]` before the non-rigid field, metres, and foreground
+    /// likelihoods `[N]` at `points` `[N, 3]` of the posed body. `near` `[N, 3]` are their canonical
+    /// points if they were found before, and only need gradients.
+    pub fn evaluate(
+        &self,
+        body: &Body,
+        posed: &Posed,
+        points: Tensor<2>,
+        near: Option<Tensor<2>>,
+    ) -> (FieldValues, Tensor<2>, Tensor<1>) {
+        let (canonical, likelihood) = self.avatar.unposed(self.model, body, posed, points, near);
+        let values = self.values(body, posed, canonical.clone());
+        (values, canonical, likelihood)
+    }
+
+    /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
+    /// follows the warp.
+    pub fn values(&self, body: &Body, posed: &Posed, canonical: Tensor<2>) -> FieldValues {
+        self.canonical.forward(
+            &self.config.canonical,
+            self.avatar.moved(self.model, posed, canonical),
+            posed.slot,
+            body.hash.as_ref(),
+            posed.code.clone(),
+        )
+    }
+}
+
+impl AvatarSplats<'_> {
+    /// As [`Avatar::pose`].
+    ///
+    /// # Panics
+    /// If the model has no identity in `slot`.
+    pub fn pose(&self, body: &Body, slot: usize, pose: &Pose, progress: f64) -> Posed {
+        self.avatar.pose(self.model, body, slot, pose, progress)
+    }
+
+    /// The splats of a posed identity.
+    ///
+    /// # Panics
+    /// If `posed` is of another model, with more identities.
+    pub fn posed(&self, body: &Body, posed: &Posed) -> splat::Splats {
+        let splats = &self.splats[posed.slot];
+        let means = self.avatar.moved(self.model, posed, splats.means.val());
+        let transforms = warp::skin::skin(
+            posed.weights.clone(),
+            posed.transforms.clone(),
+            means.clone(),
+            &body.grid,
+        );
+        splat::Splats {
+            transforms,
+            means,
+            rotations: splats.turns.val(),
+            scales: splats.scales.val(),
+            opacities: splats.opacities.val(),
+            colours: splats.colours.val(),
+            harmonics: splats.harmonics.as_ref().map(Param::val),
+            light: splats.light.val(),
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! The people that a training learns from, and the order of their frames.
+
+use crate::config::SamplingConfig;
+use crate::train::frames::order::{FrameIndex, FrameOrder, Practice};
+use crate::train::known::Known;
+use crate::train::people::{TrainFrame, TrainSubject};
+
+/// People, and the order of their frames.
+pub(crate) struct Data {
+    subjects: Vec<TrainSubject>,
+    order: FrameOrder,
+}
+
+impl Data {
+    /// The `subjects`, at least one, each with at least one frame.
+    pub fn new(subjects: Vec<TrainSubject>, sampling: SamplingConfig, seed: u64) -> Self {
+        let counts: Vec<usize> = subjects.iter().map(|it| it.frames.len()).collect();
+        Self {
+            order: FrameOrder::new(sampling, seed, &counts),
+            subjects,
+        }
+    }
+
+    /// The frame of a step.
+    pub fn at(&mut self, step: u64, known: &Known) -> FrameIndex {
+        let slots = self.subjects.iter().map(|it| it.slot);
+        let practice: Vec<Practice> = slots.map(|slot| known.practice(slot)).collect();
+        self.order.at(step, &practice)
+    }
+
+    /// A frame, and its person.
+    pub fn frame(&self, index: FrameIndex) -> (&TrainSubject, &TrainFrame) {
+        let subject = &self.subjects[index.subject];
+        (subject, &subject.frames[index.frame])
+    }
+
+    /// All people.
+    pub fn subjects(&self) -> &[TrainSubject] {
+        &self.subjects
+    }
+
+    /// The person in `slot`, if they take part.
+    pub fn in_slot(&self, slot: usize) -> Option<&TrainSubject> {
+        self.subjects.iter().find(|it| it.slot == slot)
+    }
+}

@@ -1,0 +1,10 @@
+//! What is known of the steps with one person.
+
+use serde::{Deserialize, Serialize};
+
+/// The steps with one person.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Practice {
+    /// Their number, over the model's life.
+    pub steps: u64,
+}

@@ -1,0 +1,82 @@
+//! What a model knows of its people, by slot, whether they take part in the training or not.
+
+use crate::train::frames::order::Practice;
+use crate::train::run::checkpoint::ModelState;
+use std::collections::BTreeSet;
+use yoto_capture::skeleton::Skeleton;
+
+/// What a checkpoint keeps of people.
+pub(crate) struct Known {
+    slots: Vec<Option<Skeleton>>,
+    /// Slots of people from whom nothing was learned but their own parameters.
+    own_only: BTreeSet<usize>,
+    /// The steps with the person in each slot.
+    practice: Vec<Practice>,
+    /// Slots of people who were removed.
+    erased: BTreeSet<usize>,
+    /// Refined pose tracks of people who do not take part: their slots and files.
+    kept_tracks: Vec<(usize, Vec<u8>)>,
+}
+
+impl Known {
+    /// What `saved` keeps.
+    pub fn new(saved: &ModelState, kept_tracks: Vec<(usize, Vec<u8>)>) -> Self {
+        let mut practice = saved.practice.clone();
+        practice.resize(saved.slots.len(), Practice::default());
+        Self {
+            slots: saved.slots.clone(),
+            own_only: saved.own_only.clone(),
+            practice,
+            erased: saved.erased.clone(),
+            kept_tracks,
+        }
+    }
+
+    /// The skeleton of each slot.
+    pub fn skeletons(&self) -> &[Option<Skeleton>] {
+        &self.slots
+    }
+
+    /// Whether the model knows the person in `slot`.
+    pub fn knows(&self, slot: usize) -> bool {
+        self.slots.get(slot).is_some_and(Option::is_some)
+    }
+
+    /// Whether the model knows anybody.
+    pub fn knows_anybody(&self) -> bool {
+        self.slots.iter().any(Option::is_some)
+    }
+
+    /// Makes the person in `slot` known.
+    pub fn meet(&mut self, slot: usize, skeleton: Skeleton) {
+        self.slots[slot] = Some(skeleton);
+    }
+
+    /// The steps with the person in `slot`.
+    pub fn practice(&self, slot: usize) -> Practice {
+        self.practice[slot]
+    }
+
+    /// Counts a step with the person in `slot`.
+    pub fn count_step(&mut self, slot: usize) {
+        self.practice[slot].steps += 1;
+    }
+
+    /// Slots of people who were removed.
+    pub fn erased(&self) -> &BTreeSet<usize> {
+        &self.erased
+    }
+
+    /// Slots and files of the refined pose tracks of people who do not take part.
+    pub fn kept_tracks(&self) -> &[(usize, Vec<u8>)] {
+        &self.kept_tracks
+    }
+
+    /// Writes what a checkpoint keeps of people into `state`.
+    pub fn record(&self, state: &mut ModelState) {
+        state.slots.clone_from(&self.slots);
+        state.own_only.clone_from(&self.own_only);
+        state.practice.clone_from(&self.practice);
+        state.erased.clone_from(&self.erased);
+    }
+}

@@ -1,0 +1,369 @@
+//! Refined poses of training frames: a change per frame.
+//!
+//! The mean of all changes stays zero, since a change that all frames share is a change of the
+//! canonical body as well.
+
+use crate::config::{RefinementConfig, RefinementStage, SplatConfig};
+use crate::fit::{Evidence, PoseChange, Wish};
+use crate::train::poses::expected_errors::ExpectedErrors;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::readings::Reading;
+use yoto_proto::pose_track::PoseTrack;
+
+/// Misfit, relative to that of other frames at that time, at which a frame counts half.
+const DOUBTFUL: f64 = 4.0;
+/// Relative misfit above which other readings are tried.
+const SUSPECT: f64 = 1.5;
+/// Weight of the newest misfit in the typical one.
+const SMOOTHING: f32 = 0.03;
+/// Shares of the refinement after which other readings are tried.
+const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
+/// Farthest frames between which a lost one is placed.
+const FAR: usize = 10;
+
+/// Changes of a track's poses, and how well they fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PoseRefinement {
+    /// Fingerprint of the poses that were given.
+    track: String,
+    /// Of each frame of the track.
+    changes: Vec<PoseChange>,
+    /// Whether they are found over one run of a model whose own refinement was over.
+    late: bool,
+    /// Whether they change no more.
+    done: bool,
+    /// Latest misfit of each frame relative to the typical one then, once it was fitted.
+    misfits: Vec<Option<f32>>,
+    /// Logarithm of the typical misfit: a moving mean over the frames that were fitted last.
+    typical: Option<f32>,
+    /// Number of [`TRIALS`] of each frame that are past.
+    tried: Vec<u8>,
+    #[serde(default = "ExpectedErrors::configured")]
+    errors: ExpectedErrors,
+    /// How often splats were placed while these poses were refined; 0 if those of an earlier training
+    /// stay.
+    #[serde(default)]
+    placed: u8,
+    /// Where the first placement was, as [`Self::stage`] counts progress. In single precision, which a
+    /// file of JSON gives back exactly.
+    #[serde(default)]
+    placed_at: f32,
+    /// Frames that are not read as they were given, and their poses before the change.
+    readings: BTreeMap<usize, (Reading, Pose)>,
+}
+
+impl PoseRefinement {
+    /// No change yet of the poses of `track`; `late` if the model's own refinement is over.
+    pub fn new(track: &PoseTrack, late: bool) -> Self {
+        Self {
+            track: fingerprint(track),
+            late,
+            done: false,
+            typical: None,
+            errors: ExpectedErrors::configured(),
+            changes: vec![PoseChange::none(track.joints()); track.frames.len()],
+            misfits: vec![None; track.frames.len()],
+            tried: vec![0; track.frames.len()],
+            placed: 0,
+            placed_at: 0.0,
+            readings: BTreeMap::new(),
+        }
+    }
+
+    /// Whether the changes are of a skeleton with `joints` joints, and finite.
+    pub fn fits(&self, joints: usize) -> bool {
+        let frames = self.changes.len();
+        (self.misfits.len(), self.tried.len()) == (frames, frames)
+            && self.errors.are_valid()
+            && (self.readings.iter())
+                .all(|(place, (_, pose))| *place < frames && pose.rotations.len() == joints)
+            && (self.changes.iter())
+                .all(|it| it.0.len() == 3 * (joints + 1) && it.0.iter().all(|v| v.is_finite()))
+    }
+
+    /// Whether the changes are of the poses of `track`.
+    pub fn is_of(&self, track: &PoseTrack) -> bool {
+        self.track == fingerprint(track) && self.changes.len() == track.frames.len()
+    }
+
+    /// How poses are refined now, after the completed fraction `opened` of the model's first run
+    /// and `fraction` of this one; `None` where they are not.
+    pub fn stage(
+        &mut self,
+        config: &RefinementConfig,
+        opened: f64,
+        fraction: f64,
+    ) -> Option<RefinementStage> {
+        let progress = self.progress(opened, fraction);
+        self.done |= progress >= config.end;
+        match self.done {
+            true => None,
+            false => config.stage(progress),
+        }
+    }
+
+    /// Progress of the run in which the poses are refined, from that of the model's first run and that
+    /// of this one.
+    fn progress(&self, opened: f64, fraction: f64) -> f64 {
+        if self.late { fraction } else { opened }
+    }
+
+    /// Whether splats were placed while these poses were refined.
+    pub fn has_placed(&self) -> bool {
+        self.placed > 0
+    }
+
+    /// Number of the splats that a training starts with that refines these poses. The call counts as
+    /// their placement.
+    pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
+        self.placed = 1;
+        self.placed_at = self.progress(opened, fraction) as f32;
+        config.first_count()
+    }
+
+    /// Number of the splats that are due to be placed again; `None` if they stay. The call counts as
+    /// their placement.
+    pub fn places_again(
+        &mut self,
+        config: &SplatConfig,
+        opened: f64,
+        fraction: f64,
+    ) -> Option<usize> {
+        let progress = self.progress(opened, fraction);
+        // Somebody who came in the middle of a run has what was left of it.
+        let from = f64::from(self.placed_at);
+        let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
+        let due = [config.coarse_again, config.all].map(|share| passed >= share);
+        match (self.placed, due) {
+            (1 | 2, [_, true]) => {
+                self.placed = 3;
+                Some(config.count)
+            }
+            (1, [true, _]) => {
+                self.placed = 2;
+                Some(config.first_count())
+            }
+            _ => None,
+        }
+    }
+
+    /// The given `pose` of the frame at `place` in the track as it is read, without its change.
+    pub fn read(&self, place: usize, pose: &Pose) -> Pose {
+        let read = self.readings.get(&place).map_or(pose, |(_, pose)| pose);
+        read.clone()
+    }
+
+    /// The same with its change.
+    pub fn refined(&self, place: usize, pose: &Pose) -> Pose {
+        self.changes[place].of(&self.read(place, pose))
+    }
+
+    /// The change at the share `at` of the way from that of one frame to that of another.
+    pub fn change_between(&self, [from, to]: [usize; 2], at: f64) -> PoseChange {
+        let (from, to) = (&self.changes[from].0, &self.changes[to].0);
+        let pairs = from.iter().zip(to);
+        PoseChange(pairs.map(|(a, b)| a + at as f32 * (b - a)).collect())
+    }
+
+    /// Notes how far the frame at `place` was from its picture.
+    pub fn note(&mut self, place: usize, misfit: f64) {
+        let log = (misfit as f32).max(f32::MIN_POSITIVE).ln();
+        if !log.is_finite() {
+            return;
+        }
+        let typical = self.typical.get_or_insert(log);
+        self.misfits[place] = Some((log - *typical).exp());
+        // A few frames that are altogether wrong hardly move it.
+        *typical += SMOOTHING * (log - *typical).clamp(-1.0, 1.0);
+    }
+
+    /// The latest misfit of the frame at `place` relative to the typical one; 1 while it is unknown.
+    fn misfit(&self, place: usize) -> f64 {
+        self.misfits[place].map_or(1.0, f64::from)
+    }
+
+    /// How much the frame at `place` counts in training, 0 to 1: frames that fit far worse than
+    /// others show something else, or the person elsewhere.
+    pub fn weight(&self, place: usize) -> f64 {
+        1.0 / (1.0 + (self.misfit(place) / DOUBTFUL).powi(4))
+    }
+
+    /// Whether other readings of the frame at `place` should be tried now, after the share `passed`
+    /// of the refinement.
+    pub fn suspects(&self, place: usize, passed: f64) -> bool {
+        let due = TRIALS.iter().filter(|at| passed >= **at).count();
+        usize::from(self.tried[place]) < due && self.misfit(place) > SUSPECT
+    }
+
+    /// Notes that other readings of the frame at `place` were tried after the share `passed` of the
+    /// refinement, and that `found` fits, with its change, if any does.
+    pub fn tried(&mut self, place: usize, passed: f64, found: Option<(Reading, Pose, PoseChange)>) {
+        self.tried[place] = TRIALS.iter().filter(|at| passed >= **at).count() as u8;
+        let Some((reading, pose, change)) = found else {
+            return;
+        };
+        self.misfits[place] = None;
+        self.changes[place] = change;
+        match reading {
+            Reading::Given => self.readings.remove(&place),
+            reading => self.readings.insert(place, (reading, pose)),
+        };
+    }
+
+    /// Whether the axes of the frame's joints are those of its neighbours: they are not where sides
+    /// are exchanged.
+    fn has_usual_axes(&self, place: usize) -> bool {
+        let reading = self.readings.get(&place).map(|(reading, _)| *reading);
+        matches!(reading, None | Some(Reading::Between))
+    }
+
+    /// The places nearest to `place` on both sides, up to [`FAR`] frames away, whose frames fit.
+    pub fn fitting_around(&self, place: usize) -> Option<[usize; 2]> {
+        let fits = |place: &usize| {
+            self.misfits[*place].is_some_and(|misfit| f64::from(misfit) < SUSPECT)
+                && self.has_usual_axes(*place)
+        };
+        let before = (place.saturating_sub(FAR)..place).rev().find(fits)?;
+        let after = (place + 1..self.changes.len().min(place + FAR + 1)).find(fits)?;
+        Some([before, after])
+    }
+
+    /// Places that are not read as given, and places that hardly count though other readings were
+    /// tried, rising.
+    pub fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
+        let readings = self.readings.iter();
+        let places = 0..self.changes.len();
+        let hardly = places.filter(|place| self.tried[*place] > 0 && self.weight(*place) < 0.1);
+        (
+            readings
+                .map(|(place, (reading, _))| (*place, *reading))
+                .collect(),
+            hardly.collect(),
+        )
+    }
+
+    /// `pose` of the frame at `place`, which is not trained on, changed as its neighbours are.
+    pub fn as_neighbours(&self, place: usize, pose: &Pose) -> Pose {
+        let beside = self.beside(place);
+        let mut mean = PoseChange(vec![0.0; self.changes[place].0.len()]);
+        for change in &beside {
+            for (mean, value) in mean.0.iter_mut().zip(&change.0) {
+                *mean += value / beside.len() as f32;
+            }
+        }
+        mean.of(pose)
+    }
+
+    /// The changes of the frames beside the one at `place`, in the same axes.
+    fn beside(&self, place: usize) -> Vec<&PoseChange> {
+        if !self.has_usual_axes(place) {
+            return Vec::new();
+        }
+        let beside = [place.checked_sub(1), place.checked_add(1)];
+        (beside.into_iter().flatten())
+            .filter(|place| self.has_usual_axes(*place))
+            .filter_map(|place| self.changes.get(place))
+            .collect()
+    }
+
+    /// The return of the frame at `place` to its given pose.
+    pub fn given_wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
+        self.changes[place].wishes(config, self.errors.factors())
+    }
+
+    /// Learns from a fit of the frame at `place`, after the share `passed` of the refinement, how far
+    /// given poses are off.
+    pub fn learn(&mut self, place: usize, evidence: &[Evidence; 2], passed: f64) {
+        let weight = self.weight(place);
+        self.errors.learn(evidence, weight, passed);
+    }
+
+    /// How far given poses are off: rotations about each axis, radians, and places along each,
+    /// metres; `None` until fits have found it.
+    pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
+        let [turn, shift] = self.errors.factors();
+        let learned = self.errors != ExpectedErrors::configured();
+        learned.then_some([turn * config.turn, shift * config.shift])
+    }
+
+    /// What the frame at `place` should do without its picture: return to its given pose, and be
+    /// changed as its neighbours are.
+    pub fn wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
+        let beside = self.beside(place);
+        let precision = |error: f64| error.powi(-2);
+        let mut wishes = self.given_wishes(config, place);
+        let turns = wishes.len() - 3;
+        let [turn, shift] = self.errors.factors();
+        if beside.is_empty() {
+            return wishes;
+        }
+        for (i, wish) in wishes.iter_mut().enumerate() {
+            let jitter = if i < turns {
+                turn * config.turn_jitter
+            } else {
+                shift * config.shift_jitter
+            };
+            let sum: f64 = beside.iter().map(|it| f64::from(it.0[i])).sum();
+            let mean = sum / beside.len() as f64;
+            let alike = precision(jitter);
+            let both = wish.precision + alike;
+            wish.step += alike * mean / both;
+            wish.precision = both;
+        }
+        wishes
+    }
+
+    /// Takes a `step` `[3 (K + 1)]` of the frame at `place`, in the axes of its refined pose.
+    /// Neighbours follow.
+    pub fn take(&mut self, place: usize, step: &[f64], stage: &RefinementStage) {
+        self.changes[place].take(step, stage.share);
+        if !self.has_usual_axes(place) {
+            return;
+        }
+        // Beyond 2.5 standard deviations nothing follows noticeably.
+        for distance in 1..=(2.5 * stage.reach) as usize {
+            let by = stage.share * (-0.5 * (distance as f64 / stage.reach).powi(2)).exp();
+            let beside = [place.checked_sub(distance), place.checked_add(distance)];
+            for place in beside.into_iter().flatten() {
+                if place < self.changes.len() && self.has_usual_axes(place) {
+                    self.changes[place].take(step, by);
+                }
+            }
+        }
+        self.centre();
+    }
+
+    /// Subtracts the mean of all changes in the usual axes.
+    fn centre(&mut self) {
+        let places = 0..self.changes.len();
+        let usual: Vec<usize> = places.filter(|it| self.has_usual_axes(*it)).collect();
+        for i in 0..self.changes.first().map_or(0, |it| it.0.len()) {
+            let sum: f64 = (usual.iter())
+                .map(|place| f64::from(self.changes[*place].0[i]))
+                .sum();
+            let mean = (sum / usual.len().max(1) as f64) as f32;
+            for place in &usual {
+                self.changes[*place].0[i] -= mean;
+            }
+        }
+    }
+}
+
+/// SHA-256 of a track's poses.
+fn fingerprint(track: &PoseTrack) -> String {
+    let mut hash = Sha256::new();
+    for frame in &track.frames {
+        for number in frame.pose.iter().chain(&frame.translation) {
+            hash.update(number.to_le_bytes());
+        }
+    }
+    let digest = hash.finalize();
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+#[path = "refinement_tests.rs"]
+mod tests;

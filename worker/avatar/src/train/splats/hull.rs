@@ -1,0 +1,346 @@
+//! The visual hull of a person in the canonical pose: the points that forward skinning with the prior's
+//! weights puts on the person in every frame, or in nearly every one where poses are inexact. Its
+//! shell is where splats start: within a few centimetres of the surface, and nowhere that a frame sees
+//! through, so that nothing has to be unlearned in poses that no frame shows.
+
+use crate::host::read;
+use crate::motion::posed;
+use crate::motion::prior::Halo;
+use crate::render::RenderError;
+use crate::render::splats::sight;
+use crate::train::people::{TrainFrame, TrainSubject};
+use rayon::prelude::*;
+use yoto_capture::FrameImage;
+use yoto_capture::camera::Pose;
+use yoto_ops::warp::WarpGrid;
+use yoto_ops::warp::inverse::solve::apply;
+use yoto_ops::warp::skin::cpu::forward;
+
+/// Most frames that are looked at, evenly over the capture.
+const FRAMES: usize = 50;
+/// Sum of the bones' Gaussians above which a point may belong to the body (docs/splats.md).
+const HALO: f64 = 0.05;
+/// Share of the frames that must show a point on the person. In the others, it may be outside the
+/// picture.
+const SHOWN: f64 = 0.1;
+/// Width of the first cells that are tried, and the least, metres.
+const CELLS: [f64; 2] = [0.02, 0.003];
+/// Most cells of the box.
+const MOST_CELLS: f64 = 3e7;
+/// Cells of [`CELLS`]'s first width on the shell of the smallest person: poses and masks of a smaller
+/// one do not agree.
+const FEWEST: usize = 100;
+/// Coverage from which a pixel shows the person.
+const COVERED: u8 = 100;
+/// Points along each bone that tell how exact poses and masks are.
+const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
+/// Share of those points that are on the person in all frames but as many as the hull forgives.
+const BONES_INSIDE: f64 = 0.9;
+/// Largest share of frames that the hull forgives.
+const MOST_FORGIVEN: f64 = 0.3;
+
+/// A frame, ready to be asked for canonical points.
+pub(crate) struct Seen {
+    /// `[K, 12]` posed body to canonical.
+    transforms: Vec<f32>,
+    /// Body frame to homogeneous pixels.
+    projection: [[f32; 4]; 3],
+    /// Body frame to camera.
+    pub camera: [[f32; 4]; 3],
+    pub image: FrameImage,
+}
+
+/// A person's frames, and what forward skinning needs.
+pub(crate) struct Film<'a> {
+    subject: &'a TrainSubject,
+    /// `[K, V]`, the prior.
+    weights: Vec<f32>,
+    pub frames: Vec<Seen>,
+}
+
+/// A canonical point in a frame.
+#[derive(Clone, Copy)]
+pub(crate) struct Sighting {
+    /// Index of the pixel; `None` outside the picture or behind the camera.
+    pub pixel: Option<usize>,
+    /// Canonical to posed body.
+    pub transform: [f32; 12],
+}
+
+impl<'a> Film<'a> {
+    /// The film of a subject: its frames that have a `pose`.
+    pub fn new(
+        subject: &'a TrainSubject,
+        pose: impl Fn(&TrainFrame) -> Option<Pose>,
+    ) -> Result<Self, RenderError> {
+        let body = &subject.body;
+        let weights = read(body.log_prior.clone().inner().exp())?;
+        let seen = |(frame, pose): (&'a TrainFrame, Pose)| {
+            let sight = sight(&body.skeleton, &pose, &frame.camera);
+            let [across, down] = sight.k;
+            let row = |k: [f32; 3]| -> [f32; 4] {
+                std::array::from_fn(|c| (0..3).map(|r| k[r] * sight.e[r][c]).sum())
+            };
+            Ok(Seen {
+                transforms: read(posed::transforms(body, &pose).inner())?,
+                projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
+                camera: sight.e,
+                image: subject.image(frame),
+            })
+        };
+        let somebody = |frame: &&TrainFrame| subject.shows(frame, COVERED);
+        let frames = subject.frames.iter().filter(somebody);
+        let frames: Vec<_> = frames.filter_map(|it| Some((it, pose(it)?))).collect();
+        let stride = frames.len().div_ceil(FRAMES).max(1);
+        let frames = frames.into_iter().step_by(stride).map(seen);
+        Ok(Self {
+            subject,
+            weights,
+            frames: frames.collect::<Result<_, RenderError>>()?,
+        })
+    }
+
+    /// Where `points` are in a frame.
+    pub fn sightings(&self, points: &[[f32; 3]], frame: &Seen) -> Vec<Sighting> {
+        let grid = &self.subject.body.grid;
+        let numbers = points.as_flattened();
+        let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
+        let (width, height) = (frame.image.width, frame.image.height);
+        let placed = transforms.as_chunks::<12>().0.par_iter();
+        placed
+            .zip(points)
+            .map(|(transform, point)| {
+                let at = apply(transform, *point);
+                let [u, v, w] = frame
+                    .projection
+                    .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+                let (x, y) = (u / w, v / w);
+                // Comparisons are false for a NaN.
+                let inside =
+                    w > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+                Sighting {
+                    pixel: inside.then(|| y as usize * width + x as usize),
+                    transform: *transform,
+                }
+            })
+            .collect()
+    }
+
+    /// The places in the list of those `points` that are beside the person in at most `most` frames, and
+    /// in how many frames each is where.
+    fn votes(&self, mut points: Vec<[f32; 3]>, most: usize) -> Vec<(usize, Votes)> {
+        let all = 0..points.len();
+        let mut votes: Vec<_> = all.map(|place| (place, Votes::default())).collect();
+        for frame in &self.frames {
+            for ((_, votes), sighting) in votes.iter_mut().zip(self.sightings(&points, frame)) {
+                votes.add(frame, sighting);
+            }
+            let mut kept = votes.iter().map(|(_, votes)| votes.beside <= most);
+            points.retain(|_| kept.next().unwrap_or(false));
+            votes.retain(|(_, votes)| votes.beside <= most);
+        }
+        votes
+    }
+
+    /// Number of frames in which a point of the hull may be off the person: as many as most of the
+    /// skeleton's bones are, which are inside the body.
+    fn forgiven(&self) -> usize {
+        let skeleton = &self.subject.body.skeleton;
+        let joints = skeleton.rest.iter().zip(&skeleton.parents);
+        let bones = joints.filter_map(|(end, parent)| Some((end, skeleton.rest[(*parent)?])));
+        let points = bones.flat_map(|(end, start)| {
+            ALONG.map(|share| {
+                std::array::from_fn(|a| (start[a] + share * (end[a] - start[a])) as f32)
+            })
+        });
+        let votes = self.votes(points.collect(), usize::MAX).into_iter();
+        let mut misses: Vec<usize> = votes.map(|(_, votes)| votes.beside).collect();
+        misses.sort_unstable();
+        let most = (MOST_FORGIVEN * self.frames.len() as f64) as usize;
+        let place = (BONES_INSIDE * misses.len().saturating_sub(1) as f64).round() as usize;
+        misses.get(place).copied().unwrap_or(0).min(most)
+    }
+
+    /// The cells of the hull's shell, `spacing` metres wide.
+    fn shell(&self, spacing: f64, forgiven: usize) -> Shell {
+        let cells = Cells::new(&self.subject.body.grid, spacing);
+        let halo = Halo::new(&self.subject.body.skeleton);
+        let middle = |index: usize| cells.middle(cells.place(index));
+        let near: Vec<usize> = (0..cells.count())
+            .into_par_iter()
+            .filter(|index| halo.at(middle(*index).map(f64::from)) >= HALO)
+            .collect();
+        let points = near.iter().map(|index| middle(*index)).collect();
+        let needed = ((SHOWN * self.frames.len() as f64).ceil() as usize).max(1);
+        let votes = self.votes(points, forgiven).into_iter();
+        let left = votes.filter(|(_, votes)| votes.on >= needed);
+        let left: Vec<usize> = left.map(|(place, _)| near[place]).collect();
+        let mut inside = vec![false; cells.count()];
+        for index in &left {
+            inside[*index] = true;
+        }
+        let mut shell = Shell::empty(spacing);
+        for index in left {
+            let place = cells.place(index);
+            let full = |offset: [isize; 3]| {
+                let beside = std::array::from_fn(|a| place[a].wrapping_add_signed(offset[a]));
+                cells.index(beside).is_some_and(|index| inside[index])
+            };
+            if !SIDES.into_iter().all(full) {
+                shell.points.push(cells.middle(place));
+                shell.normals.push(outward(full));
+            }
+        }
+        shell
+    }
+
+    /// A shell with at least `count` cells and not many more, or the finest that is allowed; without
+    /// cells where poses and masks do not agree.
+    pub fn shell_of(&self, count: usize) -> Shell {
+        /// Most shells that are tried.
+        const ROUNDS: usize = 6;
+        /// Cells that are asked for, as a multiple of those needed.
+        const SURPLUS: f64 = 1.1;
+        let grid = &self.subject.body.grid;
+        let volume: f64 = (0..3)
+            .map(|a| f64::from(grid.max[a] - grid.min[a]))
+            .product();
+        let [first, least] = CELLS.map(|width| width.max((volume / MOST_CELLS).cbrt()));
+        let forgiven = self.forgiven();
+        let mut shell = self.shell(first, forgiven);
+        if shell.normals.len() < FEWEST {
+            return Shell::empty(first);
+        }
+        for _ in 0..ROUNDS {
+            let found = shell.normals.len();
+            if found >= count || shell.spacing <= least {
+                break;
+            }
+            // A surface has cells as the inverse square of their width.
+            let finer = shell.spacing * (found as f64 / (SURPLUS * count as f64)).sqrt();
+            let next = self.shell(finer.max(least), forgiven);
+            if next.normals.len() <= found {
+                break;
+            }
+            shell = next;
+        }
+        shell
+    }
+}
+
+/// Offsets of a cell's neighbours.
+const SIDES: [[isize; 3]; 6] = [
+    [1, 0, 0],
+    [-1, 0, 0],
+    [0, 1, 0],
+    [0, -1, 0],
+    [0, 0, 1],
+    [0, 0, -1],
+];
+
+/// Cubes that fill a box, x fastest.
+struct Cells {
+    min: [f32; 3],
+    spacing: f64,
+    dims: [usize; 3],
+}
+
+impl Cells {
+    /// Cubes with sides of `spacing` metres in the box of `grid`.
+    fn new(grid: &WarpGrid, spacing: f64) -> Self {
+        let side = |a: usize| f64::from(grid.max[a] - grid.min[a]);
+        Self {
+            min: grid.min,
+            spacing,
+            dims: std::array::from_fn(|a| (side(a) / spacing).ceil() as usize),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// Column, row and layer of the cell with the number `index`.
+    fn place(&self, index: usize) -> [usize; 3] {
+        let [x, y, _] = self.dims;
+        [index % x, index / x % y, index / (x * y)]
+    }
+
+    /// The number of the cell at `place`; `None` outside the box.
+    fn index(&self, place: [usize; 3]) -> Option<usize> {
+        let [x, y, _] = self.dims;
+        let inside = (0..3).all(|a| place[a] < self.dims[a]);
+        inside.then(|| (place[2] * y + place[1]) * x + place[0])
+    }
+
+    /// The middle of the cell at `place`, metres.
+    fn middle(&self, place: [usize; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| {
+            (f64::from(self.min[a]) + self.spacing * (place[a] as f64 + 0.5)) as f32
+        })
+    }
+}
+
+/// In how many frames a point is where.
+#[derive(Clone, Copy, Default)]
+struct Votes {
+    /// On the person.
+    on: usize,
+    /// In the picture, beside the person.
+    beside: usize,
+}
+
+impl Votes {
+    /// Counts a frame. One that does not contain the point says nothing.
+    fn add(&mut self, frame: &Seen, sighting: Sighting) {
+        let coverage = sighting.pixel.map(|pixel| frame.image.mask[pixel]);
+        match coverage {
+            Some(COVERED..) => self.on += 1,
+            Some(_) => self.beside += 1,
+            None => {}
+        }
+    }
+}
+
+/// Cells of a hull with a neighbour outside.
+pub(crate) struct Shell {
+    /// Their width, metres.
+    pub spacing: f64,
+    /// `[N]` middles, metres.
+    pub points: Vec<[f32; 3]>,
+    /// `[N]` unit normals, outward.
+    pub normals: Vec<[f32; 3]>,
+}
+
+impl Shell {
+    fn empty(spacing: f64) -> Self {
+        Self {
+            spacing,
+            points: Vec::new(),
+            normals: Vec::new(),
+        }
+    }
+}
+
+/// The mean direction of the empty cells that are at most two cells away; upward if it has none, as
+/// for a cell alone.
+fn outward(full: impl Fn([isize; 3]) -> bool) -> [f32; 3] {
+    let mut sum = [0f32; 3];
+    for z in -2..=2isize {
+        for y in -2..=2isize {
+            for x in -2..=2isize {
+                if !full([x, y, z]) {
+                    for (sum, part) in sum.iter_mut().zip([x, y, z]) {
+                        *sum += part as f32;
+                    }
+                }
+            }
+        }
+    }
+    let length = sum.iter().map(|v| v * v).sum::<f32>().sqrt();
+    if length > 0.0 {
+        sum.map(|v| v / length)
+    } else {
+        [0.0, 1.0, 0.0]
+    }
+}
