@@ -3,7 +3,7 @@
 
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, apply, inverse, rigid, rodrigues, rotate, scale, sub,
+    Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, rotate, scale, sub,
 };
 
 /// A constant rotation of each joint in its own axes, axis times angle (radians), and a constant shift of
@@ -23,7 +23,7 @@ impl Alignment {
             let (from, to) = (exact.rotations_f64(), learned.rotations_f64());
             rotations.resize(from.len(), [0.0; 3]);
             for (rotation, (from, to)) in rotations.iter_mut().zip(from.iter().zip(&to)) {
-                *rotation = add(*rotation, after(scale(*from, -1.0), *to));
+                *rotation = add(*rotation, compose_axis_angle(scale(*from, -1.0), *to));
             }
             let moved = sub(translation(learned), translation(exact));
             shift = add(shift, rotate(&inverse(&root(&from)), moved));
@@ -42,7 +42,7 @@ impl Alignment {
         let rotated = exact.iter().zip(&self.rotations);
         Pose {
             rotations: rotated
-                .map(|(exact, rotation)| after(*exact, *rotation).map(|v| v as f32))
+                .map(|(exact, rotation)| compose_axis_angle(*exact, *rotation).map(|v| v as f32))
                 .collect(),
             translation: moved.map(|v| v as f32),
         }

@@ -19,16 +19,16 @@ pub mod film;
 pub mod lens;
 mod limits;
 pub mod mask;
+mod orientation;
 mod picture;
 pub mod picture_file;
 pub mod sniff;
 pub mod source;
 mod still;
-mod turn;
 pub mod video;
 
 pub use fault::{Fault, MEMORY_LIMIT, MediaError};
 pub use limits::Limits;
+pub use orientation::Orientation;
 pub use picture::Picture;
 pub use still::{decode_still, still_size};
-pub use turn::Turn;
