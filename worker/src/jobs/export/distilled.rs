@@ -20,7 +20,7 @@ const REPORT_EVERY: Duration = Duration::from_millis(250);
 pub(super) const SHARE: f64 = 0.95;
 /// The fraction from which on the pace so far tells the time that is left.
 const SOON: f64 = 0.02;
-/// Seed of the training, as of `yoto distill`.
+/// Seed of the training, as of `yoto-lab distill`.
 const SEED: u64 = 7;
 
 /// Splats to make.
