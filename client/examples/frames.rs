@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Instant;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_capture::camera::{Camera, Pose};
-use yoto_worker::media::{Pixels, picture};
+use yoto_media::png::{self, Pixels};
 
 /// That of the `yoto` command: with one that gives memory back, a third of a picture's time is the kernel's.
 #[global_allocator]
@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let seen = Instant::now();
         let rounded = drawn.to_rgb8();
         let whole = Instant::now();
-        let file = picture::png(Pixels::Rgb, size, size, &rounded)?;
+        let file = png::encode(Pixels::Rgb, size, size, &rounded)?;
         let ends = [(began, seen), (seen, whole), (whole, Instant::now())];
         for (times, (start, end)) in times.iter_mut().zip(ends) {
             times.push(1e3 * (end - start).as_secs_f64());

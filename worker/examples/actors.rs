@@ -41,9 +41,9 @@ fn main() -> Outcome<()> {
     let models = [few?, many?];
     let mut times = [Vec::new(), Vec::new()];
     let mut samples = [0, 0];
-    for place in 0..pictures {
+    for picture in 0..pictures {
         for (at, model) in models.iter().enumerate() {
-            let view = view(model, place as f64 / pictures as f64, size)?;
+            let view = view(model, picture as f64 / pictures as f64, size)?;
             let began = Instant::now();
             let drawn = model.render(&view)?;
             times[at].push(1e3 * began.elapsed().as_secs_f64());

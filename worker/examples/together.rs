@@ -10,7 +10,7 @@
 use std::path::Path;
 use yoto_avatar::render::{Actor, Guest, Light, Renderer, render_together};
 use yoto_capture::camera::{Camera, Pose};
-use yoto_worker::media::{Pixels, picture};
+use yoto_media::png::{self, Pixels};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let size: u32 = size.parse()?;
     let device = yoto_device::pick().device;
     let mut cast = Vec::new();
-    for (place, person) in people.chunks(2).enumerate() {
+    for (index, person) in people.chunks(2).enumerate() {
         let [folder, slot] = person else {
             return Err("each MODEL-DIR needs a SLOT".into());
         };
@@ -29,8 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // Rest joints may be anywhere: each person's root is moved over the origin.
         let [x, y, z] = skeleton.root();
         let mut pose = Pose::rest(skeleton.joints());
-        let place = place as f64;
-        let to = [0.35 * place - x, -y, -0.5 * place - z];
+        let index = index as f64;
+        let to = [0.35 * index - x, -y, -0.5 * index - z];
         pose.translation = to.map(|v| v as f32);
         let light = Light::Own;
         cast.push((model, Actor { slot, pose, light }));
@@ -48,9 +48,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         size,
     );
     let drawn = render_together(&guests, &camera, [1.0; 3], &mut |_| true)?;
-    std::fs::write(
-        out,
-        picture::png(Pixels::Rgb, size, size, &drawn.to_rgb8())?,
-    )?;
+    std::fs::write(out, png::encode(Pixels::Rgb, size, size, &drawn.to_rgb8())?)?;
     Ok(())
 }

@@ -10,14 +10,12 @@ use yoto_avatar::render::{Renderer, SkinnedSplats};
 use yoto_export::mesh::MeshOptions;
 use yoto_export::order::{ExportError, Exported, File, Order};
 use yoto_export::source::{Source, SourceError};
-use yoto_proto::{
-    checks::export,
-    exports, keys, names,
-    v1::{
-        DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, Inputs, ObjectRef,
-        Progress, RenderedFile,
-    },
+use yoto_proto::checks::export;
+use yoto_proto::v1::{
+    DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, Inputs, ObjectRef,
+    Progress, RenderedFile,
 };
+use yoto_proto::{exports, keys, names};
 
 /// Exports the person of the order.
 ///

@@ -1,14 +1,14 @@
 //! The motions of an order: of captures, whose tracks are fetched, and of clips.
 
 use super::of_motion;
-use crate::jobs::{JobContext, JobFailure, checkpoint::Downloaded, shard};
+use crate::jobs::checkpoint::Downloaded;
+use crate::jobs::{JobContext, JobFailure, shard};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use yoto_export::source::Source;
-use yoto_proto::{
-    exports::moves_as_captured,
-    v1::{ExportMotion, ExportSpec, Inputs, export_motion::Motion},
-};
+use yoto_proto::exports::moves_as_captured;
+use yoto_proto::v1::export_motion::Motion;
+use yoto_proto::v1::{ExportMotion, ExportSpec, Inputs};
 
 /// Name of a clip that has none.
 const NAME: &str = "motion";
