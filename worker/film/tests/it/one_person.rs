@@ -21,7 +21,7 @@ fn motion(driver: &str) -> What {
     What::Motion(MotionTransfer {
         driver: driver.into(),
         frame_step: 2,
-        size: SIDE as u32,
+        size: SIDE,
         ..MotionTransfer::default()
     })
 }
@@ -150,7 +150,7 @@ fn one_s_own_motion_over_black_has_a_truth() {
     let plan = people.plan(&own).expect("a plan");
     let size = (plan.views[1].camera.width, plan.views[1].camera.height);
     let truth = plan.truth.expect("was filmed").picture(1, size);
-    let filmed = people.shard(ANN).image(2).resized(SIDE as u32);
+    let filmed = people.shard(ANN).image(2).resized(SIDE);
     assert_eq!(truth, Some(filmed.rgb));
     let white = RenderSpec {
         background: vec![1.0; 3],

@@ -18,7 +18,7 @@ pub const SPLATS: &str = "models/splats";
 /// Frames of a capture.
 pub const FRAMES: usize = 6;
 /// Longest side of a capture's pictures, pixels.
-pub const SIDE: usize = 24;
+pub const SIDE: u32 = 24;
 
 /// The people of a test.
 pub struct People {
