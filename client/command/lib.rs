@@ -4,8 +4,7 @@
 //! - [`allocator`]: the command's allocator.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
-//! (`embedded`, `studio`), run the demo (`demo`), make one person's avatar (`avatar`), and run the
-//! experiments of `yoto_lab`.
+//! (`embedded`, `studio`), run the demo (`demo`), and make one person's avatar (`avatar`).
 
 #[macro_use(say, tell)]
 extern crate yoto_terminal;
@@ -19,9 +18,5 @@ pub mod avatar;
 pub mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
-#[cfg(feature = "embedded")]
-mod npz;
-#[cfg(feature = "embedded")]
-mod screen;
 #[cfg(feature = "embedded")]
 pub mod studio;

@@ -8,6 +8,7 @@ use yoto_tests::people::{write_capture, write_capture_with_held_out};
 use yoto_tests::process::{Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 
 fn text(path: &Path) -> anyhow::Result<&str> {
     path.to_str().context("a plain path")
@@ -142,7 +143,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         "--out",
         text(&out)?,
     ];
-    let said = succeed(YOTO, &run)?;
+    let said = succeed(LAB, &run)?;
     let json = std::fs::read(out.join("ablation.json"))?;
     let report: Value = serde_json::from_slice(&json)?;
     assert_eq!(report["captures"], serde_json::json!(["ada", "bob"]));
@@ -185,7 +186,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         "2",
         "--table",
     ];
-    let said = succeed(YOTO, &measure)?;
+    let said = succeed(LAB, &measure)?;
     let view = check_row(&said, "mean, held-out views", 4)?;
     check_row(&said, "mean, held-out poses", 4)?;
     let before = variants[0]["mean"]["novel_view"]["psnr"].as_f64();
@@ -193,15 +194,15 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
 
     let by = |protocol: &'static str| [&measure[..], &["--protocol", protocol]].concat();
     // Black outside the box in both pictures, and frame 0 alone: 5 is no multiple of 30.
-    let said = succeed(YOTO, &by("zju-step30"))?;
+    let said = succeed(LAB, &by("zju-step30"))?;
     check_row(&said, "mean, held-out views", 2)?;
     let swapped = [&measure[..4], &[bob, ada]].concat();
-    let said = fail(YOTO, &swapped)?;
+    let said = fail(LAB, &swapped)?;
     assert!(
         said.contains("slot 0 of the model is not the body"),
         "{said}"
     );
-    let said = fail(YOTO, &by("snapshot"))?;
+    let said = fail(LAB, &by("snapshot"))?;
     assert!(said.contains("visual comparison"), "{said}");
     Ok(())
 }

@@ -12,6 +12,7 @@ use yoto_tests::people::write_capture;
 use yoto_tests::process::{Process, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 const FRAMES: usize = 12;
 const SIZE: u32 = 48;
 
@@ -111,7 +112,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
         at("model"),
         at("ada")
     );
-    succeed(YOTO, &local.split(' ').collect::<Vec<_>>())?;
+    succeed(LAB, &local.split(' ').collect::<Vec<_>>())?;
     image::open(frame)?;
     let said = yoto(
         &format!("model export solo --checkpoint 3 --out {}", at("none")),

@@ -1,80 +1,46 @@
 //! `yoto evaluate`: quality of a trained model on held-out pictures.
 
 use super::Server;
-use super::scores::{scores_json, scores_table};
 use super::table;
 use super::turn_args::TurnArgs;
 use super::waiting::wait_for_new;
-use anyhow::Context;
 use clap::Args;
-#[cfg(feature = "embedded")]
-use std::path::PathBuf;
 use yoto_proto::names;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateResult, EvaluateSpec, Scores, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
+use yoto_terminal::scores::{scores_json, scores_table};
 
 const AFTER_HELP: &str = "\
-With a model's name, the service measures on held-out frames of its people's captures: unseen
-poses from the training camera. With --model-dir, this process measures on a capture folder's
-eval/ (other cameras) and eval_pose/ (other poses); `yoto quality --help` shows the layout.
+The service measures on held-out frames of the people's captures: unseen poses from the training
+camera.
 
-Examples:
-  yoto evaluate duo --table
-  yoto evaluate --model-dir out/models/yoto --capture data/ada --capture data/bob --table";
+Example:
+  yoto evaluate duo --table";
 
 /// Measure a trained model on held-out pictures.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Evaluate {
     /// The trained model, by name.
-    #[cfg_attr(
-        feature = "embedded",
-        arg(required_unless_present = "model_dir", conflicts_with = "model_dir")
-    )]
-    #[cfg_attr(not(feature = "embedded"), arg(required = true))]
-    model: Option<String>,
+    model: String,
     /// People to measure, by name, separated by commas [default: all people in the model].
-    #[arg(long, value_delimiter = ',', value_name = "A,B,…", requires = "model")]
-    #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
+    #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
     subjects: Vec<String>,
     /// Pictures to compare, and the method.
     #[arg(long, default_value = HELD_OUT, value_parser = table::protocol, long_help = protocol_help())]
     protocol: String,
     /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP", requires = "model")]
-    #[cfg_attr(feature = "embedded", arg(conflicts_with = "model_dir"))]
+    #[arg(long, value_name = "STEP")]
     checkpoint: Option<u64>,
-    /// Longest side of compared pictures, pixels [default: that of the training images; with
-    /// --model-dir the captures' size].
+    /// Longest side of compared pictures, pixels [default: that of the training images].
     #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true, value_parser = size)]
     size: u32,
-    /// Folder of a trained model (weights and state) to measure in this process.
-    #[cfg(feature = "embedded")]
-    #[arg(long, value_name = "DIR", requires = "captures")]
-    model_dir: Option<PathBuf>,
-    /// Capture folder with held-out pictures; one for each of the model's slots, in order.
-    #[cfg(feature = "embedded")]
-    #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1.., requires = "model_dir", conflicts_with = "model")]
-    captures: Vec<PathBuf>,
-    /// Measure at most this many pictures of each kind and person [default: all].
-    #[cfg(feature = "embedded")]
-    #[arg(
-        long = "measure",
-        alias = "pictures",
-        value_name = "N",
-        requires = "model_dir",
-        conflicts_with = "model"
-    )]
-    pictures: Option<std::num::NonZeroUsize>,
     /// Also print the paper's table with these figures.
     #[cfg(feature = "embedded")]
     #[arg(long)]
     table: bool,
-    #[cfg(feature = "embedded")]
-    #[command(flatten)]
-    lpips: super::lpips_args::LpipsArgs,
     #[command(flatten)]
     turn: TurnArgs,
     #[command(flatten)]
@@ -98,13 +64,8 @@ fn size(text: &str) -> Result<u32, String> {
 
 impl Evaluate {
     pub(super) async fn run(self) -> anyhow::Result<()> {
-        #[cfg(feature = "embedded")]
-        if let Some(dir) = self.model_dir.clone() {
-            return self.here(dir);
-        }
-        let wanted = self.model.as_deref().context("which model?")?;
         let client = self.turn.on(self.server.connect().await?);
-        let model = client.find_model(wanted).await?;
+        let model = client.find_model(&self.model).await?;
         let mut subjects = Vec::new();
         for subject in &self.subjects {
             subjects.push(client.find_subject(subject).await?.name);
@@ -142,42 +103,15 @@ impl Evaluate {
         say!("{}", scores_table(&rows));
         #[cfg(feature = "embedded")]
         if self.table {
-            let row = super::paper_table::Row {
+            let row = yoto_avatar::evaluate::Row {
                 variant: model.variant,
                 scores: result.mean.into_iter().collect(),
             };
             let headings = ["held-out frames".to_owned()];
-            say!("\n{}", super::paper_table::paper_table(&headings, &[row]));
-        }
-        Ok(())
-    }
-
-    /// Measures a model folder in this process.
-    #[cfg(feature = "embedded")]
-    fn here(self, model_dir: PathBuf) -> anyhow::Result<()> {
-        use crate::screen::Terminal;
-        use yoto_lab::model_dir::{ModelDirOptions, run};
-        let options = ModelDirOptions {
-            model_dir,
-            captures: self.captures,
-            protocol: self.protocol,
-            size: self.size,
-            pictures: self
-                .pictures
-                .map_or(usize::MAX, std::num::NonZeroUsize::get),
-            lpips: self.lpips.weights()?,
-        };
-        let measured = run(&options, &Terminal)?;
-        output::put("scores", scores_json(&measured.rows));
-        say!("step {} by {}\n", measured.step, measured.protocol);
-        say!("{}", scores_table(&measured.rows));
-        if self.table {
-            let row = super::paper_table::Row {
-                variant: measured.variant,
-                scores: measured.means,
-            };
-            let table = super::paper_table::paper_table(&measured.headings, &[row]);
-            say!("\n{table}");
+            say!(
+                "\n{}",
+                yoto_avatar::evaluate::paper_table(&headings, &[row])
+            );
         }
         Ok(())
     }

@@ -2,7 +2,6 @@
 
 use super::evaluate;
 use super::out_folder::OutFolder;
-use super::scores::scores_json;
 use super::waiting::wait;
 use anyhow::Context;
 use std::path::PathBuf;
@@ -10,6 +9,7 @@ use yoto_client::YotoClient;
 use yoto_proto::v1::{EvaluateResult, Job, NamedObject, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::{ProgressDisplay, count};
+use yoto_terminal::scores::scores_json;
 
 /// File with the scores of an evaluation.
 const SCORES: &str = "scores.json";
@@ -97,7 +97,7 @@ async fn measured(
     Ok(paths)
 }
 
-/// Writes the trade-off in `object` with its plots.
+/// Writes the trade-off in `object`, also as a table.
 #[cfg(feature = "embedded")]
 async fn tradeoff(
     client: &YotoClient,
@@ -107,10 +107,10 @@ async fn tradeoff(
 ) -> anyhow::Result<Vec<PathBuf>> {
     let json = client.object(object).await?;
     let tradeoff = super::tradeoff::read(client, &result.checkpoint, &json).await?;
-    tradeoff.write(&folder.out)
+    Ok(tradeoff.write(&folder.out)?)
 }
 
-/// Writes the curve in `object`; plots are drawn by the complete program.
+/// Writes the curve in `object` as it is.
 #[cfg(not(feature = "embedded"))]
 async fn tradeoff(
     client: &YotoClient,

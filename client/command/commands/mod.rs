@@ -4,11 +4,7 @@
 //! failure.
 
 #[cfg(feature = "embedded")]
-mod ablation;
-#[cfg(feature = "embedded")]
 mod avatar;
-#[cfg(feature = "embedded")]
-mod bench;
 mod between_two;
 mod capture;
 mod capture_example;
@@ -17,8 +13,6 @@ mod completions;
 mod correction;
 #[cfg(feature = "embedded")]
 mod demo;
-#[cfg(feature = "embedded")]
-mod distill;
 mod evaluate;
 mod export;
 mod exposure;
@@ -38,28 +32,15 @@ mod matting_args;
 mod media_args;
 mod model;
 mod model_export;
-#[cfg(feature = "embedded")]
-mod model_import;
-#[cfg(feature = "embedded")]
-mod model_info;
 mod motion;
 mod out_folder;
-#[cfg(feature = "embedded")]
-mod paper_table;
-#[cfg(feature = "embedded")]
-mod people;
 mod person_args;
-#[cfg(feature = "embedded")]
-mod quality;
 mod refine_poses;
 mod render;
 mod render_choice;
 mod render_film;
-#[cfg(feature = "embedded")]
-mod render_frame;
 mod render_what;
 mod scene;
-mod scores;
 #[cfg(feature = "embedded")]
 mod serve;
 mod status;
@@ -156,22 +137,10 @@ enum Command {
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
-    #[cfg(feature = "embedded")]
-    RenderFrame(render_frame::RenderFrame),
-    #[cfg(feature = "embedded")]
-    Distill(distill::Distill),
     Export(Box<export::Export>),
     Evaluate(evaluate::Evaluate),
     #[cfg(feature = "embedded")]
-    Quality(quality::Quality),
-    #[cfg(feature = "embedded")]
-    Ablation(ablation::AblationCommand),
-    #[cfg(feature = "embedded")]
-    Bench(bench::Bench),
-    #[cfg(feature = "embedded")]
-    People(people::PeopleCommand),
-    #[cfg(feature = "embedded")]
-    Tradeoff(Box<tradeoff::TradeoffCommand>),
+    Tradeoff(tradeoff::TradeoffCommand),
     Completions(completions::Completions),
 }
 
@@ -235,20 +204,8 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Motion(command) => command.run(),
         Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
-        Command::RenderFrame(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Distill(command) => runtime.block_on(command.run()),
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
-        Command::Quality(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Ablation(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::Bench(command) => command.run(),
-        #[cfg(feature = "embedded")]
-        Command::People(command) => command.run(),
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
         Command::Completions(command) => command.run(),

@@ -10,7 +10,7 @@ use super::{Server, table};
 use clap::{Args, Subcommand};
 use yoto_client::{ClientError, YotoClient};
 use yoto_proto::tiers;
-use yoto_proto::v1::{Model, Subject, subject};
+use yoto_proto::v1::{Checkpoint, Model, Subject, subject};
 use yoto_terminal::output;
 
 /// Variant with one person per model.
@@ -82,14 +82,6 @@ enum Action {
     /// Write the files of a checkpoint to a folder.
     #[command(after_help = super::model_export::AFTER_HELP)]
     Export(super::model_export::Export),
-    /// Print a model's parts with their parameters and bytes.
-    #[cfg(feature = "embedded")]
-    #[command(after_help = super::model_info::AFTER_HELP)]
-    Info(super::model_info::Info),
-    /// Import a checkpoint of the released HumanNeRF program as a model.
-    #[cfg(feature = "embedded")]
-    #[command(name = "import-humannerf", after_help = super::model_import::AFTER_HELP)]
-    ImportHumanNerf(super::model_import::ImportHumanNerf),
 }
 
 #[derive(Debug, Args)]
@@ -152,10 +144,6 @@ impl ModelCommand {
             Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,
             Action::Delete(which) => which.delete().await,
             Action::Export(export) => export.run().await,
-            #[cfg(feature = "embedded")]
-            Action::Info(info) => info.run().await,
-            #[cfg(feature = "embedded")]
-            Action::ImportHumanNerf(import) => import.run(),
         }
     }
 }
@@ -235,17 +223,27 @@ async fn show(client: &YotoClient, name: &str) -> anyhow::Result<()> {
                 psnr,
                 table::size_of(it.image_size),
                 format!("{:.1} MB", it.bytes as f64 / 1e6),
-                if it.best {
-                    "best".to_owned()
-                } else {
-                    String::new()
-                },
+                notes(it),
             ]
         })
         .collect();
     let header = ["STEP", "HELD OUT", "TRAINED AT", "SIZE", ""];
     say!("\n{}", table::table(&header, &rows));
     Ok(())
+}
+
+/// What distinguishes a checkpoint: `best, trade-off measured`.
+fn notes(checkpoint: &Checkpoint) -> String {
+    let all = [
+        (checkpoint.best, "best"),
+        (checkpoint.tradeoff.is_some(), "trade-off measured"),
+    ];
+    let all: Vec<&str> = all
+        .iter()
+        .filter(|(is, _)| *is)
+        .map(|(_, it)| *it)
+        .collect();
+    all.join(", ")
 }
 
 async fn list(client: &YotoClient) -> anyhow::Result<()> {

@@ -7,8 +7,8 @@ use clap::Args;
 use yoto_terminal::output;
 
 pub(super) const AFTER_HELP: &str = "\
-The folder serves `yoto render-frame --model-dir DIR`, `yoto evaluate --model-dir DIR` and
-`yoto model info DIR`.
+The folder serves `yoto-lab render-frame --model-dir DIR`, `yoto-lab evaluate --model-dir DIR` and
+`yoto-lab info DIR`.
 
 Examples:
   yoto model export duo --out models/duo

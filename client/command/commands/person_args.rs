@@ -3,9 +3,9 @@
 use super::Server;
 use anyhow::{Context, ensure};
 use clap::Args;
-use std::path::PathBuf;
 #[cfg(feature = "embedded")]
-use {crate::studio::trained, std::path::Path, tempfile::TempDir};
+use std::path::Path;
+use std::path::PathBuf;
 
 /// Which person of which model.
 #[derive(Debug, Args)]
@@ -82,7 +82,7 @@ impl PersonArgs {
 /// A person of a model whose files are on this disk.
 #[cfg(feature = "embedded")]
 pub(super) struct ChosenPerson {
-    files: Files,
+    folder: PathBuf,
     /// Identity slot.
     pub slot: usize,
     /// Name of the person.
@@ -91,60 +91,24 @@ pub(super) struct ChosenPerson {
     pub model: String,
 }
 
-/// A folder with a model's files.
-#[cfg(feature = "embedded")]
-enum Files {
-    Own(PathBuf),
-    Fetched(TempDir),
-}
-
 #[cfg(feature = "embedded")]
 impl ChosenPerson {
-    /// The folder of the model, which may go with `self`.
+    /// The folder of the model.
     pub fn folder(&self) -> &Path {
-        match &self.files {
-            Files::Own(folder) => folder,
-            Files::Fetched(folder) => folder.path(),
-        }
+        &self.folder
     }
 }
 
 #[cfg(feature = "embedded")]
 impl PersonArgs {
-    /// Fetches the model's files, unless it is a folder.
-    ///
-    /// # Errors
-    /// Options that do not belong together, and whatever the service lacks.
-    pub async fn fetch(&self) -> anyhow::Result<ChosenPerson> {
-        match self.place()? {
-            Place::Folder(folder) => Ok(self.in_folder(folder)),
-            Place::Service { model, subject } => self.of_service(model, subject).await,
-        }
-    }
-
     /// The person in a folder.
     pub fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
         let slot = self.slot.unwrap_or(0);
         ChosenPerson {
             model: folder.display().to_string(),
-            files: Files::Own(folder),
+            folder,
             slot,
             name: format!("slot {slot}"),
         }
-    }
-
-    async fn of_service(&self, model: &str, subject: &str) -> anyhow::Result<ChosenPerson> {
-        let client = self.server.connect().await?;
-        let found = client.find_model(model).await?;
-        let person = client.find_subject(subject).await?;
-        let slot = found.slots.iter().find(|slot| slot.subject == person.name);
-        let slot = slot.with_context(|| format!("{model} has no slot for {subject}"))?;
-        let files = trained::fetch(&client, &found, self.checkpoint).await?;
-        Ok(ChosenPerson {
-            files: Files::Fetched(files),
-            slot: slot.slot as usize,
-            name: person.display_name,
-            model: model.to_owned(),
-        })
     }
 }

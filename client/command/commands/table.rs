@@ -1,37 +1,11 @@
-//! Plain tables on stdout, and arguments shared by several commands.
+//! Arguments and lines shared by several commands.
+
+pub(super) use yoto_terminal::table::table;
 
 use clap::builder::RangedU64ValueParser;
 use yoto_proto::{checks::export, protocols, tiers, v1::Deleted};
 use yoto_terminal::output;
 use yoto_terminal::progress::count;
-
-/// Rows of equal length as aligned columns under a header.
-pub(super) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
-    let width = |column: usize| {
-        let cells = rows
-            .iter()
-            .filter_map(|row| row.get(column))
-            .map(|cell| cell.chars().count());
-        cells
-            .chain(header.get(column).map(|title| title.len()))
-            .max()
-            .unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let padded: Vec<String> = cells
-            .zip(&widths)
-            .map(|(cell, &width)| format!("{cell:<width$}"))
-            .collect();
-        padded.join("  ").trim_end().to_owned()
-    };
-    let mut lines = vec![line(&mut header.iter().copied())];
-    lines.extend(
-        rows.iter()
-            .map(|row| line(&mut row.iter().map(String::as_str))),
-    );
-    lines.join("\n")
-}
 
 /// Tells that `what` was deleted, and what went with it.
 pub(super) fn say_deleted(what: &str, deleted: &Deleted) {
@@ -149,17 +123,5 @@ mod tests {
         };
         assert_eq!(taken(&deleted), "2 checkpoints, 1 job");
         assert_eq!(taken(&Deleted::default()), "it had nothing");
-    }
-
-    #[test]
-    fn columns_align() {
-        let rows = vec![
-            vec!["subjects/1".into(), "ada".into()],
-            vec!["s".into(), "".into()],
-        ];
-        assert_eq!(
-            table(&["NAME", "PERSON"], &rows),
-            "NAME        PERSON\nsubjects/1  ada\ns"
-        );
     }
 }

@@ -1,85 +1,47 @@
-//! `yoto tradeoff`: quality over time, in training and in rendering.
+//! `yoto tradeoff`: quality of a model's renders over their time.
 
+use super::Server;
 use super::job_fetch::is_of_tradeoff;
 use super::out_folder::OutFolder;
 use super::waiting::wait_for_new;
-use super::{Server, table};
-use crate::screen::Terminal;
 use anyhow::Context;
 use clap::Args;
-use std::num::NonZeroUsize;
-use std::path::PathBuf;
-use yoto_avatar::tradeoff::Curve;
+use yoto_avatar::tradeoff::{Curve, Tradeoff};
 use yoto_client::YotoClient;
-use yoto_lab::tradeoff::{Tradeoff, TradeoffOptions, run, summary};
 use yoto_proto::names;
 use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
 const AFTER_HELP: &str = "\
-With a model's name the service renders held-out frames of a trained model with many settings
-(samples per ray, resolution, likelihood bound, early stop, precision) and stores time and PSNR
-with the model's checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and
-`--quality` use these figures. With --capture this process trains every tier with every budget,
-measures each on held-out views and poses, and sweeps over render settings of the longest
-trained model of each tier. `yoto quality --help` shows the layout of captures.
+The service renders held-out frames of a trained model with many settings (samples per ray,
+resolution, likelihood bound, early stop, precision) and stores time and PSNR with the model's
+checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality` use these figures.
 
-OUT holds tradeoff.json, tradeoff.csv, rendering.svg and .png, and training.svg and .png.
+OUT holds tradeoff.json and tradeoff.csv.
 
-Examples:
-  yoto tradeoff duo --out out/duo
-  yoto tradeoff --capture data/ada data/bob --tiers draft,fast --budgets 30,60,120 --out out/t";
+Example:
+  yoto tradeoff duo --out out/duo";
 
-/// Measure quality over training time, and over render time.
+/// Measure quality over render time.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct TradeoffCommand {
-    /// The trained model, by name; the service measures it.
-    #[arg(required_unless_present_any = ["captures", "model_flag"], conflicts_with = "captures")]
+    /// The trained model, by name.
+    #[arg(required_unless_present = "model_flag")]
     model: Option<String>,
     /// The same as an option.
-    #[arg(long = "model", hide = true, conflicts_with_all = ["captures", "model"])]
+    #[arg(long = "model", hide = true, conflicts_with = "model")]
     model_flag: Option<String>,
     /// Measure again, even if this machine has measured the checkpoint before.
-    #[arg(long, conflicts_with = "captures")]
+    #[arg(long)]
     again: bool,
     /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP", conflicts_with = "captures")]
+    #[arg(long, value_name = "STEP")]
     checkpoint: Option<u64>,
-    /// Capture folder, for a measurement in this process; may be repeated, once per person.
-    #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
-    captures: Vec<PathBuf>,
-    /// Quality tiers to train, separated by commas.
-    #[arg(
-        long,
-        value_name = "A,B,…",
-        value_delimiter = ',',
-        default_value = "fast,splat",
-        value_parser = table::tier,
-        conflicts_with_all = ["model", "model_flag"]
-    )]
-    tiers: Vec<String>,
-    /// Seconds of training, separated by commas; each is a separate training.
-    #[arg(
-        long,
-        value_name = "S,S,…",
-        value_delimiter = ',',
-        default_value = "30,60,120",
-        value_parser = table::seconds,
-        conflicts_with_all = ["model", "model_flag"]
-    )]
-    budgets: Vec<f64>,
-    /// Longest side of the pictures, pixels [default: 128; of a model: the size that it was
-    /// trained at].
+    /// Longest side of the pictures, pixels [default: the size that the model was trained at].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
-    /// Random seed.
-    #[arg(long, default_value_t = 7, conflicts_with_all = ["model", "model_flag"])]
-    seed: u64,
-    /// Measure at most this many held-out pictures of each kind and person [default: all].
-    #[arg(long = "measure", alias = "pictures", value_name = "N", conflicts_with_all = ["model", "model_flag"])]
-    pictures: Option<NonZeroUsize>,
     /// Held-out frames to render with each setting.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64))]
     views: u32,
@@ -89,43 +51,22 @@ pub(super) struct TradeoffCommand {
     #[command(flatten)]
     folder: OutFolder,
     #[command(flatten)]
-    lpips: super::lpips_args::LpipsArgs,
-    #[command(flatten)]
     server: Server,
 }
 
 impl TradeoffCommand {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         self.folder.ensure_free(is_of_tradeoff)?;
-        let tradeoff = match self.model.as_ref().or(self.model_flag.as_ref()) {
-            Some(name) => self.of_model(name).await?,
-            None => self.of_captures()?,
-        };
+        let name = self.model.as_ref().or(self.model_flag.as_ref());
+        let tradeoff = self.of_model(name.context("no model is given")?).await?;
         let paths = tradeoff.write(&self.folder.out)?;
-        say!("{}", summary(&tradeoff));
+        say!("{}", tradeoff.summary());
         output::put("tradeoff", serde_json::to_value(&tradeoff)?);
         output::put("files", output::paths(&paths));
         for path in paths {
             say!("{}", path.display());
         }
         Ok(())
-    }
-
-    fn of_captures(&self) -> anyhow::Result<Tradeoff> {
-        let mut budgets = self.budgets.clone();
-        budgets.sort_by(f64::total_cmp);
-        let options = TradeoffOptions {
-            captures: self.captures.clone(),
-            size: self.size.unwrap_or(128),
-            tiers: self.tiers.clone(),
-            budgets,
-            seed: self.seed,
-            pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
-            views: self.views as usize,
-            repeats: self.repeats as usize,
-            lpips: self.lpips.clone().weights()?,
-        };
-        run(&options, &Terminal)
     }
 
     async fn of_model(&self, name: &str) -> anyhow::Result<Tradeoff> {

@@ -5,6 +5,7 @@
 
 mod people;
 mod render;
+mod report;
 mod score;
 mod sheet;
 
@@ -15,12 +16,12 @@ use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::Context;
 use people::Actor;
+use report::{Report, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
-use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
 use yoto_terminal::progress::duration;
@@ -183,8 +184,6 @@ async fn drive(
         variant: VARIANT.into(),
         size: options.size,
         seed: options.seed,
-        sharing: None,
-        changed: Vec::new(),
     };
     Ok(score::report(scores, &renders, trained, settings))
 }

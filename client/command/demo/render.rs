@@ -5,7 +5,7 @@ use crate::studio::shots::{Shot, Shots};
 use anyhow::ensure;
 use image::RgbImage;
 use std::path::{Path, PathBuf};
-use yoto_lab::pictures;
+use yoto_media::picture_file;
 use yoto_proto::v1::{
     Between, BodyPose, MotionTransfer, Orbit, Subject, View, ViewList, render_spec,
 };
@@ -167,7 +167,7 @@ impl Studio<'_> {
 fn read_all(paths: &[PathBuf]) -> anyhow::Result<Vec<RgbImage>> {
     Ok(paths
         .iter()
-        .map(|path| pictures::read(path))
+        .map(|path| picture_file::read(path))
         .collect::<Result<_, _>>()?)
 }
 

@@ -5,7 +5,7 @@
 //!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
 //! ```
 //!
-//! Also writes pictures: as [`png`] files, still or animated, and as a [`film`].
+//! Also writes pictures: as [`png`] files, still or animated, as a [`film`], and on disk ([`picture_file`]).
 //!
 //! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
 //! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
@@ -20,6 +20,7 @@ pub mod lens;
 mod limits;
 pub mod mask;
 mod picture;
+pub mod picture_file;
 pub mod png;
 pub mod sniff;
 pub mod source;

@@ -37,7 +37,7 @@ A worker of the service makes the files of its models. Motions are those of capt
 disk, of people in the service, and of files, in this order; without any, that of the person's
 own capture. Of a capture on this disk only poses.json is read; `yoto subject poses --refined`
 writes one with refined poses. A model of another tier than splat is a field, of which splats
-are made first, as `yoto distill --frames` does, in --seconds. The folder of a checkpoint is read on this
+are made first, as `yoto-lab distill --frames` does, in --seconds. The folder of a checkpoint is read on this
 machine; it needs splats, and its people move only as --capture and --motion-file say.
 
 Examples:

@@ -37,8 +37,6 @@ pub enum PngError {
 /// Kinds of pixels, 8 bits per channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pixels {
-    /// Grey.
-    Grey,
     /// Red, green, blue.
     Rgb,
     /// Red, green, blue, opacity.
@@ -48,7 +46,6 @@ pub enum Pixels {
 impl Pixels {
     fn colour(self) -> ::png::ColorType {
         match self {
-            Self::Grey => ::png::ColorType::Grayscale,
             Self::Rgb => ::png::ColorType::Rgb,
             Self::Rgba => ::png::ColorType::Rgba,
         }

@@ -78,7 +78,7 @@ impl<'a> PictureRenderer<'a> {
         }
         let mut pixels = match self.kind() {
             Pixels::Rgba => frame.to_rgba8(),
-            Pixels::Rgb | Pixels::Grey => rgb8(&self.plan.layer, &frame),
+            Pixels::Rgb => rgb8(&self.plan.layer, &frame),
         };
         let time = began.elapsed();
         let mut psnr = None;
