@@ -38,8 +38,7 @@ pub fn run(
             shard::person(inputs, &spec.subject)
         ),
     })?;
-    let motions = Motions::new(context, spec, inputs, &found);
-    let moves = motions.all()?;
+    let motions = Motions::new(context, spec, inputs, &found).all()?;
     let (person, distilled) = match splats(&renderer, slot)? {
         Some(person) => (person, None),
         None => {
@@ -66,7 +65,7 @@ pub fn run(
         context,
         spec,
         shard::person(inputs, &spec.subject),
-        moves,
+        motions,
         person,
     )?;
     let files = commit(context, &exported)?;
