@@ -1,6 +1,9 @@
 //! The `yoto` command.
 //!
-//! - [`commands`]: the command line.
+//! - [`cli`]: the command line, which runs the command that a user names.
+//! - A folder per noun: `subject`, `model`, `job`, `render`, `export`, `scene`, `capture`, `service`.
+//! - `args`: options that several commands have; `show`: text that several commands print; `files`: files that
+//!   commands write; `waiting`: the wait for a job.
 //! - [`allocator`]: the command's allocator.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
@@ -10,13 +13,27 @@
 extern crate yoto_terminal;
 
 pub mod allocator;
-pub mod commands;
+pub mod cli;
+
+mod args;
+mod capture;
+mod export;
+mod files;
+mod job;
+mod model;
+mod motion;
+mod render;
+mod scene;
+mod service;
+mod show;
+mod subject;
+mod waiting;
 
 #[cfg(feature = "embedded")]
-pub mod avatar;
+mod avatar;
 #[cfg(feature = "embedded")]
-pub mod demo;
+mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
-pub mod studio;
+mod studio;

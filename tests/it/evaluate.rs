@@ -159,13 +159,13 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
     assert_eq!(of("steps"), [101; 4]);
     for variant in variants {
         let name = variant["variant"].as_str().context("a name")?;
-        for (split, place) in [("novel_view", 1), ("novel_pose", 5)] {
+        for (split, column) in [("novel_view", 1), ("novel_pose", 5)] {
             let score = &variant["mean"][split];
             assert_eq!(score["pictures"], 4, "{name} {split}");
             let psnr = score["psnr"].as_f64().context("psnr")?;
             let black = score["black_psnr"].as_f64().context("black_psnr")?;
             assert!(psnr > black, "{name} {split}: {psnr} dB, black {black}");
-            let printed = figure(cells(&said, name)?[place])?;
+            let printed = figure(cells(&said, name)?[column])?;
             assert!((printed - psnr).abs() < 0.006, "{name} {split}\n{said}");
         }
     }
@@ -193,7 +193,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
     assert!((view[1] - before.context("psnr")?).abs() < 0.006, "{said}");
 
     let by = |protocol: &'static str| [&measure[..], &["--protocol", protocol]].concat();
-    // Black outside the box in both pictures, and frame 0 alone: 5 is no multiple of 30.
+    // Black outside the box in both pictures, and only frame 0: 5 is not a multiple of 30.
     let said = succeed(LAB, &by("zju-step30"))?;
     check_row(&said, "mean, held-out views", 2)?;
     let swapped = [&measure[..4], &[bob, ada]].concat();

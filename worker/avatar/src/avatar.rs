@@ -316,7 +316,7 @@ impl Avatar {
         Some(splat::Splats {
             transforms,
             means,
-            turns: splats.turns.val(),
+            rotations: splats.turns.val(),
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
             colours: splats.colours.val(),

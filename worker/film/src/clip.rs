@@ -12,7 +12,8 @@ use crate::one_person::Shot;
 use crate::track::{capture_camera, find_position, pose};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, apply, cross, dot, length, normalised, rigid, rodrigues, scale, sub,
+    Vec3, add, apply, compose_axis_angle, cross, dot, length, normalised, rigid, rodrigues, scale,
+    sub,
 };
 use yoto_capture::skeleton::{Skeleton, transfer};
 use yoto_proto::pose_track::{self, PoseTrack};
@@ -100,7 +101,7 @@ impl ToCapture {
         let upright = upright(up);
         let faces = |pose: &Pose, before: Vec3| {
             let root = pose.rotations_f64().first().copied().unwrap_or_default();
-            let whole = after(before, root);
+            let whole = compose_axis_angle(before, root);
             let forward = apply(&rigid(rodrigues(whole), [0.0; 3]), FORWARD);
             sub(forward, scale(up, dot(forward, up)))
         };
@@ -111,7 +112,7 @@ impl ToCapture {
         } else {
             let (here, wanted) = (normalised(here), normalised(wanted));
             let angle = dot(cross(here, wanted), up).atan2(dot(here, wanted));
-            after(scale(up, angle), upright)
+            compose_axis_angle(scale(up, angle), upright)
         };
         Self {
             rotation,
@@ -124,7 +125,7 @@ impl ToCapture {
     fn pose(&self, pose: &Pose) -> Pose {
         let mut moved = pose.clone();
         if let Some(root) = moved.rotations.first_mut() {
-            *root = after(self.rotation, root.map(f64::from)).map(|v| v as f32);
+            *root = compose_axis_angle(self.rotation, root.map(f64::from)).map(|v| v as f32);
         }
         // Rest positions cancel: in both worlds, the root is at the same rest position plus these.
         let step = sub(pose.translation.map(f64::from), self.from);

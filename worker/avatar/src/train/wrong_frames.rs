@@ -6,7 +6,7 @@ use super::{TrainError, Trainer};
 use crate::fit::{Picture, PoseChange, PoseFitter};
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::readings::{Reading, between};
+use yoto_capture::skeleton::readings::{Reading, interpolate};
 
 /// Misfit of another reading, relative to the one so far, below which it replaces it.
 const CLEARLY: f64 = 0.6;
@@ -46,7 +46,7 @@ impl Trainer {
         {
             let at = (frame.place - before) as f64 / (after - before) as f64;
             let change = poses.change_between([before, after], at);
-            readings.push((Reading::Between, between(&a, &b, at), change));
+            readings.push((Reading::Between, interpolate(&a, &b, at), change));
         }
         let mut best: Option<((Reading, Pose, PoseChange), f64)> = None;
         for (reading, pose, change) in readings {

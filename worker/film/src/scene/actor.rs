@@ -11,7 +11,7 @@ use crate::track::{capture_camera, skeleton};
 use crate::{clip, light, motion};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::readings::between;
+use yoto_capture::skeleton::readings::interpolate;
 use yoto_capture::skeleton::transform::Vec3;
 use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::v1::actor::Motion;
@@ -102,7 +102,7 @@ impl AnimatedActor {
         let here = &self.poses[moment.pose];
         match self.poses.get(moment.pose + 1) {
             // The poses of a capture stay as they are.
-            Some(next) if moment.share > 0.0 => between(here, next, moment.share),
+            Some(next) if moment.share > 0.0 => interpolate(here, next, moment.share),
             _ => here.clone(),
         }
     }

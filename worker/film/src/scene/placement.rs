@@ -4,7 +4,7 @@ use crate::level::{FORWARD, UP, levelled};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, apply, inverse, rigid, rodrigues, scale, sub,
+    Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, scale, sub,
 };
 
 /// Height of the lowest joint of a standing person, the ball of a foot, above the ground, metres.
@@ -30,7 +30,7 @@ impl Placement {
         let first = poses.first().and_then(|pose| pose.rotations.first());
         let root = first.map_or([0.0; 3], |root| root.map(f64::from));
         let facing = apply(&rigid(rodrigues(root), [0.0; 3]), FORWARD);
-        let rotation = after(scale(UP, heading.to_radians()), levelled(up, facing));
+        let rotation = compose_axis_angle(scale(UP, heading.to_radians()), levelled(up, facing));
         let mut placement = Self {
             rotation,
             translation: [0.0; 3],
@@ -56,7 +56,7 @@ impl Placement {
     pub(super) fn pose(&self, body: &Skeleton, pose: &Pose) -> Pose {
         let mut placed = pose.clone();
         if let Some(root) = placed.rotations.first_mut() {
-            *root = after(self.rotation, root.map(f64::from)).map(|v| v as f32);
+            *root = compose_axis_angle(self.rotation, root.map(f64::from)).map(|v| v as f32);
         }
         let root = add(body.root(), pose.translation.map(f64::from));
         let moved = apply(&rigid(rodrigues(self.rotation), self.translation), root);

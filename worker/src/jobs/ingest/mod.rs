@@ -5,7 +5,7 @@
 
 use super::context::id;
 use super::{JobContext, JobFailure};
-use yoto_ingest::{Files, IngestError, Ingested, Place, ingest};
+use yoto_ingest::{Files, IngestError, Ingested, Progress, ingest};
 use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{IngestResult, IngestSpec, Inputs};
@@ -33,9 +33,9 @@ pub fn run(
         context.get_to_file(object, &path)?;
         files.insert(file.path.clone(), path);
     }
-    let watch = |place: Option<&Place>| {
-        if let Some(place) = place {
-            context.report_pieces("decoding", place.done, place.total);
+    let watch = |progress: Option<&Progress>| {
+        if let Some(progress) = progress {
+            context.report_pieces("decoding", progress.done, progress.total);
         }
         context.check()
     };
