@@ -4,7 +4,7 @@ use crate::display::{Display, Screen};
 use anyhow::{Context, ensure};
 use yoto_avatar::evaluate::LpipsMetric;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainProgress, Trainer, Validation};
+use yoto_avatar::train::{Budget, TrainOptions, TrainProgress, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::v1::Progress;
 
@@ -37,19 +37,11 @@ pub(crate) fn options(
     lpips: Option<&LpipsWeights>,
 ) -> TrainOptions {
     TrainOptions {
-        refine_poses: None,
-        exposure: None,
-        harmonics: None,
-        leave_unseen: false,
-        learn: Learn::Everything,
         budget,
-        used_seconds: 0.0,
-        used_steps: 0,
-        seed,
         image_size,
-        scratch: None,
-        validation: Validation::NONE,
+        seed,
         lpips: lpips.cloned(),
+        ..TrainOptions::default()
     }
 }
 

@@ -2,8 +2,9 @@
 
 use super::ConfigError;
 use serde::{Deserialize, Serialize};
+use yoto_proto::v1::ExposureLearning;
 
-/// For whose films a training learns the exposure of each frame.
+/// The films whose exposures a training learns, frame by frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LearnExposure {
@@ -14,6 +15,18 @@ pub enum LearnExposure {
     Auto,
     /// Everybody's.
     Always,
+}
+
+impl LearnExposure {
+    /// What an order asks for; `None` leaves the choice to the configuration.
+    pub fn ordered(order: ExposureLearning) -> Option<Self> {
+        match order {
+            ExposureLearning::Unspecified => None,
+            ExposureLearning::Always => Some(Self::Always),
+            ExposureLearning::Never => Some(Self::Never),
+            ExposureLearning::Auto => Some(Self::Auto),
+        }
+    }
 }
 
 /// Learning of a gain and an offset of each training frame and colour channel, as a camera changes them

@@ -2,6 +2,7 @@
 
 use super::ConfigError;
 use serde::{Deserialize, Serialize};
+use yoto_proto::v1::PoseRefinement;
 
 /// Whose poses a training refines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -15,6 +16,18 @@ pub enum Refine {
     Auto,
     /// Everybody's.
     Always,
+}
+
+impl Refine {
+    /// What an order asks for; `None` leaves the choice to the configuration.
+    pub fn ordered(order: PoseRefinement) -> Option<Self> {
+        match order {
+            PoseRefinement::Unspecified => None,
+            PoseRefinement::Always => Some(Self::Always),
+            PoseRefinement::Never => Some(Self::Never),
+            PoseRefinement::Auto => Some(Self::Auto),
+        }
+    }
 }
 
 /// Refinement of the poses of training frames: before each step, the pose of its frame is fitted
@@ -41,11 +54,11 @@ pub struct RefinementConfig {
     pub reach: f64,
     /// Expected error of a given rotation about each axis, radians.
     pub turn: f64,
-    /// Expected error of the root's given place along each axis, metres.
+    /// Expected error of the root's given position along each axis, metres.
     pub shift: f64,
     /// Expected change of a rotation's error from the mean of its neighbours, radians.
     pub turn_jitter: f64,
-    /// Expected change of the place's error from the mean of its neighbours, metres.
+    /// Expected change of the position's error from the mean of its neighbours, metres.
     pub shift_jitter: f64,
     /// Expected difference of a blurred value from the model's where the pose is right.
     pub noise: f64,

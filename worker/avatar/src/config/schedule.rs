@@ -21,8 +21,8 @@ pub struct Schedule {
     pub all_bands: f64,
     /// Learning rates at the end of the run, relative to their start.
     pub final_rate: f64,
-    /// Where the learning rates of a run begin at most that goes on with a trained model, as a fraction
-    /// of a run: a short run at full rates loses more than it learns (docs/tiers.md).
+    /// Latest point of the schedule, as a fraction of a run, at which the learning rates begin when a run continues
+    /// with a trained model: a short run at full rates loses more than it learns (docs/tiers.md).
     #[serde(default)]
     pub restart: f64,
 }

@@ -14,16 +14,16 @@ const MAX_DEGREE: usize = 2;
 pub struct SplatConfig {
     /// Number per person.
     pub count: usize,
-    /// Number at first, if there are as many, where poses are refined: few large ones fit inexact
+    /// Number at first where poses are refined, at most `count`: few large splats fit inexact
     /// poses better than many small ones.
     pub coarse: usize,
-    /// Where poses are refined: share of the run after which as many are placed again.
+    /// Where poses are refined: share of the run after which that number is placed again.
     pub coarse_again: f64,
     /// Where poses are refined: share of the run after which all are placed.
     pub all: f64,
-    /// Learning rate of the places, metres.
+    /// Learning rate of the means, metres.
     pub mean_rate: f64,
-    /// Learning rate of the quaternions.
+    /// Learning rate of the rotations, which are quaternions.
     pub turn_rate: f64,
     /// Learning rate of the scales' logarithms.
     pub scale_rate: f64,

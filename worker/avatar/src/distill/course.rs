@@ -121,8 +121,8 @@ impl Course {
 /// Some of the pictures that the field `rendered`; what a capture has is for learning.
 fn held_out(rendered: usize) -> Validation {
     let every = Validation::Every(HELD_OUT);
-    let pictures = (0..rendered).filter(|place| every.holds_out(*place, 0));
-    Validation::Frames(pictures.map(|place| place as u32).collect())
+    let pictures = (0..rendered).filter(|index| every.holds_out(*index, 0));
+    Validation::Frames(pictures.map(|index| index as u32).collect())
 }
 
 fn failed(doing: &'static str) -> impl Fn(TrainError) -> DistillError {

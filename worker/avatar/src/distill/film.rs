@@ -69,7 +69,7 @@ impl Filmed {
         let most = (FILMED_BYTES / bytes).clamp(1, MOST_FILMED);
         let step = shard.frames().div_ceil(most).max(1);
         let frames = shard.track.frames.iter().zip(poses).enumerate();
-        let filmed = frames.step_by(step).map(|(place, (frame, pose))| {
+        let filmed = frames.step_by(step).map(|(index, (frame, pose))| {
             let camera = Camera::from_frame(frame, shard.track.image_size);
             let camera = camera.map_err(|source| DistillError::View {
                 frame: frame.index,
@@ -78,7 +78,7 @@ impl Filmed {
             Ok(Self {
                 pose: pose.clone(),
                 camera: camera.scaled_to(size),
-                image: shard.image(place).resized(size),
+                image: shard.image(index).resized(size),
             })
         });
         filmed.collect()
@@ -92,8 +92,8 @@ impl Filmed {
 }
 
 impl Lessons<'_> {
-    /// The film, with as many pictures as `wanted` asks for, given the number that there are, and at least one;
-    /// then all that was filmed.
+    /// The film: pictures are rendered while `wanted`, called with the number of pictures so far, returns true, and at
+    /// least one; then what was filmed follows.
     ///
     /// # Errors
     /// If there is nobody or no pose, or a picture can't be rendered.
@@ -115,11 +115,11 @@ impl Lessons<'_> {
         let body = body.ok_or(DistillError::NoSuchSlot(self.slot))?;
         let (mut frames, mut images) = (Vec::new(), Vec::new());
         while frames.is_empty() || wanted(frames.len()) {
-            let place = frames.len();
-            let [moment, around] = STEPS.map(|step| (place as f64 * step).fract());
+            let index = frames.len();
+            let [moment, around] = STEPS.map(|step| (index as f64 * step).fract());
             let pose = (moment * self.poses.len() as f64) as usize;
             let pose = self.poses.get(pose).ok_or(DistillError::NoPoses)?;
-            let camera = self.camera(&body.posed_joints(pose), around, place);
+            let camera = self.camera(&body.posed_joints(pose), around, index);
             let view = RenderView {
                 slot: self.slot,
                 pose: pose.clone(),
@@ -131,10 +131,10 @@ impl Lessons<'_> {
                 .render_scene(&view.into(), &mut |_| goes_on())
                 .map_err(|source| match source {
                     RenderError::Stopped => DistillError::Stopped,
-                    source => DistillError::Render { place, source },
+                    source => DistillError::Render { index, source },
                 })?;
             images.push(picture(&rendered));
-            frames.push(camera.to_frame(place as u32, pose));
+            frames.push(camera.to_frame(index as u32, pose));
         }
         for Filmed { pose, camera, .. } in self.filmed {
             frames.push(camera.to_frame(frames.len() as u32, pose));
@@ -153,7 +153,7 @@ impl Lessons<'_> {
     }
 
     /// A camera that sees all of `joints`, a share of the way `around` them.
-    fn camera(&self, joints: &[Vec3], around: f64, place: usize) -> Camera {
+    fn camera(&self, joints: &[Vec3], around: f64, index: usize) -> Camera {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for joint in joints {
             for axis in 0..3 {
@@ -164,7 +164,7 @@ impl Lessons<'_> {
         let middle = scale(add(low, high), 0.5);
         let far = |joint: &Vec3| length(sub(*joint, middle));
         let radius = joints.iter().map(far).fold(0.0, f64::max) + REACH;
-        let elevation = ELEVATIONS[place % ELEVATIONS.len()].to_radians();
+        let elevation = ELEVATIONS[index % ELEVATIONS.len()].to_radians();
         let any = if self.up[0].abs() < 0.9 {
             [1.0, 0.0, 0.0]
         } else {

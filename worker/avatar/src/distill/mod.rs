@@ -25,10 +25,10 @@ pub enum DistillError {
     #[error("no poses to draw the person in")]
     NoPoses,
     /// A picture can't be rendered.
-    #[error("picture {place}")]
+    #[error("picture {index}")]
     Render {
-        /// Its place in the film.
-        place: usize,
+        /// Its index in the film.
+        index: usize,
         /// What is wrong.
         source: RenderError,
     },

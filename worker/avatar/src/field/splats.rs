@@ -57,7 +57,7 @@ impl FirstSplats {
         self
     }
 
-    /// `count` splats of nobody yet, all at one place.
+    /// `count` splats at the origin, before a person is known.
     pub fn of_nobody(count: usize) -> Self {
         Self {
             means: vec![0.0; 3 * count],

@@ -7,7 +7,7 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{add, apply, compose_axis_angle, rigid, rodrigues};
 
 /// `[3 (K + 1)]`: an axis-angle vector c per joint, radians, and a shift s, metres. Rotation R
-/// becomes R exp(c), and the root's place moves by s along the axes of its given rotation. In single
+/// becomes R exp(c), and the root's position moves by s along the axes of its given rotation. In single
 /// precision, which a file of JSON gives back exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -31,15 +31,15 @@ impl PoseChange {
             rodrigues(given.first().copied().unwrap_or_default()),
             [0.0; 3],
         );
-        let place = add(pose.translation.map(f64::from), apply(&root, shift));
+        let position = add(pose.translation.map(f64::from), apply(&root, shift));
         Pose {
             rotations,
-            translation: place.map(|v| v as f32),
+            translation: position.map(|v| v as f32),
         }
     }
 
     /// How each parameter returns to the given pose, whose expected errors `config` has, times
-    /// `scale`: that of rotations, and of the place.
+    /// `scale`: that of rotations, and of the position.
     pub fn wishes(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<Wish> {
         let turns = self.0.len() - 3;
         (self.0.iter().enumerate())
@@ -61,13 +61,13 @@ impl PoseChange {
     pub fn take(&mut self, step: &[f64], by: f64) {
         let (turns, shift) = parts(step);
         let (vectors, _) = self.0.as_chunks_mut::<3>();
-        let Some((place, rotations)) = vectors.split_last_mut() else {
+        let Some((position, rotations)) = vectors.split_last_mut() else {
             return;
         };
         let root = rotations.first().copied().unwrap_or_default();
         let root = rodrigues(root.map(f64::from));
         let shift = apply(&rigid(root, [0.0; 3]), shift.map(|v| by * v));
-        *place = add(place.map(f64::from), shift).map(|v| v as f32);
+        *position = add(position.map(f64::from), shift).map(|v| v as f32);
         for (rotation, turn) in rotations.iter_mut().zip(turns) {
             let turned = compose_axis_angle(rotation.map(f64::from), turn.map(|v| by * v));
             *rotation = turned.map(|v| v as f32);

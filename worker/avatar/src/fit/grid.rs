@@ -72,11 +72,11 @@ impl PixelGrid {
         let reach = self.taps.len() / 2;
         let mut blurred = vec![0.0; values.len()];
         for (pixel, to) in blurred.chunks_exact_mut(width).enumerate() {
-            let place = pixel / step % count;
-            let from = place.saturating_sub(reach);
-            for other in from..(place + reach + 1).min(count) {
-                let tap = self.taps[other + reach - place];
-                let at = (pixel + other * step - place * step) * width;
+            let index = pixel / step % count;
+            let from = index.saturating_sub(reach);
+            for other in from..(index + reach + 1).min(count) {
+                let tap = self.taps[other + reach - index];
+                let at = (pixel + other * step - index * step) * width;
                 for (to, value) in to.iter_mut().zip(&values[at..at + width]) {
                     *to += tap * value;
                 }

@@ -84,7 +84,7 @@ pub(crate) struct Fit {
     /// The square of the difference from the picture as a share of the picture's square, both
     /// blurred.
     pub misfit: f64,
-    /// What the picture alone says of the expected errors of rotations, and of the place.
+    /// What the picture alone says of the expected errors of rotations, and of the position.
     pub evidence: [Evidence; 2],
 }
 

@@ -96,7 +96,7 @@ impl PoseFitter<'_> {
 }
 
 /// The wrench on a bone that takes the `share` of a gradient to a transform. Only the last column is a
-/// place; shifts leave the others as they are.
+/// position; shifts leave the others as they are.
 fn columns(carry: &[f32; 12], to: &[f32; 12], share: f32) -> Wrench {
     let column = |t: &[f32; 12], c: usize| [t[c], t[4 + c], t[8 + c]].map(f64::from);
     let pulled = |c: usize| column(to, c).map(|v| f64::from(share) * v);

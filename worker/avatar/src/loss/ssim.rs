@@ -21,24 +21,24 @@ pub struct PatchSsim {
 impl PatchSsim {
     /// SSIM over patches of `size`² pixels; `None` if they are smaller than the window.
     pub fn new(size: usize, device: &Device) -> Option<Self> {
-        let places = (size + 1)
+        let positions = (size + 1)
             .checked_sub(WINDOW)
-            .filter(|places| *places > 0)?;
+            .filter(|positions| *positions > 0)?;
         let taps: Vec<f64> = (0..WINDOW)
             .map(|i| {
                 (-(i as f64 - (WINDOW / 2) as f64).powi(2) / (2.0 * WINDOW_STD * WINDOW_STD)).exp()
             })
             .collect();
         let total: f64 = taps.iter().sum();
-        let mut values = vec![0f32; size * places];
-        for place in 0..places {
+        let mut values = vec![0f32; size * positions];
+        for position in 0..positions {
             for (i, tap) in taps.iter().enumerate() {
-                values[(place + i) * places + place] = (tap / total) as f32;
+                values[(position + i) * positions + position] = (tap / total) as f32;
             }
         }
         Some(Self {
             size,
-            window: Tensor::from_data(TensorData::new(values, [size, places]), device),
+            window: Tensor::from_data(TensorData::new(values, [size, positions]), device),
         })
     }
 

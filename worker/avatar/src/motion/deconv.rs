@@ -126,11 +126,11 @@ mod tests {
 
     #[test]
     fn every_node_of_a_kernel_is_drawn_once() {
-        let mut places: Vec<usize> = (0..16)
+        let mut positions: Vec<usize> = (0..16)
             .flat_map(|draw| (0..8).map(move |phase| phase_place(draw, phase)))
             .collect();
-        places.sort_unstable();
-        assert_eq!(places, (0..128).collect::<Vec<_>>());
+        positions.sort_unstable();
+        assert_eq!(positions, (0..128).collect::<Vec<_>>());
     }
 
     #[test]

@@ -134,15 +134,15 @@ pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
         all_shifts.push(shift.clone());
     }
     // Back from level order to joint order.
-    let mut place = vec![0i64; joints];
+    let mut rank = vec![0i64; joints];
     for (at, &joint) in order.iter().enumerate() {
-        place[joint] = at as i64;
+        rank[joint] = at as i64;
     }
-    let place = Tensor::<1, Int>::from_data(place.as_slice(), &device);
+    let rank = Tensor::<1, Int>::from_data(rank.as_slice(), &device);
     let rest: Vec<f32> = body.rest.iter().flatten().map(|&v| v as f32).collect();
     let rest = Tensor::<3>::from_data(TensorData::new(rest, [joints, 3, 1]), &device);
-    let rotation = Tensor::cat(all_rotations, 0).select(0, place.clone());
-    let shift = Tensor::cat(all_shifts, 0).select(0, place) + rest;
+    let rotation = Tensor::cat(all_rotations, 0).select(0, rank.clone());
+    let shift = Tensor::cat(all_shifts, 0).select(0, rank) + rest;
     Tensor::cat(vec![rotation, shift], 2).reshape([joints, 12])
 }
 

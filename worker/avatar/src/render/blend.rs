@@ -11,8 +11,8 @@ impl Renderer {
     /// new slots, all of which belong into the picture. `share` 0 gives `from`, 1 gives `to`.
     ///
     /// In models with a field, there is one: identity code, motion weights, tables and rest joints are
-    /// interpolated linearly. Splats of two people do not correspond, so that there are both people, on the
-    /// same bones between theirs, each as opaque as their share.
+    /// interpolated linearly. The splats of two people do not correspond, so both people are added, on the
+    /// interpolated bones, each with an opacity equal to their share.
     ///
     /// # Errors
     /// If a slot is empty, or `share` is not between 0 and 1.

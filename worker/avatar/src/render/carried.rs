@@ -13,7 +13,7 @@ use yoto_ops::warp::skin::weights::SkinningWeights;
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
-    /// `[N, 14]`: place, turn, scales, opacity and colour.
+    /// `[N, 14]`: mean, rotation, scales, opacity and colour.
     rows: Vec<f32>,
     /// `[N, K, 3]`, of colours that depend on the view.
     harmonics: Option<Vec<f32>>,

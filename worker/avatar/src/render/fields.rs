@@ -27,7 +27,7 @@ pub(super) struct Staged<'a> {
     sight: BodyView,
 }
 
-/// What a ray meets in one place.
+/// What a ray meets at one position.
 pub(super) struct Met {
     pub depth: f32,
     pub alpha: f32,
@@ -41,7 +41,7 @@ impl Staged<'_> {
         self.sight.ray(u, v)
     }
 
-    /// The rays of a `batch` of pixels that cross the person's box, with their places in it.
+    /// The rays of a `batch` of pixels that cross the person's box, with their indices in it.
     pub fn hits(&self, batch: &[usize], width: usize) -> Vec<(usize, Ray)> {
         let pixels = batch.iter().enumerate();
         let hits = pixels.filter_map(|(at, i)| Some((at, self.ray(*i, width)?)));
@@ -66,8 +66,8 @@ impl Renderer {
         let pixels: Vec<usize> = (0..width * height)
             .filter(|i| staged.iter().any(|it| it.ray(*i, width).is_some()))
             .collect();
-        for (place, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
-            if !go_on((place * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
+        for (index, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
+            if !go_on((index * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
                 return Err(RenderError::Stopped);
             }
             let sums = match staged.as_slice() {
@@ -111,8 +111,8 @@ impl Renderer {
         })
     }
 
-    /// Sums along `hits`, rays with their places in a batch, front to back in waves, so that samples
-    /// behind opaque ones are not evaluated. What each place's ray meets is also added to `met`.
+    /// Sums along `hits`, rays with their indices in a batch, front to back in waves, so that samples
+    /// behind opaque ones are not evaluated. What the ray of each index meets is also added to `met`.
     pub(super) fn march_through(
         &self,
         staged: &Staged<'_>,

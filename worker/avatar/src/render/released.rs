@@ -129,8 +129,8 @@ impl Renderer {
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
-        for (place, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
-            if !go_on((place * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
+        for (index, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
+            if !go_on((index * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
                 return Err(RenderError::Stopped);
             }
             let (seen, counts) = look(field, body, &posed, (&weights, &transforms), batch)?;

@@ -117,7 +117,7 @@ fn most(mut shares: Vec<(usize, f32)>) -> [(u16, f32); BONES] {
     shares.sort_by(|(_, one), (_, other)| other.total_cmp(one));
     shares.truncate(BONES);
     let sum: f32 = shares.iter().map(|(_, share)| share).sum();
-    std::array::from_fn(|place| match shares.get(place) {
+    std::array::from_fn(|index| match shares.get(index) {
         // A skeleton has at most 256 joints.
         Some((bone, share)) => (*bone as u16, share / sum),
         None => (0, 0.0),

@@ -1,7 +1,7 @@
 //! Pictures of people of several models, of which some consist of fields and others of splats.
 //!
-//! Both are places along a ray with an opacity and a colour, so that all that a pixel meets is blended in the
-//! order of its depth, whatever it is of. Splats alone are drawn in one pass, as those of one model are.
+//! Both are positions along a ray with an opacity and a colour, so that all that a pixel meets is blended in the
+//! order of its depth. Splats alone are drawn in one pass, as those of one model are.
 
 use super::fields::{Met, merged};
 use super::frame::{RenderError, Rendered, Renderer};
@@ -70,8 +70,8 @@ pub fn render_together(
         .collect();
     let mut frame = Rendered::empty(&nobody);
     let pixels: Vec<usize> = (0..frame.alpha.len()).collect();
-    for (place, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
-        if !go_on((place * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
+    for (index, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
+        if !go_on((index * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
             return Err(RenderError::Stopped);
         }
         let mut met: Vec<Vec<Met>> = batch.iter().map(|_| Vec::new()).collect();

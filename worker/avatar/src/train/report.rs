@@ -114,7 +114,7 @@ impl Trainer {
         };
         let frames = subject.frames.iter();
         frames
-            .map(|frame| (frame.place, poses.refined(frame.place, &frame.pose)))
+            .map(|frame| (frame.position, poses.refined(frame.position, &frame.pose)))
             .collect()
     }
 

@@ -10,7 +10,7 @@ use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Validation};
 use yoto_proto::{
     checks::train,
     manifest::Manifest,
-    v1::{ExposureLearning, IdentitySlot, Inputs, Model, PoseRefinement, TrainSpec},
+    v1::{IdentitySlot, Inputs, Model, TrainSpec},
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
@@ -100,18 +100,8 @@ impl Plan {
             image_size: self.image_size,
             scratch: Some(scratch.to_owned()),
             validation: Validation::Every(HOLDOUT_EVERY),
-            refine_poses: match self.spec.refine_poses() {
-                PoseRefinement::Unspecified => None,
-                PoseRefinement::Always => Some(Refine::Always),
-                PoseRefinement::Never => Some(Refine::Never),
-                PoseRefinement::Auto => Some(Refine::Auto),
-            },
-            exposure: match self.spec.exposure() {
-                ExposureLearning::Unspecified => None,
-                ExposureLearning::Always => Some(LearnExposure::Always),
-                ExposureLearning::Never => Some(LearnExposure::Never),
-                ExposureLearning::Auto => Some(LearnExposure::Auto),
-            },
+            refine_poses: Refine::ordered(self.spec.refine_poses()),
+            exposure: LearnExposure::ordered(self.spec.exposure()),
             harmonics: self.spec.harmonics.map(|degree| degree as usize),
             leave_unseen: self.spec.leave_unseen,
             lpips,

@@ -28,21 +28,21 @@ impl Vgg16 {
     /// Reads the layers by torchvision's names: `features.N.weight`, `features.N.bias`, where N
     /// counts convolutions, activations and poolings.
     pub(super) fn load(file: &mut WeightsFile, device: &Device) -> Result<Self, LpipsError> {
-        let (mut blocks, mut place, mut inputs) = (Vec::new(), 0, 3);
+        let (mut blocks, mut index, mut inputs) = (Vec::new(), 0, 3);
         for (convolutions, outputs) in CONVOLUTIONS.into_iter().zip(CHANNELS) {
             let mut block = Vec::new();
             for _ in 0..convolutions {
-                let name = |part: &str| format!("features.{place}.{part}");
+                let name = |part: &str| format!("features.{index}.{part}");
                 block.push(Convolution {
                     weight: file.tensor(&name("weight"), [outputs, inputs, 3, 3], device)?,
                     bias: file.tensor(&name("bias"), [outputs], device)?,
                 });
                 inputs = outputs;
                 // The convolution and its activation.
-                place += 2;
+                index += 2;
             }
             // The pooling.
-            place += 1;
+            index += 1;
             blocks.push(block);
         }
         Ok(Self { blocks })

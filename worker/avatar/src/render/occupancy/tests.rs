@@ -200,21 +200,21 @@ fn a_body_that_a_pose_moves_over_several_cells_is_not_cut() {
 fn points_near_an_admitted_cell_are_near() {
     let mut grid = grid(64);
     // Everything was visited and is empty, but for one cell.
-    let places = middles(&grid);
-    let full = places.len() / 2;
-    let mut densities = vec![0.0; places.len()];
+    let points = middles(&grid);
+    let full = points.len() / 2;
+    let mut densities = vec![0.0; points.len()];
     densities[full] = 1e3;
-    let likelihoods = vec![1.0; places.len()];
-    grid.learn(&at(places.as_flattened(), &densities, &likelihoods));
+    let likelihoods = vec![1.0; points.len()];
+    grid.learn(&at(points.as_flattened(), &densities, &likelihoods));
     let mut apart = 0;
-    for place in &places {
+    for point in &points {
         for axis in 0..3 {
-            let mut moved = *place;
+            let mut moved = *point;
             moved[axis] += NEAR;
             let near = grid.admits_near(moved, None);
-            assert!(near || !grid.admits(*place, None), "{place:?}");
+            assert!(near || !grid.admits(*point, None), "{point:?}");
         }
-        apart += usize::from(!grid.admits_near(*place, None));
+        apart += usize::from(!grid.admits_near(*point, None));
     }
-    assert!(apart > places.len() / 2, "{apart} are far from it");
+    assert!(apart > points.len() / 2, "{apart} are far from it");
 }

@@ -72,7 +72,7 @@ pub(in crate::train) fn fit_exposure(
         let _span = trace_span!("exposure").entered();
         let picture = read(picture.clone().detach())?;
         if let Some(found) = fit::exposure(&picture, image, config) {
-            film.take(frame.place, &found, config.share);
+            film.take(frame.position, &found, config.share);
         }
         if let Some(spread) = film.decide(config, opened, subject.frames.len()) {
             let then = match film.heeded {
@@ -86,7 +86,7 @@ pub(in crate::train) fn fit_exposure(
         }
     }
     Ok(FittedExposure {
-        exposure: film.of(frame.place),
+        exposure: film.of(frame.position),
         note,
     })
 }

@@ -55,9 +55,9 @@ impl FilmExposures {
         self.frames.iter().flatten().all(valid)
     }
 
-    /// The exposure that training heeds of the frame at `place`.
-    fn of(&self, place: usize) -> FrameExposure {
-        let own = self.frames[place].filter(|_| self.heeded == Some(true));
+    /// The exposure that training heeds of the frame at `position`.
+    fn of(&self, position: usize) -> FrameExposure {
+        let own = self.frames[position].filter(|_| self.heeded == Some(true));
         own.unwrap_or(FrameExposure::NEUTRAL)
     }
 
@@ -109,10 +109,10 @@ impl FilmExposures {
         Some(spread)
     }
 
-    /// Moves the exposure of the frame at `place` by `share` of the way to what a fit has `found`.
-    fn take(&mut self, place: usize, found: &FrameExposure, share: f64) {
-        let before = self.frames[place].unwrap_or(FrameExposure::NEUTRAL);
-        self.frames[place] = Some(before.towards(found, share as f32));
+    /// Moves the exposure of the frame at `position` by `share` of the way to what a fit has `found`.
+    fn take(&mut self, position: usize, found: &FrameExposure, share: f64) {
+        let before = self.frames[position].unwrap_or(FrameExposure::NEUTRAL);
+        self.frames[position] = Some(before.towards(found, share as f32));
         self.centre();
     }
 

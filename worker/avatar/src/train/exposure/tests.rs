@@ -16,11 +16,11 @@ fn exposed(gain: f32) -> FrameExposure {
 #[test]
 fn the_mean_of_all_exposures_stays_neutral() {
     let mut film = film(3);
-    for (place, gain) in [1.1, 1.3, 1.7].into_iter().enumerate() {
-        film.take(place, &exposed(gain), 1.0);
+    for (position, gain) in [1.1, 1.3, 1.7].into_iter().enumerate() {
+        film.take(position, &exposed(gain), 1.0);
     }
     film.heeded = Some(true);
-    let frames: Vec<FrameExposure> = (0..3).map(|place| film.of(place)).collect();
+    let frames: Vec<FrameExposure> = (0..3).map(|position| film.of(position)).collect();
     let gains: f32 = frames.iter().map(|it| it.gain[0].ln()).sum();
     let offsets: f32 = frames.iter().map(|it| it.offset[0]).sum();
     assert!(gains.abs() < 1e-5 && offsets.abs() < 1e-5, "{frames:?}");
@@ -49,9 +49,9 @@ fn exposures_are_heeded_where_they_differ() {
     for (spread, heeded) in [(0.5 * config.least, false), (2.0 * config.least, true)] {
         let mut film = film(4);
         let gains = [spread, -spread, spread, -spread];
-        for (place, gain) in gains.into_iter().enumerate() {
+        for (position, gain) in gains.into_iter().enumerate() {
             assert_eq!(film.decide(&config, 1.0, 4), None, "too few are fitted");
-            film.frames[place] = Some(exposed(gain.exp() as f32));
+            film.frames[position] = Some(exposed(gain.exp() as f32));
         }
         assert_eq!(
             film.decide(&config, 0.5 * config.decide, 4),

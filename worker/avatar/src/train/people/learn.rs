@@ -27,7 +27,7 @@ impl Learn {
         }
     }
 
-    /// Checks that these `people` can be trained so after what the checkpoint `before` knows, if there is one.
+    /// Checks that these `people` can be trained in this way. `before` is the checkpoint that the training resumes.
     pub(crate) fn check(
         self,
         people: &[Person],
@@ -47,7 +47,7 @@ impl Learn {
         let refused = |message: String| Err(TrainError::People(message));
         let [person] = people else {
             return refused(format!(
-                "{} people, of whom only one can be trained alone",
+                "{} people: only one can be trained alone",
                 people.len()
             ));
         };
@@ -74,7 +74,7 @@ impl Learn {
         }
     }
 
-    /// Takes note in `state` of what learns from the `people`.
+    /// Records in `state` which parameters learn from the `people`.
     pub(crate) fn note(self, people: &[Person], state: &mut ModelState) {
         for person in people {
             let slot = person.slot;

@@ -29,7 +29,7 @@ pub struct Person {
 /// A frame for training or validation.
 pub(crate) struct TrainFrame {
     /// Place in the pose track.
-    pub place: usize,
+    pub position: usize,
     pub pose: Pose,
     pub camera: Camera,
 }
@@ -85,7 +85,7 @@ impl TrainSubject {
                 .scaled_to(image_size);
             let keep_out = options.validation.holds_out(i, frame.index);
             if keep_out { &mut held_out } else { &mut frames }.push(TrainFrame {
-                place: i,
+                position: i,
                 pose,
                 camera,
             });
@@ -123,7 +123,7 @@ impl TrainSubject {
 
     /// The image of `frame`.
     pub fn image(&self, frame: &TrainFrame) -> FrameImage {
-        self.film.image(frame.place)
+        self.film.image(frame.position)
     }
 
     /// The image of `frame`, and the pixels that show the person: for callers that draw from those pixels.
@@ -135,7 +135,7 @@ impl TrainSubject {
 
     /// Whether any pixel of `frame` has at least `coverage`.
     pub fn shows(&self, frame: &TrainFrame, coverage: u8) -> bool {
-        let (_, _, mask) = self.film.crop(frame.place);
+        let (_, _, mask) = self.film.crop(frame.position);
         mask.iter().any(|pixel| *pixel >= coverage)
     }
 }

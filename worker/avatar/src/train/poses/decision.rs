@@ -1,4 +1,4 @@
-//! Decision on whose poses a training refines.
+//! The decision whether a training refines the poses of a person.
 
 use crate::config::Refine;
 use crate::train::TrainError;

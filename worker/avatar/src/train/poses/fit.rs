@@ -27,7 +27,7 @@ pub(crate) fn fit_pose(
     now: Moment,
     rng: &mut ChaCha8Rng,
 ) -> Result<(), TrainError> {
-    let (slot, index) = (subject.slot, frame.place);
+    let (slot, index) = (subject.slot, frame.position);
     let config = &model.config.refinement;
     let poses = model.state.poses[slot].as_mut();
     let stage = poses.and_then(|poses| poses.stage(config, now.opened, now.fraction));
@@ -135,7 +135,7 @@ fn fitter<'a>(
 /// The pose of a `frame` of the `subject`, refined where poses are.
 pub(crate) fn pose(state: &TrainState, subject: &TrainSubject, frame: &TrainFrame) -> Pose {
     match &state.poses[subject.slot] {
-        Some(poses) => poses.refined(frame.place, &frame.pose),
+        Some(poses) => poses.refined(frame.position, &frame.pose),
         None => frame.pose.clone(),
     }
 }
@@ -148,10 +148,10 @@ pub(crate) fn refined_track(state: &TrainState, subject: &TrainSubject) -> Optio
     let trained = subject.frames.iter().map(|it| (it, true));
     for (frame, trained) in trained.chain(subject.held_out.iter().map(|it| (it, false))) {
         let pose = match trained {
-            true => poses.refined(frame.place, &frame.pose),
-            false => poses.as_neighbours(frame.place, &frame.pose),
+            true => poses.refined(frame.position, &frame.pose),
+            false => poses.as_neighbours(frame.position, &frame.pose),
         };
-        let to = &mut track.frames[frame.place];
+        let to = &mut track.frames[frame.position];
         to.pose = pose
             .rotations
             .iter()

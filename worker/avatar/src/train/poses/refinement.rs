@@ -79,7 +79,7 @@ impl PoseRefinement {
         (self.misfits.len(), self.tried.len()) == (frames, frames)
             && self.errors.are_valid()
             && (self.readings.iter())
-                .all(|(place, (_, pose))| *place < frames && pose.rotations.len() == joints)
+                .all(|(position, (_, pose))| *position < frames && pose.rotations.len() == joints)
             && (self.changes.iter())
                 .all(|it| it.0.len() == 3 * (joints + 1) && it.0.iter().all(|v| v.is_finite()))
     }
@@ -150,15 +150,15 @@ impl PoseRefinement {
         }
     }
 
-    /// The given `pose` of the frame at `place` in the track as it is read, without its change.
-    pub fn read(&self, place: usize, pose: &Pose) -> Pose {
-        let read = self.readings.get(&place).map_or(pose, |(_, pose)| pose);
+    /// The given `pose` of the frame at `position` in the track as it is read, without its change.
+    pub fn read(&self, position: usize, pose: &Pose) -> Pose {
+        let read = self.readings.get(&position).map_or(pose, |(_, pose)| pose);
         read.clone()
     }
 
     /// The same with its change.
-    pub fn refined(&self, place: usize, pose: &Pose) -> Pose {
-        self.changes[place].of(&self.read(place, pose))
+    pub fn refined(&self, position: usize, pose: &Pose) -> Pose {
+        self.changes[position].of(&self.read(position, pose))
     }
 
     /// The change at the share `at` of the way from that of one frame to that of another.
@@ -168,87 +168,93 @@ impl PoseRefinement {
         PoseChange(pairs.map(|(a, b)| a + at as f32 * (b - a)).collect())
     }
 
-    /// Notes how far the frame at `place` was from its picture.
-    pub fn note(&mut self, place: usize, misfit: f64) {
+    /// Notes how far the frame at `position` was from its picture.
+    pub fn note(&mut self, position: usize, misfit: f64) {
         let log = (misfit as f32).max(f32::MIN_POSITIVE).ln();
         if !log.is_finite() {
             return;
         }
         let typical = self.typical.get_or_insert(log);
-        self.misfits[place] = Some((log - *typical).exp());
+        self.misfits[position] = Some((log - *typical).exp());
         // A few frames that are altogether wrong hardly move it.
         *typical += SMOOTHING * (log - *typical).clamp(-1.0, 1.0);
     }
 
-    /// The latest misfit of the frame at `place` relative to the typical one; 1 while it is unknown.
-    fn misfit(&self, place: usize) -> f64 {
-        self.misfits[place].map_or(1.0, f64::from)
+    /// The latest misfit of the frame at `position` relative to the typical one; 1 while it is unknown.
+    fn misfit(&self, position: usize) -> f64 {
+        self.misfits[position].map_or(1.0, f64::from)
     }
 
-    /// How much the frame at `place` counts in training, 0 to 1: frames that fit far worse than
+    /// How much the frame at `position` counts in training, 0 to 1: frames that fit far worse than
     /// others show something else, or the person elsewhere.
-    pub fn weight(&self, place: usize) -> f64 {
-        1.0 / (1.0 + (self.misfit(place) / DOUBTFUL).powi(4))
+    pub fn weight(&self, position: usize) -> f64 {
+        1.0 / (1.0 + (self.misfit(position) / DOUBTFUL).powi(4))
     }
 
-    /// Whether other readings of the frame at `place` should be tried now, after the share `passed`
+    /// Whether other readings of the frame at `position` should be tried now, after the share `passed`
     /// of the refinement.
-    pub fn suspects(&self, place: usize, passed: f64) -> bool {
+    pub fn suspects(&self, position: usize, passed: f64) -> bool {
         let due = TRIALS.iter().filter(|at| passed >= **at).count();
-        usize::from(self.tried[place]) < due && self.misfit(place) > SUSPECT
+        usize::from(self.tried[position]) < due && self.misfit(position) > SUSPECT
     }
 
-    /// Notes that other readings of the frame at `place` were tried after the share `passed` of the
+    /// Notes that other readings of the frame at `position` were tried after the share `passed` of the
     /// refinement, and that `found` fits, with its change, if any does.
-    pub fn tried(&mut self, place: usize, passed: f64, found: Option<(Reading, Pose, PoseChange)>) {
-        self.tried[place] = TRIALS.iter().filter(|at| passed >= **at).count() as u8;
+    pub fn tried(
+        &mut self,
+        position: usize,
+        passed: f64,
+        found: Option<(Reading, Pose, PoseChange)>,
+    ) {
+        self.tried[position] = TRIALS.iter().filter(|at| passed >= **at).count() as u8;
         let Some((reading, pose, change)) = found else {
             return;
         };
-        self.misfits[place] = None;
-        self.changes[place] = change;
+        self.misfits[position] = None;
+        self.changes[position] = change;
         match reading {
-            Reading::Given => self.readings.remove(&place),
-            reading => self.readings.insert(place, (reading, pose)),
+            Reading::Given => self.readings.remove(&position),
+            reading => self.readings.insert(position, (reading, pose)),
         };
     }
 
     /// Whether the axes of the frame's joints are those of its neighbours: they are not where sides
     /// are exchanged.
-    fn has_usual_axes(&self, place: usize) -> bool {
-        let reading = self.readings.get(&place).map(|(reading, _)| *reading);
+    fn has_usual_axes(&self, position: usize) -> bool {
+        let reading = self.readings.get(&position).map(|(reading, _)| *reading);
         matches!(reading, None | Some(Reading::Between))
     }
 
-    /// The places nearest to `place` on both sides, up to [`FAR`] frames away, whose frames fit.
-    pub fn fitting_around(&self, place: usize) -> Option<[usize; 2]> {
-        let fits = |place: &usize| {
-            self.misfits[*place].is_some_and(|misfit| f64::from(misfit) < SUSPECT)
-                && self.has_usual_axes(*place)
+    /// The positions nearest to `position` on both sides, up to [`FAR`] frames away, whose frames fit.
+    pub fn fitting_around(&self, position: usize) -> Option<[usize; 2]> {
+        let fits = |position: &usize| {
+            self.misfits[*position].is_some_and(|misfit| f64::from(misfit) < SUSPECT)
+                && self.has_usual_axes(*position)
         };
-        let before = (place.saturating_sub(FAR)..place).rev().find(fits)?;
-        let after = (place + 1..self.changes.len().min(place + FAR + 1)).find(fits)?;
+        let before = (position.saturating_sub(FAR)..position).rev().find(fits)?;
+        let after = (position + 1..self.changes.len().min(position + FAR + 1)).find(fits)?;
         Some([before, after])
     }
 
-    /// Places that are not read as given, and places that hardly count though other readings were
+    /// Positions that are not read as given, and positions that hardly count though other readings were
     /// tried, rising.
     pub fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
         let readings = self.readings.iter();
-        let places = 0..self.changes.len();
-        let hardly = places.filter(|place| self.tried[*place] > 0 && self.weight(*place) < 0.1);
+        let positions = 0..self.changes.len();
+        let hardly =
+            positions.filter(|position| self.tried[*position] > 0 && self.weight(*position) < 0.1);
         (
             readings
-                .map(|(place, (reading, _))| (*place, *reading))
+                .map(|(position, (reading, _))| (*position, *reading))
                 .collect(),
             hardly.collect(),
         )
     }
 
-    /// `pose` of the frame at `place`, which is not trained on, changed as its neighbours are.
-    pub fn as_neighbours(&self, place: usize, pose: &Pose) -> Pose {
-        let beside = self.beside(place);
-        let mut mean = PoseChange(vec![0.0; self.changes[place].0.len()]);
+    /// `pose` of the frame at `position`, which is not trained on, changed as its neighbours are.
+    pub fn as_neighbours(&self, position: usize, pose: &Pose) -> Pose {
+        let beside = self.beside(position);
+        let mut mean = PoseChange(vec![0.0; self.changes[position].0.len()]);
         for change in &beside {
             for (mean, value) in mean.0.iter_mut().zip(&change.0) {
                 *mean += value / beside.len() as f32;
@@ -257,31 +263,31 @@ impl PoseRefinement {
         mean.of(pose)
     }
 
-    /// The changes of the frames beside the one at `place`, in the same axes.
-    fn beside(&self, place: usize) -> Vec<&PoseChange> {
-        if !self.has_usual_axes(place) {
+    /// The changes of the frames beside the one at `position`, in the same axes.
+    fn beside(&self, position: usize) -> Vec<&PoseChange> {
+        if !self.has_usual_axes(position) {
             return Vec::new();
         }
-        let beside = [place.checked_sub(1), place.checked_add(1)];
+        let beside = [position.checked_sub(1), position.checked_add(1)];
         (beside.into_iter().flatten())
-            .filter(|place| self.has_usual_axes(*place))
-            .filter_map(|place| self.changes.get(place))
+            .filter(|position| self.has_usual_axes(*position))
+            .filter_map(|position| self.changes.get(position))
             .collect()
     }
 
-    /// The return of the frame at `place` to its given pose.
-    pub fn given_wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
-        self.changes[place].wishes(config, self.errors.factors())
+    /// The return of the frame at `position` to its given pose.
+    pub fn given_wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
+        self.changes[position].wishes(config, self.errors.factors())
     }
 
-    /// Learns from a fit of the frame at `place`, after the share `passed` of the refinement, how far
+    /// Learns from a fit of the frame at `position`, after the share `passed` of the refinement, how far
     /// given poses are off.
-    pub fn learn(&mut self, place: usize, evidence: &[Evidence; 2], passed: f64) {
-        let weight = self.weight(place);
+    pub fn learn(&mut self, position: usize, evidence: &[Evidence; 2], passed: f64) {
+        let weight = self.weight(position);
         self.errors.learn(evidence, weight, passed);
     }
 
-    /// How far given poses are off: rotations about each axis, radians, and places along each,
+    /// How far given poses are off: rotations about each axis, radians, and positions along each,
     /// metres; `None` until fits have found it.
     pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
         let [turn, shift] = self.errors.factors();
@@ -289,12 +295,12 @@ impl PoseRefinement {
         learned.then_some([turn * config.turn, shift * config.shift])
     }
 
-    /// What the frame at `place` should do without its picture: return to its given pose, and be
+    /// What the frame at `position` should do without its picture: return to its given pose, and be
     /// changed as its neighbours are.
-    pub fn wishes(&self, config: &RefinementConfig, place: usize) -> Vec<Wish> {
-        let beside = self.beside(place);
+    pub fn wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
+        let beside = self.beside(position);
         let precision = |error: f64| error.powi(-2);
-        let mut wishes = self.given_wishes(config, place);
+        let mut wishes = self.given_wishes(config, position);
         let turns = wishes.len() - 3;
         let [turn, shift] = self.errors.factors();
         if beside.is_empty() {
@@ -316,20 +322,23 @@ impl PoseRefinement {
         wishes
     }
 
-    /// Takes a `step` `[3 (K + 1)]` of the frame at `place`, in the axes of its refined pose.
+    /// Takes a `step` `[3 (K + 1)]` of the frame at `position`, in the axes of its refined pose.
     /// Neighbours follow.
-    pub fn take(&mut self, place: usize, step: &[f64], stage: &RefinementStage) {
-        self.changes[place].take(step, stage.share);
-        if !self.has_usual_axes(place) {
+    pub fn take(&mut self, position: usize, step: &[f64], stage: &RefinementStage) {
+        self.changes[position].take(step, stage.share);
+        if !self.has_usual_axes(position) {
             return;
         }
         // Beyond 2.5 standard deviations nothing follows noticeably.
         for distance in 1..=(2.5 * stage.reach) as usize {
             let by = stage.share * (-0.5 * (distance as f64 / stage.reach).powi(2)).exp();
-            let beside = [place.checked_sub(distance), place.checked_add(distance)];
-            for place in beside.into_iter().flatten() {
-                if place < self.changes.len() && self.has_usual_axes(place) {
-                    self.changes[place].take(step, by);
+            let beside = [
+                position.checked_sub(distance),
+                position.checked_add(distance),
+            ];
+            for position in beside.into_iter().flatten() {
+                if position < self.changes.len() && self.has_usual_axes(position) {
+                    self.changes[position].take(step, by);
                 }
             }
         }
@@ -338,15 +347,15 @@ impl PoseRefinement {
 
     /// Subtracts the mean of all changes in the usual axes.
     fn centre(&mut self) {
-        let places = 0..self.changes.len();
-        let usual: Vec<usize> = places.filter(|it| self.has_usual_axes(*it)).collect();
+        let positions = 0..self.changes.len();
+        let usual: Vec<usize> = positions.filter(|it| self.has_usual_axes(*it)).collect();
         for i in 0..self.changes.first().map_or(0, |it| it.0.len()) {
             let sum: f64 = (usual.iter())
-                .map(|place| f64::from(self.changes[*place].0[i]))
+                .map(|position| f64::from(self.changes[*position].0[i]))
                 .sum();
             let mean = (sum / usual.len().max(1) as f64) as f32;
-            for place in &usual {
-                self.changes[*place].0[i] -= mean;
+            for position in &usual {
+                self.changes[*position].0[i] -= mean;
             }
         }
     }

@@ -76,8 +76,8 @@ fn a_frame_that_fits_far_worse_than_others_hardly_counts() {
     // Misfits fall over a run, and are told from those of their time.
     for visit in 0..40 {
         let usual = 0.1 * 0.95_f64.powi(visit);
-        for place in 0..8 {
-            poses.note(place, if place == 3 { 12.0 * usual } else { usual });
+        for position in 0..8 {
+            poses.note(position, if position == 3 { 12.0 * usual } else { usual });
         }
     }
     assert!(

@@ -25,7 +25,7 @@ pub(crate) fn other_reading(
     blur: f64,
 ) -> Result<Option<(Reading, Pose, PoseChange)>, TrainError> {
     let misfit = |pose: &Pose| fitter.misfit(pose, picture, blur, [0.5; 2]);
-    let now = misfit(&poses.refined(frame.place, &frame.pose))?;
+    let now = misfit(&poses.refined(frame.position, &frame.pose))?;
     let none = PoseChange::none(subject.body.skeleton.joints());
     let mut readings = vec![(Reading::Given, frame.pose.clone(), none.clone())];
     if let Some(sides) = &subject.sides {
@@ -34,13 +34,13 @@ pub(crate) fn other_reading(
     }
     let frames = &subject.frames;
     let read = |index: usize| {
-        let found = frames.iter().find(|it| it.place == index);
+        let found = frames.iter().find(|it| it.position == index);
         found.map(|it| poses.read(index, &it.pose))
     };
-    if let Some([before, after]) = poses.fitting_around(frame.place)
+    if let Some([before, after]) = poses.fitting_around(frame.position)
         && let (Some(a), Some(b)) = (read(before), read(after))
     {
-        let at = (frame.place - before) as f64 / (after - before) as f64;
+        let at = (frame.position - before) as f64 / (after - before) as f64;
         let change = poses.change_between([before, after], at);
         readings.push((Reading::Between, interpolate(&a, &b, at), change));
     }
@@ -74,11 +74,11 @@ pub(crate) fn doubts(model: &Model, subjects: &[TrainSubject]) -> Vec<String> {
             ));
         }
         let (mut readings, hardly) = poses.doubts();
-        readings.retain(|(place, _)| !hardly.contains(place));
+        readings.retain(|(position, _)| !hardly.contains(position));
         let mut by_reading: BTreeMap<Reading, Vec<u32>> = BTreeMap::new();
-        let index = |place: usize| subject.track.frames[place].index;
-        for (place, reading) in readings {
-            by_reading.entry(reading).or_default().push(index(place));
+        let index = |position: usize| subject.track.frames[position].index;
+        for (position, reading) in readings {
+            by_reading.entry(reading).or_default().push(index(position));
         }
         for (reading, frames) in by_reading {
             notes.push(format!(

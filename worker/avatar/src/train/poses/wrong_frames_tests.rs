@@ -15,9 +15,9 @@ use yoto_synthetic::{Estimator, SyntheticPerson};
 
 const STEPS: u64 = 500;
 
-/// Puts `pose` into the frame at `place`.
-fn put(track: &mut PoseTrack, place: usize, pose: &Pose) {
-    let frame = &mut track.frames[place];
+/// Puts `pose` into the frame at `position`.
+fn put(track: &mut PoseTrack, position: usize, pose: &Pose) {
+    let frame = &mut track.frames[position];
     frame.pose = (pose.rotations.iter().flatten())
         .map(|v| f64::from(*v))
         .collect();
@@ -32,8 +32,8 @@ fn found(
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let other = other_sides(&track.skeleton).expect("symmetric");
     let sides = Sides::new(other, &skeleton.parents);
-    let readings = |track: &PoseTrack, place: usize| {
-        let frame = &track.frames[place];
+    let readings = |track: &PoseTrack, position: usize| {
+        let frame = &track.frames[position];
         let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
         sides.readings(&Pose::from_frame(frame).expect("a pose"), &camera)
     };
@@ -66,9 +66,9 @@ fn found(
 #[test]
 fn wrong_frames_are_found_and_right_ones_are_left_alone() {
     let (readings, _, notes) = found(|track, readings| {
-        for (place, which) in [(4, 3), (20, 3), (12, 2)] {
-            let pose = readings(track, place).swap_remove(which).1;
-            put(track, place, &pose);
+        for (position, which) in [(4, 3), (20, 3), (12, 2)] {
+            let pose = readings(track, position).swap_remove(which).1;
+            put(track, position, &pose);
         }
         // The tracker lost the person: a rest pose half a metre beside.
         let mut lost = Pose::rest(track.joints());
@@ -103,10 +103,10 @@ fn most_mistakes_of_an_estimator_are_found() {
     });
     let doubted: BTreeSet<usize> = readings
         .iter()
-        .map(|(place, _)| *place)
+        .map(|(position, _)| *position)
         .chain(left_out)
         .collect();
-    let wrong: BTreeSet<usize> = injected.iter().map(|(place, _)| *place).collect();
+    let wrong: BTreeSet<usize> = injected.iter().map(|(position, _)| *position).collect();
     let hits = wrong.intersection(&doubted).count();
     assert!(4 * hits >= 3 * wrong.len(), "{wrong:?} {doubted:?}");
     assert!(doubted.len() <= hits + 1, "{wrong:?} {doubted:?}");

@@ -67,7 +67,7 @@ impl TrainState {
     /// How much a `frame` of the person in `slot` counts in training, 0 to 1.
     pub fn weight(&self, slot: usize, frame: &TrainFrame) -> f64 {
         let poses = self.poses[slot].as_ref();
-        poses.map_or(1.0, |poses| poses.weight(frame.place))
+        poses.map_or(1.0, |poses| poses.weight(frame.position))
     }
 
     /// Replaces the model by what `change` makes of it.

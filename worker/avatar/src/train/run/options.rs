@@ -18,7 +18,7 @@ pub enum Budget {
 /// The frames of each person that are not trained on, to measure on them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Validation {
-    /// One of so many frames, the middle one, so that a single frame is trained on; 0: none.
+    /// One frame of each run of this length, the middle one, so that a single frame is trained on; 0: none.
     Every(usize),
     /// The frames with these indices in the person's pose track.
     Frames(BTreeSet<u32>),
@@ -57,11 +57,11 @@ pub struct TrainOptions {
     pub scratch: Option<PathBuf>,
     /// The frames of each person that are held out.
     pub validation: Validation,
-    /// Whose poses are refined, in place of what the configuration says.
+    /// Which people have their poses refined; `None`: as the configuration says.
     pub refine_poses: Option<Refine>,
-    /// For whose films exposures are learned, in place of what the configuration says.
+    /// Which films have their exposures learned; `None`: as the configuration says.
     pub exposure: Option<LearnExposure>,
-    /// Degree of the harmonics by which the colours of splats depend on the view, in place of what the configuration says.
+    /// Degree of the harmonics by which the colours of splats depend on the view; `None`: as the configuration says.
     pub harmonics: Option<usize>,
     /// Whether what no frame shows keeps the colours that training left there, whatever the configuration says.
     pub leave_unseen: bool,

@@ -55,7 +55,7 @@ pub(crate) fn validate(
     for subject in subjects {
         for (position, frame) in subject.held_out.iter().take(FRAMES).enumerate() {
             let pose = match &model.state.poses[subject.slot] {
-                Some(poses) if refined => poses.as_neighbours(frame.place, &frame.pose),
+                Some(poses) if refined => poses.as_neighbours(frame.position, &frame.pose),
                 _ => frame.pose.clone(),
             };
             let view = RenderView {
@@ -68,7 +68,7 @@ pub(crate) fn validate(
                 goes_on();
                 true
             })?;
-            let index = subject.track.frames[frame.place].index;
+            let index = subject.track.frames[frame.position].index;
             exposure::near(&model.state.exposures, subject.slot, index).expose(&mut rendered);
             let image = subject.image(frame);
             let truth = unit(&image.rgb);

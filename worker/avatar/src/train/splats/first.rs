@@ -36,7 +36,7 @@ pub(crate) fn first_splats(
             subject.name
         )));
     }
-    // Every so many cells; their order is that of space, so that all parts of the body are thinned
+    // Cells at equal steps; their order is that of space, so that all parts of the body are thinned
     // alike. A hull that is too small gives some of its cells twice.
     let chosen: Vec<usize> = (0..count).map(|i| i * cells / count).collect();
     let apart = shell.spacing * (cells as f64 / count as f64).sqrt();
@@ -95,11 +95,11 @@ fn faces(frame: &Seen, sighting: Sighting, [point, normal]: [[f32; 3]; 2]) -> Op
         .pixel
         .filter(|pixel| frame.image.mask[*pixel] >= WHOLE)?;
     let t = &sighting.transform;
-    let place = apply(t, point);
+    let position = apply(t, point);
     let turned: [f32; 3] = std::array::from_fn(|r| (0..3).map(|c| t[4 * r + c] * normal[c]).sum());
     let in_camera: [f32; 3] = std::array::from_fn(|r| {
         let row = frame.camera[r];
-        row[0] * place[0] + row[1] * place[1] + row[2] * place[2] + row[3]
+        row[0] * position[0] + row[1] * position[1] + row[2] * position[2] + row[3]
     });
     let normal: [f32; 3] =
         std::array::from_fn(|r| (0..3).map(|c| frame.camera[r][c] * turned[c]).sum());

@@ -126,11 +126,11 @@ impl<'a> Film<'a> {
             .collect()
     }
 
-    /// The places in the list of those `points` that are beside the person in at most `most` frames, and
+    /// The indices of those `points` that are beside the person in at most `most` frames, and
     /// in how many frames each is where.
     fn votes(&self, mut points: Vec<[f32; 3]>, most: usize) -> Vec<(usize, Votes)> {
         let all = 0..points.len();
-        let mut votes: Vec<_> = all.map(|place| (place, Votes::default())).collect();
+        let mut votes: Vec<_> = all.map(|index| (index, Votes::default())).collect();
         for frame in &self.frames {
             for ((_, votes), sighting) in votes.iter_mut().zip(self.sightings(&points, frame)) {
                 votes.add(frame, sighting);
@@ -157,15 +157,15 @@ impl<'a> Film<'a> {
         let mut misses: Vec<usize> = votes.map(|(_, votes)| votes.beside).collect();
         misses.sort_unstable();
         let most = (MOST_FORGIVEN * self.frames.len() as f64) as usize;
-        let place = (BONES_INSIDE * misses.len().saturating_sub(1) as f64).round() as usize;
-        misses.get(place).copied().unwrap_or(0).min(most)
+        let rank = (BONES_INSIDE * misses.len().saturating_sub(1) as f64).round() as usize;
+        misses.get(rank).copied().unwrap_or(0).min(most)
     }
 
     /// The cells of the hull's shell, `spacing` metres wide.
     fn shell(&self, spacing: f64, forgiven: usize) -> Shell {
         let cells = Cells::new(&self.subject.body.grid, spacing);
         let halo = Halo::new(&self.subject.body.skeleton);
-        let middle = |index: usize| cells.middle(cells.place(index));
+        let middle = |index: usize| cells.middle(cells.coordinates(index));
         let near: Vec<usize> = (0..cells.count())
             .into_par_iter()
             .filter(|index| halo.at(middle(*index).map(f64::from)) >= HALO)
@@ -174,20 +174,20 @@ impl<'a> Film<'a> {
         let needed = ((SHOWN * self.frames.len() as f64).ceil() as usize).max(1);
         let votes = self.votes(points, forgiven).into_iter();
         let left = votes.filter(|(_, votes)| votes.on >= needed);
-        let left: Vec<usize> = left.map(|(place, _)| near[place]).collect();
+        let left: Vec<usize> = left.map(|(index, _)| near[index]).collect();
         let mut inside = vec![false; cells.count()];
         for index in &left {
             inside[*index] = true;
         }
         let mut shell = Shell::empty(spacing);
         for index in left {
-            let place = cells.place(index);
+            let cell = cells.coordinates(index);
             let full = |offset: [isize; 3]| {
-                let beside = std::array::from_fn(|a| place[a].wrapping_add_signed(offset[a]));
+                let beside = std::array::from_fn(|a| cell[a].wrapping_add_signed(offset[a]));
                 cells.index(beside).is_some_and(|index| inside[index])
             };
             if !SIDES.into_iter().all(full) {
-                shell.points.push(cells.middle(place));
+                shell.points.push(cells.middle(cell));
                 shell.normals.push(outward(full));
             }
         }
@@ -260,23 +260,23 @@ impl Cells {
         self.dims.iter().product()
     }
 
-    /// Column, row and layer of the cell with the number `index`.
-    fn place(&self, index: usize) -> [usize; 3] {
+    /// Column, row and layer of the cell with this `index`.
+    fn coordinates(&self, index: usize) -> [usize; 3] {
         let [x, y, _] = self.dims;
         [index % x, index / x % y, index / (x * y)]
     }
 
-    /// The number of the cell at `place`; `None` outside the box.
-    fn index(&self, place: [usize; 3]) -> Option<usize> {
+    /// The index of the cell with the coordinates `cell`; `None` outside the box.
+    fn index(&self, cell: [usize; 3]) -> Option<usize> {
         let [x, y, _] = self.dims;
-        let inside = (0..3).all(|a| place[a] < self.dims[a]);
-        inside.then(|| (place[2] * y + place[1]) * x + place[0])
+        let inside = (0..3).all(|a| cell[a] < self.dims[a]);
+        inside.then(|| (cell[2] * y + cell[1]) * x + cell[0])
     }
 
-    /// The middle of the cell at `place`, metres.
-    fn middle(&self, place: [usize; 3]) -> [f32; 3] {
+    /// The middle of the cell with the coordinates `cell`, metres.
+    fn middle(&self, cell: [usize; 3]) -> [f32; 3] {
         std::array::from_fn(|a| {
-            (f64::from(self.min[a]) + self.spacing * (place[a] as f64 + 0.5)) as f32
+            (f64::from(self.min[a]) + self.spacing * (cell[a] as f64 + 0.5)) as f32
         })
     }
 }

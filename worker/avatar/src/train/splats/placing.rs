@@ -1,6 +1,6 @@
-//! Where splats are placed: at the start of a training, and again while poses are refined. Then the first
-//! are few, on a hull of given poses; each time, poses are nearer to the truth, and so is the hull
-//! (docs/splats.md).
+//! Where splats are placed: at the start of a training, and again while poses are refined. In a training that
+//! refines poses, the first splats are few, on a hull of the given poses; each later hull is nearer to the truth,
+//! as the poses are (docs/splats.md).
 
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Variant};
@@ -17,8 +17,8 @@ use tracing::trace_span;
 const TRUSTED: f64 = 0.5;
 
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
-/// `progress` of its first run. Those of somebody `known` stay, unless a training that would have placed
-/// more of them was not ended and nobody ends it.
+/// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
+/// stopped before it placed all of them, and this one does not go on with it.
 pub(crate) fn place_first(
     state: &mut TrainState,
     config: &ModelConfig,
@@ -68,8 +68,8 @@ pub(crate) fn place_again(
     };
     let _span = trace_span!("place splats").entered();
     let refined = |frame: &TrainFrame| {
-        let trusted = poses.weight(frame.place) >= TRUSTED;
-        trusted.then(|| poses.refined(frame.place, &frame.pose))
+        let trusted = poses.weight(frame.position) >= TRUSTED;
+        trusted.then(|| poses.refined(frame.position, &frame.pose))
     };
     let mut note = None;
     let first = match first_splats(subject, refined, count) {

@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
 use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
@@ -43,19 +43,9 @@ pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<Person> {
 /// A training of `steps` steps on all frames at their own size, without LPIPS.
 pub fn options(steps: u64) -> TrainOptions {
     TrainOptions {
-        refine_poses: None,
-        exposure: None,
-        harmonics: None,
-        leave_unseen: false,
-        learn: Learn::Everything,
         budget: Budget::Steps(steps),
-        used_seconds: 0.0,
-        used_steps: 0,
         seed: 11,
-        image_size: 0,
-        scratch: None,
-        validation: Validation::NONE,
-        lpips: None,
+        ..TrainOptions::default()
     }
 }
 

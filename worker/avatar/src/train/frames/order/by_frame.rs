@@ -10,7 +10,7 @@ pub struct ByFrame {
     seed: u64,
     epoch: u64,
     /// In the order of the current epoch; never empty.
-    places: Vec<FrameIndex>,
+    frames: Vec<FrameIndex>,
     /// In the order of the lists.
     sorted: Vec<FrameIndex>,
 }
@@ -27,7 +27,7 @@ impl ByFrame {
         let mut order = Self {
             seed,
             epoch: 0,
-            places: Vec::new(),
+            frames: Vec::new(),
             sorted,
         };
         order.shuffle(0);
@@ -44,15 +44,15 @@ impl ByFrame {
         if epoch != self.epoch {
             self.shuffle(epoch);
         }
-        self.places[(step % frames) as usize]
+        self.frames[(step % frames) as usize]
     }
 
     fn shuffle(&mut self, epoch: u64) {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         // Steps use the streams of their numbers, which never reach these.
         rng.set_stream(u64::MAX - epoch);
-        self.places.clone_from(&self.sorted);
-        self.places.shuffle(&mut rng);
+        self.frames.clone_from(&self.sorted);
+        self.frames.shuffle(&mut rng);
         self.epoch = epoch;
     }
 }
@@ -68,8 +68,8 @@ mod tests {
             (first..first + 10).map(|step| order.at(step)).collect()
         };
         let (one, two) = (epoch(0), epoch(10));
-        for places in [&one, &two] {
-            let mut sorted = places.clone();
+        for frames in [&one, &two] {
+            let mut sorted = frames.clone();
             sorted.sort();
             let everybody: Vec<(usize, usize)> = [(0, 5), (1, 1), (2, 4)]
                 .into_iter()
@@ -80,7 +80,7 @@ mod tests {
         }
         assert_ne!(one, two, "each epoch has an order of its own");
         assert_eq!(epoch(0), one, "which depends only on the step");
-        let other = ByFrame::new(4, &[5, 1, 4]).places;
+        let other = ByFrame::new(4, &[5, 1, 4]).frames;
         assert_ne!(other, one, "and the seed");
     }
 }

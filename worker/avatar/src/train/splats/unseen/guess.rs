@@ -1,18 +1,18 @@
-//! Colours of the surface that no frame shows: those of the mirrored place on the body's other side if it is seen,
-//! else those of the nearest seen places of the same part of the body. People are more alike along a ring around a
+//! Colours of the surface that no frame shows: those of the mirrored point on the body's other side if it is seen,
+//! else those of the nearest seen points of the same part of the body. People are more alike along a ring around a
 //! limb or the trunk than along the limb: a jacket ends at the same height in front and behind.
 
 use rayon::prelude::*;
 
-/// Farthest seen place from the mirrored one that says what is there, metres.
+/// Farthest seen point from the mirrored one that says what is there, metres.
 const MIRRORED: f32 = 0.03;
-/// Number of places that a mirrored colour is the mean of.
+/// Number of points that a mirrored colour is the mean of.
 const FEW: usize = 3;
-/// Number of places that another one is the mean of.
+/// Number of points that another one is the mean of.
 const MANY: usize = 24;
-/// How much farther places count along the bone than around it.
+/// How much farther points count along the bone than around it.
 const ALONG: f32 = 3.0;
-/// Distance below which all places count alike, metres.
+/// Distance below which all points count alike, metres.
 const NEAR: f32 = 0.02;
 
 /// The splats of a person in the rest pose.
@@ -64,23 +64,23 @@ enum Guess {
 impl Surface {
     /// Its colours, guessed where nothing is seen. Nothing is guessed if nothing is seen at all.
     pub fn guessed(&self) -> Guessed {
-        let places = 0..self.points.len();
+        let indices = 0..self.points.len();
         let of_bone = |bone: usize| -> Vec<usize> {
-            let seen = |place: &usize| {
-                self.seen[*place] && self.shown[*place] && self.bones[*place] == bone
+            let seen = |index: &usize| {
+                self.seen[*index] && self.shown[*index] && self.bones[*index] == bone
             };
-            places.clone().filter(seen).collect()
+            indices.clone().filter(seen).collect()
         };
         let by_bone: Vec<Vec<usize>> = (0..self.axes.len()).map(of_bone).collect();
         let all: Vec<usize> = by_bone.concat();
-        let guess = |place: usize| {
-            let asked = self.shown[place] && !self.seen[place];
+        let guess = |index: usize| {
+            let asked = self.shown[index] && !self.seen[index];
             asked.then(|| {
-                self.mirrored(place, &by_bone)
-                    .or_else(|| self.around(place, &by_bone, &all))
+                self.mirrored(index, &by_bone)
+                    .or_else(|| self.around(index, &by_bone, &all))
             })?
         };
-        let guesses: Vec<Option<Guess>> = places.clone().into_par_iter().map(guess).collect();
+        let guesses: Vec<Option<Guess>> = indices.clone().into_par_iter().map(guess).collect();
         let count =
             |wanted: fn(&Guess) -> bool| guesses.iter().flatten().filter(|it| wanted(it)).count();
         let colour = |(own, guess): (&[f32; 3], &Option<Guess>)| match guess {
@@ -96,25 +96,25 @@ impl Surface {
         }
     }
 
-    fn mirrored(&self, place: usize, by_bone: &[Vec<usize>]) -> Option<Guess> {
+    fn mirrored(&self, index: usize, by_bone: &[Vec<usize>]) -> Option<Guess> {
         let mirror = self.mirror.as_ref()?;
-        let [x, y, z] = self.points[place];
+        let [x, y, z] = self.points[index];
         let at = [2.0 * mirror.middle - x, y, z];
-        let bone = mirror.other[self.bones[place]];
+        let bone = mirror.other[self.bones[index]];
         let near = self.nearest(at, None, &by_bone[bone], FEW);
         let (first, _) = near.first()?;
         (*first <= MIRRORED * MIRRORED).then(|| Guess::Mirrored(self.mean(&near)))
     }
 
-    fn around(&self, place: usize, by_bone: &[Vec<usize>], all: &[usize]) -> Option<Guess> {
-        let bone = self.bones[place];
+    fn around(&self, index: usize, by_bone: &[Vec<usize>], all: &[usize]) -> Option<Guess> {
+        let bone = self.bones[index];
         let own = &by_bone[bone];
         let among = if own.len() < MANY { all } else { own };
-        let near = self.nearest(self.points[place], Some(self.axes[bone]), among, MANY);
+        let near = self.nearest(self.points[index], Some(self.axes[bone]), among, MANY);
         (!near.is_empty()).then(|| Guess::Around(self.mean(&near)))
     }
 
-    /// The `count` places of `among` that are nearest to `at`, with the squares of their distances, in which the
+    /// The `count` indices of `among` that are nearest to `at`, with the squares of their distances, in which the
     /// part along an `axis` counts more.
     fn nearest(
         &self,
@@ -123,15 +123,15 @@ impl Surface {
         among: &[usize],
         count: usize,
     ) -> Vec<(f32, usize)> {
-        let squared = |place: usize| {
-            let off: [f32; 3] = std::array::from_fn(|a| self.points[place][a] - at[a]);
+        let squared = |index: usize| {
+            let off: [f32; 3] = std::array::from_fn(|a| self.points[index][a] - at[a]);
             let dot = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
             let along = axis.map_or(0.0, |axis| dot(off, axis));
             dot(off, off) + (ALONG * ALONG - 1.0) * along * along
         };
         let mut near: Vec<(f32, usize)> = among
             .iter()
-            .map(|place| (squared(*place), *place))
+            .map(|index| (squared(*index), *index))
             .collect();
         let nearer = |(a, i): &(f32, usize), (b, j): &(f32, usize)| a.total_cmp(b).then(i.cmp(j));
         if near.len() > count {
@@ -142,13 +142,13 @@ impl Surface {
         near
     }
 
-    /// The mean colour of places, by their nearness.
+    /// The mean colour of points, by their nearness.
     fn mean(&self, near: &[(f32, usize)]) -> [f32; 3] {
         let weight = |squared: f32| 1.0 / (squared + NEAR * NEAR);
         let total: f32 = near.iter().map(|(squared, _)| weight(*squared)).sum();
         std::array::from_fn(|c| {
             let sum: f32 = (near.iter())
-                .map(|(squared, place)| weight(*squared) * self.colours[*place][c])
+                .map(|(squared, index)| weight(*squared) * self.colours[*index][c])
                 .sum();
             sum / total
         })
@@ -159,7 +159,7 @@ impl Surface {
 mod tests {
     use super::*;
 
-    /// Two arms along x, left (bone 1) and right (bone 2), of rings of four places; the bone of each place is given.
+    /// Two arms along x, left (bone 1) and right (bone 2), of rings of four points; the bone of each point is given.
     fn arms(seen: impl Fn([f32; 3]) -> bool) -> Surface {
         let (mut points, mut colours, mut bones) = (Vec::new(), Vec::new(), Vec::new());
         for (bone, side) in [(1, 1.0f32), (2, -1.0)] {
@@ -196,8 +196,8 @@ mod tests {
             (160, 80, 0)
         );
         let colours = guessed.colours.as_chunks::<3>().0;
-        for (place, point) in arms.points.iter().enumerate() {
-            let [sleeve, side, _] = colours[place];
+        for (index, point) in arms.points.iter().enumerate() {
+            let [sleeve, side, _] = colours[index];
             assert!((side - 0.5).abs() < 1e-5, "as on the left side");
             let expected = if point[0].abs() < 0.37 { 1.0 } else { 0.0 };
             if (point[0].abs() - 0.39).abs() > 0.05 {

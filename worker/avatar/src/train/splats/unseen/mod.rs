@@ -56,7 +56,7 @@ fn guess(
     opened: f64,
 ) -> Result<Guessed, TrainError> {
     let pose = |frame: &TrainFrame| match &model.state.poses[subject.slot] {
-        Some(poses) => poses.refined(frame.place, &frame.pose),
+        Some(poses) => poses.refined(frame.position, &frame.pose),
         None => frame.pose.clone(),
     };
     let seen = sighted(subject, avatar, opened, pose)?;

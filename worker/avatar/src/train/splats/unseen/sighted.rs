@@ -67,8 +67,8 @@ fn facing(numbers: &SplatSlices<'_>, sight: &View) -> Vec<bool> {
         .map(|(row, transform)| {
             let normal = third_axis([row[3], row[4], row[5], row[6]]);
             let turned = turn(|r, c| transform[4 * r + c], normal);
-            let place = apply(transform, [row[0], row[1], row[2]]);
-            let view = turn(|r, c| sight.e[r][c], place);
+            let position = apply(transform, [row[0], row[1], row[2]]);
+            let view = turn(|r, c| sight.e[r][c], position);
             let view = std::array::from_fn(|r| view[r] + sight.e[r][3]);
             let normal = turn(|r, c| sight.e[r][c], turned);
             let scale = dot(view, view) * dot(normal, normal);
