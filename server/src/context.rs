@@ -2,7 +2,7 @@
 
 use crate::config::ServerConfig;
 use crate::error::RequestError;
-use crate::jobs::changes::JobChanges;
+use crate::changes::JobChanges;
 use crate::jobs::roster::Roster;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;

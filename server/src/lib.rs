@@ -5,6 +5,7 @@
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod api;
+mod changes;
 mod checkpoints;
 pub mod clock;
 pub mod config;
@@ -28,7 +29,7 @@ pub use yoto_objects::ObjectsError;
 
 use context::Context;
 use futures::Stream;
-use jobs::changes::JobChanges;
+use changes::JobChanges;
 use jobs::reaper;
 use jobs::roster::Roster;
 use lock::DataDirLock;

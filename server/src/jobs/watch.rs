@@ -1,6 +1,6 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
-use super::changes::{WatchedState, subscribe};
+use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
 use crate::error::RequestError;
 use futures::{Stream, stream};
