@@ -1,6 +1,8 @@
 //! Compiles `yoto/v1/*.proto` with protox, so that no `protoc` is needed.
 
-use std::{env, error::Error, fs, path::PathBuf};
+use std::error::Error;
+use std::path::PathBuf;
+use std::{env, fs};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=yoto");

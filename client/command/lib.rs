@@ -1,27 +1,39 @@
 //! The `yoto` command.
 //!
-//! - [`commands`]: the command line.
+//! - [`cli`]: the command line, which runs the command that a user names.
+//! - A folder per noun: `subject`, `model`, `job`, `render`, `export`, `scene`, `capture`, `service`.
+//! - `args`: options that several commands have; `show`: text that several commands print; `files`: files that
+//!   commands write; `waiting`: the wait for a job.
 //! - [`allocator`]: the command's allocator.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
-//! (`embedded`, `studio`), run the demo (`demo`), make one person's avatar (`avatar`), and run the
-//! experiments of `yoto_lab`.
+//! (`embedded`, `studio`), run the demo (`demo`), and make one person's avatar (`avatar`).
 
 #[macro_use(say, tell)]
 extern crate yoto_terminal;
 
 pub mod allocator;
-pub mod commands;
+pub mod cli;
+
+mod args;
+mod capture;
+mod export;
+mod files;
+mod job;
+mod model;
+mod motion;
+mod render;
+mod scene;
+mod service;
+mod show;
+mod subject;
+mod waiting;
 
 #[cfg(feature = "embedded")]
-pub mod avatar;
+mod avatar;
 #[cfg(feature = "embedded")]
-pub mod demo;
+mod demo;
 #[cfg(feature = "embedded")]
 pub mod embedded;
 #[cfg(feature = "embedded")]
-mod npz;
-#[cfg(feature = "embedded")]
-mod screen;
-#[cfg(feature = "embedded")]
-pub mod studio;
+mod studio;

@@ -1,4 +1,4 @@
-//! The `yoto` command, implemented in [`yoto::commands`].
+//! The `yoto` command, implemented in [`yoto::cli`].
 
 use std::process::ExitCode;
 
@@ -7,5 +7,5 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
     yoto::allocator::keep_freed_memory();
-    yoto::commands::main()
+    yoto::cli::main()
 }

@@ -3,7 +3,8 @@
 
 use prost::Message;
 use prost_types::FileDescriptorSet;
-use std::{error::Error, path::Path};
+use std::error::Error;
+use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut set = FileDescriptorSet::decode(yoto_proto::DESCRIPTORS)?;

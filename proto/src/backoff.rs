@@ -1,12 +1,10 @@
 //! Pauses between attempts.
 
-use std::{
-    hash::{BuildHasher, RandomState},
-    time::Duration,
-};
+use std::hash::{BuildHasher, RandomState};
+use std::time::Duration;
 
-/// Share by which a pause is longer or shorter by chance: what one fault put back together does not come
-/// back all at once.
+/// Random share by which a pause is longer or shorter, so that clients that one fault stopped do not all return
+/// at once.
 const JITTER: f64 = 0.2;
 
 /// Pauses that double from a first to a longest one.

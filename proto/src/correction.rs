@@ -44,12 +44,12 @@ pub enum Mirror {
     /// Nothing.
     #[default]
     None,
-    /// The poses: rotations and root positions mirrored about the world's x = 0, and joints
-    /// exchanged with their other side. The output of pose estimators on flipped images.
+    /// The poses: rotations and root positions mirrored about the world's x = 0, and joints exchanged with
+    /// their counterparts on the other side. The output of pose estimators on flipped images.
     Poses,
     /// The limbs only: as [`Mirror::Poses`], but the root keeps its rotation and position.
     Limbs,
-    /// The names only: each joint has the rotation of its other side, unmirrored.
+    /// The names only: each joint gets the rotation of its counterpart, unmirrored.
     Labels,
     /// Images and masks. The pictures are not changed: the scene and its cameras are mirrored,
     /// which fits the pictures exactly; the avatar is that of the mirrored person.
@@ -66,8 +66,8 @@ pub struct Correction {
     pub camera_axes: CameraAxes,
     /// Units of its lengths.
     pub units: Units,
-    /// Turns all bodies about the world's x axis, degrees: -90 turns z-up poses
-    /// upright for cameras in a y-up world.
+    /// Rotates all bodies about the world's x axis, degrees: -90 makes z-up poses upright for cameras in a y-up
+    /// world.
     pub turn_bodies: f64,
     /// What is mirrored.
     pub mirror: Mirror,
@@ -97,7 +97,7 @@ impl Default for Correction {
 /// Why a correction can't be applied.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CorrectionError {
-    /// Mirroring exchanges joints with their other side, and this joint has no other side.
+    /// Mirroring exchanges joints with their counterparts, and this joint has no counterpart.
     #[error(
         "skeleton.rest_joints[{0}]: no other joint is across the body's middle from it, so \
          left and right can't be exchanged"
@@ -223,8 +223,8 @@ impl Correction {
         }
     }
 
-    /// Units, uprightness and sides of a frame's body. `root` is the root's rest position,
-    /// `sides` each joint's other side, `width` the images' in pixels.
+    /// Units, upright axis and sides of a frame's body. `root` is the root's rest position, `sides` the
+    /// counterpart of each joint, `width` the width of the images in pixels.
     fn body(&self, frame: &mut Frame, root: [f64; 3], sides: &[usize], width: f64) {
         frame.translation = frame.translation.map(|v| v * self.units.root.metres());
         if self.turn_bodies != 0.0 {
@@ -232,9 +232,9 @@ impl Correction {
             if let Some(rotation) = frame.pose.first_chunk_mut::<3>() {
                 *rotation = turned(*rotation, degrees);
             }
-            let place = std::array::from_fn(|i| root[i] + frame.translation[i]);
-            let place = turned_about_x(place, degrees);
-            frame.translation = std::array::from_fn(|i| place[i] - root[i]);
+            let position = std::array::from_fn(|i| root[i] + frame.translation[i]);
+            let position = turned_about_x(position, degrees);
+            frame.translation = std::array::from_fn(|i| position[i] - root[i]);
         }
         if self.mirror == Mirror::None {
             return;
@@ -320,7 +320,7 @@ impl fmt::Display for Correction {
     }
 }
 
-/// For each joint the one across the body's middle (x of the root), itself for a joint on it.
+/// For each joint, its counterpart across the body's middle (x of the root); a joint in the middle is its own.
 ///
 /// # Errors
 /// [`CorrectionError::NotSymmetric`].

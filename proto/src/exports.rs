@@ -1,15 +1,16 @@
-//! What an export is made of where its order says nothing, the files of each form, and whom it needs.
+//! Default values of exports, the files of each form, and the people that an export needs.
 
 use crate::render_needs::Need;
-use crate::v1::{Distillation, ExportForm, ExportSpec, export_motion::Motion};
+use crate::v1::export_motion::Motion;
+use crate::v1::{Distillation, ExportForm, ExportSpec};
 
 /// Most triangles of a mesh.
 pub const TRIANGLES: u32 = 20_000;
 /// Pixels along a side of a mesh's texture.
 pub const TEXTURE: u32 = 1024;
-/// Seconds in which splats are made of a field.
+/// Seconds to make splats from a field.
 pub const SECONDS: f64 = 60.0;
-/// Side of the pictures from which they learn, pixels.
+/// Shorter side of the pictures that splats learn from, pixels.
 pub const SIZE: u32 = 256;
 /// Name of the files without their extensions.
 pub const FILE: &str = "person";
@@ -41,7 +42,7 @@ impl ExportForm {
     }
 }
 
-/// What browsers and other programs call a file with this `extension`. PLY and SPZ are not registered.
+/// The media type of files with this `extension`. PLY and SPZ have no registered type.
 pub fn content_type(extension: &str) -> &'static str {
     match extension {
         "html" => "text/html; charset=utf-8",
@@ -53,20 +54,20 @@ pub fn content_type(extension: &str) -> &'static str {
     }
 }
 
-/// Whether files may be called so: what no file system and no shell takes for anything else.
+/// Whether this is a valid file name: one without a special meaning to any file system or shell.
 pub fn is_file_name(name: &str) -> bool {
     let plain = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
     !name.is_empty() && name.len() <= 200 && !name.starts_with('.') && name.chars().all(plain)
 }
 
-/// Whether an export moves as the subject's own capture does, or has a pose of it.
+/// Whether an export uses the motion, or a pose, of the subject's own capture.
 pub fn moves_as_captured(export: &ExportSpec) -> bool {
     let form = export.form();
     let moves = (!form.is_still() && !export.rest) || export.frame.is_some();
     moves && export.motions.is_empty()
 }
 
-/// Everybody whom an export needs; a subject may come more than once.
+/// The people that an export needs; a subject may appear more than once.
 pub fn needs(export: &ExportSpec) -> Vec<Need<'_>> {
     let own = moves_as_captured(export);
     let mut found = vec![Need {
@@ -170,7 +171,7 @@ mod tests {
             (driver(2), a(), false, None),
         ];
         assert_eq!(listed(&page), expected);
-        // The frame of a still form is one of its motion.
+        // The frame of a still form belongs to its motion.
         let mut still = spec(ExportForm::SplatsSpz, Vec::new());
         still.frame = Some(7);
         assert_eq!(listed(&still)[0].3, Some(7));

@@ -1,7 +1,7 @@
 //! Which frames of a motion a request chooses: some of them in equal steps.
 
-/// Places in a motion of `frames` frames, from `first` on in steps of `step` (0 means 1): `wanted` of them, or all that
-/// are left if 0.
+/// Indices into a motion of `frames` frames: `wanted` indices (0: all that are left) from `first` on, every
+/// `step` frames (0 means 1).
 ///
 /// # Errors
 /// The number of frames that are left, if it is smaller than `wanted`.
@@ -15,9 +15,9 @@ fn chosen(frames: usize, first: usize, step: u32, wanted: u32) -> Result<Vec<usi
     }
 }
 
-/// Places in a capture whose frames have the `numbers`, from `first` on in steps of `step` (0 means 1): `wanted` of them, or
-/// all that are left if 0. With an `end`, only frames before the first number that is not below it, and at most
-/// `wanted` of them.
+/// Indices into a capture whose frames have the `numbers`: `wanted` indices (0: all that are left) from `first`
+/// on, every `step` frames (0 means 1). With an `end`, at most `wanted` indices of frames before the first number
+/// that is `end` or higher.
 ///
 /// # Errors
 /// The number of frames that are left, if it is smaller than `wanted`; with an `end`, only if it is 0.
@@ -32,13 +32,13 @@ pub fn chosen_below(
         return chosen(numbers.len(), first, step, wanted);
     };
     let below = numbers.skip(first).take_while(|number| *number < end);
-    let mut places = chosen(first + below.count(), first, step, 0)?;
+    let mut indices = chosen(first + below.count(), first, step, 0)?;
     if wanted > 0 {
-        places.truncate(wanted as usize);
+        indices.truncate(wanted as usize);
     }
-    match places.is_empty() {
+    match indices.is_empty() {
         true => Err(0),
-        false => Ok(places),
+        false => Ok(indices),
     }
 }
 

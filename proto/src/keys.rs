@@ -3,7 +3,7 @@
 //! Everything a worker writes has its job and fencing token in the key, so that a worker
 //! that lost its lease can't overwrite what its successor wrote. The database row that
 //! names a key is the commit point; an object without a row is garbage, which is collected by the
-//! folder ([`Folder`]).
+//! folder ([`FolderOwner`]).
 
 /// An uploaded file of a capture: `uploads/{capture}/{path}`.
 pub fn upload(capture_id: &str, path: &str) -> String {
@@ -38,12 +38,12 @@ pub fn render(job_id: &str, token: u64, file: &str) -> String {
     format!("renders/{job_id}/{token}/{file}")
 }
 
-/// The name among the files of a render of the picture at this `place`, from 0.
-pub fn picture(place: u32) -> String {
-    format!("{place:06}.png")
+/// File name of the picture with this `index` in a render, from 0.
+pub fn picture(index: u32) -> String {
+    format!("{index:06}.png")
 }
 
-/// Folders at the root of a store, and how many levels below each the folders are that live and end as a
+/// Folders at the root of a store, each with the depth below it of the folders that are kept or deleted as a
 /// whole.
 pub const ROOTS: &[(&str, usize)] = &[
     ("uploads", 1),
@@ -52,15 +52,15 @@ pub const ROOTS: &[(&str, usize)] = &[
     ("renders", 2),
 ];
 
-/// What a folder belongs to, which lives and ends as a whole.
+/// The owner of a folder that is kept or deleted as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Folder<'a> {
+pub enum FolderOwner<'a> {
     /// The files of an upload.
     Upload {
         /// Its capture's id.
         capture: &'a str,
     },
-    /// What an ingest job has made of a capture.
+    /// The results of an ingest job of a capture.
     Shard {
         /// The capture's id.
         capture: &'a str,
@@ -90,8 +90,8 @@ pub struct Lease<'a> {
     pub token: u64,
 }
 
-impl<'a> Folder<'a> {
-    /// What the folder `key` belongs to; `None` for a folder of no known kind.
+impl<'a> FolderOwner<'a> {
+    /// The owner of the folder `key`; `None` for a folder of an unknown kind.
     pub fn parse(key: &'a str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         match parts.as_slice() {
@@ -132,7 +132,7 @@ impl<'a> Lease<'a> {
     }
 }
 
-/// The folder of the object `key`, and so of its manifest or shard that a row names.
+/// The folder of the object `key`, such as of a manifest or shard that a row names.
 pub fn folder(key: &str) -> &str {
     key.rsplit_once('/').map_or("", |(folder, _)| folder)
 }
@@ -148,24 +148,33 @@ mod tests {
             token: 7,
         };
         let made = [
-            (shard("c", "j-1", 7), Folder::Shard { capture: "c", by }),
-            (check("c", "j-1", 7), Folder::Shard { capture: "c", by }),
+            (
+                shard("c", "j-1", 7),
+                FolderOwner::Shard { capture: "c", by },
+            ),
+            (
+                check("c", "j-1", 7),
+                FolderOwner::Shard { capture: "c", by },
+            ),
             (
                 tradeoff("m", "j-1", 7, 40),
-                Folder::Checkpoint { model: "m", by },
+                FolderOwner::Checkpoint { model: "m", by },
             ),
-            (render("j-1", 7, "0.png"), Folder::Render { by }),
-            (upload("c", "poses.json"), Folder::Upload { capture: "c" }),
+            (render("j-1", 7, "0.png"), FolderOwner::Render { by }),
+            (
+                upload("c", "poses.json"),
+                FolderOwner::Upload { capture: "c" },
+            ),
         ];
         for (key, expected) in made {
             let found = folder(&key);
-            assert_eq!(Folder::parse(found), Some(expected), "{key}");
+            assert_eq!(FolderOwner::parse(found), Some(expected), "{key}");
             let depth = found.split('/').count() - 1;
             let root = found.split('/').next().unwrap_or_default();
             assert!(ROOTS.contains(&(root, depth)), "{key}");
         }
         for other in ["", "uploads", "models/m/j/5", "renders/j/x", "lost+found/a"] {
-            assert_eq!(Folder::parse(other), None, "{other}");
+            assert_eq!(FolderOwner::parse(other), None, "{other}");
         }
     }
 }

@@ -4,12 +4,12 @@
 /// Longest gRPC message that either side takes, bytes. A list of views or of a capture's files is longer
 /// than the usual limit of 4 MiB.
 pub const MESSAGE_BYTES: usize = 16 << 20;
-/// Longest answer that a client or worker takes, bytes: a job holds its order and its result, and a lease
-/// an order and the files of its capture, each of which may have come in a message of its own.
+/// Longest answer that a client or worker takes, bytes: a job holds its order and its result, and a lease an
+/// order and the files of its capture, and each of these may have come in its own message.
 pub const ANSWER_BYTES: usize = 2 * MESSAGE_BYTES;
 /// Bytes on their way in a stream or connection before the receiver has read some of them.
 pub const WINDOW_BYTES: u32 = MESSAGE_BYTES as u32;
-/// Calls under way at once on one connection. A client that follows many jobs has a call for each.
+/// Concurrent calls on one connection. A client that follows many jobs has one call for each.
 pub const STREAMS: u32 = 4096;
 
 /// Bytes of an upload that are committed at once.
@@ -24,8 +24,8 @@ pub const FILE_BYTES: u64 = 8 << 30;
 pub const CAPTURE_BYTES: u64 = 8 << 30;
 /// Number of files of an upload.
 pub const CAPTURE_FILES: usize = 200_000;
-/// The files of an upload in a message that names each with its object, bytes. The rest of a message is
-/// for what else a lease has.
+/// Bytes of the list of uploaded files, each with its object, in a lease. The rest of a message is for the
+/// other parts of the lease.
 pub const LISTING_BYTES: usize = MESSAGE_BYTES - (1 << 20);
 /// Length of a file's path in an upload, bytes.
 pub const PATH_BYTES: usize = 200;
@@ -41,14 +41,14 @@ pub const REASON_CHARACTERS: usize = 500;
 /// Length of a request id, bytes.
 pub const REQUEST_ID_BYTES: usize = 128;
 
-/// Entries of a list's page that says no size.
+/// Entries per page if the request gives no size.
 pub const PAGE_ENTRIES: u32 = 100;
 /// Entries of the largest page.
 pub const LONGEST_PAGE_ENTRIES: u32 = 1000;
 /// A page of several entries stays below this, bytes.
 pub const PAGE_BYTES: usize = MESSAGE_BYTES / 2;
 
-/// Violations of one capture or request that are kept; more tell its owner nothing.
+/// Most violations that are kept for one capture or request; more would not help its owner.
 pub const VIOLATIONS: usize = 100;
 /// Length of one text from a worker, such as a message of an error, bytes.
 pub const WORKER_TEXT_BYTES: usize = 4096;

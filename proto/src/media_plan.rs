@@ -8,7 +8,7 @@ mod planned;
 mod video_end;
 
 pub use planned::Planned;
-pub use video_end::{Shown, VideoEnd};
+pub use video_end::{VideoContent, VideoEnd};
 
 use crate::correction::Correction;
 use crate::pose_track::violation;

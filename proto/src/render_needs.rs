@@ -1,6 +1,8 @@
 //! The people and the models that a render needs.
 
-use crate::v1::{Actor, Light, RenderSpec, actor::Motion, light, render_spec::What};
+use crate::v1::actor::Motion;
+use crate::v1::render_spec::What;
+use crate::v1::{Actor, Light, RenderSpec, light};
 
 /// A subject whose capture a render or an export needs.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,7 +11,7 @@ pub struct Need<'a> {
     pub field: String,
     /// Name of the subject.
     pub subject: &'a str,
-    /// Name of the model that draws the person for whom the subject is needed.
+    /// Name of the model that draws the person; the subject is needed for that person.
     pub model: &'a str,
     /// Whether the subject must have a slot in that model.
     pub slot: bool,
@@ -40,7 +42,7 @@ pub fn other_models(render: &RenderSpec) -> Vec<(String, &str)> {
     found
 }
 
-/// Everybody whom `render` needs; a subject may come more than once.
+/// The people that `render` needs; a subject may appear more than once.
 pub fn needs(render: &RenderSpec) -> Vec<Need<'_>> {
     let mut found = Vec::new();
     if let Some(What::Scene(scene)) = &render.what {
@@ -187,7 +189,7 @@ mod tests {
             what: Some(What::Scene(scene)),
             ..RenderSpec::default()
         };
-        let at = |place: usize, name: &str| format!("scene.actors[{place}].{name}");
+        let at = |index: usize, name: &str| format!("scene.actors[{index}].{name}");
         let expected = [
             (at(0, "subject"), "subjects/a", true, Some(3)),
             (at(1, "capture.driver"), "subjects/c", false, Some(9)),
@@ -215,7 +217,7 @@ mod tests {
             })),
             ..RenderSpec::default()
         };
-        let at = |place: usize| format!("scene.actors[{place}].model");
+        let at = |index: usize| format!("scene.actors[{index}].model");
         let others = [(at(0), "models/fog"), (at(3), "models/ice")];
         assert_eq!(other_models(&render), others);
         let models: Vec<&str> = needs(&render).iter().map(|it| it.model).collect();

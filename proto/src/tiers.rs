@@ -7,7 +7,7 @@ use crate::v1::render_quality::Want;
 /// The tier whose people consist of splats; those of all others have fields.
 pub const SPLATS: &str = "splat";
 
-/// The tier of those who name none.
+/// The default tier.
 pub const DEFAULT_TIER: &str = SPLATS;
 
 /// Quality tiers, cheapest first, each with its trade-off.
@@ -77,8 +77,8 @@ pub enum RenderGoal {
     Splats,
 }
 
-/// Render qualities by name, best first, but for the one that only splats have. Unlike [`TIERS`] they need no training: one model
-/// renders all of them.
+/// Render qualities by name, best first, except the one that only splats have. Unlike [`TIERS`] they need no
+/// training: one model renders all of them.
 pub const RENDER_TIERS: &[RenderTier] = &[
     RenderTier {
         name: "full",
@@ -117,12 +117,12 @@ pub fn is_render_tier(name: &str) -> bool {
     render_tier(name).is_some()
 }
 
-/// Whether `quality` is chosen from what was measured with a checkpoint.
+/// Whether `quality` needs the measured trade-off of a checkpoint.
 pub fn needs_tradeoff(quality: &RenderQuality) -> bool {
     goal(quality) != Some(RenderGoal::Splats)
 }
 
-/// Why a model of the tier `model` can't be rendered in `quality`, if it can't.
+/// The reason why a model of the tier `model` can't be rendered in `quality`; `None` if it can.
 pub fn refusal(quality: &RenderQuality, model: &str) -> Option<String> {
     let real_time = goal(quality) == Some(RenderGoal::Splats);
     (real_time && model != SPLATS).then(|| {

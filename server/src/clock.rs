@@ -1,10 +1,8 @@
-//! The time by which leases run: the coordinator's alone, never a worker's.
+//! The clock of leases: always the coordinator's, never a worker's.
 
-use std::{
-    fmt::Debug,
-    sync::{Mutex, PoisonError},
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::fmt::Debug;
+use std::sync::{Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A clock; seconds since 1970.
 pub trait Clock: Debug + Send + Sync {
@@ -12,7 +10,7 @@ pub trait Clock: Debug + Send + Sync {
     fn now(&self) -> f64;
 }
 
-/// The system's clock, which may be set, and stands still while the machine sleeps.
+/// The system's clock. It may be set, and it stands still while the machine sleeps.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemClock;
 
@@ -24,7 +22,7 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that moves only when it is told to: tests of leases need no waiting.
+/// A clock that moves only on request, so that tests of leases need not wait.
 #[derive(Debug)]
 pub struct ManualClock(Mutex<f64>);
 

@@ -1,12 +1,12 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::{
-    checkpoints::retention::Retention,
-    clock::{Clock, SystemClock},
-    error::ServerError,
-    faults::Faults,
-};
-use std::{path::PathBuf, sync::Arc, time::Duration};
+use crate::checkpoints::retention::Retention;
+use crate::clock::{Clock, SystemClock};
+use crate::error::ServerError;
+use crate::faults::Faults;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
 use url::Url;
 use yoto_proto::limits;
 
@@ -33,7 +33,7 @@ pub struct ServerConfig {
     pub upload: UploadLimits,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
-    /// What goes wrong on purpose, in tests of the service.
+    /// Injected faults, for tests of the service.
     pub faults: Option<Arc<dyn Faults>>,
 }
 
@@ -44,9 +44,9 @@ const DAY: Duration = Duration::from_secs(24 * 3600);
 pub struct StorageLimits {
     /// Newest checkpoints that a model keeps unless it says otherwise, at least 1.
     pub keep_newest: u32,
-    /// A model keeps every so many-th published checkpoint unless it says otherwise; 0: none of them.
+    /// Every n-th published checkpoint is kept unless the model says otherwise; 0: none.
     pub keep_every: u32,
-    /// Time from the moment when objects are found to belong to nothing until they are removed.
+    /// Time of grace: from the moment when objects are found to be garbage until they are removed.
     pub grace: Duration,
     /// Interval of the search for such objects.
     pub collect_interval: Duration,
@@ -58,7 +58,7 @@ pub struct StorageLimits {
     pub keep_request_ids: Duration,
     /// Age at which the history of ended attempts is forgotten.
     pub keep_attempts: Duration,
-    /// Age at which workers are forgotten that no job names any more.
+    /// Age at which workers without jobs are forgotten.
     pub keep_workers: Duration,
 }
 

@@ -1,15 +1,16 @@
 //! State that all services and background tasks of a coordinator share.
 
-use crate::{
-    config::ServerConfig,
-    error::RequestError,
-    jobs::{changes::JobChanges, roster::Roster},
-    lock::DataDirLock,
-    objects::{disk::ObjectDisk, room},
-    store::Store,
-    uploads::Turns,
-};
-use std::{sync::Arc, time::SystemTime};
+use crate::config::ServerConfig;
+use crate::error::RequestError;
+use crate::jobs::changes::JobChanges;
+use crate::jobs::roster::Roster;
+use crate::lock::DataDirLock;
+use crate::objects::disk::ObjectDisk;
+use crate::objects::room;
+use crate::store::Store;
+use crate::uploads::UploadLocks;
+use std::sync::Arc;
+use std::time::SystemTime;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_objects::Objects;
@@ -25,7 +26,7 @@ pub struct Context {
     pub objects: Objects,
     /// Where the objects are.
     pub objects_url: Url,
-    /// The folder that they are in.
+    /// The folder of a local object store.
     pub disk: ObjectDisk,
     /// Wakes the watchers of jobs.
     pub changes: JobChanges,
@@ -39,13 +40,13 @@ pub struct Context {
     pub lock: DataDirLock,
     /// Held during a collection of garbage: one at a time.
     pub collecting: tokio::sync::Mutex<()>,
-    /// Who writes to which upload.
-    pub turns: Turns,
+    /// The locks of the uploads.
+    pub upload_locks: UploadLocks,
 }
 
 impl Context {
-    /// Refuses if the disk of the object store would have less than the configured free space with
-    /// `coming` more bytes.
+    /// Refuses if `coming` more bytes would leave less than the configured free space on the disk of the object
+    /// store.
     pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
         room::check(self.disk.room(), coming, self.config.storage.min_free_bytes)
     }

@@ -74,7 +74,7 @@ pub enum RequestError {
     CorruptChunk {
         /// The file.
         path: String,
-        /// Place of the chunk.
+        /// Offset of the chunk in the file, bytes.
         offset: u64,
         /// As sent.
         told: u32,
@@ -89,7 +89,7 @@ pub enum RequestError {
     DiskFull {
         /// Free bytes.
         free: u64,
-        /// Bytes that must be free, with those that were to come.
+        /// Bytes that must be free, including the announced ones.
         needed: u64,
     },
     /// The coordinator is shutting down; a later call may succeed.
@@ -123,7 +123,7 @@ impl RequestError {
         }
     }
 
-    /// What is not possible because of this `field` of the request; empty: of none in particular.
+    /// A precondition failure because of this `field` of the request; empty: of no particular field.
     pub fn of(self, field: &str) -> Self {
         match self {
             Self::Precondition { reason, message } if !field.is_empty() => Self::Precondition {

@@ -3,12 +3,11 @@
 
 use futures::Stream;
 use hyper_util::rt::TokioIo;
-use std::{
-    io,
-    pin::Pin,
-    task::{Context, Poll},
-};
-use tokio::{io::DuplexStream, sync::mpsc};
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use tokio::io::DuplexStream;
+use tokio::sync::mpsc;
 use tonic::transport::{Channel, Endpoint};
 use yoto_proto::limits::WINDOW_BYTES;
 

@@ -28,18 +28,22 @@ pub use yoto_objects::ObjectsError;
 
 use context::Context;
 use futures::Stream;
-use jobs::{changes::JobChanges, reaper, roster::Roster};
+use jobs::changes::JobChanges;
+use jobs::reaper;
+use jobs::roster::Roster;
 use lock::DataDirLock;
-use objects::{collect, disk::ObjectDisk};
-use std::{future::Future, path::Path, sync::Arc, time::SystemTime};
+use objects::collect;
+use objects::disk::ObjectDisk;
+use std::future::Future;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::SystemTime;
 use store::SqliteStore;
-use tokio::{
-    io::{AsyncRead, AsyncWrite},
-    task::JoinHandle,
-};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::Connected;
-use uploads::Turns;
+use uploads::UploadLocks;
 use url::Url;
 
 /// The database's file in the data folder.
@@ -55,8 +59,8 @@ pub struct Coordinator {
 }
 
 impl Coordinator {
-    /// Opens the data folder and creates missing parts. Uploads that the end of an earlier process
-    /// interrupted go on where they were.
+    /// Opens the data folder and creates missing parts. Uploads that an earlier process left open continue
+    /// where they were.
     ///
     /// # Errors
     /// [`ServerError::DataDirInUse`] when another coordinator has the folder; others when
@@ -84,7 +88,7 @@ impl Coordinator {
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),
-            turns: Turns::default(),
+            upload_locks: UploadLocks::default(),
         });
         reaper::take_back_embedded(&context).await?;
         let tasks = vec![
@@ -115,8 +119,7 @@ impl Coordinator {
         serve::serve(Arc::clone(&self.context), incoming, shutdown)
     }
 
-    /// Looks after all leases now, as the coordinator does by itself at every
-    /// [`ServerConfig::reap_interval`].
+    /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].
     ///
     /// # Errors
     /// When the database fails.

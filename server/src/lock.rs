@@ -4,10 +4,8 @@
 //! operating system drops the lock whenever the process ends.
 
 use crate::error::ServerError;
-use std::{
-    fs::{File, TryLockError},
-    path::Path,
-};
+use std::fs::{File, TryLockError};
+use std::path::Path;
 
 /// Holds the lock of a data folder until it is dropped or released.
 #[derive(Debug)]

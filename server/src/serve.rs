@@ -1,31 +1,32 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
-use crate::{
-    api::{
-        JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi,
-        WorkerApi,
-    },
-    context::Context,
-    error::ServerError,
-    faults::FaultLayer,
+use crate::api::{
+    JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
 };
+use crate::context::Context;
+use crate::error::ServerError;
+use crate::faults::FaultLayer;
 use futures::Stream;
-use std::{future::Future, sync::Arc, time::Duration};
+use std::future::Future;
+use std::sync::Arc;
+use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_util::sync::CancellationToken;
-use tonic::{
-    service::Routes,
-    transport::{Server, server::Connected},
-};
-use tonic_health::{ServingStatus, server::HealthReporter};
+use tonic::service::Routes;
+use tonic::transport::Server;
+use tonic::transport::server::Connected;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
 use yoto_proto::limits::{MESSAGE_BYTES, STREAMS, WINDOW_BYTES};
-use yoto_proto::v1::{
-    job_service_server::JobServiceServer, model_service_server::ModelServiceServer,
-    object_service_server::ObjectServiceServer, render_service_server::RenderServiceServer,
-    status_service_server::StatusServiceServer, storage_service_server::StorageServiceServer,
-    subject_service_server::SubjectServiceServer, upload_service_server::UploadServiceServer,
-    worker_service_server::WorkerServiceServer,
-};
+use yoto_proto::v1::job_service_server::JobServiceServer;
+use yoto_proto::v1::model_service_server::ModelServiceServer;
+use yoto_proto::v1::object_service_server::ObjectServiceServer;
+use yoto_proto::v1::render_service_server::RenderServiceServer;
+use yoto_proto::v1::status_service_server::StatusServiceServer;
+use yoto_proto::v1::storage_service_server::StorageServiceServer;
+use yoto_proto::v1::subject_service_server::SubjectServiceServer;
+use yoto_proto::v1::upload_service_server::UploadServiceServer;
+use yoto_proto::v1::worker_service_server::WorkerServiceServer;
 
 /// Interval of keep-alive pings on idle connections.
 const KEEPALIVE: Duration = Duration::from_secs(20);

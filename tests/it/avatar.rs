@@ -64,7 +64,7 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
     }
     ensure!(page.contains("check/sheet.png") && out.join("check/sheet.png").is_file());
 
-    // A run that fails takes nothing away of what an earlier one has made.
+    // A run that fails keeps the files of an earlier one.
     let failed = yoto(dir.path(), "avatar nothing.mp4 --out out/ada")?;
     ensure!(!failed.status.success() && image::open(out.join("orbit.png")).is_ok());
     let itself = yoto(dir.path(), "avatar out/ada/capture --out out/ada")?;
@@ -74,7 +74,7 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
         said(&itself)
     );
     ensure!(out.join("capture/poses.json").is_file());
-    // Nor does one in somebody else's folder.
+    // A folder that the program did not make is refused.
     for folder in ["capture", "check", "pictures", "service"] {
         std::fs::remove_file(out.join(folder).join("made-by-yoto-avatar"))?;
     }
@@ -89,7 +89,7 @@ fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     let capture = dir.path().join(example(dir.path())?);
     let path = capture.join("poses.json");
     let mut poses: Value = serde_json::from_slice(&std::fs::read(&path)?)?;
-    // People three times as far away as they are.
+    // People at three times their true distance.
     for frame in poses["frames"].as_array_mut().context("frames")? {
         frame["translation"][0] = 0.9.into();
     }
@@ -104,7 +104,7 @@ fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What SAM 3D Body writes of a clip, with its own joints: they are shown in the clip's own motion.
+/// The output of SAM 3D Body for a clip, with its own joints; the result shows the clip's own motion.
 #[test]
 fn a_tool_s_own_skeleton_becomes_a_page() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;

@@ -104,7 +104,7 @@ fn the_command_line_names_what_is_wrong_before_anything_is_sent() -> anyhow::Res
     let said = fail(YOTO, &add)?;
     assert!(said.contains("masks/000002.png"), "{said}");
 
-    // What people have instead of a capture, in their own words.
+    // Files that users send instead of a capture.
     let at = |name: &str| dir.path().join(name).display().to_string();
     std::fs::create_dir(at("film"))?;
     std::fs::write(at("film/video.mp4"), "a film")?;

@@ -1,4 +1,4 @@
-//! Renders of people between two of a model.
+//! Renders of mixtures of two people.
 
 use anyhow::{Context, ensure};
 use image::RgbImage;
@@ -53,7 +53,7 @@ fn a_row_of_mixtures_goes_from_one_to_the_other() -> anyhow::Result<()> {
     let (first, last) = (&row[0], &row[4]);
     let whole = apart(first, last);
     ensure!(whole > 3.0, "{whole}");
-    // Each is farther from the first than the one before it.
+    // Each is more different from the first than the previous one.
     let far: Vec<f64> = row.iter().map(|it| apart(first, it)).collect();
     ensure!(far.is_sorted(), "{far:?}");
     let middle = &pictures("duo", "--between ada,bob:0.5", "middle", 1)?[0];

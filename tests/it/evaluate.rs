@@ -8,6 +8,7 @@ use yoto_tests::people::{write_capture, write_capture_with_held_out};
 use yoto_tests::process::{Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 
 fn text(path: &Path) -> anyhow::Result<&str> {
     path.to_str().context("a plain path")
@@ -142,7 +143,7 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         "--out",
         text(&out)?,
     ];
-    let said = succeed(YOTO, &run)?;
+    let said = succeed(LAB, &run)?;
     let json = std::fs::read(out.join("ablation.json"))?;
     let report: Value = serde_json::from_slice(&json)?;
     assert_eq!(report["captures"], serde_json::json!(["ada", "bob"]));
@@ -158,13 +159,13 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
     assert_eq!(of("steps"), [101; 4]);
     for variant in variants {
         let name = variant["variant"].as_str().context("a name")?;
-        for (split, place) in [("novel_view", 1), ("novel_pose", 5)] {
+        for (split, column) in [("novel_view", 1), ("novel_pose", 5)] {
             let score = &variant["mean"][split];
             assert_eq!(score["pictures"], 4, "{name} {split}");
             let psnr = score["psnr"].as_f64().context("psnr")?;
             let black = score["black_psnr"].as_f64().context("black_psnr")?;
             assert!(psnr > black, "{name} {split}: {psnr} dB, black {black}");
-            let printed = figure(cells(&said, name)?[place])?;
+            let printed = figure(cells(&said, name)?[column])?;
             assert!((printed - psnr).abs() < 0.006, "{name} {split}\n{said}");
         }
     }
@@ -185,23 +186,23 @@ fn the_ablation_compares_four_variants_and_leaves_models_to_measure() -> anyhow:
         "2",
         "--table",
     ];
-    let said = succeed(YOTO, &measure)?;
+    let said = succeed(LAB, &measure)?;
     let view = check_row(&said, "mean, held-out views", 4)?;
     check_row(&said, "mean, held-out poses", 4)?;
     let before = variants[0]["mean"]["novel_view"]["psnr"].as_f64();
     assert!((view[1] - before.context("psnr")?).abs() < 0.006, "{said}");
 
     let by = |protocol: &'static str| [&measure[..], &["--protocol", protocol]].concat();
-    // Black outside the box in both pictures, and frame 0 alone: 5 is no multiple of 30.
-    let said = succeed(YOTO, &by("zju-step30"))?;
+    // Black outside the box in both pictures, and only frame 0: 5 is not a multiple of 30.
+    let said = succeed(LAB, &by("zju-step30"))?;
     check_row(&said, "mean, held-out views", 2)?;
     let swapped = [&measure[..4], &[bob, ada]].concat();
-    let said = fail(YOTO, &swapped)?;
+    let said = fail(LAB, &swapped)?;
     assert!(
         said.contains("slot 0 of the model is not the body"),
         "{said}"
     );
-    let said = fail(YOTO, &by("snapshot"))?;
+    let said = fail(LAB, &by("snapshot"))?;
     assert!(said.contains("visual comparison"), "{said}");
     Ok(())
 }

@@ -1,10 +1,13 @@
-//! People leave in files that other programs play.
+//! Exports of people to files that other programs play.
 
 use anyhow::{Context, ensure};
+use std::path::PathBuf;
+use tempfile::TempDir;
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_media::Limits;
 use yoto_media::film::Film;
 use yoto_media::video::{Ffmpeg, Video};
+use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::browser::Browser;
 use yoto_tests::page::clips;
@@ -14,64 +17,147 @@ use yoto_tests::playback::played;
 use yoto_tests::process::{Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 const FRAMES: usize = 12;
 const SIZE: u32 = 96;
 /// The frame that browser and renderer draw.
 const FRAME: usize = 5;
 
+type Run = fn(&str, &[&str]) -> anyhow::Result<String>;
+
+/// A service with Ada in two trained models: `solo` consists of splats, `field` is a field.
+struct Stage {
+    service: Service,
+    track: PoseTrack,
+    // Dropped last: the service writes to it until it has ended.
+    dir: TempDir,
+}
+
+impl Stage {
+    fn new() -> anyhow::Result<Self> {
+        let dir = tempfile::tempdir()?;
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        let track = write_capture(person, FRAMES, SIZE, &dir.path().join("ada"))?;
+        let service = Service::start(YOTO, &dir.path().join("data"), true)?;
+        let stage = Self {
+            service,
+            track,
+            dir,
+        };
+        stage.yoto(&format!("subject add ada {}", stage.at("ada")), succeed)?;
+        stage.yoto(
+            "train solo --subjects ada --tier splat --harmonics 2 --steps 30",
+            succeed,
+        )?;
+        stage.yoto(
+            "train field --subjects ada --tier draft --steps 100",
+            succeed,
+        )?;
+        Ok(stage)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    /// The path of `name` on a command line.
+    fn at(&self, name: &str) -> String {
+        self.path(name).display().to_string()
+    }
+
+    /// Runs a command on the service.
+    fn yoto(&self, line: &str, run: Run) -> anyhow::Result<String> {
+        let mut arguments: Vec<&str> = line.split(' ').collect();
+        arguments.extend(["--server", &self.service.address]);
+        run(YOTO, &arguments)
+    }
+
+    /// Runs a command that needs no service.
+    fn local(&self, line: &str) -> anyhow::Result<String> {
+        succeed(YOTO, &line.split(' ').collect::<Vec<_>>())
+    }
+
+    /// The beginning of an export of Ada.
+    fn export(&self) -> String {
+        let capture = self.at("ada");
+        format!("export solo --subject ada --capture {capture}")
+    }
+
+    /// A render of Ada's own motion to an MP4.
+    fn film(&self) -> String {
+        let out = self.at("walk.mp4");
+        format!("render solo --subject ada --motion ada --size 64 --out {out}")
+    }
+
+    fn distill(&self, model: &str, run: Run) -> anyhow::Result<String> {
+        let (capture, out) = (self.at("ada"), self.at("distilled"));
+        let line = format!("distill {model} --capture {capture} --size 64 --seconds 4 --out {out}");
+        run(LAB, &line.split(' ').collect::<Vec<_>>())
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> {
-    let dir = tempfile::tempdir()?;
-    let at = |name: &str| dir.path().join(name).display().to_string();
-    let person = &SyntheticPerson::cast(1, 7)[0];
-    let track = write_capture(person, FRAMES, SIZE, &dir.path().join("ada"))?;
-    let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
-    yoto(&format!("subject add ada {}", at("ada")), succeed)?;
-    yoto(
-        "train solo --subjects ada --tier splat --harmonics 2 --steps 30",
-        succeed,
-    )?;
-    yoto(
-        "train field --subjects ada --tier draft --steps 100",
-        succeed,
-    )?;
+    let stage = Stage::new()?;
+    page_and_splats(&stage)?;
+    motion_files(&stage)?;
+    other_forms(&stage)?;
+    films(&stage)?;
+    existing_files(&stage)?;
+    real_time(&stage)?;
+    refusals(&stage)?;
+    distillation(&stage)?;
+    page_in_a_browser(&stage)
+}
 
-    let export = format!("export solo --subject ada --capture {}", at("ada"));
-    yoto(&format!("{export} --out {}", at("ada.html")), succeed)?;
-    yoto(
-        &format!("{export} --frame {FRAME} --out {}", at("ada.ply")),
+fn page_and_splats(stage: &Stage) -> anyhow::Result<()> {
+    let export = stage.export();
+    stage.yoto(&format!("{export} --out {}", stage.at("ada.html")), succeed)?;
+    stage.yoto(
+        &format!("{export} --frame {FRAME} --out {}", stage.at("ada.ply")),
         succeed,
     )?;
-    let ply = std::fs::read(dir.path().join("ada.ply"))?;
+    let ply = std::fs::read(stage.path("ada.ply"))?;
     ensure!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
+    Ok(())
+}
+
+fn motion_files(stage: &Stage) -> anyhow::Result<()> {
+    let export = stage.export();
     // A motion file is a clip like a capture's motion, of every second frame here.
     std::fs::copy(
-        dir.path().join("ada").join("poses.json"),
-        dir.path().join("dance.json"),
+        stage.path("ada").join("poses.json"),
+        stage.path("dance.json"),
     )?;
-    let moves = format!("{export} --motion-file {} --range ..:2", at("dance.json"));
-    yoto(&format!("{moves} --out {}", at("moves.html")), succeed)?;
-    let page = std::fs::read_to_string(dir.path().join("moves.html"))?;
+    let moves = format!(
+        "{export} --motion-file {} --range ..:2",
+        stage.at("dance.json")
+    );
+    stage.yoto(
+        &format!("{moves} --out {}", stage.at("moves.html")),
+        succeed,
+    )?;
+    let page = std::fs::read_to_string(stage.path("moves.html"))?;
     ensure!(
         clips(&page)? == [("ada".into(), FRAMES), ("dance".into(), FRAMES / 2)],
         "{:?}",
         clips(&page)?
     );
     let options = "--triangles 500 --texture 64";
-    yoto(
-        &format!("{moves} {options} --out {}", at("moves.glb")),
+    stage.yoto(
+        &format!("{moves} {options} --out {}", stage.at("moves.glb")),
         succeed,
     )?;
-    let glb = std::fs::read(dir.path().join("moves.glb"))?;
+    let glb = std::fs::read(stage.path("moves.glb"))?;
     let length = u32::from_le_bytes(glb[12..16].try_into()?) as usize;
     let gltf: serde_json::Value = serde_json::from_slice(&glb[20..20 + length])?;
     ensure!(gltf["animations"][0]["name"] == "ada" && gltf["animations"][1]["name"] == "dance");
-    // Other forms: their own tests look inside.
+    Ok(())
+}
+
+fn other_forms(stage: &Stage) -> anyhow::Result<()> {
+    let export = stage.export();
+    // Other forms; their contents have their own tests.
     for (name, options, start) in [
         ("ada.spz", " --frame 5", &b"\x1f\x8b"[..]),
         ("splats.glb", " --frame 5 --format splats", &b"glTF"[..]),
@@ -88,27 +174,28 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         ),
         ("LOUD.SPZ", " --frame 5", &b"\x1f\x8b"[..]),
     ] {
-        let line = format!("{export}{options} --out {}", at(name));
-        yoto(&line, succeed)?;
-        let file = std::fs::read(dir.path().join(name))?;
+        let line = format!("{export}{options} --out {}", stage.at(name));
+        stage.yoto(&line, succeed)?;
+        let file = std::fs::read(stage.path(name))?;
         ensure!(file.starts_with(start), "{line}");
     }
-    let texture = image::open(dir.path().join("ada.png"))?;
-    ensure!(texture.width() >= 64 && dir.path().join("ada.mtl").exists());
-    let film = format!(
-        "render solo --subject ada --motion ada --size 64 --out {}",
-        at("walk.mp4")
-    );
-    yoto(&film, succeed)?;
+    let texture = image::open(stage.path("ada.png"))?;
+    ensure!(texture.width() >= 64 && stage.path("ada.mtl").exists());
+    Ok(())
+}
+
+fn films(stage: &Stage) -> anyhow::Result<()> {
+    let film = stage.film();
+    stage.yoto(&film, succeed)?;
     let video = Video::open(
-        &dir.path().join("walk.mp4"),
+        &stage.path("walk.mp4"),
         &Limits::default(),
         &Ffmpeg::none(),
         true,
     )?;
     ensure!(video.frames() == Some(FRAMES), "{:?}", video.frames());
     let seconds = video.times().last().context("no times")?;
-    let expected = (FRAMES - 1) as f64 / track.fps;
+    let expected = (FRAMES - 1) as f64 / stage.track.fps;
     ensure!(
         (seconds - expected).abs() < 0.01,
         "{seconds} s, not {expected}"
@@ -117,38 +204,52 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
         (" --transparent", "an .mp4 or .gif has no transparency"),
         (" --animate", "an .mp4, .webp or .gif is one film"),
     ] {
-        let said = yoto(&format!("{film} --force{options}"), fail)?;
+        let said = stage.yoto(&format!("{film} --force{options}"), fail)?;
         ensure!(said.contains(cause), "{said}");
     }
     let film_of = format!(
         "render solo --subject ada --motion ada --size 64 --transparent --out {}",
-        at("walk.webp")
+        stage.at("walk.webp")
     );
-    yoto(&film_of, succeed)?;
-    let webp = std::fs::read(dir.path().join("walk.webp"))?;
+    stage.yoto(&film_of, succeed)?;
+    let webp = std::fs::read(stage.path("walk.webp"))?;
     ensure!(
         &webp[8..16] == b"WEBPVP8X" && webp[20] & 0x12 == 0x12,
         "animated, with opacity"
     );
-    // Over an existing file only if asked.
-    let said = yoto(&film, fail)?;
+    Ok(())
+}
+
+fn existing_files(stage: &Stage) -> anyhow::Result<()> {
+    let (film, export) = (stage.film(), stage.export());
+    // An existing file is replaced only on request.
+    let said = stage.yoto(&film, fail)?;
     ensure!(said.contains("walk.mp4 is there already"), "{said}");
-    let said = yoto(&format!("{export} --out {}", at("ada.html")), fail)?;
+    let said = stage.yoto(&format!("{export} --out {}", stage.at("ada.html")), fail)?;
     ensure!(
         said.contains("is there already") && said.contains("--force"),
         "{said}"
     );
-    yoto(
-        &format!("{export} --force --out {}", at("ada.html")),
+    stage.yoto(
+        &format!("{export} --force --out {}", stage.at("ada.html")),
         succeed,
     )?;
+    Ok(())
+}
+
+fn real_time(stage: &Stage) -> anyhow::Result<()> {
     // Splats are drawn in real time without a measurement.
     let line = format!(
         "render solo --subject ada --orbit 0 --views 2 --size 64 --quality realtime --out {}",
-        at("quick")
+        stage.at("quick")
     );
-    yoto(&line, succeed)?;
-    ensure!(dir.path().join("quick").join("000001.png").exists());
+    stage.yoto(&line, succeed)?;
+    ensure!(stage.path("quick").join("000001.png").exists());
+    Ok(())
+}
+
+fn refusals(stage: &Stage) -> anyhow::Result<()> {
+    let export = stage.export();
     for (line, cause) in [
         (
             "export solo --subject ada --out x.fbx",
@@ -185,68 +286,72 @@ async fn a_person_leaves_in_a_page_and_a_file_of_splats() -> anyhow::Result<()> 
             "cannot be used with",
         ),
     ] {
-        let said = yoto(line, fail)?;
+        let said = stage.yoto(line, fail)?;
         ensure!(said.contains(cause), "{line}: {said}");
     }
-    let said = yoto(&format!("{export} --frame 99 --out {}", at("x.ply")), fail)?;
+    let said = stage.yoto(
+        &format!("{export} --frame 99 --out {}", stage.at("x.ply")),
+        fail,
+    )?;
     ensure!(said.contains("no frame 99 among its 12"), "{said}");
+    Ok(())
+}
 
-    yoto(&format!("model export solo --out {}", at("model")), succeed)?;
-    let render = format!(
-        "render-frame --model-dir {} --capture {} --camera train --frame {FRAME} --out {}",
-        at("model"),
-        at("ada"),
-        at("frame.png")
-    );
-    succeed(YOTO, &render.split(' ').collect::<Vec<_>>())?;
-    // Of a field, splats can be made first.
-    yoto(
-        &format!("model export field --out {}", at("field")),
+/// Splats can be made from a field in a folder.
+fn distillation(stage: &Stage) -> anyhow::Result<()> {
+    stage.yoto(
+        &format!("model export solo --out {}", stage.at("model")),
         succeed,
     )?;
-    let distill = |model: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let (capture, out) = (at("ada"), at("distilled"));
-        let line = format!("distill {model} --capture {capture} --size 64 --seconds 4 --out {out}");
-        yoto(&line, run)
-    };
-    let said = distill("field --subject ada", succeed)?;
-    ensure!(said.contains("dB to the field"), "{said}");
-    std::fs::remove_dir_all(at("distilled"))?;
-    let said = distill(&at("field"), succeed)?;
+    stage.yoto(
+        &format!("model export field --out {}", stage.at("field")),
+        succeed,
+    )?;
+    let said = stage.distill(&stage.at("field"), succeed)?;
     ensure!(said.contains("dB to the field"), "{said}");
     let line = format!(
         "export {} --slot 0 --out {}",
-        at("distilled"),
-        at("distilled.ply")
+        stage.at("distilled"),
+        stage.at("distilled.ply")
     );
-    succeed(YOTO, &line.split(' ').collect::<Vec<_>>())?;
+    stage.local(&line)?;
     for (model, cause) in [
-        (at("model"), "is there already"),
-        ("other".into(), "--subject is needed"),
-        ("other --subject ada".into(), "other"),
+        (stage.at("model"), "is there already"),
+        (stage.at("other"), "other"),
     ] {
-        let said = distill(&model, fail)?;
+        let said = stage.distill(&model, fail)?;
         ensure!(said.contains(cause), "{said}");
-        std::fs::remove_dir_all(at("distilled")).ok();
+        std::fs::remove_dir_all(stage.at("distilled")).ok();
     }
-    let said = distill(&at("model"), fail)?;
+    let said = stage.distill(&stage.at("model"), fail)?;
     ensure!(said.contains("has splats already"), "{said}");
+    Ok(())
+}
+
+/// The page's controls, and then a frame as the renderer draws it from the same model.
+fn page_in_a_browser(stage: &Stage) -> anyhow::Result<()> {
+    let render = format!(
+        "render-frame --model-dir {} --capture {} --camera train --frame {FRAME} --out {}",
+        stage.at("model"),
+        stage.at("ada"),
+        stage.at("frame.png")
+    );
+    succeed(LAB, &render.split(' ').collect::<Vec<_>>())?;
     let Some(browser) = Browser::find()? else {
         eprintln!("no browser here: the page is not drawn");
         return Ok(());
     };
-    // The page's controls, and then the frame as the renderer draws it.
-    let frame = &track.frames[FRAME];
+    let frame = &stage.track.frames[FRAME];
     let k = &frame.k;
     let lens = [k[0][0], k[1][1], k[0][2], k[1][2]];
     let hold = serde_json::json!([0, FRAME, &frame.e[..3], lens, SIZE, SIZE]);
-    let page = std::fs::read_to_string(dir.path().join("ada.html"))?;
+    let page = std::fs::read_to_string(stage.path("ada.html"))?;
     let drawn = phone::tried(&browser, &page, &hold)?;
     let over_black = drawn.pixels().flat_map(|pixel| {
         let [r, g, b, a] = pixel.0.map(|value| f32::from(value) / 255.0);
         [r * a, g * a, b * a]
     });
-    let rendered = image::open(dir.path().join("frame.png"))?.to_rgb8();
+    let rendered = image::open(stage.path("frame.png"))?.to_rgb8();
     let rendered: Vec<f32> = rendered.iter().map(|v| f32::from(*v) / 255.0).collect();
     let alike = psnr(&over_black.collect::<Vec<f32>>(), &rendered);
     eprintln!("browser and renderer: {alike:.1} dB");
@@ -270,7 +375,7 @@ fn a_browser_plays_a_film_and_jumps_in_it() -> anyhow::Result<()> {
         film.push(&[grey(frame); 3 * 64 * 48])?;
     }
     film.finish()?;
-    // Forth and back; from the 31st frame on, there is another one to begin with.
+    // Jumps forth and back; frame 31 follows the second key frame.
     let frames = [38, 3, 22, 31];
     let times = frames.map(|frame| (frame as f64 + 0.5) / FPS);
     let playback = played(&browser, &bytes, FPS, &times)?;

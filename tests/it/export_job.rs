@@ -1,5 +1,5 @@
-//! Exports by a worker of the service: the same files as on this disk, splats of a field, bad requests, and
-//! a cancel.
+//! Exports by a worker of the service: the same files as a local export, splats of a field, bad requests, and a
+//! cancel.
 
 use anyhow::{Context, ensure};
 use serde_json::Value;
@@ -18,7 +18,7 @@ const SIZE: u32 = 48;
 
 type Run = fn(&str, &[&str]) -> anyhow::Result<String>;
 
-/// A service that knows one person, in a model of splats and in one of fields.
+/// A service with one person, in a model of splats and in one of fields.
 struct Stage {
     dir: tempfile::TempDir,
     service: Service,
@@ -28,7 +28,7 @@ impl Stage {
     fn new() -> anyhow::Result<Self> {
         let dir = tempfile::tempdir()?;
         let person = &SyntheticPerson::cast(1, 7)[0];
-        // Not by the person's name, which its title has.
+        // The title has another name, so it is not compared.
         write_capture(person, FRAMES, SIZE, &dir.path().join("walk"))?;
         let service = Service::start(YOTO, &dir.path().join("data"), true)?;
         let stage = Self { dir, service };
@@ -60,7 +60,7 @@ impl Stage {
         std::fs::read(&path).with_context(|| path.display().to_string())
     }
 
-    /// Exports by a worker, in a program's words.
+    /// Exports by a worker, with JSON output.
     fn export(&self, line: &str) -> anyhow::Result<Value> {
         let said = self.yoto(&format!("export {line} --output json"), succeed)?;
         serde_json::from_str(&said).with_context(|| said)
@@ -107,7 +107,7 @@ fn a_worker_writes_what_this_disk_s_copy_of_the_model_does() -> anyhow::Result<(
         ensure!(job? == disk?, "{beside} differs");
     }
 
-    // The files and what they are called, for other programs.
+    // The files with their media types, for other programs.
     let told = stage.export(&format!(
         "solo --subject ada --frame 5 --out {}",
         stage.at("own.spz")
@@ -125,7 +125,7 @@ fn a_worker_writes_what_this_disk_s_copy_of_the_model_does() -> anyhow::Result<(
     ensure!(stage.read("fetched/own.spz")? == stage.read("own.spz")?);
     ensure!(stage.yoto("job list", succeed)?.contains("export"));
 
-    // Motions: the person's own, unless others or none are wanted.
+    // Motions: the person's own, unless the order names others or none.
     for (options, expected) in [
         ("", vec![("ada", FRAMES)]),
         (" --no-motion", vec![("rest", 1)]),
@@ -155,10 +155,10 @@ fn splats_are_made_of_a_field_on_the_way() -> anyhow::Result<()> {
     let distilled = &told["job"]["result"]["export"]["distilled"];
     let pictures = distilled["pictures"].as_u64();
     ensure!(pictures.is_some_and(|it| it >= 12), "{told}");
-    // What a field of 20 steps shows is easily learned.
+    // A field of 20 steps is easy to learn.
     let psnr = told["psnr"].as_f64().context("no figure")?;
     ensure!(psnr > 15.0 && distilled["psnr"] == psnr, "{told}");
-    // An export of a model of splats has nothing to make.
+    // An export of a model of splats has no training.
     let line = format!(
         "export solo --subject ada --seconds 3 --out {}",
         stage.at("b.spz")
@@ -166,7 +166,7 @@ fn splats_are_made_of_a_field_on_the_way() -> anyhow::Result<()> {
     let said = stage.yoto(&line, fail)?;
     ensure!(said.contains("spec.export.distillation"), "{said}");
     ensure!(!stage.path("b.spz").exists());
-    // Nor can the folder of a field be exported on this disk.
+    // A local export of a field is refused as well.
     let folder = stage.at("model");
     stage.yoto(&format!("model export field --out {folder}"), succeed)?;
     let said = stage.yoto(
@@ -233,7 +233,7 @@ async fn bad_requests_are_refused_by_field_and_exports_are_cancelled() -> anyhow
         }),
         ..good.clone()
     };
-    // What is done never becomes less, from the first picture of the field to the files.
+    // Progress never decreases, from the first picture of the field to the files.
     let job = client.export(lasting(1.0)).await?.name;
     let mut done = Vec::new();
     let note = |job: &Job| done.extend(job.progress.as_ref().map(|it| it.fraction));
@@ -259,7 +259,7 @@ async fn bad_requests_are_refused_by_field_and_exports_are_cancelled() -> anyhow
     Ok(())
 }
 
-/// A binary glTF whose person has another name, of another length.
+/// Gives a person another name, of another length, in a binary glTF.
 fn renamed(glb: &[u8], from: &str, to: &str) -> anyhow::Result<Vec<u8>> {
     let length = u32::from_le_bytes(glb[12..16].try_into()?) as usize;
     let mut gltf = String::from_utf8(glb[20..20 + length].to_vec())?;

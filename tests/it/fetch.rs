@@ -1,4 +1,4 @@
-//! Results of jobs that nobody waited for, and files that nothing may replace unasked.
+//! Results of jobs are fetched later, and existing files are not replaced without the option.
 
 use anyhow::{Context, ensure};
 use image::AnimationDecoder;
@@ -12,6 +12,7 @@ use yoto_tests::people::write_capture;
 use yoto_tests::process::{Process, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 const FRAMES: usize = 12;
 const SIZE: u32 = 48;
 
@@ -45,7 +46,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
     yoto(&format!("subject add ada {}", at("ada")), succeed)?;
     yoto("train solo --subjects ada --tier draft --steps 4", succeed)?;
 
-    // A motion keeps its speed, whatever frames it skips.
+    // A motion keeps its speed when frames are skipped.
     let dance = format!(
         "render solo --subject ada --motion ada --animate --size 32 --out {}",
         at("dance")
@@ -95,7 +96,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
     yoto(&format!("job fetch {job} --out {}", at("orbit")), succeed)?;
     ensure!(std::fs::read_dir(dir.path().join("orbit"))?.count() == 600);
     image::open(dir.path().join("orbit/000599.png"))?;
-    // What is there already is not fetched again, and what differs is not replaced.
+    // Existing files are not fetched again, and different ones are not replaced.
     std::fs::remove_file(dir.path().join("orbit/000007.png"))?;
     yoto(&format!("job fetch {job} --out {}", at("orbit")), succeed)?;
     image::open(dir.path().join("orbit/000007.png"))?;
@@ -103,7 +104,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
     let said = yoto(&format!("job fetch {job} --out {}", at("orbit")), fail)?;
     ensure!(said.contains("000007.png is there already"), "{said}");
 
-    // A model leaves the service.
+    // A model is exported from the service.
     yoto(&format!("model export solo --out {}", at("model")), succeed)?;
     let frame = at("frame.png");
     let local = format!(
@@ -111,7 +112,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
         at("model"),
         at("ada")
     );
-    succeed(YOTO, &local.split(' ').collect::<Vec<_>>())?;
+    succeed(LAB, &local.split(' ').collect::<Vec<_>>())?;
     image::open(frame)?;
     let said = yoto(
         &format!("model export solo --checkpoint 3 --out {}", at("none")),

@@ -1,18 +1,16 @@
 //! A training whose files can't be written when it ends: the trained model waits, says why, and is saved as
-//! soon as there is a place for it. No step is made twice.
+//! soon as the folder can be written. No step is made twice.
 
 use anyhow::{Context, ensure};
-use std::{
-    fs,
-    time::{Duration, Instant},
-};
+use std::fs;
+use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
-use yoto_proto::v1::{Job, TrainSpec, job::State, job_result::Kind};
+use yoto_proto::v1::job::State;
+use yoto_proto::v1::job_result::Kind;
+use yoto_proto::v1::{Job, TrainSpec};
 use yoto_synthetic::SyntheticPerson;
-use yoto_tests::{
-    people::write_capture,
-    process::{PATIENCE, Service, succeed},
-};
+use yoto_tests::people::write_capture;
+use yoto_tests::process::{PATIENCE, Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const STEPS: u64 = 60;
@@ -73,7 +71,7 @@ async fn a_trained_model_waits_for_a_disk_that_takes_it() -> anyhow::Result<()> 
     let name = client.train(spec).await?.name;
     let steps = |job: &Job| job.progress.as_ref().map_or(0, |it| it.step);
     until(&client, &name, "a step was taken", |job| steps(job) > 0).await?;
-    // A folder in which nobody can write, whoever runs the test.
+    // A folder in which no user can write, not even root.
     let (scratch, away) = (data.join("scratch"), data.join("away"));
     fs::rename(&scratch, &away)?;
     let phase = |job: &Job| job.progress.as_ref().map(|it| it.phase.clone());

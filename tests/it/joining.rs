@@ -1,4 +1,4 @@
-//! Somebody joins a trained model of the service, and nobody else changes.
+//! A person joins a trained model of the service, and the others do not change.
 
 use anyhow::{Context, ensure};
 use std::path::Path;
@@ -61,7 +61,7 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
     let said = yoto("model add-person duo cleo", fail)?;
     ensure!(said.contains("train duo --only cleo"), "{said}");
 
-    // Trained together, everybody changes again.
+    // A training of all people changes all of them.
     yoto("train duo --only cleo --steps 10", succeed)?;
     ensure!(before[0] == picture("ada", "ada-still")?);
     yoto("train duo --steps 30", succeed)?;
@@ -83,7 +83,7 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
     )?;
     ensure!(said.contains("dora is not in duo"), "{said}");
 
-    // Somebody may join and everybody learn from it.
+    // A person may also join with a training of all people.
     let said = yoto("model add-person duo dora --steps 10 --refine 1", succeed)?;
     ensure!(said.matches("dB").count() > 1, "{said}");
     ensure!(new != picture("ada", "ada-refined")?);

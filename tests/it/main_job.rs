@@ -7,6 +7,7 @@ use yoto_tests::people::write_capture_with_held_out;
 use yoto_tests::process::{fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
+const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
 
 fn read(path: &std::path::Path) -> anyhow::Result<Value> {
     let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
@@ -117,7 +118,7 @@ fn quality_measures_views_and_poses_along_the_way() -> anyhow::Result<()> {
         "--out",
         out_text,
     ];
-    succeed(YOTO, &run)?;
+    succeed(LAB, &run)?;
     let report = read(&out)?;
     for split in ["novel_view", "novel_pose"] {
         let curve = report["curve"][split]
@@ -133,7 +134,7 @@ fn quality_measures_views_and_poses_along_the_way() -> anyhow::Result<()> {
         assert!(number(&report["subjects"][0], &format!("/{split}/psnr")) > 5.0);
     }
     let said = fail(
-        YOTO,
+        LAB,
         &[
             "quality",
             "--capture",

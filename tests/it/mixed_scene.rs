@@ -1,4 +1,4 @@
-//! Somebody of splats and somebody of a field, people of two models, in one scene.
+//! People of two models in one scene: one made of splats, one of a field.
 
 use anyhow::{Context, ensure};
 use image::RgbaImage;
@@ -103,12 +103,12 @@ fn scene(actors: &[&Value]) -> Value {
     })
 }
 
-/// Somebody who stands still, as far to the right and as near as `at` says.
+/// A person who stands still at `at`: x to the right, z towards the camera.
 fn still(subject: &str, model: &str, at: [f64; 2]) -> Value {
     json!({"subject": subject, "model": model, "motion": {"frame": 0}, "at": at})
 }
 
-/// Colours of what is seen of `front` before `back`, each times its opacity, at a pixel.
+/// The composited colour of `front` over `back` at a pixel, premultiplied by opacity.
 fn over(front: [u8; 4], back: [u8; 4]) -> [f32; 3] {
     let premultiplied = |pixel: [u8; 4], c: usize| {
         let [value, alpha] = [pixel[c], pixel[3]].map(f32::from);
@@ -118,8 +118,8 @@ fn over(front: [u8; 4], back: [u8; 4]) -> [f32; 3] {
     std::array::from_fn(|c| premultiplied(front, c) + through * premultiplied(back, c))
 }
 
-/// Whoever is nearer hides the other one, in colours and in depth: pictures of `near`, which is 4 m away, and
-/// `far`, which is 5 m away, by their models.
+/// The nearer person hides the other one, in colours and in depth: pictures of `near` at 4 m and `far` at 5 m,
+/// by their models.
 async fn hides(stage: &Stage, near: &Value, far: &Value) -> anyhow::Result<()> {
     let alone = |actor: &Value| {
         let model = actor["model"].as_str().context("a model")?;
@@ -157,10 +157,10 @@ async fn hides(stage: &Stage, near: &Value, far: &Value) -> anyhow::Result<()> {
 #[tokio::test(flavor = "multi_thread")]
 async fn people_of_splats_and_of_fields_hide_each_other() -> anyhow::Result<()> {
     let stage = Stage::new()?;
-    let place = |near| if near { [0.3, 1.0] } else { [0.0, 0.0] };
+    let position = |near| if near { [0.3, 1.0] } else { [0.0, 0.0] };
     for ada_is_near in [true, false] {
-        let ada = still("ada", "duo", place(ada_is_near));
-        let bob = still("bob", "fog", place(!ada_is_near));
+        let ada = still("ada", "duo", position(ada_is_near));
+        let bob = still("bob", "fog", position(!ada_is_near));
         let (near, far) = if ada_is_near {
             (&ada, &bob)
         } else {

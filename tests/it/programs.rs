@@ -75,7 +75,7 @@ fn results_are_json_where_programs_read_them() -> anyhow::Result<()> {
     ensure!(said.contains("held-out frames, 48 pixels"), "{said}");
 
     let status = read("status")?;
-    // A lane for trainings, and one for everything else.
+    // One lane for trainings, and one for all other jobs.
     let workers = status["status"]["workers"].as_array().context("workers")?;
     let names: Vec<_> = workers.iter().map(|it| &it["display_name"]).collect();
     ensure!(names == ["embedded", "embedded trainer"], "{status}");
@@ -103,7 +103,7 @@ fn results_are_json_where_programs_read_them() -> anyhow::Result<()> {
     let file = rendered["files"][0].as_str().context("a file")?;
     ensure!(image::open(file)?.color() == image::ColorType::Rgba8);
 
-    // Errors are results, too.
+    // Errors are JSON as well.
     let line = "render solo --subject ada --orbit 99 --out o --output json --server";
     let mut arguments: Vec<&str> = line.split(' ').collect();
     arguments.push(&service.address);

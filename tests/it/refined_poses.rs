@@ -5,7 +5,8 @@ use anyhow::{Context, ensure};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_client::YotoClient;
 use yoto_proto::pose_track::{Frame, PoseTrack};
-use yoto_proto::v1::{MotionTransfer, RenderSpec, View, ViewList, render_spec::What};
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{MotionTransfer, RenderSpec, View, ViewList};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::{write_capture, write_json};
 use yoto_tests::process::{Service, fail, succeed};
@@ -31,9 +32,9 @@ async fn rendered(client: &YotoClient, what: What) -> anyhow::Result<Vec<u8>> {
     Ok(client.object(file).await?)
 }
 
-/// The frame at `place` of `track`, as a view.
-fn view(track: &PoseTrack, place: usize) -> anyhow::Result<What> {
-    let frame = &track.frames[place];
+/// The frame at `index` of `track`, as a view.
+fn view(track: &PoseTrack, index: usize) -> anyhow::Result<What> {
+    let frame = &track.frames[index];
     let camera = Camera::from_frame(frame, track.image_size)?;
     Ok(What::Views(ViewList {
         views: vec![View {
@@ -65,7 +66,7 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
     let [out, sheet] = ["refined.json", "sheet.png"].map(|name| dir.path().join(name));
     let [file, sheet] = [&out, &sheet].map(|path| path.to_str().unwrap_or_default());
 
-    // Nothing is refined against the user's will, and that is said.
+    // Nothing is refined if the user forbids it, and the output says so.
     yoto(
         "train plain --subjects ada --tier draft --steps 2 --refine-poses=never",
         succeed,
@@ -107,18 +108,18 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
     let model = client.find_model("solo").await?.name;
     let ada = client.find_subject("ada").await?.name;
     let refined = client.refined_poses(&model, &ada).await?;
-    let place = 5;
+    let index = 5;
     let motion = What::Motion(MotionTransfer {
         driver: ada,
-        first_frame: Some(refined.frames[place].index),
+        first_frame: Some(refined.frames[index].index),
         frame_count: 1,
         frame_step: 1,
         size: SIZE,
         ..MotionTransfer::default()
     });
     let shown = rendered(&client, motion).await?;
-    let as_refined = rendered(&client, view(&refined, place)?).await?;
-    let as_given = rendered(&client, view(&given, place)?).await?;
+    let as_refined = rendered(&client, view(&refined, index)?).await?;
+    let as_given = rendered(&client, view(&given, index)?).await?;
     ensure!(shown == as_refined, "the motion is not the refined one");
     ensure!(as_refined != as_given, "a change shows");
     Ok(())

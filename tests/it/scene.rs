@@ -16,8 +16,8 @@ const FRAMES: usize = 12;
 const SIZE: u32 = 96;
 
 /// A picture that `yoto render` has written into `folder`.
-fn picture(folder: &Path, place: usize) -> anyhow::Result<RgbaImage> {
-    Ok(image::open(folder.join(format!("{place:06}.png")))?.to_rgba8())
+fn picture(folder: &Path, index: usize) -> anyhow::Result<RgbaImage> {
+    Ok(image::open(folder.join(format!("{index:06}.png")))?.to_rgba8())
 }
 
 fn values(picture: &RgbaImage) -> Vec<f32> {
@@ -28,7 +28,7 @@ fn values(picture: &RgbaImage) -> Vec<f32> {
         .collect()
 }
 
-/// Ada behind, at frame 0 of her capture, and Bob before her, whom the other hides.
+/// Ada behind, at frame 0 of her capture, and Bob in front of her.
 fn scene(actors: &[Value]) -> Value {
     json!({
         "size": [SIZE, SIZE],
@@ -101,10 +101,10 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
         &format!("{motion} --size {SIZE} --out {}", at("motion")),
         succeed,
     )?;
-    for place in 0..4 {
-        let [one, other] = ["filmed", "motion"].map(|it| picture(&dir.path().join(it), place));
+    for index in 0..4 {
+        let [one, other] = ["filmed", "motion"].map(|it| picture(&dir.path().join(it), index));
         let likeness = psnr(&values(&one?), &values(&other?));
-        ensure!(likeness > 45.0, "picture {place}: {likeness} dB");
+        ensure!(likeness > 45.0, "picture {index}: {likeness} dB");
     }
     // So does a held-out camera at the same place, in a part of the film.
     let poses = std::fs::read(dir.path().join("ada/poses.json"))?;
@@ -142,7 +142,7 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
     refusals(dir.path(), yoto, &ada)
 }
 
-/// What is behind people, depth and opacity, the filmed picture beside the rendered one, and turntables.
+/// Backgrounds, depth and opacity, the filmed picture beside the rendered one, and turntables.
 fn layers(
     dir: &Path,
     yoto: impl Fn(&str, fn(&str, &[&str]) -> anyhow::Result<String>) -> anyhow::Result<String>,
@@ -174,7 +174,8 @@ fn layers(
         match before.0[3] {
             0 => {
                 ensure!(plain == [200, 100, 50, 255], "({x}, {y}): {plain:?}");
-                // The shadow takes the same share of each colour, and is that opaque without them.
+                // The shadow takes the same share of each colour, and has that share as opacity over a
+                // transparent background.
                 let share = 1.0 - f32::from(shady[0]) / 200.0;
                 let opaque = f32::from(floating[3]) / 255.0;
                 ensure!(

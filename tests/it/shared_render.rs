@@ -1,13 +1,13 @@
-//! Two workers draw one render. One of them is killed, and the other draws what it had: every picture is there
-//! once, and has the bytes that a worker alone gives it.
+//! Two workers draw one render. One of them is killed, and the other draws the rest of its range: every picture
+//! exists once, with the same bytes as from a single worker.
 
 use anyhow::{Context, ensure};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
-use yoto_proto::v1::{
-    Job, Orbit, RenderSpec, RenderedFile, job, job_attempt::Outcome, job_result, render_spec::What,
-};
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{Job, Orbit, RenderSpec, RenderedFile, job, job_result};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};
@@ -92,7 +92,7 @@ async fn two_workers_draw_one_render_and_one_of_them_is_killed() -> anyhow::Resu
             && job.attempts.len() == 2
     })
     .await?;
-    // Whichever asked first runs the render; the other one helps, and is killed.
+    // The worker that asked first runs the render; the other one helps, and is killed.
     let helper = both.attempts.iter().find(|it| it.worker != both.worker);
     let helper = helper.context("a helper")?.worker_display_name.clone();
     let killed = if helper == "first" {

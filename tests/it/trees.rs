@@ -15,7 +15,7 @@ const SIZE: u32 = 64;
 /// Joints that another program does not have.
 const WITHOUT: [&str; 5] = ["spine2", "l_collar", "r_collar", "l_hand", "r_hand"];
 
-/// `track` with 19 joints, called as no other program calls them, in the same places.
+/// `track` with 19 joints at the same positions, with names that no other program uses.
 fn with_own_tree(track: &mut PoseTrack) -> anyhow::Result<()> {
     let whole = Skeleton::from_track(&track.skeleton)?;
     let names = &track.skeleton.names;
@@ -29,8 +29,8 @@ fn with_own_tree(track: &mut PoseTrack) -> anyhow::Result<()> {
         }
         found
     };
-    let place = |joint: usize| kept.iter().position(|it| *it == joint);
-    let parents = kept.iter().map(|at| above(*at).and_then(place));
+    let new_index = |joint: usize| kept.iter().position(|it| *it == joint);
+    let parents = kept.iter().map(|at| above(*at).and_then(new_index));
     let parents = parents.map(|parent| parent.map_or(-1, |parent| parent as i32));
     let parents = parents.collect();
     for frame in &mut track.frames {
@@ -38,10 +38,10 @@ fn with_own_tree(track: &mut PoseTrack) -> anyhow::Result<()> {
         let turned = whole.global_transforms(rotations);
         let rotation = |at: usize| turned[at].map(|row| [row[0], row[1], row[2]]);
         let local = kept.iter().map(|&at| match above(at) {
-            None => transform::logarithm(&rotation(at)),
+            None => transform::log_map(&rotation(at)),
             Some(above) => {
-                let back = transform::transposed(&rotation(above));
-                transform::logarithm(&transform::product(&back, &rotation(at)))
+                let back = transform::transpose(&rotation(above));
+                transform::log_map(&transform::matmul(&back, &rotation(at)))
             }
         });
         frame.pose = local.flatten().collect();
@@ -97,7 +97,8 @@ fn a_person_with_another_joint_tree_is_trained_and_rendered_as_they_are() -> any
     );
     yoto(&file, succeed)?;
 
-    // Somebody else's tree moves nothing, and is not trained together: both are told by name.
+    // A motion with another person's tree is refused, and so is training both together: each refusal names the
+    // tree.
     let motion = format!(
         "render own --subject ada --motion bruno --out {}",
         out("motion")
@@ -138,11 +139,11 @@ fn write_studio(person: &SyntheticPerson, dir: &std::path::Path) -> anyhow::Resu
             data.join(", ")
         )
     };
-    let turn: Vec<f64> = e[..3].iter().flat_map(|row| row[..3].to_vec()).collect();
+    let rotation: Vec<f64> = e[..3].iter().flat_map(|row| row[..3].to_vec()).collect();
     let shift: Vec<f64> = e[..3].iter().map(|row| row[3]).collect();
     let head = "%YAML:1.0\n---\nnames:\n  - \"01\"\n";
     let intri = format!("{head}{}", matrix("K_01", 3, k.as_flattened()));
-    let extri = matrix("Rot_01", 3, &turn) + &matrix("T_01", 1, &shift);
+    let extri = matrix("Rot_01", 3, &rotation) + &matrix("T_01", 1, &shift);
     std::fs::write(dir.join("intri.yml"), intri)?;
     std::fs::write(dir.join("extri.yml"), format!("{head}{extri}"))?;
     Ok(())
@@ -153,7 +154,7 @@ fn people_keep_the_joints_of_their_bvh_files_and_exchange_motions() -> anyhow::R
     let dir = tempfile::tempdir()?;
     let cast = SyntheticPerson::cast(2, 7);
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let place = |name: &str| dir.path().join(name).display().to_string();
+    let path = |name: &str| dir.path().join(name).display().to_string();
     let run = |line: &str| succeed(YOTO, &line.split(' ').collect::<Vec<_>>());
     let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
         let mut arguments: Vec<&str> = line.split(' ').collect();
@@ -163,7 +164,7 @@ fn people_keep_the_joints_of_their_bvh_files_and_exchange_motions() -> anyhow::R
     for (person, name) in cast.iter().zip(["ada", "bruno"]) {
         let studio = dir.path().join(format!("{name}-studio"));
         write_studio(person, &studio)?;
-        let (studio, capture) = (studio.display().to_string(), place(name));
+        let (studio, capture) = (studio.display().to_string(), path(name));
         run(&format!(
             "import {studio}/frames --poses {studio}/walk.bvh --masks {studio}/masks --keep-skeleton --out {capture}"
         ))?;
@@ -180,12 +181,12 @@ fn people_keep_the_joints_of_their_bvh_files_and_exchange_motions() -> anyhow::R
         succeed,
     )?;
     ensure!(said.contains(" dB in the box"), "{said}");
-    let out = place("out");
+    let out = path("out");
     yoto(
         &format!("render both --subject ada --motion bruno --out {out}/driven"),
         succeed,
     )?;
-    let file = place("bruno-studio/walk.bvh");
+    let file = path("bruno-studio/walk.bvh");
     yoto(
         &format!("render both --subject ada --motion-file {file} --keep-skeleton --out {out}/file"),
         succeed,

@@ -2,18 +2,20 @@
 //! and finishes; calls with the dead worker's lease are refused.
 
 use anyhow::{Context, ensure};
+use std::path::Path;
 use std::time::Instant;
 use tonic::Code;
 use yoto_client::YotoClient;
+use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
     Claim, EndJobRequest, HeartbeatRequest, Job, JobResult, PoseRefinement,
-    PublishCheckpointRequest, TrainSpec, end_job_request::Outcome, job_result,
+    PublishCheckpointRequest, TrainSpec, job_result,
 };
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{PATIENCE, Service, succeed};
+use yoto_tests::process::{PATIENCE, Process, Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const STEPS: u64 = 400;
@@ -43,43 +45,46 @@ async fn until(
 #[tokio::test(flavor = "multi_thread")]
 async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
-    let capture = dir.path().join("ada");
-    write_capture(&SyntheticPerson::cast(1, 7)[0], 8, 48, &capture)?;
     let service = Service::start(YOTO, &dir.path().join("data"), false)?;
     let mut first = service.worker(YOTO, "first")?;
-    let server = ["--server", service.address.as_str()];
-    succeed(
-        YOTO,
-        &[
-            &[
-                "subject",
-                "add",
-                "ada",
-                "--capture",
-                capture.to_str().context("a path")?,
-            ],
-            &server[..],
-        ]
-        .concat(),
-    )?;
-    succeed(
-        YOTO,
-        &[
-            &[
-                "model",
-                "create",
-                "solo",
-                "--subjects",
-                "ada",
-                "--tier",
-                "draft",
-            ],
-            &server[..],
-        ]
-        .concat(),
-    )?;
-
     let client = YotoClient::connect(&service.address).await?;
+    let (model, job) = training(&service, &client, dir.path()).await?;
+    let kept = checkpoint_of(&client, &model, &job).await?;
+    first.kill()?;
+    let orphan = client.get_job(&job).await?;
+    ensure!(
+        (orphan.state(), orphan.attempts.len()) == (State::Running, 1),
+        "{orphan:?}"
+    );
+    // It must run until the job has ended.
+    let _second = resumed(&service, &client, &orphan, kept).await?;
+    late_calls_are_refused(&service, &client, &model, &orphan).await?;
+    succeeds(&client, &job).await
+}
+
+/// Queues a training of Ada. Returns the names of model and job.
+async fn training(
+    service: &Service,
+    client: &YotoClient,
+    dir: &Path,
+) -> anyhow::Result<(String, String)> {
+    let capture = dir.join("ada");
+    write_capture(&SyntheticPerson::cast(1, 7)[0], 8, 48, &capture)?;
+    let yoto = |arguments: &[&str]| {
+        let server = ["--server", service.address.as_str()];
+        succeed(YOTO, &[arguments, &server].concat())
+    };
+    let folder = capture.to_str().context("a path")?;
+    yoto(&["subject", "add", "ada", "--capture", folder])?;
+    yoto(&[
+        "model",
+        "create",
+        "solo",
+        "--subjects",
+        "ada",
+        "--tier",
+        "draft",
+    ])?;
     let model = client.find_model("solo").await?.name;
     let spec = TrainSpec {
         model: model.clone(),
@@ -91,15 +96,18 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         ..TrainSpec::default()
     };
     let job = client.train(spec).await?.name;
+    Ok((model, job))
+}
 
-    // Until there is a checkpoint to resume from, and several steps after it.
+/// Waits for a checkpoint to resume from, and several steps after it. Returns its step.
+async fn checkpoint_of(client: &YotoClient, model: &str, job: &str) -> anyhow::Result<u64> {
     let kept = loop {
-        let running = until(&client, &job, "a step was taken", |job| {
+        let running = until(client, job, "a step was taken", |job| {
             job.progress.as_ref().is_some_and(|p| p.step > 0)
         })
         .await?;
         ensure!(running.state() == State::Running, "{running:?}");
-        if let Some(checkpoint) = client.list_checkpoints(&model).await?.first() {
+        if let Some(checkpoint) = client.list_checkpoints(model).await?.first() {
             break checkpoint.step;
         }
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
@@ -108,13 +116,16 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         kept < STEPS,
         "the training was over before it could be disturbed"
     );
-    first.kill()?;
-    let orphan = client.get_job(&job).await?;
-    ensure!(
-        (orphan.state(), orphan.attempts.len()) == (State::Running, 1),
-        "{orphan:?}"
-    );
+    Ok(kept)
+}
 
+/// Starts a second worker, which resumes the job from the checkpoint `kept` or a later one.
+async fn resumed(
+    service: &Service,
+    client: &YotoClient,
+    orphan: &Job,
+    kept: u64,
+) -> anyhow::Result<Process> {
     let mut second = service.worker(YOTO, "second")?;
     let line = second.line_with("training resumes")?;
     let step: u64 = line
@@ -125,14 +136,22 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         step >= kept,
         "went on at step {step}, a checkpoint of step {kept} was there"
     );
-    let resumed = client.get_job(&job).await?;
+    let resumed = client.get_job(&orphan.name).await?;
     let seen = (resumed.attempts.len(), resumed.worker == orphan.worker);
     assert_eq!(seen, (2, false));
+    Ok(second)
+}
 
-    // A call with the dead worker's token.
+/// Calls with the token of the dead worker.
+async fn late_calls_are_refused(
+    service: &Service,
+    client: &YotoClient,
+    model: &str,
+    orphan: &Job,
+) -> anyhow::Result<()> {
     let mut late = WorkerServiceClient::connect(service.address.clone()).await?;
     let claim = Claim {
-        job: job.clone(),
+        job: orphan.name.clone(),
         worker: orphan.worker.clone(),
         token: 1,
     };
@@ -145,7 +164,7 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
         .await
         .expect_err("a late heartbeat");
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
-    let checkpoint = client.list_checkpoints(&model).await?.first().cloned();
+    let checkpoint = client.list_checkpoints(model).await?.first().cloned();
     let publish = PublishCheckpointRequest {
         claim: Some(claim.clone()),
         checkpoint,
@@ -162,12 +181,16 @@ async fn a_killed_workers_job_goes_on_from_its_last_checkpoint() -> anyhow::Resu
     };
     let refused = late.end_job(end).await.expect_err("a late result");
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
+    Ok(())
+}
 
-    let ended = until(&client, &job, "it succeeded", |job| {
+/// The job succeeds after two attempts, and has taken each step once.
+async fn succeeds(client: &YotoClient, job: &str) -> anyhow::Result<()> {
+    let ended = until(client, job, "it succeeded", |job| {
         job.state() == State::Succeeded
     })
     .await?;
-    let attempts = client.get_job(&job).await?.attempts;
+    let attempts = client.get_job(job).await?.attempts;
     assert_eq!((attempts.len(), ended.lost_workers), (2, 1));
     let Some(job_result::Kind::Train(result)) = ended.result.and_then(|result| result.kind) else {
         anyhow::bail!("no result of a training");

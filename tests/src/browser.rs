@@ -39,7 +39,7 @@ impl Browser {
         Ok(None)
     }
 
-    /// What the scripts of a `page` leave in `document.body.dataset.found` until it is complete, as base64 of JSON.
+    /// The JSON that the scripts of a `page` leave, as base64, in `document.body.dataset.found`.
     ///
     /// # Errors
     /// When the browser fails, or does not end, or nothing of the kind is there.

@@ -1,10 +1,10 @@
 //! Pose tracks as BVH files, as motion-capture programs write them.
 
 use std::fmt::Write;
-use yoto_capture::skeleton::transform::{Mat3, product, rodrigues, transposed, turned};
+use yoto_capture::skeleton::transform::{Mat3, matmul, matvec, rodrigues, transpose};
 use yoto_proto::pose_track::{PoseTrack, Skeleton};
 
-/// No turn.
+/// No rotation.
 pub const UNTURNED: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// SMPL's joints, as Mixamo calls them.
@@ -35,15 +35,15 @@ pub const MIXAMO: [&str; 24] = [
     "RightHandMiddle1",
 ];
 
-/// `track`, whose joints are SMPL's, with Mixamo's names, in units of which one is `unit` metres, in a
-/// world to which `world` turns the track's, and with a rest pose that `rest` turns from SMPL's.
+/// Writes `track`, which has SMPL's joints, with Mixamo's names, in units of `unit` metres. `world` rotates the
+/// track's world into the file's, `rest` SMPL's rest pose into the file's.
 pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     let mut text = "HIERARCHY\n".to_owned();
     let mut order = Vec::new();
-    let turn = rest;
+    let rotation = rest;
     let mut resting = track.skeleton.clone();
     for joint in &mut resting.rest_joints {
-        *joint = turned(turn, *joint).map(|v| v / unit);
+        *joint = matvec(rotation, *joint).map(|v| v / unit);
     }
     joint(&mut text, &resting, 0, 0, &mut order);
     let _ = writeln!(
@@ -54,13 +54,13 @@ pub fn bvh(track: &PoseTrack, unit: f64, world: &Mat3, rest: &Mat3) -> String {
     );
     let rest = track.skeleton.rest_joints[0];
     for frame in &track.frames {
-        let place = std::array::from_fn(|i| (rest[i] + frame.translation[i]) / unit);
-        let mut numbers: Vec<f64> = turned(world, place).to_vec();
+        let position = std::array::from_fn(|i| (rest[i] + frame.translation[i]) / unit);
+        let mut numbers: Vec<f64> = matvec(world, position).to_vec();
         for at in &order {
             let r = &frame.pose[3 * at..3 * at + 3];
             let local = rodrigues([r[0], r[1], r[2]]);
-            let above = if *at == 0 { world } else { turn };
-            let local = product(&product(above, &local), &transposed(turn));
+            let above = if *at == 0 { world } else { rotation };
+            let local = matmul(&matmul(above, &local), &transpose(rotation));
             numbers.extend(zxy(&local).map(f64::to_degrees));
         }
         let line: Vec<String> = numbers.iter().map(|it| format!("{it:.6}")).collect();

@@ -4,11 +4,9 @@
 pub mod browser;
 pub mod bvh;
 pub mod film;
-pub mod load;
 pub mod page;
 pub mod people;
 pub mod phone;
 pub mod playback;
 pub mod process;
-pub mod torture;
 pub mod upload;

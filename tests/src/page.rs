@@ -1,4 +1,4 @@
-//! Exported pages, looked into.
+//! The contents of exported pages.
 
 use anyhow::Context;
 use base64::Engine;
@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 /// Names and frames of the clips in a page.
 ///
 /// # Errors
-/// When it is no such page.
+/// When it is not an exported page.
 pub fn clips(page: &str) -> anyhow::Result<Vec<(String, usize)>> {
     let data = page.split(r#"id="person">"#).nth(1).context("no person")?;
     let data = data.split("</script>").next().context("no end")?;

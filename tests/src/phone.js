@@ -8,7 +8,7 @@
   let step;
   let now = 0;
   window.requestAnimationFrame = (next) => (step = next);
-  /** Lets so many milliseconds pass, and draws a frame. */
+  /** Lets this many milliseconds pass, and draws a frame. */
   const pass = (milliseconds) => step((now += milliseconds));
 
   const faults = [];

@@ -13,14 +13,13 @@ const SCRIPT: &str = include_str!("phone.js");
 /// What [`SCRIPT`] leaves.
 #[derive(Deserialize)]
 struct Found {
-    /// What the page does not do as it should, in words.
+    /// What the page does wrong, in words.
     faults: Vec<String>,
     /// The address of a PNG's data.
     picture: String,
 }
 
-/// Tries the controls of an exported `page`. Then the picture that it draws for the arguments `hold` of its
-/// `yoto.hold`.
+/// Tries the controls of an exported `page`. Returns the picture that it draws after `yoto.hold(hold)`.
 ///
 /// # Errors
 /// When the browser fails, or the page does not do what its help says.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 const PLAYER: &str = include_str!("playback.html");
 
-/// What a browser shows of a film.
+/// Properties of a film in a browser.
 #[derive(Debug, Deserialize)]
 pub struct Playback {
     /// Pixels.

@@ -4,7 +4,8 @@ use anyhow::Context;
 use std::path::Path;
 use yoto_client::{FileSource, UploadFile, YotoClient};
 use yoto_proto::pose_track::describe;
-use yoto_proto::v1::{Capture, Job, capture, job::State};
+use yoto_proto::v1::job::State;
+use yoto_proto::v1::{Capture, Job, capture};
 
 /// Outcome of an upload.
 pub struct Ingested {

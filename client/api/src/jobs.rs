@@ -23,8 +23,8 @@ impl YotoClient {
         let request = CreateJobRequest {
             spec: Some(JobSpec { kind: Some(kind) }),
             request_id: request_id(),
-            priority: self.turn.priority.into(),
-            owner: self.turn.owner.clone(),
+            priority: self.queue.priority.into(),
+            owner: self.queue.owner.clone(),
         };
         let create = || {
             let (mut service, request) = (self.job_service(), request.clone());
@@ -52,7 +52,7 @@ impl YotoClient {
     /// Queues an export.
     ///
     /// # Errors
-    /// As [`create_job`](Self::create_job); e.g. for a person whom the model does not have.
+    /// As [`create_job`](Self::create_job); e.g. for a person that the model does not have.
     pub async fn export(&self, spec: ExportSpec) -> Result<Job, ClientError> {
         self.create_job(job_spec::Kind::Export(spec)).await
     }

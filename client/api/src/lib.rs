@@ -34,15 +34,16 @@ pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
 #[derive(Debug, Clone)]
 pub struct YotoClient {
     channel: Channel,
-    turn: Turn,
+    queue: QueueOptions,
 }
 
-/// Whose turn it is among the jobs of a service.
+/// Order of new jobs in the queue of a service.
 #[derive(Debug, Clone, Default)]
-pub struct Turn {
+pub struct QueueOptions {
     /// Jobs of a higher priority come first.
     pub priority: JobPriority,
-    /// For whom jobs run: of equals, the owner with the fewest running ones comes first.
+    /// Name of the person or project that jobs run for: among jobs of the same priority, the owner with the fewest
+    /// running jobs comes first.
     pub owner: String,
 }
 
@@ -77,14 +78,14 @@ impl YotoClient {
     pub fn new(channel: Channel) -> Self {
         Self {
             channel,
-            turn: Turn::default(),
+            queue: QueueOptions::default(),
         }
     }
 
-    /// The same connection, whose new jobs have this turn.
+    /// A connection that gives new jobs these options.
     #[must_use]
-    pub fn with_turn(self, turn: Turn) -> Self {
-        Self { turn, ..self }
+    pub fn with_queue_options(self, queue: QueueOptions) -> Self {
+        Self { queue, ..self }
     }
 }
 

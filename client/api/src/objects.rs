@@ -1,7 +1,7 @@
 //! Files that jobs have written, each checked against its SHA-256. A transfer that breaks off goes
 //! on where it ended.
 
-use super::retry::Patience;
+use super::retry::Retries;
 use super::upload::measure;
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
@@ -157,7 +157,7 @@ impl YotoClient {
     ) -> Result<(), ClientError> {
         let doing = format!("fetching {}", object.name);
         let (mut hash, mut offset) = (Sha256::new(), 0);
-        let mut patience = Patience::new();
+        let mut retries = Retries::new();
         while offset < object.bytes {
             let before = offset;
             let outcome = async {
@@ -185,9 +185,9 @@ impl YotoClient {
                 Ok(Err(error)) => return Err(ClientError::file("writing", path)(error)),
                 Err(status) => {
                     if offset > before {
-                        patience.renew();
+                        retries.reset();
                     }
-                    let waited = patience.wait(status).await;
+                    let waited = retries.wait(status).await;
                     waited.map_err(ClientError::refused(doing.clone()))?;
                 }
             }

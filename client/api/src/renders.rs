@@ -20,8 +20,8 @@ impl YotoClient {
         let request = CreateRenderRequest {
             spec: Some(spec),
             request_id: request_id(),
-            priority: self.turn.priority.into(),
-            owner: self.turn.owner.clone(),
+            priority: self.queue.priority.into(),
+            owner: self.queue.owner.clone(),
         };
         let create = || {
             let (mut service, request) = (self.render_service(), request.clone());

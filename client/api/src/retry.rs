@@ -1,36 +1,59 @@
-//! Patience with a service that can't be reached: a restarted coordinator or a lost connection is not the
-//! end of a call that can be repeated.
+//! Repeated calls while the service can't be reached: a restarted coordinator or a lost connection does not end a
+//! call that can be repeated.
 
 use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
 use tonic_types::StatusExt;
+use yoto_proto::backoff::Backoff;
 
 /// The service's reason for a chunk that was altered on its way.
 const CORRUPT_CHUNK: &str = "CORRUPT_CHUNK";
 
 /// How long the service may be out of reach.
-pub(super) const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
+const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
 pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(100);
-pub(super) const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Pauses between attempts: the second comes at once, the later ones after pauses that double.
+/// Retries of one call: the first comes at once, later ones after pauses that double.
 #[derive(Debug)]
-pub(super) struct Patience {
+pub(super) struct Retries {
+    /// Failures since the last success, and when the first of them was.
+    failures: u32,
     since: Option<Instant>,
-    pause: Duration,
+    backoff: Backoff,
 }
 
-impl Patience {
+impl Retries {
     pub(super) fn new() -> Self {
         Self {
+            failures: 0,
             since: None,
-            pause: Duration::ZERO,
+            backoff: Backoff::new(FIRST_PAUSE, LONGEST_PAUSE),
         }
     }
 
     /// After a success, the next failure is the first one.
-    pub(super) fn renew(&mut self) {
+    pub(super) fn reset(&mut self) {
         *self = Self::new();
+    }
+
+    /// Failures since the last success.
+    pub(super) fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    /// The pause before another attempt after the failure `status`; `None` if another attempt is of no use, or the
+    /// time is up.
+    pub(super) fn pause(&mut self, status: &Status) -> Option<Duration> {
+        let since = *self.since.get_or_insert_with(Instant::now);
+        if !is_transport(status) || since.elapsed() > GIVE_UP_AFTER {
+            return None;
+        }
+        self.failures = self.failures.saturating_add(1);
+        Some(match self.failures {
+            1 => Duration::ZERO,
+            _ => self.backoff.pause(),
+        })
     }
 
     /// Waits before another attempt after the failure `status`.
@@ -38,19 +61,17 @@ impl Patience {
     /// # Errors
     /// `status` itself if another attempt is of no use, or the time is up.
     pub(super) async fn wait(&mut self, status: Status) -> Result<(), Status> {
-        let since = *self.since.get_or_insert_with(Instant::now);
-        if !is_transport(&status) || since.elapsed() > GIVE_UP_AFTER {
+        let Some(pause) = self.pause(&status) else {
             return Err(status);
-        }
-        tracing::debug!(%status, pause = ?self.pause, "the service can't be reached; trying again");
-        tokio::time::sleep(self.pause).await;
-        self.pause = (self.pause * 2).clamp(FIRST_PAUSE, LONGEST_PAUSE);
+        };
+        tracing::debug!(%status, ?pause, "the service can't be reached; trying again");
+        tokio::time::sleep(pause).await;
         Ok(())
     }
 }
 
-/// The answer to a call that may be delivered more than once, since it carries a request id or changes
-/// nothing the second time.
+/// Repeats a call that may be delivered more than once, because it carries a request id or changes nothing the second
+/// time.
 ///
 /// # Errors
 /// The service's refusal; the last failure once it can't be reached for too long.
@@ -58,17 +79,17 @@ pub(super) async fn repeat<T, F>(mut call: impl FnMut() -> F) -> Result<T, Statu
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
-    let mut patience = Patience::new();
+    let mut retries = Retries::new();
     loop {
         match call().await {
             Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) => patience.wait(status).await?,
+            Err(status) => retries.wait(status).await?,
         }
     }
 }
 
 /// Whether the connection is at fault rather than the request.
-pub(super) fn is_transport(status: &Status) -> bool {
+fn is_transport(status: &Status) -> bool {
     if let Some(info) = status.get_error_details().error_info() {
         // The service itself has answered.
         return status.code() == Code::Unavailable || info.reason == CORRUPT_CHUNK;
@@ -131,9 +152,18 @@ mod tests {
         let refused = repeat(call(Code::InvalidArgument, 4)).await;
         assert_eq!(refused.expect_err("is final").code(), Code::InvalidArgument);
         assert_eq!(calls.get(), 1);
-        let mut patience = Patience::new();
-        patience.since = Instant::now().checked_sub(GIVE_UP_AFTER * 2);
-        let last = patience.wait(Status::unavailable("no")).await;
+        let mut retries = Retries::new();
+        assert_eq!(
+            retries.pause(&Status::unavailable("")),
+            Some(Duration::ZERO)
+        );
+        let pause = retries
+            .pause(&Status::unavailable(""))
+            .expect("tries again");
+        assert!(pause > Duration::ZERO && pause < 2 * FIRST_PAUSE);
+        assert_eq!(retries.failures(), 2);
+        retries.since = Instant::now().checked_sub(GIVE_UP_AFTER * 2);
+        let last = retries.wait(Status::unavailable("no")).await;
         assert_eq!(last.expect_err("is final").code(), Code::Unavailable);
     }
 }

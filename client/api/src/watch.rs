@@ -1,10 +1,11 @@
 //! Watches of jobs over streams that may break.
 //!
-//! A restarted coordinator, or a lost connection, must not look like a failed job: the watch opens the stream again after the last sequence number it saw.
+//! A restarted coordinator, or a lost connection, must not look like a failed job: the watch opens the stream again
+//! after the last sequence number it saw.
 
-use super::retry::{FIRST_PAUSE, GIVE_UP_AFTER, LONGEST_PAUSE, is_transport};
+use super::retry::{FIRST_PAUSE, Retries};
 use super::{ClientError, YotoClient};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tonic::{Status, Streaming};
 use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
 
@@ -25,8 +26,9 @@ pub struct JobWatch {
     stream: Option<Streaming<WatchJobResponse>>,
     after: u64,
     ended: bool,
-    /// Since when the service can't be reached, and the pause before the next attempt.
-    trouble: Option<(Instant, Duration)>,
+    retries: Retries,
+    /// The pause before the next attempt, after a failure.
+    pause: Option<Duration>,
 }
 
 impl JobWatch {
@@ -37,7 +39,8 @@ impl JobWatch {
             stream: None,
             after: 0,
             ended: false,
-            trouble: None,
+            retries: Retries::new(),
+            pause: None,
         }
     }
 
@@ -65,12 +68,13 @@ impl JobWatch {
             return Ok(None);
         }
         loop {
-            if let Some((_, pause)) = self.trouble {
+            if let Some(pause) = self.pause {
                 tokio::time::sleep(pause).await;
             }
             let status = match self.receive().await {
                 Ok(Some(job)) => {
-                    self.trouble = None;
+                    self.retries.reset();
+                    self.pause = None;
                     self.after = job.sequence;
                     self.ended = is_terminal(job.state());
                     return Ok(Some(JobChange::Job(Box::new(job))));
@@ -79,17 +83,15 @@ impl JobWatch {
                 Err(status) => status,
             };
             self.stream = None;
-            let before = self.trouble;
-            let (since, pause) = before.unwrap_or_else(|| (Instant::now(), FIRST_PAUSE / 2));
-            if !is_transport(&status) || since.elapsed() > GIVE_UP_AFTER {
+            let Some(pause) = self.retries.pause(&status) else {
                 return Err(ClientError::refused(format!("watching {}", self.name))(
                     status,
                 ));
-            }
+            };
             tracing::debug!(job = self.name, after = self.after, %status, "watch broke off; opening it again");
-            self.trouble = Some((since, (pause * 2).min(LONGEST_PAUSE)));
+            self.pause = Some(pause.max(FIRST_PAUSE));
             // The end of a stream alone may be that of an idle connection: the second failure counts.
-            if before.is_some_and(|(_, pause)| pause == FIRST_PAUSE) {
+            if self.retries.failures() == 2 {
                 return Ok(Some(JobChange::Disconnected));
             }
         }

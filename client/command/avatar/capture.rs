@@ -93,7 +93,7 @@ pub(super) fn check(
     let failed = checked.failed();
     ensure!(
         failed == 0 || despite,
-        "{} of the capture failed, which {} shows: mend what is named above, or train all the same \
+        "{} of the capture failed (see {}): mend what is named above, or train anyway \
          (--despite-check)",
         count(failed, "measure"),
         sheet.display()

@@ -7,6 +7,7 @@
 //! Everything after the check goes through the API of a service of its own, as in the demo.
 
 mod capture;
+pub(crate) mod command;
 mod motion;
 mod page;
 mod report;
@@ -25,7 +26,7 @@ use std::time::Instant;
 use yoto_import::{Format, Options, motion::Motion};
 use yoto_ingest::IngestSettings;
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{ExposureLearning, Orbit, PoseRefinement, TrainSpec, render_spec};
+use yoto_proto::v1::{Orbit, TrainSpec, render_spec};
 use yoto_terminal::progress::duration;
 
 /// Name of this command, on the folders that it may replace.
@@ -57,18 +58,8 @@ pub struct AvatarOptions {
     pub out: PathBuf,
     /// Longest side of training images and renders, pixels.
     pub size: u32,
-    /// Seconds of training.
-    pub seconds: f64,
-    /// Random seed.
-    pub seed: u64,
-    /// Whose poses to refine.
-    pub refine_poses: PoseRefinement,
-    /// Whether the exposure of each frame is learned.
-    pub exposure: ExposureLearning,
-    /// Degree of the harmonics by which colours depend on the view.
-    pub harmonics: Option<u32>,
-    /// Whether what no frame shows keeps the colours that training left there.
-    pub leave_unseen: bool,
+    /// The training, of no model yet.
+    pub train: TrainSpec,
     /// Motion to render, in place of one of this program's own.
     pub motion: Option<Motion>,
     /// Train even when the check fails.
@@ -120,8 +111,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         anyhow::Ok((captured, checked))
     })?;
     let [folder, checks, pictures, data] = folders(out)?;
-    for (made, place) in [("capture", &folder), ("check", &checks)] {
-        folder::move_into(&attempt.join(made), place)?;
+    for (made, target) in [("capture", &folder), ("check", &checks)] {
+        folder::move_into(&attempt.join(made), target)?;
     }
     tell!(
         "the body over the frames: {}",
@@ -144,20 +135,13 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let subject = person::upload(client, &options.name, consent, &folder).await?;
         let model = client.create_model(&options.name, TIER, VARIANT).await?;
         client.add_identity(&model.name, &subject.name).await?;
+        let label = format!("training of {}", options.name);
         let trained = train(
             client,
+            &label,
             TrainSpec {
                 model: model.name.clone(),
-                seconds: options.seconds,
-                steps: 0,
-                seed: options.seed,
-                image_size: options.size,
-                checkpoint_seconds: 0.0,
-                refine_poses: options.refine_poses.into(),
-                exposure: options.exposure.into(),
-                harmonics: options.harmonics,
-                leave_unseen: options.leave_unseen,
-                only: String::new(),
+                ..options.train.clone()
             },
         )
         .await?;
@@ -171,7 +155,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let orbit = shots
             .render(Shot {
                 between: None,
-                label: "orbit".into(),
+                label: format!("{} from all around", options.name),
                 subject: &subject,
                 what: render_spec::What::Orbit(Orbit {
                     frame: report.orbit_frame,
@@ -186,7 +170,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         let moved = shots
             .render(Shot {
                 between: None,
-                label: "motion".into(),
+                label: format!("{} in a motion", options.name),
                 subject: &subject,
                 what,
                 folder: pictures.join("motion"),

@@ -61,9 +61,9 @@ fn clip_of((clip, fps): (MotionClip, f32)) -> (What, f32) {
 }
 
 /// The clip to render at `size`, and its frames per second.
-fn clip(given: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)> {
+fn clip(chosen: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)> {
     let own;
-    let motion = match given {
+    let motion = match chosen {
         Some(motion) => motion,
         None => {
             own = built_in()?;
@@ -71,7 +71,7 @@ fn clip(given: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)> 
         }
     };
     ensure!(!motion.frames.is_empty(), "the motion has no frame");
-    // Frames are left out evenly: a motion of 120 frames a second is told in 15.
+    // Frames are left out evenly: a motion of 120 frames per second is shown at 15.
     let step = ((motion.fps / 15.0).floor() as usize).max(1);
     let end = MOST_FRAMES * step;
     if motion.frames.len() > end {

@@ -5,9 +5,10 @@ use anyhow::Context;
 use std::fmt::Write;
 use std::path::Path;
 use yoto_capture::check::Grade;
+use yoto_export::page::escaped;
 use yoto_terminal::progress::duration;
 
-/// The page with places for its contents, in braces.
+/// Template of the page, with fields in braces.
 const PAGE: &str = include_str!("page.html");
 
 /// Writes the page about `report` to `path`, beside which the report's pictures are; `caption` says
@@ -112,16 +113,6 @@ fn notes(report: &Report) -> String {
         })
 }
 
-/// `text` without characters that HTML reads.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        // A place of the page is no place in a text.
-        .replace('{', "&#123;")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,7 +142,7 @@ mod tests {
         assert!(page.contains("<li>focal &lt; 5 &amp; &quot;wide&quot;</li>"));
         assert!(page.contains("<figcaption>In a motion &lt;new&gt;.</figcaption>"));
         assert!(page.contains("[\"pictures/orbit/000000.png\"]"));
-        for place in [
+        for field in [
             "{name}",
             "{size}",
             "{caption}",
@@ -160,7 +151,7 @@ mod tests {
             "{check}",
             "{notes}",
         ] {
-            assert!(!page.contains(place), "{place} is left");
+            assert!(!page.contains(field), "{field} is left");
         }
     }
 }

@@ -3,8 +3,10 @@
 //! Everything between the synthetic people and the final files uses the API, so the demo shows
 //! the results of any client.
 
+pub(crate) mod command;
 mod people;
 mod render;
+mod report;
 mod score;
 mod sheet;
 
@@ -15,14 +17,14 @@ use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::Context;
 use people::Actor;
+use report::{Report, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
-use yoto_lab::report::{Report, Settings};
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
+use yoto_proto::v1::TrainSpec;
 use yoto_terminal::progress::duration;
 
 /// Quality tier and variant of the demo's model.
@@ -49,14 +51,17 @@ pub struct DemoOptions {
 /// The main output files, with descriptions; the pages come last, where a terminal shows them.
 pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     let mut files = vec![
-        (options.out.join("report.json"), "the figures"),
+        (
+            options.out.join("report.json"),
+            "quality and times, as JSON",
+        ),
         (
             sheet::novel_views(&options.out),
             "each person: truth, render; cameras never trained on",
         ),
         (
             sheet::novel_poses(&options.out),
-            "the same in poses never trained on",
+            "each person: truth, render; poses never trained on",
         ),
         (
             options.out.join("orbit-*-animation.png"),
@@ -79,7 +84,7 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     }
     files.push((
         options.out.join("*.html"),
-        "each person to turn, move and bend; open in a browser",
+        "each person to rotate, move and bend; open in a browser",
     ));
     files
 }
@@ -93,7 +98,7 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
     let data = folder::fresh(&options.out, "service", "demo")?;
     tell!(
-        "filming {subjects} {} at {size}x{size}",
+        "filming {subjects} synthetic {} with one camera each, at {size}x{size} pixels",
         if subjects == 1 { "person" } else { "people" }
     );
     let actors = tokio::task::spawn_blocking(move || people::film(subjects, size, seed)).await??;
@@ -129,20 +134,17 @@ async fn drive(
     for subject in &subjects {
         client.add_identity(&model.name, &subject.name).await?;
     }
+    let names: Vec<&str> = actors.iter().map(|actor| &*actor.name).collect();
+    let label = format!("training of one model of {}", names.join(", "));
     let trained = train(
         client,
+        &label,
         TrainSpec {
             model: model.name.clone(),
             seconds: options.seconds,
-            steps: 0,
             seed: options.seed,
             image_size: options.size,
-            checkpoint_seconds: 0.0,
-            refine_poses: PoseRefinement::Unspecified.into(),
-            exposure: ExposureLearning::Unspecified.into(),
-            harmonics: None,
-            leave_unseen: false,
-            only: String::new(),
+            ..TrainSpec::default()
         },
     )
     .await?;
@@ -167,7 +169,7 @@ async fn drive(
             let pictures = studio.between(moves, wears).await?;
             sheet::write_between(&options.out, pictures)?;
         }
-        _ => tell!("motion transfer and mixtures need two people; with one they are left out"),
+        _ => tell!("left out: motion transfer and mixtures, which need two people (--subjects 2)"),
     }
     sheet::write_held_out(&options.out, actors, &renders)?;
 
@@ -183,7 +185,6 @@ async fn drive(
         variant: VARIANT.into(),
         size: options.size,
         seed: options.seed,
-        changed: Vec::new(),
     };
     Ok(score::report(scores, &renders, trained, settings))
 }

@@ -5,7 +5,7 @@ use crate::studio::shots::{Shot, Shots};
 use anyhow::ensure;
 use image::RgbImage;
 use std::path::{Path, PathBuf};
-use yoto_lab::pictures;
+use yoto_media::picture_file;
 use yoto_proto::v1::{
     Between, BodyPose, MotionTransfer, Orbit, Subject, View, ViewList, render_spec,
 };
@@ -57,7 +57,7 @@ impl Studio<'_> {
         let finished = self
             .shots
             .render(Shot {
-                label: format!("{}, held out", actor.name),
+                label: format!("{} in held-out views and poses", actor.name),
                 subject,
                 what,
                 between: None,
@@ -92,7 +92,7 @@ impl Studio<'_> {
         let animation = self.out.join(format!("{stem}-animation.png"));
         self.shots
             .render(Shot {
-                label: format!("{}, orbit", actor.name),
+                label: format!("{} from all around", actor.name),
                 subject,
                 what,
                 between: None,
@@ -120,7 +120,10 @@ impl Studio<'_> {
         let finished = self
             .shots
             .render(Shot {
-                label: format!("{} moves {}", moves.display_name, wears.display_name),
+                label: format!(
+                    "{} in the motion of {}",
+                    wears.display_name, moves.display_name
+                ),
                 subject: wears,
                 what,
                 between: None,
@@ -149,7 +152,10 @@ impl Studio<'_> {
         let finished = self
             .shots
             .render(Shot {
-                label: format!("from {} to {}", one.display_name, other.display_name),
+                label: format!(
+                    "mixtures from {} to {}",
+                    one.display_name, other.display_name
+                ),
                 subject: one,
                 what,
                 between: Some(Between {
@@ -167,7 +173,7 @@ impl Studio<'_> {
 fn read_all(paths: &[PathBuf]) -> anyhow::Result<Vec<RgbImage>> {
     Ok(paths
         .iter()
-        .map(|path| pictures::read(path))
+        .map(|path| picture_file::read(path))
         .collect::<Result<_, _>>()?)
 }
 

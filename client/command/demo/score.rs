@@ -2,10 +2,10 @@
 
 use super::people::{Actor, HeldOut};
 use super::render::HeldOutRenders;
+use super::report::{Report, Settings};
 use anyhow::Context;
 use image::RgbImage;
-use yoto_avatar::evaluate::{Mean, compare};
-use yoto_lab::report::{Report, Score, Settings, SplitScores, SubjectScore};
+use yoto_avatar::evaluate::{Mean, Score, SplitScores, SubjectScore, compare};
 use yoto_proto::v1::TrainResult;
 
 /// Each actor's figures.
@@ -53,20 +53,13 @@ pub(super) fn report(
         steps: trained.steps,
         train_seconds: trained.train_seconds,
         steps_per_second: trained.steps as f64 / trained.train_seconds.max(f64::EPSILON),
-        samples_per_ray: None,
         parameters: trained.parameters,
         checkpoint_bytes: trained.checkpoint_bytes,
-        person_bytes: None,
         device: trained.device,
         objective: trained.objective,
         active_parts: trained.active_parts,
         notes: trained.notes,
-        pose_errors: None,
-        fitted: None,
-        aligned: None,
         render_seconds_per_frame: seconds / renders.len().max(1) as f64,
         settings,
-        curve: None,
-        regions: None,
     }
 }

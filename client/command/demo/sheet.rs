@@ -4,7 +4,7 @@ use super::people::{Actor, HeldOut};
 use super::render::{HeldOutRenders, MOTION_STEP};
 use image::{GenericImage, Rgb, RgbImage};
 use std::path::{Path, PathBuf};
-use yoto_lab::pictures;
+use yoto_media::picture_file;
 
 /// Between a truth and its render, and around groups, pixels.
 const NARROW: u32 = 2;
@@ -38,11 +38,11 @@ pub(super) fn write_held_out(
     let views: Vec<_> = people()
         .map(|(actor, it)| pairs(&actor.novel_view, &it.novel_view))
         .collect::<Result<_, _>>()?;
-    pictures::write(&novel_views(out), &sheet(&views))?;
+    picture_file::write(&novel_views(out), &sheet(&views))?;
     let poses: Vec<_> = people()
         .map(|(actor, it)| pairs(&actor.novel_pose, &it.novel_pose))
         .collect::<Result<_, _>>()?;
-    pictures::write(&novel_poses(out), &sheet(&poses))?;
+    picture_file::write(&novel_poses(out), &sheet(&poses))?;
     Ok(())
 }
 
@@ -57,7 +57,7 @@ pub(super) fn write_motion(out: &Path, driver: &Actor, renders: &[RgbImage]) -> 
         ) else {
             continue;
         };
-        above.push(vec![pictures::rgb(
+        above.push(vec![picture_file::rgb(
             "a film frame",
             filmed.width,
             filmed.height,
@@ -65,7 +65,7 @@ pub(super) fn write_motion(out: &Path, driver: &Actor, renders: &[RgbImage]) -> 
         )?]);
         below.push(vec![render.clone()]);
     }
-    pictures::write(&motion(out), &sheet(&[above, below]))?;
+    picture_file::write(&motion(out), &sheet(&[above, below]))?;
     Ok(())
 }
 
@@ -76,7 +76,7 @@ pub(super) fn between(out: &Path) -> PathBuf {
 
 /// Writes that strip.
 pub(super) fn write_between(out: &Path, renders: Vec<RgbImage>) -> anyhow::Result<()> {
-    pictures::write(&between(out), &sheet(&[vec![renders]]))?;
+    picture_file::write(&between(out), &sheet(&[vec![renders]]))?;
     Ok(())
 }
 
@@ -84,9 +84,9 @@ pub(super) fn write_between(out: &Path, renders: Vec<RgbImage>) -> anyhow::Resul
 fn pairs(
     views: &[HeldOut],
     renders: &[RgbImage],
-) -> Result<Vec<Vec<RgbImage>>, pictures::PictureError> {
+) -> Result<Vec<Vec<RgbImage>>, picture_file::PictureError> {
     let pair = |(view, render): (&HeldOut, &RgbImage)| {
-        let truth = pictures::rgb(
+        let truth = picture_file::rgb(
             "a truth",
             view.truth.width,
             view.truth.height,

@@ -47,9 +47,10 @@ pub fn move_into(from: &Path, to: &Path) -> anyhow::Result<()> {
     let reading = || format!("reading {}", from.display());
     for entry in std::fs::read_dir(from).with_context(reading)? {
         let entry = entry.with_context(reading)?;
-        let place = to.join(entry.file_name());
-        std::fs::rename(entry.path(), &place)
-            .with_context(|| format!("moving {} to {}", entry.path().display(), place.display()))?;
+        let target = to.join(entry.file_name());
+        std::fs::rename(entry.path(), &target).with_context(|| {
+            format!("moving {} to {}", entry.path().display(), target.display())
+        })?;
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! A person's way into the service.
+//! A person and their capture, uploaded to the service.
 
 use anyhow::Context;
 use std::path::Path;
@@ -19,7 +19,7 @@ pub async fn upload(
 ) -> anyhow::Result<Subject> {
     let capture = CaptureDir::open(capture)?;
     let subject = client.create_subject(name, consent).await?;
-    let mut display = ProgressDisplay::new(name);
+    let mut display = ProgressDisplay::new(format!("capture of {name}"));
     let (mut sent, total, frames) = (0, capture.bytes, capture.frames());
     let uploaded = client
         .upload_capture(&subject.name, capture.files, |bytes| {

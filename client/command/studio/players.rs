@@ -19,8 +19,8 @@ pub(crate) async fn write_pages(
     model: &Model,
     pages: &[(&Subject, &Path)],
 ) -> anyhow::Result<()> {
-    for (place, (subject, path)) in pages.iter().enumerate() {
-        let drivers = own_first(pages, place).map(|(driver, _)| ExportMotion {
+    for (index, (subject, path)) in pages.iter().enumerate() {
+        let drivers = own_first(pages, index).map(|(driver, _)| ExportMotion {
             motion: Some(Motion::Capture(CaptureMotion {
                 driver: driver.name.clone(),
                 ..CaptureMotion::default()
@@ -56,7 +56,7 @@ fn own_first<T>(them: &[T], own: usize) -> impl Iterator<Item = &T> {
     let others = them
         .iter()
         .enumerate()
-        .filter(move |(place, _)| *place != own);
+        .filter(move |(index, _)| *index != own);
     them.get(own).into_iter().chain(others.map(|(_, it)| it))
 }
 

@@ -2,28 +2,7 @@
 
 use anyhow::Context;
 use std::path::Path;
-use tempfile::TempDir;
 use yoto_avatar::render::{Renderer, SkinnedSplats};
-use yoto_client::YotoClient;
-use yoto_proto::v1::Model;
-
-/// The files of a checkpoint of `model` at a `step`, or of the best one.
-///
-/// # Errors
-/// If there is none, or it can't be fetched.
-pub(crate) async fn fetch(
-    client: &YotoClient,
-    model: &Model,
-    step: Option<u64>,
-) -> anyhow::Result<TempDir> {
-    let checkpoint = client.checkpoint_name(model, step).await?;
-    let files = tempfile::tempdir().context("making a temporary folder")?;
-    let objects = client.list_objects(&checkpoint).await?;
-    client
-        .fetch_objects(&objects, files.path(), &mut |_| ())
-        .await?;
-    Ok(files)
-}
 
 /// The person in `slot` of the model in a folder, which the user knows as `model`.
 ///
@@ -38,7 +17,7 @@ pub(crate) fn person(folder: &Path, slot: usize, model: &str) -> anyhow::Result<
     person.with_context(|| {
         format!(
             "the model's tier, {tier}, has no splats: train one with --tier splat, or make some of \
-             this one with `yoto distill`"
+             this one with `yoto-lab distill`"
         )
     })
 }

@@ -5,20 +5,24 @@ use yoto_client::YotoClient;
 use yoto_proto::v1::{TrainResult, TrainSpec, job_result};
 use yoto_terminal::progress::{ProgressDisplay, duration};
 
-/// Runs one training and shows its progress.
+/// Runs one training and shows its progress under `label`.
 ///
 /// # Errors
 /// When the job fails.
-pub async fn train(client: &YotoClient, spec: TrainSpec) -> anyhow::Result<TrainResult> {
+pub async fn train(
+    client: &YotoClient,
+    label: &str,
+    spec: TrainSpec,
+) -> anyhow::Result<TrainResult> {
     let job = client.train(spec).await?;
-    let mut display = ProgressDisplay::new("training");
+    let mut display = ProgressDisplay::new(label);
     let job = client
         .wait_for_job(&job.name, |job| display.job(job))
         .await?;
     match job.result.and_then(|result| result.kind) {
         Some(job_result::Kind::Train(result)) => {
             display.finish(&format!(
-                "{} steps in {}",
+                "trained, {} steps in {}",
                 result.steps,
                 duration(result.train_seconds)
             ));

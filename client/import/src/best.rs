@@ -2,7 +2,7 @@
 //! each kind first.
 //!
 //! Frames are taken one by one, each the farthest from all that were taken, by [`pose`], times its
-//! [`sharpness`] among the frames around it. A still pose is so taken once, from its sharpest frame,
+//! [`sharpness`] among the frames around it. So a still pose is taken once, from its sharpest frame,
 //! before anything is taken twice.
 
 mod pictures;
@@ -10,7 +10,7 @@ mod pose;
 mod select;
 mod sharpness;
 
-use super::{Imported, Pictures};
+use crate::{Imported, Pictures};
 use std::num::NonZeroUsize;
 use std::path::Path;
 use yoto_client::ClientError;
@@ -54,7 +54,7 @@ pub fn choose(
     Ok(())
 }
 
-/// Keeps the entries whose places are marked in `taken`.
+/// Keeps the entries that are marked in `taken`.
 fn keep<T>(entries: &mut Vec<T>, taken: &[bool]) {
     let mut marks = taken.iter();
     entries.retain(|_| marks.next().copied().unwrap_or(false));

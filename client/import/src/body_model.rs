@@ -6,8 +6,8 @@
 //! matrices in `.pkl`). The sum is linear in betas, so that only `[24, 3, 1 + B]` is kept. SMPL-X has
 //! 55 joints: the first 22 are SMPL's, and where the middle fingers begin is SMPL's hand.
 
-use super::geometry::Vec3;
-use super::source::{Part, Source};
+use crate::geometry::Vec3;
+use crate::source::{Part, Source};
 use std::path::Path;
 use yoto_client::ClientError;
 use yoto_formats::Array;
@@ -67,8 +67,8 @@ impl BodyModel {
         let joints = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec3> {
             let mut joints = vec![[0.0; 3]; JOINTS.len()];
             for &(joint, vertex, weight) in &weights {
-                if let Some(place) = joints.get_mut(joint) {
-                    for (axis, sum) in place.iter_mut().enumerate() {
+                if let Some(position) = joints.get_mut(joint) {
+                    for (axis, sum) in position.iter_mut().enumerate() {
                         *sum += weight * value(vertex, axis);
                     }
                 }
@@ -136,16 +136,16 @@ fn regressor(part: &Part<'_>, vertices: usize) -> Result<(usize, Weights), Clien
     let shape = shape.ok_or_else(|| part.fault("MISSING", "the sparse matrix has no shape"))?;
     let shape: Vec<usize> = shape.vector()?.iter().map(|side| *side as usize).collect();
     let joints = fits(&shape)?;
-    let places = |name: &str| -> Result<Vec<usize>, ClientError> {
+    let indices_of = |name: &str| -> Result<Vec<usize>, ClientError> {
         let values = part.get(name)?.vector()?;
         Ok(values.iter().map(|value| *value as usize).collect())
     };
     let values = data.vector()?;
     let pairs: Vec<(usize, usize)> = if let Some(rows) = part.find("row") {
         let rows = rows.vector()?.into_iter().map(|row| row as usize);
-        rows.zip(places("col")?).collect()
+        rows.zip(indices_of("col")?).collect()
     } else {
-        let (starts, indices) = (places("indptr")?, places("indices")?);
+        let (starts, indices) = (indices_of("indptr")?, indices_of("indices")?);
         let by_rows = starts.len() == shape[0] + 1;
         let mut pairs = Vec::with_capacity(indices.len());
         for (major, ends) in starts.windows(2).enumerate() {

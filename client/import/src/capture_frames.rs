@@ -12,27 +12,27 @@ use yoto_proto::pose_track::PoseTrack;
 /// Frames of a capture on this disk.
 #[derive(Clone, Debug)]
 pub struct CaptureFrames {
-    place: PathBuf,
+    path: PathBuf,
     capture: Arc<LocalCapture>,
-    /// Positions in the capture's track, which rise.
-    pub(super) positions: Vec<usize>,
+    /// Indices in the capture's track, in ascending order.
+    pub(crate) positions: Vec<usize>,
 }
 
 impl CaptureFrames {
-    /// All frames of the capture in `place`; videos of other kinds by the program `ffmpeg`, which is
+    /// All frames of the capture in `path`; videos of other kinds by the program `ffmpeg`, which is
     /// searched for when it has no name.
-    pub(super) fn open(place: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
-        let decoded = DecodedCapture::open(place, &CaptureOptions::default(), ffmpeg);
-        let capture = decoded.map_err(|error| fault(place, error))?.capture;
+    pub(crate) fn open(path: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
+        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg);
+        let capture = decoded.map_err(|error| fault(path, error))?.capture;
         Ok(Self {
-            place: place.to_owned(),
+            path: path.to_owned(),
             positions: (0..capture.track().frames.len()).collect(),
             capture: Arc::new(capture),
         })
     }
 
     /// The track of all frames, corrected, without distortion.
-    pub(super) fn track(&self) -> &PoseTrack {
+    pub(crate) fn track(&self) -> &PoseTrack {
         self.capture.track()
     }
 
@@ -40,7 +40,7 @@ impl CaptureFrames {
     ///
     /// # Errors
     /// The fault of the first frame that can't be read; what `each` returns.
-    pub(super) fn for_each(
+    pub(crate) fn for_each(
         &self,
         mut each: impl FnMut(FrameImage) -> Result<(), ClientError>,
     ) -> Result<(), ClientError> {
@@ -50,25 +50,25 @@ impl CaptureFrames {
                 done = each(frame);
             }
         });
-        read.map_err(|error| fault(&self.place, error.into()))?;
+        read.map_err(|error| fault(&self.path, error.into()))?;
         done
     }
 }
 
-/// The faults of the capture in `place`, or that of this machine.
-fn fault(place: &Path, error: anyhow::Error) -> ClientError {
+/// The faults of the capture in `path`, or that of this machine.
+fn fault(path: &Path, error: anyhow::Error) -> ClientError {
     let error = match error.downcast::<ClientError>() {
         Ok(error) => return error,
         Err(error) => error,
     };
     match error.downcast::<ReadFailure>() {
         Ok(ReadFailure::Rejected(violations)) => ClientError::BadCapture {
-            place: place.display().to_string(),
+            place: path.display().to_string(),
             violations,
         },
         Ok(ReadFailure::Machine(message)) => {
-            ClientError::file("reading", place)(std::io::Error::other(message))
+            ClientError::file("reading", path)(std::io::Error::other(message))
         }
-        Err(error) => ClientError::file("reading", place)(std::io::Error::other(error)),
+        Err(error) => ClientError::file("reading", path)(std::io::Error::other(error)),
     }
 }

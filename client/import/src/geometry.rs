@@ -1,21 +1,21 @@
 //! Rotations and rigid motions, for conversions between conventions.
 
-pub(super) use yoto_capture::skeleton::transform::{
-    Mat3, UNTURNED as IDENTITY, Vec3, add, between, cross, dot, logarithm as axis_angle,
-    product as mul, rodrigues as rotation, scale, sub, transposed as transpose, turned as apply,
+pub(crate) use yoto_capture::skeleton::transform::{
+    IDENTITY_ROTATION, Mat3, Vec3, add, cross, dot, log_map, matmul, matvec, rodrigues,
+    rotation_between, scale, sub, transpose,
 };
 
 /// The rotation by `angle` radians about the x, y or z axis (0, 1, 2).
-pub(super) fn about_axis(axis: usize, angle: f64) -> Mat3 {
+pub(crate) fn about_axis(axis: usize, angle: f64) -> Mat3 {
     let mut vector = [0.0; 3];
-    if let Some(place) = vector.get_mut(axis) {
-        *place = angle;
+    if let Some(component) = vector.get_mut(axis) {
+        *component = angle;
     }
-    rotation(vector)
+    rodrigues(vector)
 }
 
 /// A world-to-camera matrix of a rotation and a translation.
-pub(super) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
+pub(crate) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
     let row = |i: usize| [r[i][0], r[i][1], r[i][2], t[i]];
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
@@ -23,11 +23,14 @@ pub(super) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
 /// Most by which entries of a rotation may differ from a rotation's: files hold 32-bit floats.
 const INEXACT: f64 = 1e-3;
 
-/// The exact rotation of `matrix`, whose entries only approach it; `None` where it is no rotation.
-pub(super) fn exact_rotation(matrix: &Mat3) -> Option<Mat3> {
-    let product = mul(matrix, &transpose(matrix));
-    let off = product.as_flattened().iter().zip(IDENTITY.as_flattened());
+/// The exact rotation of `matrix`, whose entries only approach it; `None` if it is not a rotation.
+pub(crate) fn exact_rotation(matrix: &Mat3) -> Option<Mat3> {
+    let product = matmul(matrix, &transpose(matrix));
+    let off = product
+        .as_flattened()
+        .iter()
+        .zip(IDENTITY_ROTATION.as_flattened());
     let off = off.fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
     let is_mirror = dot(cross(matrix[0], matrix[1]), matrix[2]) < 0.0;
-    (off <= INEXACT && !is_mirror).then(|| rotation(axis_angle(matrix)))
+    (off <= INEXACT && !is_mirror).then(|| rodrigues(log_map(matrix)))
 }

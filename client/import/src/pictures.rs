@@ -1,7 +1,8 @@
 //! Pictures of a capture, and their decoding.
 
-use super::capture_frames::CaptureFrames;
-use super::hdf5::MaskStack;
+use crate::capture_frames::CaptureFrames;
+#[cfg(feature = "hdf5")]
+use crate::source::hdf5::MaskStack;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,7 +48,8 @@ pub enum Mask {
     Image(PathBuf, MaskKind),
     /// A `.npy` of `[height, width]`, from 0 to 1.
     Array(PathBuf),
-    /// One of a stack.
+    /// One of a stack in an HDF5 file.
+    #[cfg(feature = "hdf5")]
     Stack(MaskStack, usize),
     /// The pixels of one colour of an image that gives every person a colour.
     Colour(PathBuf, [u8; 3]),
@@ -67,7 +69,7 @@ pub enum MaskKind {
 }
 
 /// Width and height of an image, by its header.
-pub(super) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientError> {
+pub(crate) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientError> {
     let (width, height) = reader(path, frame)?
         .into_dimensions()
         .map_err(|error| undecodable(path, frame, error.to_string()))?;
@@ -75,7 +77,7 @@ pub(super) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientErro
 }
 
 /// An image of `size` (width, height), 8 bits per channel.
-pub(super) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
+pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
     sized(path, size, frame, image_size(path, frame)?)?;
     let image = reader(path, frame)?.decode();
     image
@@ -84,7 +86,7 @@ pub(super) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbI
 }
 
 /// The union of masks of `size`.
-pub(super) fn read_masks(
+pub(crate) fn read_masks(
     masks: &[Mask],
     size: [u32; 2],
     frame: u32,
@@ -148,6 +150,7 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
             let level = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
             Ok(array.values.iter().map(level).collect())
         }
+        #[cfg(feature = "hdf5")]
         Mask::Stack(stack, at) => {
             sized(Path::new(stack.file()), size, frame, stack.size())?;
             stack
@@ -195,9 +198,9 @@ fn undecodable(path: &Path, frame: u32, message: String) -> ClientError {
 
 fn at_fault(code: &str, path: &Path, frame: u32, message: String) -> ClientError {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
-    let place = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().unwrap_or(Path::new(""));
     ClientError::BadCapture {
-        place: place.display().to_string(),
+        place: folder.display().to_string(),
         violations: vec![violation(code, &file, Some(frame), "", message)],
     }
 }

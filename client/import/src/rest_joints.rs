@@ -1,9 +1,9 @@
 //! Sources of rest joints: a body model with shape parameters, or a file of rest joints.
 
-use super::Options;
-use super::body_model::BodyModel;
-use super::geometry::Vec3;
-use super::source::Source;
+use crate::Options;
+use crate::body_model::BodyModel;
+use crate::geometry::Vec3;
+use crate::source::Source;
 use std::path::Path;
 use yoto_client::ClientError;
 use yoto_proto::pose_track::violation;
@@ -11,7 +11,7 @@ use yoto_proto::smpl::JOINTS;
 
 /// Rest joints for shape parameters.
 #[derive(Debug)]
-pub(super) enum RestJoints {
+pub(crate) enum RestJoints {
     /// From shape parameters.
     Model(BodyModel),
     /// Given: the same for all shapes.

@@ -1,6 +1,6 @@
 //! An import as commands do it: from files to a capture folder, with progress and notes.
 
-use super::{Format, Imported, Options, TrackForm, best, read, write};
+use crate::{Format, Imported, Options, TrackForm, best, read, write};
 use std::path::Path;
 use yoto_client::ClientError;
 use yoto_terminal::progress::{ProgressDisplay, count};

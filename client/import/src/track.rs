@@ -1,14 +1,14 @@
 //! Conversion of SMPL's parameters to the pose track's.
 
-use super::geometry::{Mat3, Vec3, add, apply, axis_angle, mul, rotation, sub};
+use crate::geometry::{Mat3, Vec3, add, log_map, matmul, matvec, rodrigues, sub};
 use yoto_proto::pose_track::{Frame, PoseTrack, Skeleton};
 use yoto_proto::smpl::JOINTS;
 
 /// A pose of SMPL: 24 rotations, local to the parent, the root's first.
-pub(super) type SmplPose = [f64; 72];
+pub(crate) type SmplPose = [f64; 72];
 
 /// The skeleton of SMPL with rest joints, metres.
-pub(super) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
+pub(crate) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
     let parent = |parent: &Option<usize>| parent.map_or(-1, |parent| parent as i32);
     Skeleton {
         names: JOINTS.iter().map(|(name, _)| (*name).to_owned()).collect(),
@@ -19,7 +19,7 @@ pub(super) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
 
 /// Placement of a body in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     pub pose: SmplPose,
     /// The root joint's position, metres.
     pub root: Vec3,
@@ -29,17 +29,17 @@ impl Placed {
     /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as in EasyMocap
     /// and HumanNeRF; `pelvis` is the root's rest position before that. A root rotation in
     /// `pose` turns about the pelvis, before `rh`.
-    pub fn turned(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
-        let whole = rotation(rh);
+    pub fn about_origin(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
+        let whole = rodrigues(rh);
         Self {
-            pose: with_root(pose, &mul(&whole, &rotation(root(&pose)))),
-            root: add(apply(&whole, pelvis), th),
+            pose: with_root(pose, &matmul(&whole, &rodrigues(root(&pose)))),
+            root: add(matvec(&whole, pelvis), th),
         }
     }
 
     /// The body moved by `translation` after its pose, as in SMPL's own programs: the root
     /// turns about the pelvis, which keeps the position of the shape.
-    pub fn moved(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
+    pub fn about_pelvis(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
         Self {
             pose,
             root: add(pelvis, translation),
@@ -63,13 +63,13 @@ fn root(pose: &SmplPose) -> Vec3 {
 }
 
 fn with_root(mut pose: SmplPose, rotation: &Mat3) -> SmplPose {
-    pose[..3].copy_from_slice(&axis_angle(rotation));
+    pose[..3].copy_from_slice(&log_map(rotation));
     pose
 }
 
 /// A camera in the track's terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Camera {
+pub(crate) struct Camera {
     pub k: [[f64; 3]; 3],
     pub e: [[f64; 4]; 4],
 }
@@ -85,7 +85,7 @@ impl Camera {
 }
 
 /// The mean of rows of equal length; shorter rows count as far as they go.
-pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
+pub(crate) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
     let length = rows.iter().map(Vec::len).max().unwrap_or_default();
     let at = |i: usize| rows.iter().filter_map(move |row| row.get(i));
     (0..length)
@@ -94,7 +94,7 @@ pub(super) fn mean(rows: &[Vec<f64>]) -> Vec<f64> {
 }
 
 /// The median of each column of rows; shorter rows count as far as they go.
-pub(super) fn median_rows(rows: &[&[f64]]) -> Vec<f64> {
+pub(crate) fn median_rows(rows: &[&[f64]]) -> Vec<f64> {
     let length = rows.iter().map(|row| row.len()).max().unwrap_or_default();
     let column = |i: usize| {
         let mut column: Vec<f64> = rows.iter().filter_map(|row| row.get(i).copied()).collect();
@@ -106,7 +106,7 @@ pub(super) fn median_rows(rows: &[&[f64]]) -> Vec<f64> {
 }
 
 /// A track without frames.
-pub(super) fn empty_track(skeleton: Skeleton, image_size: [u32; 2], fps: f64) -> PoseTrack {
+pub(crate) fn empty_track(skeleton: Skeleton, image_size: [u32; 2], fps: f64) -> PoseTrack {
     PoseTrack {
         skeleton,
         image_size,

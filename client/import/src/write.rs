@@ -4,8 +4,8 @@
 //! can use any background; distorted ones stay distorted, for ingest to correct with the coefficients
 //! in the pose track. The pose track is written last: a folder with one is complete.
 
-use super::Imported;
-use super::pictures::{PictureFiles, Pictures, read_image, read_masks};
+use crate::Imported;
+use crate::pictures::{PictureFiles, Pictures, read_image, read_masks};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
 use std::fs::File;

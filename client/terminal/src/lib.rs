@@ -2,7 +2,10 @@
 //!
 //! - [`output`]: results for people and for programs, and notes.
 //! - [`progress`]: the progress of jobs and other activities.
+//! - [`table`], [`scores`]: tables.
 
 #[macro_use]
 pub mod output;
 pub mod progress;
+pub mod scores;
+pub mod table;

@@ -164,7 +164,7 @@ impl ProgressDisplay {
 
 /// One line about a job in the queue.
 fn queued(job: &Job) -> String {
-    let place = match job.queue_position {
+    let position = match job.queue_position {
         0 => "next in the queue".to_owned(),
         ahead => format!("{ahead} ahead in the queue"),
     };
@@ -172,10 +172,10 @@ fn queued(job: &Job) -> String {
         return format!("waits to be tried again: {}", cause.message);
     }
     match job.lost_workers {
-        0 => format!("queued, {place}"),
+        0 => format!("queued, {position}"),
         lost => {
             let times = count(lost as usize, "time");
-            format!("queued, {place} (its worker was lost {times})")
+            format!("queued, {position} (its worker was lost {times})")
         }
     }
 }

@@ -11,12 +11,18 @@ mod read;
 pub use error::ObjectsError;
 
 use bytes::Bytes;
-use object_store::{
-    ObjectStore, ObjectStoreExt, local::LocalFileSystem, path::Path as Key, prefix::PrefixStore,
-};
-use std::{future::Future, path::PathBuf, sync::Arc, time::Duration};
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use object_store::prefix::PrefixStore;
+use object_store::{ObjectStore, ObjectStoreExt};
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
 use url::Url;
-use yoto_proto::{backoff::Backoff, sha256_hex, v1::ObjectRef};
+use yoto_proto::backoff::Backoff;
+use yoto_proto::sha256_hex;
+use yoto_proto::v1::ObjectRef;
 
 /// Attempts of a patient store.
 const ATTEMPTS: u32 = 8;
@@ -65,9 +71,9 @@ impl Objects {
     /// # Errors
     /// When the key is malformed or the store fails.
     pub async fn put(&self, key: &str, bytes: Bytes) -> Result<ObjectRef, ObjectsError> {
-        let place = parse(key)?;
+        let path = parse(key)?;
         self.attempt("writing", key, || {
-            self.store.put(&place, bytes.clone().into())
+            self.store.put(&path, bytes.clone().into())
         })
         .await?;
         Ok(ObjectRef {
@@ -82,8 +88,8 @@ impl Objects {
     /// # Errors
     /// When it does not, or the store fails.
     pub async fn require(&self, object: &ObjectRef) -> Result<(), ObjectsError> {
-        let place = parse(&object.key)?;
-        let found = self.attempt("looking for", &object.key, || self.store.head(&place));
+        let path = parse(&object.key)?;
+        let found = self.attempt("looking for", &object.key, || self.store.head(&path));
         same_size(object, found.await?.size)
     }
 

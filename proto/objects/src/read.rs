@@ -3,12 +3,16 @@
 
 use super::{Objects, ObjectsError, parse, same_size};
 use bytes::Bytes;
-use futures::{Stream, StreamExt, TryStreamExt, stream, stream::BoxStream};
+use futures::stream::BoxStream;
+use futures::{Stream, StreamExt, TryStreamExt, stream};
 use object_store::{GetOptions, GetRange, ObjectStoreExt};
 use sha2::{Digest, Sha256};
-use std::{ops::Range, path::Path};
-use tokio::{fs::File, io::AsyncWriteExt};
-use yoto_proto::{hex, v1::ObjectRef};
+use std::ops::Range;
+use std::path::Path;
+use tokio::fs::File;
+use tokio::io::AsyncWriteExt;
+use yoto_proto::hex;
+use yoto_proto::v1::ObjectRef;
 
 type Chunks = BoxStream<'static, Result<Bytes, ObjectsError>>;
 
@@ -18,9 +22,9 @@ impl Objects {
     /// # Errors
     /// When it is missing or differs from `object`, or the store fails.
     pub async fn read(&self, object: &ObjectRef) -> Result<Bytes, ObjectsError> {
-        let (key, place) = (&object.key, parse(&object.key)?);
+        let (key, path) = (&object.key, parse(&object.key)?);
         let bytes = self.attempt("reading", key, || async {
-            self.store.get(&place).await?.bytes().await
+            self.store.get(&path).await?.bytes().await
         });
         let bytes = bytes.await?;
         same_size(object, bytes.len() as u64)?;
@@ -61,14 +65,14 @@ impl Objects {
         object: &ObjectRef,
         range: Option<Range<u64>>,
     ) -> Result<Chunks, ObjectsError> {
-        let (key, place) = (object.key.clone(), parse(&object.key)?);
+        let (key, path) = (object.key.clone(), parse(&object.key)?);
         let is_whole = range.as_ref().is_none_or(|it| *it == (0..object.bytes));
         let options = GetOptions {
             range: range.map(GetRange::Bounded),
             ..GetOptions::default()
         };
         let found = self.attempt("reading", &key, || {
-            self.store.get_opts(&place, options.clone())
+            self.store.get_opts(&path, options.clone())
         });
         let found = found.await?;
         same_size(object, found.meta.size)?;

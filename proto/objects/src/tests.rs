@@ -1,10 +1,13 @@
 //! The store's guarantees, over memory, a folder, and a store that fails on purpose.
 
 use super::*;
-use futures::{TryStreamExt, stream::BoxStream};
+use futures::TryStreamExt;
+use futures::stream::BoxStream;
+use object_store::memory::InMemory;
+use object_store::path::Path;
 use object_store::{
     CopyOptions, GetOptions, GetResult, ListResult, MultipartUpload, ObjectMeta,
-    PutMultipartOptions, PutOptions, PutPayload, PutResult, Result, memory::InMemory, path::Path,
+    PutMultipartOptions, PutOptions, PutPayload, PutResult, Result,
 };
 use std::sync::atomic::{AtomicU32, Ordering};
 

@@ -1,14 +1,13 @@
 //! Orders to measure a model.
 
-use super::{Fault, Faults, scene::MAX_SIDE};
-use crate::{
-    protocols::{HELD_OUT, PROTOCOLS, is_protocol},
-    tiers,
-    v1::EvaluateSpec,
-};
+use super::scene::MAX_SIDE;
+use super::{Fault, Faults};
+use crate::protocols::{HELD_OUT, PROTOCOLS, is_protocol};
+use crate::tiers;
+use crate::v1::EvaluateSpec;
 use std::ops::RangeInclusive;
 
-/// Sides of measured pictures, pixels: SSIM needs a window.
+/// Sides of measured pictures, pixels: SSIM needs room for its window.
 const SIDES: RangeInclusive<u32> = 16..=MAX_SIDE;
 /// Pictures of a trade-off measurement.
 const TRADEOFF_VIEWS: RangeInclusive<u32> = 0..=64;

@@ -1,11 +1,11 @@
 //! Orders to export.
 
-use super::{Fault, Faults, scene::RATES};
-use crate::{
-    exports::is_file_name,
-    pose_track::MAX_FRAMES,
-    v1::{Distillation, ExportForm, ExportMotion, ExportSpec, export_motion::Motion},
-};
+use super::scene::RATES;
+use super::{Fault, Faults};
+use crate::exports::is_file_name;
+use crate::pose_track::MAX_FRAMES;
+use crate::v1::export_motion::Motion;
+use crate::v1::{Distillation, ExportForm, ExportMotion, ExportSpec};
 use std::ops::RangeInclusive;
 
 /// Clips of one export.
@@ -58,7 +58,7 @@ pub fn faults(export: &ExportSpec) -> Vec<Fault> {
     found.0
 }
 
-/// What of motions a form has.
+/// The motions that a form contains.
 fn check_motions(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
     let count = export.motions.len();
     if form.is_still() {
@@ -110,7 +110,7 @@ fn check_motion(found: &mut Faults, at: &str, motion: &ExportMotion) {
         None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(capture)) => {
             let count = capture.frame_count as usize;
-            // With an end, the most that there could be.
+            // With an end, this is only an upper limit.
             let few = count <= MAX_FRAMES || capture.end_frame.is_some();
             found.unless(few, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_FRAMES} are allowed")

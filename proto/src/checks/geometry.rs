@@ -1,13 +1,9 @@
 //! Poses, cameras and motions of orders.
 
-use super::{
-    Faults,
-    scene::{MAX_PICTURES, SIDES},
-};
-use crate::{
-    pose_track::{MAX_JOINTS, Skeleton},
-    v1::{BodyPose, Camera, MotionClip, View},
-};
+use super::Faults;
+use super::scene::{MAX_PICTURES, SIDES};
+use crate::pose_track::{MAX_JOINTS, Skeleton};
+use crate::v1::{BodyPose, Camera, MotionClip, View};
 use std::fmt::Display;
 
 /// A number of either width.
@@ -46,7 +42,8 @@ impl Faults {
         self.numbers(&format!("{field}.extrinsics"), &camera.extrinsics, 16);
     }
 
-    /// The skeleton and the poses of a motion; their number is checked where it is known what it is for.
+    /// Checks the skeleton and the poses of a motion; their number is checked where the use of the motion is
+    /// known.
     pub(super) fn motion(&mut self, field: &str, clip: &MotionClip) {
         let message = clip.skeleton.clone().unwrap_or_default();
         let mut skeleton = match Skeleton::from_proto(message) {
@@ -54,7 +51,7 @@ impl Faults {
             Err(fault) => return self.add(&format!("{field}.{}", fault.field), fault.message),
         };
         let joints = skeleton.parents.len();
-        // A motion may come without bones: they are the person's.
+        // A motion may come without bones: the person's own are used.
         if skeleton.rest_joints.is_empty() {
             skeleton.rest_joints = vec![[0.0; 3]; joints];
         }

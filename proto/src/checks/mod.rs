@@ -1,8 +1,7 @@
-//! Checks of orders, each by itself: the service makes them before a job is queued, a worker before it
-//! begins, and a client may before it calls. What the catalogue must hold for an order is the service's to
-//! check.
+//! Checks of orders without the catalogue: the service runs them before it queues a job, a worker before it
+//! begins, and a client may before it calls. Only the service checks an order against the catalogue.
 //!
-//! Every check gives all faults it finds, with paths of fields that begin in the order's own message.
+//! Every check returns all faults, with field paths relative to the order's own message.
 
 pub mod evaluate;
 pub mod export;
@@ -11,9 +10,11 @@ pub mod render;
 pub mod scene;
 pub mod train;
 
-use crate::v1::{JobSpec, job_spec::Kind};
+use crate::v1::JobSpec;
+use crate::v1::job_spec::Kind;
 use prost::Message;
-use std::{fmt::Display, ops::RangeInclusive};
+use std::fmt::Display;
+use std::ops::RangeInclusive;
 
 /// Longest encoded order, bytes: a job must fit into a message beside its result.
 pub const SPEC_BYTES: usize = 8 << 20;
@@ -66,7 +67,7 @@ impl Faults {
         }
     }
 
-    /// `value` is in `range`, and so a number.
+    /// Checks that `value` is in `range`, and therefore not NaN.
     fn between<T: PartialOrd + Display>(
         &mut self,
         field: &str,
@@ -99,7 +100,8 @@ fn join(outer: &str, inner: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::v1::{RenderSpec, TrainSpec, View, ViewList, render_spec::What};
+    use crate::v1::render_spec::What;
+    use crate::v1::{RenderSpec, TrainSpec, View, ViewList};
 
     fn fields(spec: &JobSpec) -> Vec<String> {
         job(spec).into_iter().map(|fault| fault.field).collect()

@@ -1,13 +1,11 @@
 //! Orders to render.
 
 use super::{Fault, Faults, scene};
-use crate::{
-    render_needs::{model_of, other_models},
-    tiers,
-    v1::{
-        Between, Layer, RenderQuality, RenderSpec, Scene, render_quality::Want, render_spec::What,
-    },
-};
+use crate::render_needs::{model_of, other_models};
+use crate::tiers;
+use crate::v1::render_quality::Want;
+use crate::v1::render_spec::What;
+use crate::v1::{Between, Layer, RenderQuality, RenderSpec, Scene};
 use std::ops::RangeInclusive;
 
 /// Frame rates of an animation, per second; 0 leaves it to the worker.
@@ -62,8 +60,8 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
             found.motion("clip", clip);
         }
         What::Motion(motion) => {
-            // 0 means all remaining frames; the worker, which knows their number, limits them. With an end, it is
-            // the most that there could be.
+            // 0 means all remaining frames; the worker knows their number and limits it. With an end, this is
+            // only an upper limit.
             if motion.frame_count > 0 && motion.end_frame.is_none() {
                 found.count("motion.frame_count", motion.frame_count as usize);
             }
@@ -86,7 +84,7 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
     }
 }
 
-/// The models of a scene, of which one is the render's.
+/// Checks the models of a scene: at least one actor must use the render's.
 fn check_models(found: &mut Faults, render: &RenderSpec, scene: &Scene) {
     let mut models = scene.actors.iter().map(|actor| model_of(render, actor));
     let own = scene.actors.is_empty() || models.any(|model| model == render.model);
@@ -133,7 +131,7 @@ fn check_background(found: &mut Faults, render: &RenderSpec) {
     });
 }
 
-/// The goal for a frame, within valid ranges.
+/// Checks the ranges of the goal for each frame.
 fn check_quality(found: &mut Faults, quality: &RenderQuality) {
     let mut above_zero = |name: &str, value: f64| {
         let field = format!("quality.{name}");
@@ -197,9 +195,10 @@ fn check_layer(found: &mut Faults, render: &RenderSpec) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::v1::actor::Motion;
     use crate::v1::{
         Actor, BodyPose, Camera, CaptureMotion, Light, MotionClip, MotionTransfer, Orbit, Scene,
-        Skeleton, View, ViewList, actor::Motion,
+        Skeleton, View, ViewList,
     };
 
     fn with(what: What) -> RenderSpec {

@@ -2,10 +2,9 @@
 
 use super::{Fault, Faults};
 use crate::names::Collection;
-use crate::v1::{
-    Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, actor::Motion, light,
-    scene_camera::Path,
-};
+use crate::v1::actor::Motion;
+use crate::v1::scene_camera::Path;
+use crate::v1::{Actor, CameraKeys, Light, Scene, SceneCamera, SceneOrbit, light};
 use std::ops::RangeInclusive;
 
 /// Actors of a scene.
@@ -16,11 +15,11 @@ pub const MAX_PICTURES: u32 = 10_000;
 pub const MAX_SIDE: u32 = 4096;
 /// Sides of a picture, pixels.
 pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
-/// Vertical field of view where none is given, degrees.
+/// Default vertical field of view, degrees.
 pub const FOV: f64 = 35.0;
-/// Bytes of the picture behind a scene: with the rest of the request, they fit in one message.
+/// Bytes of the picture behind a scene: it must fit in one message with the rest of the request.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
-/// Farthest place from the middle of a scene, metres.
+/// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;
 /// Length of a scene, seconds.
 const LONGEST: f64 = 10_000.0;
@@ -78,7 +77,7 @@ impl Faults {
         }
     }
 
-    /// The end of a capture's motion at `field`, which begins with the frame `first`.
+    /// Checks the end of the capture motion at `field`, which begins with the frame `first`.
     pub(super) fn end_frame(&mut self, field: &str, first: Option<u32>, end: Option<u32>) {
         if let Some(end) = end {
             let first = first.unwrap_or_default();
@@ -89,11 +88,11 @@ impl Faults {
     }
 
     /// `N` numbers, none farther from 0 than [`FARTHEST`].
-    fn place<const N: usize>(&mut self, field: &str, place: &[f64]) {
+    fn position<const N: usize>(&mut self, field: &str, position: &[f64]) {
         let near = |value: &f64| value.abs() <= FARTHEST;
-        let good = place.len() == N && place.iter().all(near);
+        let good = position.len() == N && position.iter().all(near);
         self.unless(good, field, || {
-            format!("{place:?}: {N} numbers from -{FARTHEST} to {FARTHEST}, metres")
+            format!("{position:?}: {N} numbers from -{FARTHEST} to {FARTHEST}, metres")
         });
     }
 }
@@ -104,7 +103,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
         None => found.add(&field("motion"), "is missing"),
         Some(Motion::Capture(motion)) => {
             let count = motion.frame_count;
-            // With an end, the most that there could be.
+            // With an end, this is only an upper limit.
             let few = count <= MAX_PICTURES || motion.end_frame.is_some();
             found.unless(few, &field("capture.frame_count"), || {
                 format!("{count} frames: at most {MAX_PICTURES} are allowed")
@@ -122,7 +121,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
         }
     }
     if !actor.at.is_empty() {
-        found.place::<2>(&field("at"), &actor.at);
+        found.position::<2>(&field("at"), &actor.at);
     }
     if !actor.model.is_empty()
         && let Err(error) = Collection::Models.parse(&actor.model)
@@ -139,7 +138,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
     }
 }
 
-/// Checks the camera's path; whether it is a list of cameras.
+/// Checks the camera's path. Returns whether it is a list of cameras.
 fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
     let Some(SceneCamera { path }) = &scene.camera else {
         return false;
@@ -208,8 +207,8 @@ fn check_keys(found: &mut Faults, keys: &CameraKeys) {
             format!("{} is not after the key before", key.seconds)
         });
         last = Some(key.seconds);
-        found.place::<3>(&field("eye"), &key.eye);
-        found.place::<3>(&field("target"), &key.target);
+        found.position::<3>(&field("eye"), &key.eye);
+        found.position::<3>(&field("target"), &key.target);
         found.unless(key.eye != key.target, &field("target"), || {
             "is where the eye is".into()
         });

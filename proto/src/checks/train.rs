@@ -1,11 +1,9 @@
 //! Orders to train.
 
 use super::{Fault, Faults};
-use crate::{
-    pose_track::MAX_SIDE,
-    tiers::SPLATS,
-    v1::{ExposureLearning, PoseRefinement, TrainSpec},
-};
+use crate::pose_track::MAX_SIDE;
+use crate::tiers::SPLATS;
+use crate::v1::{ExposureLearning, PoseRefinement, TrainSpec};
 use std::ops::RangeInclusive;
 
 /// Longest training budget, seconds: 90 days. Anything longer is a unit error.
@@ -64,7 +62,7 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
     found.0
 }
 
-/// What a model of this `tier` lacks for an order to train it.
+/// Faults of an order to train a model of this `tier`.
 pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<Fault> {
     let mut found = Faults::default();
     let degree = train.harmonics.unwrap_or_default();

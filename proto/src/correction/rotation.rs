@@ -1,6 +1,6 @@
 //! Rotation of axis-angle rotations about the world's x axis.
 
-/// `p` turned by `degrees` about x.
+/// `p` rotated by `degrees` about x.
 pub(super) fn turned_about_x([x, y, z]: [f64; 3], degrees: f64) -> [f64; 3] {
     let (sin, cos) = degrees.to_radians().sin_cos();
     [x, cos * y - sin * z, sin * y + cos * z]

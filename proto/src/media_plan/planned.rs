@@ -12,7 +12,7 @@ pub struct Planned {
     pub track: PoseTrack,
     /// Index of each frame's mask: the frame's own, unless masks are shifted.
     pub masks: Vec<u32>,
-    /// What was unified or left out, for people.
+    /// Notes for people on what was unified or left out.
     pub notes: Vec<String>,
 }
 

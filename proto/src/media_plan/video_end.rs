@@ -1,7 +1,7 @@
 //! Poses beyond the end of a capture's video.
 //!
-//! Pose tools often write a pose more than the video has frames, or stop a little after it. A few
-//! such poses are left out; many of them mean that track and video don't belong together.
+//! Pose tools often write one pose more than the video has frames, or stop a little after its end. A few such
+//! poses are left out; many of them mean that track and video don't belong together.
 
 use super::{Planned, Timing};
 use crate::pose_track::violation;
@@ -21,12 +21,12 @@ pub struct VideoEnd {
     pub seconds: f64,
 }
 
-/// What a video shows.
+/// What the frames of a video are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shown {
-    /// The frames.
+pub enum VideoContent {
+    /// Pictures of the person.
     Images,
-    /// The frames' masks.
+    /// Masks of the person.
     Masks,
 }
 
@@ -51,15 +51,15 @@ impl Planned {
     pub fn end_with(
         &mut self,
         video: &str,
-        shows: Shown,
+        shows: VideoContent,
         end: VideoEnd,
         timing: Timing,
     ) -> Result<(), Violation> {
         let first = end.beyond(timing, self.track.fps);
         let frames = self.track.frames.iter();
         let indices: Vec<u32> = match shows {
-            Shown::Images => frames.map(|frame| frame.index).collect(),
-            Shown::Masks => self.masks.clone(),
+            VideoContent::Images => frames.map(|frame| frame.index).collect(),
+            VideoContent::Masks => self.masks.clone(),
         };
         let is_beyond = |index: u32| u64::from(index) >= first;
         let mut beyond = indices.iter().copied().filter(|&index| is_beyond(index));
@@ -82,10 +82,10 @@ impl Planned {
             return Err(violation("MISSING", video, Some(nearest), "", message));
         }
         let which = match (count, shows) {
-            (1, Shown::Images) => format!("the pose of frame {nearest} is"),
-            (1, Shown::Masks) => format!("the pose whose mask is frame {nearest} is"),
-            (_, Shown::Images) => format!("the poses of frames {nearest} to {farthest} are"),
-            (_, Shown::Masks) => {
+            (1, VideoContent::Images) => format!("the pose of frame {nearest} is"),
+            (1, VideoContent::Masks) => format!("the pose whose mask is frame {nearest} is"),
+            (_, VideoContent::Images) => format!("the poses of frames {nearest} to {farthest} are"),
+            (_, VideoContent::Masks) => {
                 format!("the poses whose masks are frames {nearest} to {farthest} are")
             }
         };
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::pose_track::{Frame, NO_DISTORTION, PoseTrack, Skeleton, describe};
 
-    /// Poses of the first `count` frames, 15 a second, the mask of each one frame later.
+    /// Poses of the first `count` frames, 15 per second; the mask of each is one frame later.
     fn planned(count: u32) -> Planned {
         let frame = |index| Frame {
             index,
@@ -142,7 +142,7 @@ mod tests {
     fn cut(
         poses: u32,
         frames: usize,
-        shows: Shown,
+        shows: VideoContent,
         timing: Timing,
     ) -> Result<(usize, Vec<String>), String> {
         let mut planned = planned(poses);
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_few_poses_beyond_the_end_are_left_out_and_told() {
-        let images = |poses, frames| cut(poses, frames, Shown::Images, Timing::Index);
+        let images = |poses, frames| cut(poses, frames, VideoContent::Images, Timing::Index);
         assert_eq!(images(300, 300), Ok((300, vec![])));
         assert_eq!(images(200, 300), Ok((200, vec![])));
         let told = "video.mp4 has 300 frames: the pose of frame 300 is left out";
@@ -166,14 +166,15 @@ mod tests {
         let told = "video.mp4 has 300 frames: the poses of frames 300 to 314 are left out";
         assert_eq!(images(315, 300), Ok((300, vec![told.into()])));
         assert_eq!(images(15, 10).map(|(left, _)| left), Ok(10));
-        let (left, notes) = cut(300, 300, Shown::Masks, Timing::Index).expect("one is missing");
+        let (left, notes) =
+            cut(300, 300, VideoContent::Masks, Timing::Index).expect("one is missing");
         let told = "video.mp4 has 300 frames: the pose whose mask is frame 300 is left out";
         assert_eq!((left, notes), (299, vec![told.into()]));
     }
 
     #[test]
     fn many_poses_beyond_the_end_are_an_error_with_both_counts() {
-        let images = |poses, frames| cut(poses, frames, Shown::Images, Timing::Index);
+        let images = |poses, frames| cut(poses, frames, VideoContent::Images, Timing::Index);
         for (poses, frames, beyond) in [(316, 300, 16), (16, 10, 6), (7, 3, 4)] {
             let said = images(poses, frames).expect_err("too many");
             let expected = format!(
@@ -187,15 +188,16 @@ mod tests {
         let mut late = planned(4);
         late.track.frames[3].index = 9;
         let fault = late
-            .end_with("video.mp4", Shown::Images, video(4), Timing::Index)
+            .end_with("video.mp4", VideoContent::Images, video(4), Timing::Index)
             .expect_err("frame 9 of 4");
         assert_eq!(fault.frame, Some(9));
     }
 
     #[test]
     fn by_time_the_last_frame_counts_for_half_a_pose_frame_more() {
-        let by_time = |poses, frames| cut(poses, frames, Shown::Images, Timing::Time);
-        // 60 frames at 30 a second end at 1.967 s, 29.5 poses at 15 a second: pose 30 is half a frame away.
+        let by_time = |poses, frames| cut(poses, frames, VideoContent::Images, Timing::Time);
+        // 60 frames at 30 per second end at 1.967 s, which is pose 29.5 at 15 per second: pose 30 is half a
+        // frame away.
         assert_eq!(by_time(31, 60).map(|(left, _)| left), Ok(31));
         let (left, notes) = by_time(33, 60).expect("two are missing");
         assert_eq!(left, 31, "{notes:?}");

@@ -45,7 +45,7 @@ pub(super) struct FileFrame {
     pub e: Option<[[f64; 4]; 4]>,
 }
 
-/// The word of other languages for a number that JSON lacks, at this place of a text, both counted
+/// The word of other languages for a number that JSON lacks, at this position of a text, both counted
 /// from 1.
 fn not_a_number(text: &[u8], line: usize, column: usize) -> Option<&'static str> {
     let line = text
@@ -137,10 +137,10 @@ impl FileTrack {
             // serde_json reads NaN and 1e999 as faults of syntax and range.
             match not_a_number(bytes, error.line(), error.column()) {
                 Some(found) => {
-                    let place = format!("line {} column {}", error.line(), error.column());
+                    let position = format!("line {} column {}", error.line(), error.column());
                     unreadable(
                         field,
-                        format!("{found} is not a number that JSON has ({place})"),
+                        format!("{found} is not a number that JSON has ({position})"),
                     )
                 }
                 None => unreadable(field, error.to_string()),

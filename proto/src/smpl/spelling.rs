@@ -1,9 +1,9 @@
 //! The spellings of SMPL's joints in files of other programs.
 //!
 //! One word may stand for several joints: a `LeftFoot` is the ankle for most animation programs and
-//! the foot for SMPL's own; only the place in the tree tells which.
+//! the foot for SMPL's own; only the position in the tree tells which.
 
-/// Beginnings that rigs put before every name.
+/// Prefixes that rigs put before every name.
 const RIGS: [&str; 6] = ["mixamorig", "bip001", "bip01", "mavg", "favg", "def"];
 
 /// A joint's side of the body.
@@ -14,7 +14,7 @@ enum Side {
     Middle,
 }
 
-/// Whether a joint called `name` may be the joint that [`JOINTS`](super::JOINTS) calls `joint`. Case,
+/// Whether a joint with this `name` may be the one that [`JOINTS`](super::JOINTS) calls `joint`. Case,
 /// separators, the prefix of a rig, and the form of the side (`l_`, `Left`, `.L`) don't matter.
 pub(super) fn may_be(name: &str, joint: &str) -> bool {
     let (side, part) = match joint.split_once('_') {

@@ -5,9 +5,9 @@ use super::JOINTS;
 use super::spelling::may_be;
 use crate::pose_track::{PoseTrack, Skeleton};
 
-/// Gives a track whose joint tree is SMPL's, under other names or in another order, the names and
-/// the order of [`JOINTS`]: skeleton and poses. Returns a note for people. A track that has them
-/// already, or whose tree or names are others, stays as it is, and `None` is returned.
+/// Renames and reorders the joints of a track with SMPL's joint tree, in its skeleton and poses, to the names
+/// and order of [`JOINTS`]. Returns a note for people. A track that has these already, or has another tree or
+/// unknown names, is not changed, and the result is `None`.
 ///
 /// The track must be valid.
 pub fn unify(track: &mut PoseTrack) -> Option<String> {
@@ -15,16 +15,19 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
     if skeleton.parents.len() != JOINTS.len() || is_canonical(skeleton) {
         return None;
     }
-    let mut places = [0; JOINTS.len()];
-    if !matched(skeleton, 0, 0, &mut places) {
+    let mut indices = [0; JOINTS.len()];
+    if !matched(skeleton, 0, 0, &mut indices) {
         return None;
     }
-    let reordered = places.iter().enumerate().any(|(at, place)| at != *place);
-    let other = |&(at, place): &(usize, usize)| {
-        let (name, (own, _)) = (skeleton.names.get(place), JOINTS.get(at)?);
+    let reordered = indices
+        .iter()
+        .enumerate()
+        .any(|(joint, index)| joint != *index);
+    let other = |&(joint, index): &(usize, usize)| {
+        let (name, (own, _)) = (skeleton.names.get(index), JOINTS.get(joint)?);
         name.filter(|name| name != own).map(|name| (own, name))
     };
-    let renamed: Vec<_> = places
+    let renamed: Vec<_> = indices
         .into_iter()
         .enumerate()
         .filter_map(|it| other(&it))
@@ -38,9 +41,9 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
     });
     let order = reordered.then(|| "the joints are in SMPL's order now".to_owned());
     let said: Vec<String> = names.into_iter().chain(order).collect();
-    let rest_joints = places
+    let rest_joints = indices
         .iter()
-        .filter_map(|&place| skeleton.rest_joints.get(place));
+        .filter_map(|&index| skeleton.rest_joints.get(index));
     let rest_joints = rest_joints.copied().collect();
     let parent = |parent: Option<usize>| parent.map_or(-1, |parent| parent as i32);
     track.skeleton = Skeleton {
@@ -50,7 +53,7 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
     };
     for frame in &mut track.frames {
         let joints = frame.pose.as_chunks::<3>().0;
-        let pose = places.iter().filter_map(|&place| joints.get(place));
+        let pose = indices.iter().filter_map(|&index| joints.get(index));
         frame.pose = pose.flatten().copied().collect();
     }
     Some(format!(
@@ -67,25 +70,25 @@ fn is_canonical(skeleton: &Skeleton) -> bool {
     })
 }
 
-/// Whether the skeleton's joint `place`, with all below it, may be SMPL's `joint`, with all below
-/// that. Writes the place of each of them to `places`.
+/// Whether the skeleton's joint `index` and all joints below it may be SMPL's `joint` and all joints below that.
+/// Writes the skeleton's index of each SMPL joint to `indices`.
 fn matched(
     skeleton: &Skeleton,
-    place: usize,
+    index: usize,
     joint: usize,
-    places: &mut [usize; JOINTS.len()],
+    indices: &mut [usize; JOINTS.len()],
 ) -> bool {
     let (Some(name), Some((own, _)), Some(to)) = (
-        skeleton.names.get(place),
+        skeleton.names.get(index),
         JOINTS.get(joint),
-        places.get_mut(joint),
+        indices.get_mut(joint),
     ) else {
         return false;
     };
     if !may_be(name, own) {
         return false;
     }
-    *to = place;
+    *to = index;
     let below: Vec<usize> = (0..JOINTS.len())
         .filter(|&it| {
             JOINTS
@@ -94,14 +97,14 @@ fn matched(
         })
         .collect();
     let mut found: Vec<usize> = (0..skeleton.parents.len())
-        .filter(|&it| skeleton.parents.get(it).copied() == i32::try_from(place).ok())
+        .filter(|&it| skeleton.parents.get(it).copied() == i32::try_from(index).ok())
         .collect();
-    // No word stands for two joints below one, so the first that fits is the only one.
+    // No word stands for two children of the same joint, so the first match is the only one.
     below.len() == found.len()
         && below.into_iter().all(|joint| {
             let fits = found
                 .iter()
-                .position(|&it| matched(skeleton, it, joint, places));
+                .position(|&it| matched(skeleton, it, joint, indices));
             fits.map(|at| found.swap_remove(at)).is_some()
         })
 }
@@ -137,16 +140,16 @@ mod tests {
         "mixamorig:LeftHandMiddle1",
         "mixamorig:RightHandMiddle1",
     ];
-    /// SMPL's joints by their place in a file that goes down each limb before the next.
+    /// SMPL's joints by their index in a file that goes down each limb before the next.
     const DEPTH_FIRST: [usize; 24] = [
         0, 3, 6, 9, 14, 17, 19, 21, 23, 13, 16, 18, 20, 22, 12, 15, 2, 5, 8, 11, 1, 4, 7, 10,
     ];
 
     /// SMPL's joints in `order`, called `name`; the numbers tell the joint.
     fn track(order: &[usize], name: impl Fn(usize) -> String) -> PoseTrack {
-        let place = |joint| order.iter().position(|it| *it == joint);
+        let index = |joint| order.iter().position(|it| *it == joint);
         let parent = |&joint: &usize| match JOINTS[joint].1 {
-            Some(above) => place(above).expect("is in the order") as i32,
+            Some(above) => index(above).expect("is in the order") as i32,
             None => -1,
         };
         let rest = |&joint: &usize| [joint as f64, 0.0, 1.0];

@@ -1,15 +1,11 @@
 //! Checks of single request fields.
 
-use crate::{
-    error::RequestError,
-    store::{JobKind, NewJob, RequestKey},
-};
+use crate::error::RequestError;
+use crate::store::{JobKind, NewJob, RequestKey};
 use prost::Message;
-use yoto_proto::{
-    limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES},
-    names::Collection,
-    v1::{JobPriority, JobSpec},
-};
+use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{JobPriority, JobSpec};
 
 /// The id in a resource name.
 pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {
@@ -42,7 +38,7 @@ pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestEr
     Ok(text.to_owned())
 }
 
-/// Kinds of jobs. An unknown one would match no job.
+/// Kinds of jobs. An unknown kind is refused: it would match no job.
 pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
     let known = |number: &i32| job_kind(field, *number);
     numbers.iter().map(known).collect()

@@ -1,27 +1,26 @@
 //! `yoto.v1.JobService`.
 
 use super::{fields, paging};
-use crate::{
-    context::Context,
-    error::RequestError,
-    jobs::{queue, watch},
-    store::{JobFilter, Target},
-};
-use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::jobs::{queue, watch};
+use crate::store::{JobFilter, Target};
+use futures::stream::BoxStream;
+use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits::REASON_CHARACTERS,
-    names::Collection,
-    v1::{
-        CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
-        ListJobsRequest, ListJobsResponse, PauseJobsRequest, PauseJobsResponse, ResumeJobsRequest,
-        ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job, job_service_server::JobService,
-    },
+use yoto_proto::limits::REASON_CHARACTERS;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job_service_server::JobService;
+use yoto_proto::v1::{
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
+    ListJobsRequest, ListJobsResponse, PauseJobsRequest, PauseJobsResponse, ResumeJobsRequest,
+    ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job,
 };
 
-/// The states with these numbers. An unknown one would match no job, and so look like an empty queue.
+/// The states with these numbers. An unknown number is refused: it would match no job, and look like an empty
+/// queue.
 fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
     let known = |number: &i32| {
         let state = job::State::try_from(*number).ok();

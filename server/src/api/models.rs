@@ -1,37 +1,31 @@
 //! `yoto.v1.ModelService`.
 
 use super::{fields, paging};
-use crate::{
-    checkpoints::best::best_first,
-    context::Context,
-    error::RequestError,
-    store::{NewModel, Target},
-};
-use futures::{
-    StreamExt,
-    stream::{self, BoxStream},
-};
+use crate::checkpoints::best::best_first;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{NewModel, Target};
+use futures::StreamExt;
+use futures::stream::{self, BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits::CHUNK_BYTES,
-    manifest::{Manifest, files},
-    names::{self, Collection},
-    tiers,
-    v1::{
-        AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
-        DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
-        GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
-        ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
-        RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
-        model_service_server::ModelService,
-    },
+use yoto_proto::limits::CHUNK_BYTES;
+use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::tiers;
+use yoto_proto::v1::model_service_server::ModelService;
+use yoto_proto::v1::{
+    AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
+    GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
+    ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
+    RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
 };
 
 /// The field of a model that can be changed.
 const RETENTION: &str = "retention";
 
-/// Which checkpoints to keep, if it is possible: without the newest one no training could go on.
+/// The checked retention: without the newest checkpoint no training could resume.
 fn retention(field: &str, wanted: Option<Retention>) -> Result<Retention, RequestError> {
     let wanted = wanted.unwrap_or_default();
     if wanted.newest == Some(0) {
@@ -73,7 +67,7 @@ impl ModelService for ModelApi {
         let request = request.into_inner();
         let key = fields::request_key("CreateModel", &request.request_id, &request)?;
         let store = &self.context.store;
-        // Before every check: what was accepted once is accepted again.
+        // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
             .answered(key.as_ref())
             .await
@@ -280,11 +274,11 @@ impl ModelService for ModelApi {
 }
 
 impl ModelApi {
-    /// The `file` of the first of `checkpoints` that is whole, as far as it is read; the inner one is
-    /// `None` if that has no such file, the outer one if there is no checkpoint.
+    /// Reads `file` of the first undamaged checkpoint. The inner option is `None` if that checkpoint has no
+    /// such file, the outer one if there is no checkpoint.
     ///
     /// # Errors
-    /// That of the last one when all are damaged; when the store fails.
+    /// The error of the last checkpoint when all are damaged; another error when the store fails.
     async fn first_whole(
         &self,
         checkpoints: Vec<Checkpoint>,
@@ -307,7 +301,7 @@ impl ModelApi {
         last.map_or(Ok(None), Err)
     }
 
-    /// A file of a checkpoint, if it has it.
+    /// A file of a checkpoint; `None` if it has no such file.
     async fn file(
         &self,
         checkpoint: &Checkpoint,

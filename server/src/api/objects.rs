@@ -1,23 +1,23 @@
 //! `yoto.v1.ObjectService`.
 
 use super::{fields, paging};
-use crate::{context::Context, error::RequestError};
-use futures::{StreamExt, TryStreamExt, stream::BoxStream};
+use crate::context::Context;
+use crate::error::RequestError;
+use futures::stream::BoxStream;
+use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    manifest::{Manifest, files},
-    names::{self, Collection},
-    v1::{
-        DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
-        ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
-        object_service_server::ObjectService,
-    },
+use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::v1::object_service_server::ObjectService;
+use yoto_proto::v1::{
+    DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
+    ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
 };
 
 /// File of a measured trade-off.
 const TRADEOFF: &str = "tradeoff.json";
-/// Files of a page that asks for no other number.
+/// Files per page if the request does not say.
 const MAX_PAGE: i32 = 1000;
 
 /// Files that jobs have written.
@@ -98,7 +98,7 @@ impl ObjectService for ObjectApi {
 }
 
 impl ObjectApi {
-    /// The files of `parent`, which `field` of the request names.
+    /// The files of `parent`; `field` is the path of its name in the request.
     async fn objects(
         &self,
         field: &str,
@@ -150,7 +150,7 @@ impl ObjectApi {
     }
 }
 
-/// The files of a job that has ended; those of a render or an export that goes on are committed one by one.
+/// The files of an ended job, or those that a running render or export has committed so far.
 fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
     if job.state() != job::State::Succeeded {
         let message = format!("{} is {}", job.name, job.state().as_str_name());

@@ -1,14 +1,10 @@
 //! Pages of lists: sizes, opaque tokens, and a limit on a page's bytes.
 
-use crate::{
-    error::RequestError,
-    store::{Entry, Page},
-};
+use crate::error::RequestError;
+use crate::store::{Entry, Page};
 use prost::Message;
-use yoto_proto::{
-    hex,
-    limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES, PAGE_ENTRIES},
-};
+use yoto_proto::hex;
+use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES, PAGE_ENTRIES};
 
 /// The page of a list call.
 pub struct Request {
@@ -44,7 +40,7 @@ impl Request {
         }
     }
 
-    /// Entries of a list that is read as a whole, from this page on.
+    /// Entries from this page on, of a list that is read as a whole.
     pub fn of_all<T>(&self, all: Vec<T>) -> Vec<Entry<T>> {
         let entries = (1_i64..).zip(all);
         let entries = entries.map(|(position, item)| Entry { position, item });

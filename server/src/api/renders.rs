@@ -1,12 +1,12 @@
 //! `yoto.v1.RenderService`.
 
 use super::fields;
-use crate::{context::Context, jobs::queue};
+use crate::context::Context;
+use crate::jobs::queue;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::v1::{
-    CreateRenderRequest, Job, JobSpec, job_spec, render_service_server::RenderService,
-};
+use yoto_proto::v1::render_service_server::RenderService;
+use yoto_proto::v1::{CreateRenderRequest, Job, JobSpec, job_spec};
 
 /// Requests for pictures.
 pub struct RenderApi {

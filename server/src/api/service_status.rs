@@ -1,15 +1,16 @@
 //! `yoto.v1.StatusService`.
 
 use super::paging;
-use crate::{context::Context, error::RequestError};
-use std::{collections::HashMap, sync::Arc, time::SystemTime};
+use crate::context::Context;
+use crate::error::RequestError;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::SystemTime;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceStatus, WorkerStatus,
-        status_service_server::StatusService,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::status_service_server::StatusService;
+use yoto_proto::v1::{
+    GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceStatus, WorkerStatus,
 };
 
 /// The state of the service as a whole.

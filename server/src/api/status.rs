@@ -1,9 +1,10 @@
 //! Errors as clients see them: a gRPC code with `google.rpc` details.
 //!
-//! Faults of a request are reported in full. Internal errors are logged here, once, and not
-//! reported: internal details help attackers, not callers.
+//! Faults of a request are reported in full. Internal errors are logged here, once, and not reported: their
+//! details would help attackers, not callers.
 
-use crate::{error::RequestError, store::StoreError};
+use crate::error::RequestError;
+use crate::store::StoreError;
 use std::collections::HashMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
@@ -83,7 +84,7 @@ fn invalid(text: String, field: String, message: String) -> Status {
     Status::with_error_details(Code::InvalidArgument, text, details)
 }
 
-/// An object that is not what the catalogue says. Its key is for the operator alone.
+/// An object that differs from its entry in the catalogue. Only the operator sees its key, in the log.
 fn altered(error: &ObjectsError) -> Status {
     tracing::error!(%error, "a stored object is missing or altered");
     let text = "a stored object is missing or altered; see the coordinator's log".to_owned();

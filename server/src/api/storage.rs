@@ -1,18 +1,12 @@
 //! `yoto.v1.StorageService`.
 
-use crate::{
-    context::Context,
-    objects::collect::{self, Found},
-};
+use crate::context::Context;
+use crate::objects::collect::{self, Garbage};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits::LONGEST_PAGE_ENTRIES,
-    v1::{
-        CollectGarbageRequest, CollectGarbageResponse, GarbageFolder,
-        storage_service_server::StorageService,
-    },
-};
+use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
+use yoto_proto::v1::storage_service_server::StorageService;
+use yoto_proto::v1::{CollectGarbageRequest, CollectGarbageResponse, GarbageFolder};
 
 /// The object store, for operators.
 pub struct StorageApi {
@@ -30,7 +24,7 @@ impl StorageService for StorageApi {
         let options = collect::Options { dry_run, now };
         let mut found = collect::collect(&self.context, options).await?;
         found.sort_by_key(|it| std::cmp::Reverse(it.folder.bytes));
-        let bytes = |it: &Found| it.folder.bytes;
+        let bytes = |it: &Garbage| it.folder.bytes;
         let grace = self.context.config.storage.grace;
         Ok(Response::new(CollectGarbageResponse {
             count: found.len() as u64,
@@ -46,7 +40,7 @@ impl StorageService for StorageApi {
     }
 }
 
-fn listed(found: Found) -> GarbageFolder {
+fn listed(found: Garbage) -> GarbageFolder {
     GarbageFolder {
         key: found.folder.key,
         files: found.folder.files,

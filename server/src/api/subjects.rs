@@ -1,22 +1,19 @@
 //! `yoto.v1.SubjectService`.
 
 use super::{fields, paging};
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{NewSubject, Target},
-    uploads,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{NewSubject, Target};
+use crate::uploads;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    limits,
-    names::Collection,
-    v1::{
-        Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-        GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest,
-        ListSubjectsResponse, Subject, subject_service_server::SubjectService,
-    },
+use yoto_proto::limits;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::subject_service_server::SubjectService;
+use yoto_proto::v1::{
+    Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
+    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest,
+    ListSubjectsResponse, Subject,
 };
 
 /// People, and the captures of them.
@@ -34,7 +31,7 @@ impl SubjectService for SubjectApi {
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
         let store = &self.context.store;
-        // Before every check: what was accepted once is accepted again.
+        // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
             .answered(key.as_ref())
             .await

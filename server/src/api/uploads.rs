@@ -1,18 +1,15 @@
 //! `yoto.v1.UploadService`.
 
 use super::fields;
-use crate::{
-    context::Context,
-    uploads::{self, describe},
-};
+use crate::context::Context;
+use crate::uploads::{self, describe};
 use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        Capture, CreateUploadRequest, FinishUploadRequest, GetUploadRequest, Upload,
-        WriteUploadRequest, WriteUploadResponse, upload_service_server::UploadService,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::upload_service_server::UploadService;
+use yoto_proto::v1::{
+    Capture, CreateUploadRequest, FinishUploadRequest, GetUploadRequest, Upload,
+    WriteUploadRequest, WriteUploadResponse,
 };
 
 /// Captures on their way into the service.

@@ -1,9 +1,7 @@
 //! Texts of workers, cut to what a database and a reader can use: a worker is not trusted to be brief.
 
-use yoto_proto::{
-    limits::{VIOLATIONS, WORKER_TEXT_BYTES, beginning},
-    v1::{JobError, WorkerDevice},
-};
+use yoto_proto::limits::{VIOLATIONS, WORKER_TEXT_BYTES, beginning};
+use yoto_proto::v1::{JobError, WorkerDevice};
 
 fn cut(text: &mut String) {
     text.truncate(beginning(text, WORKER_TEXT_BYTES).len());

@@ -1,31 +1,28 @@
 //! `yoto.v1.WorkerService`.
 
 use super::{fields, worker_text};
-use crate::{
-    context::Context,
-    error::RequestError,
-    jobs::{lease, report},
-    store::{Ending, LeaseKey, NewWorker},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::jobs::{lease, report};
+use crate::store::{Ending, LeaseKey, NewWorker};
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
-        HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
-        PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
-        RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, end_job_request::Outcome,
-        worker_service_server::WorkerService,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::worker_service_server::WorkerService;
+use yoto_proto::v1::{
+    Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
+    HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
+    PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
+    RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
 };
 
 /// The workers' side of the coordinator.
 pub struct WorkerApi {
     /// The shared parts.
     pub context: Arc<Context>,
-    /// Once cancelled, there are no new leases; running jobs may still report.
+    /// Once cancelled, no new leases are given; running jobs may still report.
     pub drain: CancellationToken,
 }
 
@@ -38,7 +35,7 @@ fn lease_key(claim: Option<Claim>) -> Result<LeaseKey, RequestError> {
     })
 }
 
-/// The end that a worker reports. An error has a code, by which people can look it up.
+/// The outcome that a worker reports. An error must have a code, so that people can look it up.
 fn ending(outcome: Option<Outcome>) -> Result<Ending, RequestError> {
     let coded = |field: &str, error: JobError| {
         if error.code.is_empty() {

@@ -2,14 +2,14 @@
 
 use yoto_proto::v1::Checkpoint;
 
-/// By how much a checkpoint must be better than a newer one, dB: a few held-out frames measure no more
-/// exactly.
+/// Difference by which a checkpoint must be better than a newer one, dB: a few held-out frames do not measure
+/// more exactly.
 const CLEARLY: f64 = 0.1;
 
-/// `checkpoints`, newest first, in the order in which they should be used: the best one by held-out
-/// PSNR among those that learned from the same captures of the same people at the same size as the
-/// newest, and of nearly equal ones the newest; then the others, newest first, in case it is damaged.
-/// Training on can lose quality, and the PSNR on other pictures says nothing.
+/// Sorts `checkpoints`, which come newest first, into the order in which they should be used. First comes the
+/// one with the best held-out PSNR among those trained on the same captures of the same people at the same size
+/// as the newest; among nearly equal ones, the newest. Then come the others, newest first, in case the first is
+/// damaged. More training can lose quality, and PSNR values on different pictures can't be compared.
 pub fn best_first(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     if let Some(best) = best(&checkpoints) {
         let best = checkpoints.remove(best);
@@ -18,8 +18,8 @@ pub fn best_first(mut checkpoints: Vec<Checkpoint>) -> Vec<Checkpoint> {
     checkpoints
 }
 
-/// The checkpoints to load for a render or an evaluation, the first one first: the one called `wanted`,
-/// or all of them if it is empty; of these those with a measured trade-off where one is needed.
+/// The checkpoints to try for a render or an evaluation, in this order: the one with the name `wanted`, or all
+/// of them if that is empty; only those with a measured trade-off where one is needed.
 pub fn to_use(mut all: Vec<Checkpoint>, wanted: &str, tradeoff: bool) -> Vec<Checkpoint> {
     if wanted.is_empty() {
         all = best_first(all);
@@ -31,13 +31,13 @@ pub fn to_use(mut all: Vec<Checkpoint>, wanted: &str, tradeoff: bool) -> Vec<Che
     all
 }
 
-/// Whether two checkpoints learned from the same captures of the same people at the same size, so that
-/// their figures can be compared.
+/// Whether two checkpoints were trained on the same captures of the same people at the same size, so that their
+/// figures can be compared.
 pub fn alike(a: &Checkpoint, b: &Checkpoint) -> bool {
     (&a.slots, a.image_size, &a.shards) == (&b.slots, b.image_size, &b.shards)
 }
 
-/// Place of the best one; `None` without any.
+/// Index of the best one; `None` without any.
 fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     let newest = checkpoints.first()?;
     // An earlier version's checkpoint does not say what it can be compared with.
@@ -46,14 +46,14 @@ fn best(checkpoints: &[Checkpoint]) -> Option<usize> {
     }
     let measured = checkpoints.iter().enumerate();
     let measured = measured.filter(|(_, it)| alike(it, newest));
-    let measured = measured.filter_map(|(place, it)| Some((place, it.psnr?)));
+    let measured = measured.filter_map(|(index, it)| Some((index, it.psnr?)));
     let measured: Vec<(usize, f64)> = measured.collect();
     let best = measured
         .iter()
         .map(|(_, psnr)| *psnr)
         .fold(f64::MIN, f64::max);
     let nearly = |(_, psnr): &&(usize, f64)| *psnr > best - CLEARLY;
-    Some(measured.iter().find(nearly).map_or(0, |(place, _)| *place))
+    Some(measured.iter().find(nearly).map_or(0, |(index, _)| *index))
 }
 
 #[cfg(test)]

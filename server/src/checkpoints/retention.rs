@@ -1,7 +1,7 @@
 //! Which checkpoints a model keeps, and why.
 //!
-//! A training saves every half a minute; nobody needs all of that for long. What is kept serves to go on
-//! (the newest), to render (the best) and to look back (every so many-th).
+//! A training saves every half a minute, more than is needed for long. The newest checkpoints are kept to
+//! resume from, the best to render with, and every n-th to look back.
 
 use super::best::{alike, best_first};
 use std::collections::HashMap;
@@ -12,7 +12,7 @@ use yoto_proto::v1::Checkpoint;
 pub struct Retention {
     /// The newest ones, at least 1.
     pub newest: u32,
-    /// Every so many-th that was published; 0: none of them.
+    /// Keeps every n-th published checkpoint; 0: keeps none for this reason.
     pub every: u32,
 }
 
@@ -21,29 +21,29 @@ pub struct Retention {
 pub struct Published {
     /// The entry.
     pub checkpoint: Checkpoint,
-    /// It was the so many-th that was published of its model, counted from 1.
+    /// Its number among the published checkpoints of its model, from 1.
     pub number: u64,
 }
 
-/// The open jobs that use checkpoints of a model.
+/// The open jobs that use checkpoints of a model, so that these must stay.
 #[derive(Debug, Clone, Default)]
 pub struct Pins {
     /// A job, `jobs/{id}`, for each step that is in use.
     pub steps: HashMap<u64, String>,
-    /// A job of an earlier version, which does not say which one it uses: it holds all.
+    /// A job of an earlier version, which does not say which checkpoint it uses: it keeps all of them.
     pub all: Option<String>,
 }
 
-/// Why each of `published` (all of a model, newest first) is kept, for people; nothing for those to
-/// remove.
+/// The reasons, for people, to keep each of the `published` checkpoints (all of a model, newest first). A
+/// checkpoint without reasons is to be removed.
 pub fn reasons(published: &[Published], rule: Retention, pins: &Pins) -> Vec<Vec<String>> {
     let (best, highest) = best_of_each_kind(published);
     let last = newest_numbers(published, rule.newest);
     let mut reasons = Vec::with_capacity(published.len());
-    for (place, it) in published.iter().enumerate() {
+    for (index, it) in published.iter().enumerate() {
         let mut why = Vec::new();
         // A training that resumed from an earlier step publishes steps below the highest.
-        if place < rule.newest as usize || last.contains(&it.number) {
+        if index < rule.newest as usize || last.contains(&it.number) {
             why.push(match rule.newest {
                 1 => "newest".to_owned(),
                 newest => format!("newest {newest}"),
@@ -64,16 +64,17 @@ pub fn reasons(published: &[Published], rule: Retention, pins: &Pins) -> Vec<Vec
     reasons
 }
 
-/// Steps of the best checkpoints, one for each set that can be compared: what a model knew before another
-/// person joined stays available. And steps of those with the highest PSNR: of nearly equal ones the
-/// newest is the best, and so the best could fall little by little if nothing was kept to compare with.
+/// Steps of the best checkpoints, one for each set that can be compared, so that the state before another
+/// person joined stays available. Also the steps with the highest PSNR: among nearly equal checkpoints the
+/// newest counts as the best, so the best could get worse little by little if the highest was not kept to
+/// compare with.
 fn best_of_each_kind(published: &[Published]) -> (Vec<u64>, Vec<u64>) {
     let mut rest: Vec<Checkpoint> = published.iter().map(|it| it.checkpoint.clone()).collect();
     let (mut best, mut highest) = (Vec::new(), Vec::new());
     while let Some(newest) = rest.first().cloned() {
         let (kind, others): (Vec<_>, Vec<_>) = rest.into_iter().partition(|it| alike(it, &newest));
         let measured = kind.iter().filter_map(|it| Some((it.psnr?, it.step)));
-        // Of equal ones the last is taken, which is the newest.
+        // `max_by` takes the last of equal ones, here the newest.
         let top = measured.rev().max_by(|(a, _), (b, _)| a.total_cmp(b));
         highest.extend(top.map(|(_, step)| step));
         best.extend(best_first(kind).first().map(|it| it.step));
@@ -123,7 +124,7 @@ mod tests {
         Published { checkpoint, number }
     }
 
-    /// 25 checkpoints of rising quality but for step 60, newest first.
+    /// 25 checkpoints of rising quality, except for step 60, newest first.
     fn history() -> Vec<Published> {
         let psnr = |number| {
             if number == 6 {

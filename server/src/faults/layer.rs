@@ -1,20 +1,16 @@
-//! Delivers calls as [`Faults`] say.
+//! Delivers calls as the [`Faults`] decide.
 
 use super::{CURRENT, Current, Delivery, Faults, Moment, reached};
 use futures::future::BoxFuture;
 use http_body_util::{BodyExt, Full};
 use prost::Message;
 use prost_types::FileDescriptorSet;
-use std::{
-    collections::HashSet,
-    sync::Arc,
-    task::{Context, Poll},
-};
-use tonic::{
-    Status,
-    body::Body,
-    codegen::http::{Request, Response},
-};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::http::{Request, Response};
 use tower::{Layer, Service};
 
 /// Wraps the services of a coordinator.
@@ -93,7 +89,7 @@ where
         let name = path.rsplit('/').next().unwrap_or_default().to_owned();
         let faults = Arc::clone(&self.layer.faults);
         let delivery = faults.delivery(&name);
-        // Only this service was polled until it was ready, not its clone.
+        // Only this service was polled until it was ready; its clone was not.
         let spare = self.inner.clone();
         let inner = std::mem::replace(&mut self.inner, spare);
         let call = Current { name, faults };
@@ -101,8 +97,8 @@ where
     }
 }
 
-/// Has `inner` serve the request as often as it is delivered, and drops all answers but the last. A late copy comes
-/// when the caller may have gone on to other calls.
+/// Calls `inner` once for each delivery, and drops all answers but the last. A late copy arrives when the
+/// caller may have made other calls already.
 async fn deliver<S>(
     mut inner: S,
     request: Request<Body>,

@@ -1,14 +1,16 @@
-//! Faults on purpose, for tests that break a running service: ends of the process at chosen moments of a
-//! call, calls that arrive several times, answers that get lost.
+//! Injected faults, for tests that break a running service: the process ends at chosen moments of a call, calls
+//! arrive several times, answers get lost.
 //!
-//! A coordinator without [`crate::ServerConfig::faults`] has no layer around its calls, and its commits ask
-//! one empty variable of their task.
+//! A coordinator without [`crate::ServerConfig::faults`] has no layer around its calls, and its commits only
+//! look at an empty task-local variable.
 
 mod layer;
 
 pub(crate) use layer::FaultLayer;
 
-use std::{fmt::Debug, sync::Arc, time::Duration};
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// A moment of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,14 +28,14 @@ pub enum Moment {
 pub struct Delivery {
     /// Number of times, at least 1, one after another.
     pub times: u32,
-    /// Time from the answer to the arrival of one more copy, which nobody waits for.
+    /// Time from the answer until one more copy arrives, whose answer is dropped.
     pub late: Option<Duration>,
-    /// Whether the caller gets the last answer; else UNAVAILABLE.
+    /// Whether the caller gets the last answer; otherwise it gets UNAVAILABLE.
     pub answered: bool,
 }
 
 impl Delivery {
-    /// As without faults.
+    /// One delivery, as without faults.
     pub const ONCE: Self = Self {
         times: 1,
         late: None,
@@ -64,6 +66,6 @@ tokio::task_local! {
 
 /// Tells the faults of this task's call, if there are any, about a moment.
 pub(crate) fn reached(moment: Moment) {
-    // Without faults, and outside of calls, there is nobody to tell.
+    // Without faults, and outside of calls, nothing is set.
     let _ = CURRENT.try_with(|call| call.faults.reached(&call.name, moment));
 }

@@ -4,21 +4,21 @@
 //! process) only delays its watchers.
 
 use crate::context::Context;
-use std::{
-    collections::{HashMap, hash_map::Entry},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, watch};
-use yoto_proto::{names::Collection, v1::Job};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::Job;
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]
-pub enum Seen {
+pub enum WatchedState {
     /// It was not read yet.
     Nothing,
     /// Its newest state.
     Job(Arc<Job>),
-    /// It can't be read: each watcher asks for the reason by itself.
+    /// It can't be read: each watcher reads it again to get the reason.
     Unreadable,
 }
 
@@ -26,7 +26,7 @@ pub enum Seen {
 #[derive(Debug)]
 struct Watched {
     changed: Arc<Notify>,
-    seen: watch::Sender<Seen>,
+    seen: watch::Sender<WatchedState>,
 }
 
 /// The watched jobs, by `jobs/{id}`.
@@ -49,12 +49,15 @@ impl JobChanges {
 }
 
 /// The states of the job with this id, from now on.
-pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<Seen> {
+pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedState> {
     let mut watched = context.changes.lock();
     match watched.entry(Collection::Jobs.name(id)) {
         Entry::Occupied(entry) => entry.get().seen.subscribe(),
         Entry::Vacant(entry) => {
-            let (seen, changed) = (watch::Sender::new(Seen::Nothing), Arc::<Notify>::default());
+            let (seen, changed) = (
+                watch::Sender::new(WatchedState::Nothing),
+                Arc::<Notify>::default(),
+            );
             let receiver = seen.subscribe();
             tokio::spawn(follow(context.clone(), id.to_owned(), changed.clone()));
             entry.insert(Watched { changed, seen });
@@ -68,8 +71,8 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
         let seen = match context.store.job(&id).await {
-            Ok(job) => Seen::Job(Arc::new(job)),
-            Err(_) => Seen::Unreadable,
+            Ok(job) => WatchedState::Job(Arc::new(job)),
+            Err(_) => WatchedState::Unreadable,
         };
         if !told(&context.changes, &name, seen) {
             return;
@@ -82,9 +85,8 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     }
 }
 
-/// Tells the watchers of a job what they do not know yet. Returns false once nobody watches it; the job is
-/// then forgotten here.
-fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
+/// Sends a changed state to the watchers of a job. Returns false, and forgets the job, once nobody watches it.
+fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {
         return false;
@@ -95,7 +97,7 @@ fn told(changes: &JobChanges, name: &str, seen: Seen) -> bool {
     }
     watched.seen.send_if_modified(|last| {
         let news = match (&*last, &seen) {
-            (Seen::Job(last), Seen::Job(job)) => last.sequence != job.sequence,
+            (WatchedState::Job(last), WatchedState::Job(job)) => last.sequence != job.sequence,
             _ => true,
         };
         if news {

@@ -1,10 +1,8 @@
 //! Hands queued jobs to workers.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{LeasedJob, NewWorker},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{LeasedJob, NewWorker};
 use std::time::SystemTime;
 use yoto_proto::v1::Lease;
 
@@ -25,9 +23,9 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
     Ok(id)
 }
 
-/// Leases the job whose turn it is at the worker, with its inputs, if there is one; otherwise a part of a
-/// running render, if the worker may `help`. A repeated
-/// `request_id` finds its lease again. A job whose inputs can't be found FAILS.
+/// Leases the first queued job that the worker may run, with its inputs. If there is none, and `help` is set,
+/// leases a part of a running render. A repeated `request_id` gets the same lease again. A job whose inputs
+/// can't be found FAILS.
 ///
 /// # Errors
 /// When the worker is unknown or the store fails.
@@ -38,16 +36,16 @@ pub async fn lease(
     help: bool,
 ) -> Result<Option<Lease>, RequestError> {
     let lease_seconds = context.config.lease_seconds;
-    let turn = (context
+    let outcome = (context
         .store
         .lease_job(worker_id, request_id, help, lease_seconds))
     .await?;
     context.roster.asked(worker_id, SystemTime::now());
-    for (job, reason) in &turn.failed {
+    for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
         context.changes.announce(job);
     }
-    let Some(leased) = turn.leased else {
+    let Some(leased) = outcome.leased else {
         return Ok(None);
     };
     let LeasedJob {

@@ -1,6 +1,7 @@
 //! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
 pub mod changes;
+mod checks;
 pub mod lease;
 pub mod queue;
 pub mod reaper;

@@ -1,21 +1,19 @@
 //! Takes jobs back from silent workers.
 
-use crate::{
-    context::Context,
-    store::{Reaped, StoreError},
-};
+use crate::context::Context;
+use crate::store::{Reaped, StoreError};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// Reaps until the coordinator stops. A failure is logged and retried at the next turn:
+/// Reaps until the coordinator stops. A failure is logged and retried at the next tick:
 /// nothing else takes the jobs back.
 pub async fn run(context: Arc<Context>) {
-    let mut turns = interval(context.config.reap_interval);
-    turns.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(context.config.reap_interval);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             () = context.stop.cancelled() => return,
-            _ = turns.tick() => {}
+            _ = ticks.tick() => {}
         }
         if let Err(error) = tick(&context).await {
             tracing::error!(%error, "could not take back jobs of lost workers");
@@ -23,7 +21,7 @@ pub async fn run(context: Arc<Context>) {
     }
 }
 
-/// Looks after all leases once.
+/// Checks all leases once.
 ///
 /// # Errors
 /// When the store fails.
@@ -36,7 +34,7 @@ pub async fn tick(context: &Context) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Takes back the jobs of workers that ran in an earlier process of this coordinator, and ended with it.
+/// Takes back the jobs of embedded workers, which ended with an earlier process of this coordinator.
 ///
 /// # Errors
 /// When the store fails.

@@ -3,11 +3,9 @@
 //! Workers ask every second, mostly without success, so this is kept in memory: a row would cost a
 //! disk access each time.
 
-use std::{
-    collections::HashMap,
-    sync::{Mutex, PoisonError},
-    time::{Duration, SystemTime},
-};
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
 
 /// Silence after which a worker is forgotten.
 const FORGET_AFTER: Duration = Duration::from_secs(600);

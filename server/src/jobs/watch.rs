@@ -1,7 +1,8 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
-use super::changes::{Seen, subscribe};
-use crate::{context::Context, error::RequestError};
+use super::changes::{WatchedState, subscribe};
+use crate::context::Context;
+use crate::error::RequestError;
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -23,7 +24,7 @@ struct Watcher {
     known: u64,
     /// Whether the current state was read.
     began: bool,
-    states: watch::Receiver<Seen>,
+    states: watch::Receiver<WatchedState>,
     stop: CancellationToken,
     ended: bool,
 }
@@ -64,7 +65,8 @@ pub fn watch(
 impl Watcher {
     async fn next(&mut self) -> Result<Option<Job>, RequestError> {
         if !self.began {
-            // Not what other watchers have seen last: the caller may know more.
+            // Reads the job itself instead of the last state sent to other watchers: the caller may know a
+            // newer one.
             self.began = true;
             let job = self.context.store.job(&self.id).await?;
             let known = self.known == job.sequence;
@@ -79,13 +81,13 @@ impl Watcher {
         loop {
             let seen = self.states.borrow_and_update().clone();
             match seen {
-                Seen::Job(job) if job.sequence > self.known => {
+                WatchedState::Job(job) if job.sequence > self.known => {
                     self.known = job.sequence;
                     return Ok(Some(Job::clone(&job)));
                 }
-                // The reason, unless it can be read again by now.
-                Seen::Unreadable => drop(self.context.store.job(&self.id).await?),
-                Seen::Job(_) | Seen::Nothing => {}
+                // Reads again to get the reason, or the state if reading works again.
+                WatchedState::Unreadable => drop(self.context.store.job(&self.id).await?),
+                WatchedState::Job(_) | WatchedState::Nothing => {}
             }
             tokio::select! {
                 changed = self.states.changed() => if changed.is_err() {

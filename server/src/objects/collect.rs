@@ -1,19 +1,15 @@
-//! Collection of garbage: folders of the object store that nothing refers to.
+//! Garbage collection: folders of the object store that nothing refers to.
 //!
-//! A folder lives while a row names its objects, or a job runs under its token. Any other is noted, and
-//! removed once it was garbage for a time of grace, in which an operator can still get a deleted thing
-//! back by hand, and whoever reads it can end.
+//! A folder is kept while a row names its objects, or a job runs under its token. Any other folder is noted,
+//! and removed after a time of grace. During that time an operator can still restore deleted objects by hand,
+//! and open reads can finish.
 
 use super::folders::Folder;
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{Horizons, KnownGarbage, Reference},
-};
-use std::{
-    collections::{HashMap, HashSet},
-    sync::Arc,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{Horizons, KnownGarbage, Reference};
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 use yoto_proto::keys;
 
@@ -22,31 +18,31 @@ use yoto_proto::keys;
 pub struct Options {
     /// Change nothing.
     pub dry_run: bool,
-    /// Do not wait for the time of grace with what belonged to deleted things.
+    /// Do not wait for the time of grace for objects of deleted resources.
     pub now: bool,
 }
 
 /// A folder that is garbage.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct Garbage {
     /// The folder.
     pub folder: Folder,
-    /// Whether it belonged to something that was deleted.
+    /// Whether it belonged to a deleted resource.
     pub deleted: bool,
     /// Seconds since it was found.
     pub age: f64,
-    /// Whether it was removed, or would be if that was not excluded.
+    /// Whether it was removed, or would be without `dry_run`.
     pub due: bool,
 }
 
 /// Collects at once and then at each interval, until the coordinator stops.
 pub async fn run(context: Arc<Context>) {
-    let mut turns = interval(context.config.storage.collect_interval);
-    turns.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(context.config.storage.collect_interval);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             () = context.stop.cancelled() => return,
-            _ = turns.tick() => {}
+            _ = ticks.tick() => {}
         }
         if let Err(error) = collect(&context, Options::default()).await {
             tracing::error!(%error, "could not collect garbage");
@@ -69,7 +65,7 @@ pub async fn run(context: Arc<Context>) {
 ///
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
-pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, RequestError> {
+pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
     let _one_at_a_time = context.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();
@@ -119,13 +115,13 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Found>, 
     Ok(found)
 }
 
-/// The garbage among `folders`, none of it due yet.
 /// Seconds for which uploads that were read are kept.
 fn kept(context: &Context) -> f64 {
     context.config.storage.keep_uploads.as_secs_f64()
 }
 
-fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Found> {
+/// The garbage among `folders`, none of it due yet.
+fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage]) -> Vec<Garbage> {
     let known: HashMap<&str, &KnownGarbage> =
         known.iter().map(|it| (it.folder.as_str(), it)).collect();
     let judged = folders.into_iter().zip(references);
@@ -133,13 +129,13 @@ fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage])
         let deleted = deleted(&known, &folder.key);
         let found = known.get(folder.key.as_str()).or(deleted.as_ref());
         let age = found.map_or(0.0, |it| it.age);
-        // A training removes checkpoints while it runs.
+        // A running training removes its own old checkpoints, so a lease does not keep what was deleted.
         let live = match reference {
             Reference::Row => true,
             Reference::Lease => deleted.is_none(),
             Reference::Nothing => false,
         };
-        (!live).then_some(Found {
+        (!live).then_some(Garbage {
             deleted: deleted.is_some(),
             age,
             due: false,
@@ -149,7 +145,7 @@ fn judge(folders: Vec<Folder>, references: &[Reference], known: &[KnownGarbage])
     garbage.collect()
 }
 
-/// The note that this folder, or one above it, was deleted.
+/// The note that this folder, or a parent folder, was deleted.
 fn deleted<'a>(known: &HashMap<&str, &'a KnownGarbage>, key: &str) -> Option<&'a KnownGarbage> {
     let mut at = key;
     while !at.is_empty() {
@@ -161,13 +157,13 @@ fn deleted<'a>(known: &HashMap<&str, &'a KnownGarbage>, key: &str) -> Option<&'a
     None
 }
 
-/// The notes that are of no more use: of folders that are not there, or not garbage. That of a checkpoint
+/// The notes to delete: of folders that do not exist, or are not garbage. The note of a checkpoint
 /// stays while its training runs, so that a late call can't publish it again.
 async fn forgotten(
     context: &Context,
     known: &[KnownGarbage],
     listed: &[String],
-    found: &[Found],
+    found: &[Garbage],
 ) -> Result<Vec<String>, RequestError> {
     let garbage: HashSet<&str> = found.iter().map(|it| it.folder.key.as_str()).collect();
     let inside = |key: &str, folder: &str| {

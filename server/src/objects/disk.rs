@@ -1,15 +1,13 @@
 //! The folder in which the objects are.
 
 use super::room::Room;
-use std::{
-    io::{self, ErrorKind},
-    path::{Path, PathBuf},
-};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 use url::Url;
 use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::keys;
 
-/// The folder of an object store, for what a store of objects alone can't do.
+/// The folder of a local object store, for operations that the object store's interface lacks.
 #[derive(Debug, Clone)]
 pub struct ObjectDisk {
     pub(super) root: PathBuf,
@@ -37,7 +35,7 @@ impl ObjectDisk {
         Self { root }
     }
 
-    /// Free and total bytes; `None` if they can't be told.
+    /// Free and total bytes; `None` if the system does not report them.
     pub fn room(&self) -> Option<Room> {
         Some(Room {
             free: fs4::available_space(&self.root).ok()?,

@@ -1,28 +1,26 @@
-//! The folders of a local store that live and end as a whole, with their sizes.
+//! The folders of a local store that are kept or deleted as a whole, with their sizes.
 
 use super::disk::{ObjectDisk, failed};
-use std::{
-    fs::{self, DirEntry},
-    io::{self, ErrorKind},
-    path::Path,
-};
+use std::fs::{self, DirEntry};
+use std::io::{self, ErrorKind};
+use std::path::Path;
 use yoto_objects::ObjectsError;
 use yoto_proto::keys;
 
-/// A folder of the object store ([`keys::Folder`]).
+/// A folder of the object store ([`keys::FolderOwner`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Folder {
     /// Its key.
     pub key: String,
-    /// Number of files in it, those that were never completed included.
+    /// Number of files in it, including incomplete ones.
     pub files: u64,
     /// Their bytes.
     pub bytes: u64,
 }
 
 impl ObjectDisk {
-    /// All folders, as the file system has them: unlike a list of objects, this has the remains of a
-    /// writer that was killed, and folders that are empty.
+    /// All folders in the file system. Unlike a list of objects, this includes the remains of a writer that was
+    /// killed, and empty folders.
     ///
     /// # Errors
     /// When a folder can't be read.
@@ -42,15 +40,15 @@ impl ObjectDisk {
     }
 }
 
-/// Appends the folders that are `depth` levels below `place`.
-fn collect(place: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> io::Result<()> {
+/// Appends the folders that are `depth` levels below `folder`.
+fn collect(folder: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> io::Result<()> {
     if depth == 0 {
-        let (files, bytes) = size(place)?;
+        let (files, bytes) = size(folder)?;
         found.push(Folder { key, files, bytes });
         return Ok(());
     }
-    for entry in entries(place)? {
-        // Keys are ASCII: a name that is not UTF-8 is nobody's.
+    for entry in entries(folder)? {
+        // Keys are ASCII, so a name that is not UTF-8 is no key.
         if let (true, Some(name)) = (is_folder(&entry)?, entry.file_name().to_str()) {
             collect(&entry.path(), format!("{key}/{name}"), depth - 1, found)?;
         }
@@ -58,10 +56,10 @@ fn collect(place: &Path, key: String, depth: usize, found: &mut Vec<Folder>) -> 
     Ok(())
 }
 
-/// Number and bytes of the files below `place`.
-fn size(place: &Path) -> io::Result<(u64, u64)> {
+/// Number and bytes of the files below `folder`.
+fn size(folder: &Path) -> io::Result<(u64, u64)> {
     let (mut files, mut bytes) = (0, 0);
-    for entry in entries(place)? {
+    for entry in entries(folder)? {
         let (more, larger) = if is_folder(&entry)? {
             size(&entry.path())?
         } else {
@@ -73,9 +71,9 @@ fn size(place: &Path) -> io::Result<(u64, u64)> {
     Ok((files, bytes))
 }
 
-/// The entries of a folder; none of one that is gone.
-fn entries(place: &Path) -> io::Result<Vec<DirEntry>> {
-    gone(fs::read_dir(place))?.map_or(Ok(Vec::new()), Iterator::collect)
+/// The entries of a folder; empty if the folder is gone.
+fn entries(folder: &Path) -> io::Result<Vec<DirEntry>> {
+    gone(fs::read_dir(folder))?.map_or(Ok(Vec::new()), Iterator::collect)
 }
 
 /// Whether the entry is a folder, and not a link to one.

@@ -1,17 +1,15 @@
 //! Files that are written piece by piece, each piece durable before the next begins.
 //!
 //! An object of the store appears as a whole or not at all; a file of an upload grows, and the catalogue
-//! says how much of it counts. What is behind that was never acknowledged, and is written over.
+//! says how much of it counts. Bytes after that were never acknowledged and are overwritten.
 
 use super::disk::{ObjectDisk, failed};
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
-use std::{
-    collections::HashSet,
-    fs::{self, File, OpenOptions},
-    io::{self, Read, Seek, SeekFrom, Write},
-    path::{Path, PathBuf},
-};
+use std::collections::HashSet;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
 use yoto_objects::ObjectsError;
 use yoto_proto::hex;
 
@@ -23,7 +21,7 @@ const READ_BYTES: usize = 1 << 20;
 pub struct Piece {
     /// Key of the file.
     pub key: String,
-    /// Place of its first byte, up to which the file is there.
+    /// Offset of its first byte in the file; the bytes before it are written already.
     pub offset: u64,
     /// The bytes, in order.
     pub chunks: Vec<Bytes>,
@@ -33,7 +31,8 @@ impl ObjectDisk {
     /// Writes pieces of different files; they are on disk when this returns.
     ///
     /// # Errors
-    /// [`ObjectsError::Size`] when a file does not reach to its piece; when the disk fails.
+    /// [`ObjectsError::Size`] when the file is shorter than the offset of its piece; another error when the
+    /// disk fails.
     pub async fn write_pieces(&self, pieces: Vec<Piece>) -> Result<(), ObjectsError> {
         let root = self.root.clone();
         blocking(move || write_all(&root, &pieces)).await
@@ -42,7 +41,7 @@ impl ObjectDisk {
     /// SHA-256 of the file `key`, which has `bytes` bytes.
     ///
     /// # Errors
-    /// [`ObjectsError::Size`] when it has not; when the disk fails.
+    /// [`ObjectsError::Size`] when it has another size; another error when the disk fails.
     pub async fn sha256(&self, key: &str, bytes: u64) -> Result<String, ObjectsError> {
         let (path, key) = (self.root.join(key), key.to_owned());
         blocking(move || {
@@ -81,7 +80,8 @@ fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
         let path = root.join(&piece.key);
         files.push((piece, write(&path, piece)?));
         if piece.offset == 0 {
-            // A new name is durable once its folder is, and that in its own, up to the root.
+            // A new name is durable once its folder is synced, and a new folder once its parent is, up to the
+            // root.
             let above = path.ancestors().skip(1);
             folders.extend(
                 above
@@ -125,7 +125,7 @@ fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
     Ok(file)
 }
 
-/// Writes `piece` into its file of `found` bytes, of which those before the piece stay.
+/// Writes `piece` into its file, which has `found` bytes, and drops all bytes after its offset.
 fn append(file: &mut File, found: u64, piece: &Piece) -> io::Result<()> {
     if found > piece.offset {
         file.set_len(piece.offset)?;

@@ -1,4 +1,4 @@
-//! Free space, below which nothing large is begun: a disk that is full stops the database as well.
+//! The limit on free space, below which nothing large is begun: a full disk stops the database as well.
 
 use crate::error::RequestError;
 

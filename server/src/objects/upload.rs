@@ -1,10 +1,8 @@
 //! Uploaded files as objects.
 
 use crate::store::UploadedFile;
-use yoto_proto::{
-    keys,
-    v1::{InputFile, ObjectRef},
-};
+use yoto_proto::keys;
+use yoto_proto::v1::{InputFile, ObjectRef};
 
 /// An uploaded file as the ingest job gets it.
 pub fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {

@@ -1,5 +1,4 @@
-//! The version of what the catalogue says of something, so that a deletion can be limited to what its
-//! caller has seen.
+//! The version of a resource, so that a deletion can be limited to the state that its caller has seen.
 
 use crate::store::StoreError;
 use prost::Message;
@@ -15,7 +14,7 @@ pub fn of(message: &impl Message) -> String {
     etag
 }
 
-/// Refuses if `name` has another version than the one `asked` for; an empty one is any.
+/// Refuses if `name` has another version than `asked`; an empty `asked` accepts any.
 ///
 /// # Errors
 /// ETAG_MISMATCH.

@@ -3,19 +3,19 @@
 
 use yoto_proto::v1::JobError;
 
-/// What becomes of a job whose worker went silent.
+/// The verdict on a job whose worker went silent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// It goes back to its place in the queue.
+    /// It goes back to its position in the queue.
     Requeue,
-    /// Its cancel was requested, and nobody is left to stop it.
+    /// Its cancel was requested, and no worker is left to stop: it is CANCELLED.
     Cancel,
     /// It has lost too many workers.
     Fail(JobError),
 }
 
-/// The verdict on a job that has lost `losses` workers since its last published checkpoint, of which
-/// `cap` are too many; the last one was `worker`. A job that makes progress never ends this way.
+/// The verdict on a job that has lost `losses` workers since its last published checkpoint, the last one being
+/// `worker`. The job FAILS at `cap` losses. A job that makes progress never ends this way.
 pub fn verdict(losses: u32, cap: u32, cancel_requested: bool, worker: &str) -> Verdict {
     if cancel_requested {
         return Verdict::Cancel;

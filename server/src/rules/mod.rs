@@ -1,13 +1,13 @@
-//! The rules of the queue, as functions of figures alone: the store applies them in its
-//! transactions, and they hold for every database alike.
+//! The rules of the queue, as pure functions of numbers. The store applies them in its transactions; they are
+//! the same for every database.
 //!
 //! | rule | where |
 //! |---|---|
-//! | whose turn it is: priority, then the owner with the fewest running jobs, then age | `store/sqlite/turn.rs`, since only the database can search |
+//! | the order of the queue: priority, then the owner with the fewest running jobs, then age | `store/sqlite/queue.rs`, since only the database can search |
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
 //! | how a render is divided among workers | [`ranges`] |
-//! | what was deleted is what its caller has seen | [`etag`] |
+//! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
 
 pub mod etag;

@@ -1,18 +1,18 @@
-//! Gaps in the service's own attention to leases: while the coordinator was down, its machine asleep or
-//! its clock set, no worker could renew, so no worker is charged.
+//! Outages of the coordinator itself: while it was down, its machine asleep or its clock set, no worker could
+//! renew its lease, so no worker is charged.
 
-/// A correction of all deadlines, from `gap` seconds of inattention up to `now`.
+/// The correction of all deadlines after an outage of `gap` seconds that ended at `now`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shift {
-    /// Seconds that expired deadlines are moved.
+    /// Seconds by which expired deadlines are moved.
     pub gap: f64,
     /// No deadline is later than this: a clock that was set back would make leases last for hours.
     pub latest: f64,
 }
 
-/// The correction due at `now` if leases of `lease_seconds` were last looked after at `last_tick`, in
-/// seconds of the same clock. Nothing is due after a gap of half a lease or less: a renewal of every
-/// healthy worker fits into the rest.
+/// The correction due at `now` if leases of `lease_seconds` were last checked at `last_tick`, in seconds of the
+/// same clock. Nothing is due after a gap of half a lease or less: a renewal of every healthy worker fits into
+/// the rest.
 pub fn shift(last_tick: f64, now: f64, lease_seconds: f64) -> Option<Shift> {
     let gap = now - last_tick;
     let regular = (0.0..=lease_seconds / 2.0).contains(&gap);
@@ -23,7 +23,7 @@ pub fn shift(last_tick: f64, now: f64, lease_seconds: f64) -> Option<Shift> {
 }
 
 impl Shift {
-    /// The deadline in place of `deadline`. One that workers renewed after the gap stays.
+    /// The corrected deadline. A deadline that was renewed after the gap stays.
     pub fn apply(&self, deadline: f64, now: f64) -> f64 {
         let moved = if deadline < now {
             deadline + self.gap

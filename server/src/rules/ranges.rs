@@ -1,11 +1,11 @@
 //! How the pictures of a render are divided among workers.
 
-/// Most ranges of a render: a worker asks for each.
+/// Most ranges of a render: each costs a worker one call.
 const MOST: u32 = 64;
-/// Fewest pictures of a range, but for the last one: those of splats take less time than the call.
+/// Fewest pictures of a range, except the last one: drawing a picture of splats takes less time than the call.
 const SHORTEST: u32 = 4;
 
-/// The first picture of each range, and how many it has, in order: all of `pictures`, each once.
+/// The first picture and the length of each range, in order. The ranges cover all `pictures`, each once.
 pub fn split(pictures: u32) -> impl Iterator<Item = (u32, u32)> {
     let length = pictures.div_ceil(MOST).max(SHORTEST);
     let starts = (0..pictures).step_by(length as usize);

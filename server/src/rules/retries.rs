@@ -8,8 +8,8 @@ pub const MAX_RETRIES: u32 = 100;
 /// Longest wait before a retry, seconds; the first wait is a second, and each later one doubles.
 const LONGEST_WAIT: f64 = 900.0;
 
-/// Seconds until the next attempt of a job that was retried `retries` times before, give or take a fifth; none if that was
-/// often enough.
+/// Seconds until the next attempt of a job after `retries` retries, with a random jitter of ±20 %; `None` after
+/// the last retry.
 pub fn wait(retries: u32) -> Option<f64> {
     Some(steady_wait(retries)? * jitter())
 }

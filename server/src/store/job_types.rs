@@ -1,12 +1,10 @@
-//! Jobs and leases as the store takes and gives them.
+//! Jobs and leases in the interface of the store.
 
 use super::StoreError;
-use yoto_proto::{
-    names::Collection,
-    v1::{
-        self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job,
-        job_attempt::Outcome, job_spec,
-    },
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{
+    self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job, job_spec,
 };
 
 /// Kind of a job.
@@ -104,7 +102,7 @@ impl LeaseKey {
         i64::try_from(self.token).map_err(|_| self.stale())
     }
 
-    /// The refusal of a claim that is not the job's newest.
+    /// The refusal of a claim that is not the job's current one.
     pub fn stale(&self) -> StoreError {
         StoreError::StaleLease {
             job: Collection::Jobs.name(&self.job_id),
@@ -126,10 +124,10 @@ pub struct LeasedJob {
     pub helps: bool,
 }
 
-/// What a lease of a render draws next.
+/// The pictures that a lease of a render draws next.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
-    /// Its pictures; none if others have the rest, or nothing is left.
+pub struct TakenRange {
+    /// Its pictures; `None` if other leases have the rest, or nothing is left.
     pub range: Option<PictureRange>,
     /// The committed files of the range; of a finished render, all of its files.
     pub outputs: Vec<RenderedFile>,
@@ -139,10 +137,10 @@ pub struct Taken {
     pub finished: bool,
 }
 
-/// What came of a worker's request for a job.
+/// The answer to a worker's request for a job.
 #[derive(Debug, Default)]
-pub struct Turn {
-    /// The leased job, if one waited.
+pub struct LeaseOutcome {
+    /// The leased job; `None` if no job was waiting.
     pub leased: Option<LeasedJob>,
     /// Jobs that FAILED instead, since their inputs can't be found, `jobs/{id}` with the reason.
     pub failed: Vec<(String, String)>,
@@ -153,9 +151,9 @@ pub struct Turn {
 pub struct NewJob {
     /// The order.
     pub spec: JobSpec,
-    /// Whose turn it is: 0 (low) to 3 (urgent).
+    /// Priority in the queue: 0 (low) to 3 (urgent).
     pub priority: u8,
-    /// For whom it runs.
+    /// Owner of the job, for a fair order of the queue; may be empty.
     pub owner: String,
 }
 
@@ -163,7 +161,7 @@ impl NewJob {
     /// Priority of a job that asks for none.
     pub const NORMAL: u8 = 1;
 
-    /// An order of normal priority, for nobody in particular.
+    /// An order of normal priority without an owner.
     pub fn normal(spec: JobSpec) -> Self {
         Self {
             spec,
@@ -202,7 +200,7 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// How the attempt's history calls it.
+    /// The outcome in the history of attempts.
     pub fn outcome(&self) -> Outcome {
         match self {
             Self::Succeeded(_) => Outcome::Succeeded,

@@ -7,7 +7,9 @@ mod job_types;
 mod sqlite;
 mod types;
 
-pub use job_types::{Ending, JobFilter, JobKind, LeaseKey, LeasedJob, NewJob, Reaped, Taken, Turn};
+pub use job_types::{
+    Ending, JobFilter, JobKind, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped, TakenRange,
+};
 pub use sqlite::SqliteStore;
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
@@ -58,7 +60,7 @@ pub trait Store: Send + Sync + 'static {
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError>;
-    /// Ends the open uploads without a write for so long, and notes their objects as garbage. Returns
+    /// Ends the open uploads without a write for `idle_seconds`, and notes their objects as garbage. Returns
     /// their ids.
     async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError>;
     /// Queues another ingest job of a capture that is UPLOADED or REJECTED.
@@ -67,7 +69,7 @@ pub trait Store: Send + Sync + 'static {
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError>;
-    /// What was answered to `request` before: an id, in most cases.
+    /// The stored answer to `request`, in most cases an id.
     async fn answered(&self, request: Option<&RequestKey>) -> Result<Option<String>, StoreError>;
     /// The files of a capture, by path.
     async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
@@ -91,7 +93,7 @@ pub trait Store: Send + Sync + 'static {
         subject_id: &str,
         request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError>;
-    /// Takes a subject's slot away, which no checkpoint knows yet.
+    /// Removes a subject's slot that no checkpoint was trained with.
     async fn remove_identity(
         &self,
         model_id: &str,
@@ -100,7 +102,7 @@ pub trait Store: Send + Sync + 'static {
     ) -> Result<Model, StoreError>;
     /// Checkpoints of a model, newest first, at most `limit`.
     async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError>;
-    /// All checkpoints of a model, newest first, with the reasons for which they are kept.
+    /// All checkpoints of a model, newest first, with the reasons to keep each.
     async fn kept_checkpoints(
         &self,
         model_id: &str,
@@ -114,15 +116,15 @@ pub trait Store: Send + Sync + 'static {
         default: Retention,
     ) -> Result<Model, StoreError>;
 
-    /// Deletes the rows of something that no open job uses, and notes its objects as garbage, in one
-    /// transaction; or repeats the earlier answer to `request`.
+    /// Deletes the rows of a resource that no open job uses, and notes its objects as garbage, in one
+    /// transaction. A repeated `request` gets its first answer.
     async fn delete(
         &self,
         target: Target<'_>,
         etag: &str,
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError>;
-    /// The folders that are known as garbage.
+    /// The folders that were noted as garbage.
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError>;
     /// What refers to each of these folders of the object store.
     async fn references(
@@ -130,7 +132,7 @@ pub trait Store: Send + Sync + 'static {
         folders: &[String],
         keep_uploads: f64,
     ) -> Result<Vec<Reference>, StoreError>;
-    /// Notes the `new` folders as garbage from now on, and forgets the `gone` ones.
+    /// Notes the `new` folders as garbage, and deletes the notes of the `gone` ones.
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError>;
 
     /// Queues a job, or repeats the earlier answer to `request`.
@@ -140,7 +142,7 @@ pub trait Store: Send + Sync + 'static {
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
     /// A job by id, with its attempts.
     async fn job_history(&self, id: &str) -> Result<Job, StoreError>;
-    /// Jobs that pass the filter, newest first; with their orders if `full`.
+    /// Jobs that match the filter, newest first; with their orders if `full`.
     async fn jobs(
         &self,
         page: Page,
@@ -151,10 +153,10 @@ pub trait Store: Send + Sync + 'static {
     async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError>;
     /// Numbers of QUEUED and RUNNING jobs.
     async fn open_jobs(&self) -> Result<(u64, u64), StoreError>;
-    /// Ends a QUEUED job, marks a RUNNING one to be ended; an ended job is not changed. A repeated call
+    /// Ends a QUEUED job and marks a RUNNING one for cancellation; an ended job is not changed. A repeated call
     /// changes nothing.
     async fn cancel_job(&self, id: &str, request: Option<RequestKey>) -> Result<Job, StoreError>;
-    /// Leases no more jobs of a kind, for a reason.
+    /// Stops leasing jobs of a kind, for a reason.
     async fn pause_jobs(&self, kind: JobKind, reason: &str) -> Result<(), StoreError>;
     /// Leases jobs of a kind again.
     async fn resume_jobs(&self, kind: JobKind) -> Result<(), StoreError>;
@@ -163,8 +165,8 @@ pub trait Store: Send + Sync + 'static {
 
     /// Adds a worker. Returns its id.
     async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError>;
-    /// The workers with `ids`, and those with a RUNNING job, which they last reported on that long
-    /// before its lease of `lease_seconds` ends.
+    /// The workers with `ids`, and those with a RUNNING job. The time of their last report is `lease_seconds`
+    /// before the deadline of the lease.
     async fn active_workers(
         &self,
         ids: &[&str],
@@ -176,15 +178,15 @@ pub trait Store: Send + Sync + 'static {
         page: Page,
         lease_seconds: f64,
     ) -> Result<Vec<Entry<WorkerStatus>>, StoreError>;
-    /// Leases the job whose turn it is at the worker, with its inputs, or, if it may `help`, a part of a
-    /// running render; a repeated `request_id` finds its lease again, as long as it runs.
+    /// Leases the first queued job that the worker may run, with its inputs, or, if `help` is set, a part of a
+    /// running render. A repeated `request_id` gets the same lease again while it lasts.
     async fn lease_job(
         &self,
         worker_id: &str,
         request_id: &str,
         help: bool,
         lease_seconds: f64,
-    ) -> Result<Turn, StoreError>;
+    ) -> Result<LeaseOutcome, StoreError>;
     /// The order of a leased job.
     async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError>;
     /// Extends a lease and records progress. Returns whether the job is to be cancelled.
@@ -202,26 +204,26 @@ pub trait Store: Send + Sync + 'static {
         checkpoint: Checkpoint,
         default: Retention,
     ) -> Result<(), StoreError>;
-    /// Commits a file of the leased render, in the place of an earlier one.
+    /// Commits a file of the leased render or export, which replaces an earlier one of the same name.
     async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError>;
-    /// Gives a lease of a render of so many `pictures` the next range of them to draw, and notes the one from
-    /// `drawn` on as drawn. A repeated call finds the same range.
+    /// Assigns the next range of a render with `pictures` pictures to the lease, and marks the range that
+    /// begins at `drawn` as drawn. A repeated call returns the same range.
     async fn take_range(
         &self,
         lease: &LeaseKey,
         pictures: u32,
         drawn: Option<u32>,
-    ) -> Result<Taken, StoreError>;
-    /// Ends a lease; a helper's end is not the job's. In the same transaction, an ingest job's capture becomes READY, REJECTED if its files
-    /// are at fault, or UPLOADED otherwise, and a measured trade-off is stored with its checkpoint. A
-    /// repeated call changes nothing.
+    ) -> Result<TakenRange, StoreError>;
+    /// Ends a lease, and the job with it unless the lease is a helper's. In the same transaction, the capture
+    /// of an ingest job becomes READY, or REJECTED if its files are at fault, or else UPLOADED, and a measured
+    /// trade-off is stored with its checkpoint. A repeated call changes nothing.
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError>;
-    /// Forgives an outage since the last call, then takes back jobs with expired leases; a job that lost
-    /// `cap` workers without a checkpoint in between FAILS.
+    /// Extends all deadlines by an outage since the last call, then takes back jobs with expired leases. A job
+    /// that lost `cap` workers without a checkpoint in between FAILS.
     async fn tick(&self, cap: u32, lease_seconds: f64) -> Result<Vec<Reaped>, StoreError>;
     /// Takes back the jobs of workers that ran in an earlier process of the coordinator.
     async fn take_back_embedded(&self, cap: u32) -> Result<Vec<Reaped>, StoreError>;
-    /// Forgets what is older than its horizon; the number of rows.
+    /// Deletes rows that are older than their horizon. Returns the number of rows.
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError>;
 
     /// Waits for running statements and closes the database.

@@ -127,7 +127,7 @@ pub struct NewSubject {
 pub struct NewUpload {
     /// Whose capture it is.
     pub subject_id: String,
-    /// Its files, none of which is there yet.
+    /// Its announced files.
     pub files: Vec<UploadedFile>,
 }
 
@@ -155,11 +155,11 @@ pub struct UploadFile {
     pub bytes: u64,
     /// Checksum once it is complete, lower-case hex.
     pub sha256: String,
-    /// Bytes from its beginning that are on disk for good.
+    /// Committed bytes, from the beginning of the file.
     pub committed: u64,
 }
 
-/// Bytes of a file that are on disk, and follow what was committed of it.
+/// A range of bytes of a file that is on disk and follows its committed bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CommittedPart {
     /// The file's path.
@@ -203,12 +203,12 @@ pub enum Target<'a> {
     Job(&'a str),
 }
 
-/// A folder of the object store that is known as garbage.
+/// A folder of the object store that was noted as garbage.
 #[derive(Debug, Clone)]
 pub struct KnownGarbage {
-    /// Its key. If it was deleted, everything below is garbage as well.
+    /// Its key. If `deleted` is set, everything below it is garbage as well.
     pub folder: String,
-    /// Whether it belonged to something that was deleted.
+    /// Whether it belonged to a deleted resource.
     pub deleted: bool,
     /// Seconds since it was found.
     pub age: f64,
@@ -221,7 +221,7 @@ pub enum Reference {
     Row,
     /// A running job that may write to it.
     Lease,
-    /// Nothing does, and nothing ever will again.
+    /// Nothing, and no reference can appear any more.
     Nothing,
 }
 
@@ -256,6 +256,6 @@ pub struct Horizons {
     pub request_ids: f64,
     /// Ended attempts of jobs.
     pub attempts: f64,
-    /// Workers that nothing names any more.
+    /// Workers that no row names any more.
     pub workers: f64,
 }

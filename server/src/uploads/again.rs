@@ -1,11 +1,12 @@
-//! Another try of an ingest: what was the machine's fault costs nobody a second upload.
+//! Another attempt to ingest an upload: a fault of the machine must not cost the user a second upload.
 
-use crate::{
-    context::Context, error::RequestError, objects::upload::input_file, store::RequestKey,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::upload::input_file;
+use crate::store::RequestKey;
 use yoto_proto::v1::{Capture, capture};
 
-/// Queues another ingest job of a capture whose last one brought nothing.
+/// Queues another ingest job for a capture whose last one failed.
 ///
 /// # Errors
 /// When the capture is in another state, or its files are gone.

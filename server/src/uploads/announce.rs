@@ -1,22 +1,17 @@
 //! The beginning of an upload: every limit is checked before anything is written.
 
 use super::paths::CapturePaths;
-use crate::{
-    config::UploadLimits,
-    context::Context,
-    error::RequestError,
-    objects::upload::{input_file, is_sha256},
-    store::{NewUpload, RequestKey, Upload, UploadedFile, new_id},
-};
+use crate::config::UploadLimits;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::upload::{input_file, is_sha256};
+use crate::store::{NewUpload, RequestKey, Upload, UploadedFile, new_id};
 use prost::Message;
 use prost_types::Timestamp;
-use yoto_proto::{
-    limits,
-    media_plan::CAPTURE_ARCHIVES,
-    names::Collection,
-    pose_track,
-    v1::{self, CommittedFile, FileHeader, upload},
-};
+use yoto_proto::media_plan::CAPTURE_ARCHIVES;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{self, CommittedFile, FileHeader, upload};
+use yoto_proto::{limits, pose_track};
 
 /// Opens an upload of `files` for a subject, or finds the one that `request` opened.
 ///
@@ -41,7 +36,7 @@ pub async fn create(
     Ok(context.store.upload(&id).await?)
 }
 
-/// The files, if together they can be a capture.
+/// Checks that the files can be a capture together.
 fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFile>, RequestError> {
     let of_all = |message: String| Err(RequestError::invalid("files", message));
     if files.len() > limits.files {
@@ -52,7 +47,7 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
         ));
     }
     let (mut paths, mut bytes, mut listing) = (CapturePaths::default(), 0_u64, 0);
-    // As long as any other.
+    // As long as any other id.
     let example_id = new_id();
     let mut checked = Vec::with_capacity(files.len());
     for (number, file) in files.into_iter().enumerate() {

@@ -1,17 +1,16 @@
 //! Chunks on their way to the disk, and their commit.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    objects::{disk, parts::Piece},
-    store::CommittedPart,
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::objects::disk;
+use crate::objects::parts::Piece;
+use crate::store::CommittedPart;
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;
 use yoto_proto::{keys, limits};
 
-/// Checked chunks that follow what was committed, by file in the order of arrival.
+/// Checked chunks that follow the committed bytes, grouped by file in the order of arrival.
 #[derive(Debug, Default)]
 pub struct Batch {
     parts: Vec<(CommittedPart, Vec<Bytes>)>,
@@ -19,7 +18,7 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Adds the chunk at `offset` of a file, where its last one ended.
+    /// Adds a chunk at `offset` of a file, where the previous chunk of the file ended.
     pub fn push(&mut self, path: &str, offset: u64, chunk: Bytes) {
         self.bytes += chunk.len() as u64;
         let to = offset + chunk.len() as u64;
@@ -49,7 +48,7 @@ impl Batch {
         self.parts.is_empty()
     }
 
-    /// Writes everything and makes it durable, then says so in the catalogue.
+    /// Writes all chunks durably, then records them in the catalogue.
     async fn commit(self, context: &Context, id: &str) -> Result<(), RequestError> {
         let (parts, chunks): (Vec<_>, Vec<_>) = self.parts.into_iter().unzip();
         let pieces = parts.iter().zip(chunks).map(|(part, chunks)| Piece {
@@ -62,7 +61,7 @@ impl Batch {
     }
 }
 
-/// Commits one batch after another, each while the next one arrives.
+/// Commits one batch after another, while the next one arrives.
 pub struct Committer {
     context: Arc<Context>,
     id: String,
@@ -79,10 +78,10 @@ impl Committer {
         }
     }
 
-    /// Starts to commit `batch` once the one before is.
+    /// Starts to commit `batch` once the previous one is committed.
     ///
     /// # Errors
-    /// That of the one before: nothing follows it then.
+    /// When the previous commit failed; nothing is written after it.
     pub async fn start(&mut self, batch: Batch) -> Result<(), RequestError> {
         self.wait().await?;
         if !batch.is_empty() {
@@ -93,7 +92,7 @@ impl Committer {
         Ok(())
     }
 
-    /// Waits until nothing is on its way.
+    /// Waits until all is committed.
     ///
     /// # Errors
     /// When it could not be committed.

@@ -1,22 +1,21 @@
-//! The end of an upload: its files are what was announced, and its ingest job is queued.
+//! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use crate::{
-    context::Context,
-    error::RequestError,
-    store::{RequestKey, UploadFile},
-};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{RequestKey, UploadFile};
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
-use yoto_proto::{keys, v1::Capture};
+use yoto_proto::keys;
+use yoto_proto::v1::Capture;
 
 /// Files that are hashed at once.
 const HASHED_AT_ONCE: usize = 2;
 
-/// Checks the SHA-256 of every file on disk, and starts the ingest job. An upload that is finished gives
-/// the answer of the first time.
+/// Checks the SHA-256 of every file on disk, and queues the ingest job. A finished upload gets the first answer
+/// again.
 ///
 /// # Errors
-/// When bytes are missing, or a file is not the announced one: it has to be written anew then.
+/// When bytes are missing, or a file differs from the announced one; that file has to be sent again.
 pub async fn finish(
     context: &Context,
     id: &str,
@@ -25,7 +24,7 @@ pub async fn finish(
     if let Some(id) = context.store.answered(request.as_ref()).await? {
         return Ok(context.store.capture(&id).await?);
     }
-    let _turn = context.turns.take(id).await;
+    let _lock = context.upload_locks.acquire(id).await;
     let upload = context.store.upload(id).await?;
     if upload.open {
         if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {
@@ -50,7 +49,7 @@ pub async fn finish(
     Ok(capture)
 }
 
-/// Compares a file with what was announced; an empty one, of which nothing came, is made.
+/// Compares a file with its announced checksum. An empty file is created, since no chunk of it arrives.
 async fn verify(
     context: &Context,
     id: &str,

@@ -1,25 +1,23 @@
 //! The bytes of an upload: checked as they arrive, committed in parts.
 
-use super::{
-    batch::{Batch, Committer},
-    open,
-    turns::Turn,
-};
-use crate::{context::Context, error::RequestError};
+use super::batch::{Batch, Committer};
+use super::locks::UploadLock;
+use super::open;
+use crate::context::Context;
+use crate::error::RequestError;
 use futures::{Stream, StreamExt};
-use std::{collections::HashMap, sync::Arc};
+use std::collections::HashMap;
+use std::sync::Arc;
 use tonic::Status;
-use yoto_proto::{
-    crc32c,
-    names::Collection,
-    v1::{WriteUploadRequest, WriteUploadResponse},
-};
+use yoto_proto::crc32c;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{WriteUploadRequest, WriteUploadResponse};
 
-/// Receives chunks until the stream ends, and commits all that are good, whatever ends it.
+/// Receives chunks until the stream ends, and commits all valid ones, however it ends.
 ///
 /// # Errors
-/// When a chunk does not belong where it says, the stream breaks off or falls silent, somebody else
-/// writes to the upload, or the disk fails.
+/// When a chunk has a wrong offset or file, the stream breaks off or falls silent, another call writes to the
+/// upload, or the disk fails.
 pub async fn receive<S>(
     context: Arc<Context>,
     mut chunks: S,
@@ -35,7 +33,7 @@ where
         .parse(&first.upload)
         .map_err(|error| RequestError::invalid("upload", error.to_string()))?
         .to_owned();
-    let turn = context.turns.take(&id).await;
+    let lock = context.upload_locks.acquire(&id).await;
     let upload = open(&context, &id).await?;
     let mut writer = Writer {
         name: first.upload.clone(),
@@ -46,17 +44,17 @@ where
         bytes: upload.files.iter().map(|file| file.committed).sum(),
     };
     for file in upload.files {
-        let place = Place {
+        let file_state = Received {
             next: file.committed,
             end: file.bytes,
         };
-        writer.files.insert(file.path, place);
+        writer.files.insert(file.path, file_state);
     }
     let taken = match writer.take(first).await {
-        Ok(()) => writer.take_all(&context, &turn, &mut chunks).await,
+        Ok(()) => writer.take_all(&context, &lock, &mut chunks).await,
         Err(error) => Err(error),
     };
-    // What the disk refused matters more than how the stream ended.
+    // An error of the disk matters more than one of the stream.
     writer.end().await?;
     taken?;
     Ok(WriteUploadResponse {
@@ -64,7 +62,7 @@ where
     })
 }
 
-/// What `next` brings, unless that takes longer than a client may be silent.
+/// The output of `next`, or an error if it takes longer than a client may be silent.
 async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T, RequestError> {
     let idle = context.config.upload.idle;
     let came = tokio::time::timeout(idle, next).await;
@@ -74,20 +72,22 @@ async fn within<T>(context: &Context, next: impl Future<Output = T>) -> Result<T
     })
 }
 
-/// How much of a file has come.
-struct Place {
+/// How much of a file has arrived.
+struct Received {
+    /// Offset of the next byte to arrive.
     next: u64,
+    /// Bytes of the whole file.
     end: u64,
 }
 
 struct Writer {
     /// `uploads/{id}`.
     name: String,
-    files: HashMap<String, Place>,
+    files: HashMap<String, Received>,
     batch: Batch,
     committer: Committer,
     part_bytes: u64,
-    /// Of all files, with those on their way to the disk.
+    /// Received bytes of all files, including those not yet committed.
     bytes: u64,
 }
 
@@ -95,7 +95,7 @@ impl Writer {
     async fn take_all<S>(
         &mut self,
         context: &Context,
-        turn: &Turn,
+        lock: &UploadLock,
         chunks: &mut S,
     ) -> Result<(), RequestError>
     where
@@ -105,7 +105,7 @@ impl Writer {
             let next = tokio::select! {
                 biased;
                 () = context.stop.cancelled() => return Err(RequestError::ShuttingDown),
-                () = turn.stopped() => {
+                () = lock.wanted() => {
                     let message = format!("another call goes on with {}", self.name);
                     return Err(RequestError::precondition("UPLOAD_TAKEN_OVER", message));
                 }
@@ -119,7 +119,7 @@ impl Writer {
         }
     }
 
-    /// Checks a chunk, and commits what is complete with it.
+    /// Checks a chunk, and starts a commit if the batch is full with it.
     async fn take(&mut self, message: WriteUploadRequest) -> Result<(), RequestError> {
         let WriteUploadRequest {
             upload,
@@ -133,7 +133,7 @@ impl Writer {
             let message = format!("one stream writes to one upload, {}", self.name);
             return Err(RequestError::invalid("upload", message));
         }
-        let Some(place) = self.files.get_mut(&path) else {
+        let Some(file_state) = self.files.get_mut(&path) else {
             let message = format!("{shown}: no file of {}", self.name);
             return Err(RequestError::invalid("path", message));
         };
@@ -146,22 +146,22 @@ impl Writer {
                 found,
             });
         }
-        if offset != place.next {
-            let message = format!("{shown}: byte {} is next, not {offset}", place.next);
+        if offset != file_state.next {
+            let message = format!("{shown}: byte {} is next, not {offset}", file_state.next);
             return Err(RequestError::precondition("UPLOAD_OFFSET", message));
         }
         let length = chunk.len() as u64;
-        if length > place.end - place.next {
+        if length > file_state.end - file_state.next {
             let message = format!(
                 "{shown}: {length} bytes at {offset}, but {} bytes in all were announced",
-                place.end
+                file_state.end
             );
             return Err(RequestError::invalid("chunk", message));
         }
         if length == 0 {
             return Ok(());
         }
-        place.next += length;
+        file_state.next += length;
         self.bytes += length;
         self.batch.push(&path, offset, chunk);
         if self.batch.is_full(self.part_bytes) {
@@ -172,7 +172,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Commits what has come.
+    /// Commits all that has arrived.
     async fn end(&mut self) -> Result<(), RequestError> {
         self.committer
             .start(std::mem::take(&mut self.batch))

@@ -2,11 +2,12 @@
 
 use crate::support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
+use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     AddIdentityRequest, CreateJobRequest, CreateModelRequest, CreateRenderRequest,
     CreateSubjectRequest, GetModelRequest, GetSubjectRequest, IngestSpec, JobSpec,
     ListCheckpointsRequest, ListJobsRequest, ListSubjectsRequest, Orbit, RemoveIdentityRequest,
-    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec, render_spec::What,
+    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec,
 };
 
 #[tokio::test]
@@ -365,7 +366,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
         let mut client = service.models();
         async move { client.remove_identity(request).await }
     };
-    // A training may be about to publish what it knows of them.
+    // A training may be about to publish a checkpoint with them.
     assert_refused(remove(&bob).await, Code::FailedPrecondition, "MODEL_BUSY");
     let result = TrainResult {
         checkpoint: published.name,

@@ -4,11 +4,11 @@ use crate::support;
 use crate::support::{Service, assert_refused, id};
 use std::time::Duration;
 use tonic::{Code, Response, Status};
+use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
     DeleteJobRequest, DeleteModelRequest, DeleteSubjectRequest, Deleted, GetCaptureRequest,
     ListJobsRequest, MotionTransfer, RemoveIdentityRequest, RenderSpec, job_spec,
-    render_spec::What,
 };
 
 type Answer = Result<Response<Deleted>, Status>;
@@ -200,7 +200,7 @@ async fn a_job_is_deleted_once_it_has_ended() {
 }
 
 #[tokio::test]
-async fn a_person_whom_a_model_or_a_job_has_is_not_deleted() {
+async fn a_person_in_a_model_or_a_job_is_not_deleted() {
     let service = service().await;
     let (ada, bob) = (
         service.ready_subject("Ada").await,

@@ -3,16 +3,14 @@
 use crate::support::{Service, assert_invalid, assert_refused, claim, id};
 use std::time::Duration;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    names::object,
-    v1::{
-        CaptureMotion, Checkpoint, CommitOutputRequest, DeleteCaptureRequest,
-        DeleteCheckpointRequest, DeleteModelRequest, Distillation, DistilledSplats, ExportForm,
-        ExportMotion, ExportResult, ExportSpec, ExportedFile, Job, JobKind, Lease, ListJobsRequest,
-        ListObjectsRequest, Model, NamedObject, PauseJobsRequest, RenderedFile, ResumeJobsRequest,
-        Subject, export_motion, job, job_result, job_spec,
-    },
+use yoto_proto::keys;
+use yoto_proto::names::object;
+use yoto_proto::v1::{
+    CaptureMotion, Checkpoint, CommitOutputRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Distillation, DistilledSplats, ExportForm, ExportMotion, ExportResult,
+    ExportSpec, ExportedFile, Job, JobKind, Lease, ListJobsRequest, ListObjectsRequest, Model,
+    NamedObject, PauseJobsRequest, RenderedFile, ResumeJobsRequest, Subject, export_motion, job,
+    job_result, job_spec,
 };
 
 fn spec(model: &Model, subject: &Subject, form: ExportForm) -> ExportSpec {
@@ -96,7 +94,7 @@ async fn listed(service: &Service, job: &str) -> Result<Vec<NamedObject>, Status
 }
 
 #[tokio::test]
-async fn an_export_needs_a_checkpoint_and_people_whom_the_service_knows() {
+async fn an_export_needs_a_checkpoint_and_known_people() {
     let service = Service::start().await;
     let ada = service.ready_subject("Ada").await;
     let bob = service.ready_subject("Bob").await;
@@ -274,7 +272,7 @@ async fn results_that_can_not_be_are_refused_and_good_ones_are_no_garbage() {
     }
     let answer = service.complete(&lease, job_result::Kind::Export(good));
     answer.await.expect("is good");
-    // Although it was never committed by itself.
+    // It appears, although it was never committed separately.
     service.collect(false, true).await;
     let job = lease.job.expect("has a job").name;
     assert!(service.has(&keys::render(id(&job), lease.token, "person.spz")));

@@ -1,11 +1,8 @@
-//! Faults on purpose: calls arrive several times, answers get lost, and the moments of a call are told in
-//! their order.
+//! Injected faults: calls arrive several times, answers get lost, and the moments of a call come in order.
 
 use crate::support::Service;
-use std::{
-    sync::{Arc, Mutex},
-    time::{Duration, Instant},
-};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tonic::Code;
 use yoto_proto::v1::{CreateSubjectRequest, ListSubjectsRequest};
 use yoto_server::faults::{Delivery, Faults, Moment};

@@ -1,15 +1,14 @@
-//! Bytes: removed once nothing refers to them, and never before.
+//! Objects are removed once nothing refers to them, and never before.
 
 use crate::support;
 use crate::support::{Service, assert_refused, chunks, file, headers, id, job_name};
-use std::{fs, time::Duration};
+use std::fs;
+use std::time::Duration;
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec,
-        end_job_request::Outcome, job_spec,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::{
+    CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec, job_spec,
 };
 use yoto_server::ServerConfig;
 
@@ -127,7 +126,7 @@ async fn a_removed_checkpoint_goes_while_its_training_runs() {
     let first = first.manifest.expect("has one").key;
     service.collect(false, false).await;
     assert!(!service.has(&first));
-    // The objects are written again, the call comes late: the row must not come back without them.
+    // A late call whose objects were removed must not bring back the row.
     service
         .publish_with(&lease, 1, 20.0)
         .await

@@ -1,21 +1,18 @@
-//! Several workers at one render: each has a lease of its own, and draws ranges that are nobody else's.
+//! Several workers at one render: each has its own lease and draws its own ranges.
 
 use crate::support::{Service, assert_refused, id, job_error, job_name};
-use std::{collections::BTreeMap, sync::Arc};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        CancelJobRequest, Claim, CommitOutputRequest, CreateJobRequest, EndJobRequest,
-        HeartbeatRequest, Job, JobKind, JobPriority, JobResult, JobSpec, Lease, ListObjectsRequest,
-        Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec, RenderedFile,
-        ResumeJobsRequest, Subject, TakeRangeRequest, TakeRangeResponse,
-        end_job_request::{Cancelled, Outcome, Returned},
-        job,
-        job_attempt::Outcome as Ended,
-        job_result, job_spec,
-        render_spec::What,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::v1::job_attempt::Outcome as Ended;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    CancelJobRequest, Claim, CommitOutputRequest, CreateJobRequest, EndJobRequest,
+    HeartbeatRequest, Job, JobKind, JobPriority, JobResult, JobSpec, Lease, ListObjectsRequest,
+    Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec, RenderedFile,
+    ResumeJobsRequest, Subject, TakeRangeRequest, TakeRangeResponse, job, job_result, job_spec,
 };
 use yoto_server::clock::ManualClock;
 
@@ -93,7 +90,7 @@ impl Stage {
         job.expect("is queued").into_inner()
     }
 
-    /// A new worker, if there is something to do for it.
+    /// A new worker with a lease; `None` if there is no work.
     async fn hand(&self) -> Option<Hand> {
         let name = self.service.worker(&["render"]).await;
         let lease = self.service.lease_or_help(&name, "", true).await?;
@@ -121,9 +118,9 @@ impl Stage {
         taken.map(|answer| answer.into_inner())
     }
 
-    /// Commits the picture at `place`.
-    async fn draw(&self, hand: &Hand, place: u32) -> Result<RenderedFile, Status> {
-        let file = keys::picture(place);
+    /// Commits the picture at `index`.
+    async fn draw(&self, hand: &Hand, index: u32) -> Result<RenderedFile, Status> {
+        let file = keys::picture(index);
         let key = keys::render(id(&job_name(&hand.lease)), hand.lease.token, &file);
         let object = Some(self.service.put(&key, file.as_bytes()).await);
         let file = RenderedFile { file, object };
@@ -137,8 +134,8 @@ impl Stage {
 
     async fn draw_all(&self, hand: &Hand, taken: &TakeRangeResponse) -> u32 {
         let range = taken.range.expect("a range");
-        for place in range.first..range.first + range.count {
-            self.draw(hand, place).await.expect("commits");
+        for index in range.first..range.first + range.count {
+            self.draw(hand, index).await.expect("commits");
         }
         range.first
     }
@@ -163,7 +160,7 @@ impl Stage {
         self.service.workers().end_job(request).await.map(drop)
     }
 
-    /// Lets time pass in steps short enough to be no outage, while `alive` renew their leases.
+    /// Lets time pass in steps too short for an outage, while `alive` renew their leases.
     async fn pass(&self, seconds: f64, alive: &[&Hand]) {
         let mut left = seconds;
         while left > 0.0 {
@@ -187,7 +184,7 @@ impl Stage {
         answer.expect("is heard").into_inner()
     }
 
-    /// Every write of a worker is refused, as of one that lost its lease.
+    /// Checks that every write of the worker is refused with a stale lease.
     async fn assert_late(&self, hand: &Hand) {
         let refused = |answer| assert_refused(answer, Code::FailedPrecondition, STALE);
         refused(self.heartbeat(hand, 1).await.map(drop));
@@ -242,7 +239,7 @@ async fn two_workers_draw_every_picture_of_a_render_once() {
     assert_eq!(range(&own), Some((0, 4)), "a repeated call");
     let others = stage.take(&second, None).await.expect("the next range");
     assert_eq!(range(&others), Some((4, 4)));
-    // What a helper has not committed yet is no garbage.
+    // Uncommitted files of a helper are not garbage.
     let key = keys::render(id(&job), second.lease.token, "unfinished");
     stage.service.put(&key, b"half").await;
     stage.service.collect(false, true).await;
@@ -270,12 +267,12 @@ async fn two_workers_draw_every_picture_of_a_render_once() {
 
     let all = stage.take(&first, None).await.expect("answers");
     let files = all.outputs.clone();
-    let places: BTreeMap<&str, &str> = (files.iter())
+    let keys_by_file: BTreeMap<&str, &str> = (files.iter())
         .map(|it| (&*it.file, it.object.as_ref().map_or("", |it| &it.key)))
         .collect();
-    assert_eq!((files.len(), places.len()), (10, 10));
-    for (place, (file, key)) in places.into_iter().enumerate() {
-        let token = if place < 4 { 1 } else { 2 };
+    assert_eq!((files.len(), keys_by_file.len()), (10, 10));
+    for (index, (file, key)) in keys_by_file.into_iter().enumerate() {
+        let token = if index < 4 { 1 } else { 2 };
         assert_eq!(key, keys::render(id(&job), token, file));
     }
     stage
@@ -312,7 +309,7 @@ async fn the_pictures_of_a_lost_helper_go_to_another_worker_and_its_late_writes_
     assert_eq!((range(&taken), taken.outputs), (Some((4, 4)), vec![early]));
     let expected = [(1, Ended::Running), (2, Ended::Lost)];
     assert_eq!(history(&stage, &job).await, expected);
-    // Back again, it is not trusted with this render; others are.
+    // A lost helper that comes back gets other work, but not this render.
     let again = stage.service.lease_or_help(&second.name, "", true).await;
     assert_eq!(again, None);
     assert!(stage.hand().await.expect("pictures are left").lease.helps);
@@ -362,7 +359,7 @@ async fn the_end_of_a_render_ends_the_leases_of_its_helpers() {
     assert_eq!(history(&stage, &job).await, expected);
     stage.assert_late(&second).await;
 
-    // While nobody runs it.
+    // While no worker runs it.
     let (first, second) = stage.two().await;
     let job = job_name(&first.lease);
     let returned = stage.end(&first, Outcome::Returned(Returned {}));
@@ -380,7 +377,7 @@ async fn a_worker_helps_when_nothing_else_waits_for_it() {
     let first = stage.hand().await.expect("the render waits");
     assert!(stage.hand().await.is_none(), "it was not divided yet");
     stage.take(&first, None).await.expect("divides it");
-    // Only a job of lower priority comes after help.
+    // Helping comes before jobs of a lower priority only.
     let lower = stage.render(JobPriority::High).await.name;
     let helper = stage.hand().await.expect("pictures are left");
     assert_eq!(
@@ -410,7 +407,7 @@ async fn a_worker_helps_when_nothing_else_waits_for_it() {
     let resume = ResumeJobsRequest { kind };
     service.jobs().resume_jobs(resume).await.expect("resumes");
 
-    // One that failed at it is not asked again, and its failure is not the job's.
+    // A helper that failed at it is not used again, and the job does not fail.
     let failed = Outcome::Failed(job_error("INTERNAL", "no memory"));
     stage.end(&helper, failed).await.expect("ends");
     let job = service.get_job(&job_name(&first.lease)).await;
@@ -418,7 +415,7 @@ async fn a_worker_helps_when_nothing_else_waits_for_it() {
     let again = service.lease_or_help(&helper.name, "", true).await;
     assert_eq!(again, None);
 
-    // An answer that was lost is found again.
+    // A repeated call gets the lost answer.
     let name = service.worker(&["render"]).await;
     let lease = service.lease_or_help(&name, "call", true).await;
     let again = service.lease_or_help(&name, "call", true).await;

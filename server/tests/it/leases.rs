@@ -3,13 +3,11 @@
 use crate::support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
 use std::sync::Arc;
 use tonic::{Code, Status};
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::v1::job_attempt::Outcome as Ended;
 use yoto_proto::v1::{
     CancelJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest, Progress,
-    TrainResult, capture,
-    end_job_request::{Cancelled, Outcome, Returned},
-    job,
-    job_attempt::Outcome as Ended,
-    job_result,
+    TrainResult, capture, job, job_result,
 };
 use yoto_server::clock::ManualClock;
 
@@ -30,7 +28,7 @@ async fn start() -> (Service, Arc<ManualClock>) {
     (service, clock)
 }
 
-/// Moves the clock in steps short enough to be no outage, and has the service look after its leases.
+/// Moves the clock in steps too short for an outage, and lets the service check its leases.
 async fn pass(service: &Service, clock: &ManualClock, seconds: f64) {
     let mut left = seconds;
     while left > 0.0 {
@@ -83,7 +81,7 @@ async fn training(service: &Service) -> Job {
     service.train(&service.model_of(&subject).await).await
 }
 
-/// How each attempt of a job ended.
+/// The outcome of each attempt of a job.
 async fn history(service: &Service, job: &str) -> Vec<Ended> {
     let attempts = service.get_job(job).await.attempts;
     attempts.iter().map(|it| it.outcome()).collect()
@@ -173,7 +171,7 @@ async fn a_lost_lease_is_taken_over_and_every_late_write_refused() {
         token: u64::MAX,
         ..new.clone()
     };
-    // The right token in other hands: the worker's own.
+    // The right token from another worker.
     let mut stolen = new.clone();
     stolen.job = old.job.clone();
     for late in [&old, &future, &stolen] {
@@ -232,7 +230,7 @@ async fn an_outage_charges_no_worker() {
         pass(&service, &clock, 0.4 * LEASE).await;
     }
     assert_eq!(service.get_job(&job.name).await.lost_workers, 0);
-    // But a worker that stays away loses its job within a lease.
+    // But a worker that does not return loses its job within a lease.
     pass(&service, &clock, 1.1 * LEASE).await;
     assert_eq!(service.get_job(&job.name).await.state(), job::State::Queued);
 }

@@ -1,19 +1,16 @@
-//! The queue: whose turn it is, pauses, and inputs that were chosen when a job was queued.
+//! The queue: its order, pauses, and inputs that were chosen when a job was queued.
 
 use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority,
-        JobSpec, JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-        PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
-        TrainSpec, WorkerDevice,
-        end_job_request::{Outcome, Returned},
-        job, job_result, job_spec,
-        status_service_client::StatusServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::v1::status_service_client::StatusServiceClient;
+use yoto_proto::v1::{
+    CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec,
+    JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
+    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
+    TrainSpec, WorkerDevice, job, job_result, job_spec,
 };
 
 async fn train_for(service: &Service, model: &Model, owner: &str, priority: JobPriority) -> Job {
@@ -176,7 +173,7 @@ async fn a_job_without_its_inputs_fails_and_does_not_stand_before_the_others() {
     let ada = service.ready_subject("Ada").await;
     let broken = service.train(&service.model_of(&ada).await).await;
     let other = service.train(&service.model_of(&ada).await).await;
-    // No call leaves a job without its model's slots' captures; a damaged database does.
+    // Only a damaged database can leave a job without captures.
     let database = service.dir.path().join("yoto.db");
     let job = id(&broken.name);
     let damage = format!("UPDATE jobs SET spec = x'ff' WHERE id = '{job}'");
@@ -322,7 +319,7 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_worker_at_once
     let workers = workers.expect("lists").into_inner().workers;
     let running = workers.iter().find(|it| it.name == remote);
     assert_eq!(running.expect("is listed").job, elsewhere.name);
-    let again = eventually("the next turn", || service.lease(&remote)).await;
+    let again = eventually("the next lease", || service.lease(&remote)).await;
     assert_eq!(job_name(&again), own.name);
 }
 

@@ -4,16 +4,14 @@ use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, id, job_name};
 use futures::TryStreamExt;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    manifest::{self, files},
-    names,
-    v1::{
-        Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, Lease,
-        ListObjectsRequest, ObjectRef, Orbit, PublishCheckpointRequest, RenderResult, RenderSpec,
-        RenderedFile, capture, job_result, job_spec, render_spec::What,
-    },
+use yoto_proto::manifest::{self, files};
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, Lease,
+    ListObjectsRequest, ObjectRef, Orbit, PublishCheckpointRequest, RenderResult, RenderSpec,
+    RenderedFile, capture, job_result, job_spec,
 };
+use yoto_proto::{keys, names};
 
 #[tokio::test]
 async fn a_worker_may_only_name_objects_of_its_own_lease() {

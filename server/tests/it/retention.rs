@@ -4,7 +4,7 @@ use crate::support;
 use crate::support::{Service, assert_invalid};
 use yoto_proto::v1::{CreateModelRequest, Lease, Model, Retention, UpdateModelRequest};
 
-/// A service whose models keep `newest`, and every so many-th; a model in training.
+/// A service whose models keep the `newest` checkpoints and every n-th; with a model in training.
 async fn training(newest: u32, every: u32) -> (Service, Model, Lease) {
     let service = Service::start_with(|config| {
         config.storage.keep_newest = newest;
@@ -53,7 +53,7 @@ async fn publishing_removes_what_a_model_does_not_keep() {
     let expected = expected.map(|(step, why)| (step, why.to_owned()));
     assert_eq!(kept(&service, &model).await, expected);
 
-    // A late repetition changes nothing, be the checkpoint there or not.
+    // A late repetition changes nothing, whether or not the checkpoint still exists.
     service
         .publish_with(&lease, 60, 21.0)
         .await
@@ -130,7 +130,7 @@ async fn a_checkpoint_stays_while_a_job_uses_it() {
         .publish_with(&lease, 10, 20.0)
         .await
         .expect("publishes");
-    // It uses the best one, whichever that is when it starts.
+    // It uses the one that is the best when it starts.
     let any = service.render(&model, &ada, "").await;
     let first = &service.checkpoints(&model.name).await[0];
     let named = service.render(&model, &ada, &first.name).await;

@@ -1,19 +1,19 @@
-//! Scenes with people of several models: each model must be able to show its people, and what a scene uses of a
-//! model stays while the scene waits or is drawn.
+//! Scenes with people of several models: each model must be able to show its people, and the checkpoints that a
+//! scene uses are kept while it waits or is drawn.
 
 use crate::support::{Service, assert_invalid, assert_refused, claim, id, job_name};
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        Actor, CaptureMotion, CommitOutputRequest, DeleteCheckpointRequest, DeleteJobRequest,
-        DeleteModelRequest, Job, Lease, Model, RemoveIdentityRequest, RenderQuality, RenderResult,
-        RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, actor::Motion, job_result,
-        job_spec, render_quality::Want, render_spec::What,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::actor::Motion;
+use yoto_proto::v1::render_quality::Want;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    Actor, CaptureMotion, CommitOutputRequest, DeleteCheckpointRequest, DeleteJobRequest,
+    DeleteModelRequest, Job, Lease, Model, RemoveIdentityRequest, RenderQuality, RenderResult,
+    RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, job_result, job_spec,
 };
 
-/// Ada, who is in the models duo and fog, of which only duo is trained; Bob is in fog alone.
+/// Ada is in the models duo and fog; only duo is trained. Bob is in fog alone.
 struct Stage {
     service: Service,
     ada: Subject,
@@ -179,7 +179,7 @@ async fn what_a_scene_uses_of_another_model_stays_until_the_scene_has_ended() {
         async move { models.delete_model(request).await }
     };
     refused(delete().await, "MODEL_BUSY", &scene.name);
-    // The checkpoint of the order stays, although two better ones came.
+    // The checkpoint of the order is kept, although two better ones were published.
     stage.train(&stage.fog, 20, 30.0).await;
     stage.train(&stage.fog, 30, 30.5).await;
     let kept = [(30, "newest, best".to_owned()), (10, scene.name.clone())];
@@ -199,7 +199,7 @@ async fn what_a_scene_uses_of_another_model_stays_until_the_scene_has_ended() {
     let busy = service.models().remove_identity(request).await;
     refused(busy, "MODEL_BUSY", &scene.name);
 
-    // The best one when the scene begins is that of all its workers.
+    // All workers of the scene use the checkpoint that was the best when it began.
     let lease = stage.lease(false).await;
     assert_eq!(others(&lease), [(stage.fog.name.clone(), 30)]);
     let request = TakeRangeRequest {

@@ -4,18 +4,19 @@ use crate::support;
 use crate::support::{Service, file, job_name};
 use futures::stream;
 use tokio::net::TcpListener;
-use tokio_stream::{StreamExt, wrappers::TcpListenerStream};
-use tonic::{Code, transport::Endpoint};
-use tonic_health::pb::{
-    HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
-};
-use tonic_reflection::pb::v1::{
-    ServerReflectionRequest, server_reflection_client::ServerReflectionClient,
-    server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
-};
-use yoto_proto::v1::{
-    GetSubjectRequest, ListJobsRequest, job, subject_service_client::SubjectServiceClient,
-};
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::Code;
+use tonic::transport::Endpoint;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_reflection::pb::v1::ServerReflectionRequest;
+use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
+use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
+use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::{GetSubjectRequest, ListJobsRequest, job};
 use yoto_server::{Coordinator, ServerConfig, ServerError};
 
 #[tokio::test]

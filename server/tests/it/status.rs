@@ -2,13 +2,13 @@
 
 use crate::support::{Service, assert_invalid, assert_refused, claim, job_name};
 use tonic::Code;
-use yoto_proto::{
-    keys,
-    v1::{
-        CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest,
-        IngestResult, JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec,
-        job, job_result, job_spec, render_spec::What, status_service_client::StatusServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::status_service_client::StatusServiceClient;
+use yoto_proto::v1::{
+    CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest, IngestResult,
+    JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec, job, job_result,
+    job_spec,
 };
 
 #[tokio::test]
@@ -151,7 +151,7 @@ async fn requests_that_no_worker_could_serve_are_refused_at_once() {
         "NO_CHECKPOINT",
     );
 
-    // Faults have the names that people gave.
+    // Errors use display names.
     let dan = filmed(&service, "dan", 1).await;
     let status = render(&dan, 5).await.expect_err("is refused");
     assert!(

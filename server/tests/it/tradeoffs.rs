@@ -4,14 +4,14 @@
 use crate::support;
 use crate::support::{Service, assert_invalid, assert_refused, id};
 use tonic::Code;
-use yoto_proto::{
-    keys, tiers,
-    v1::{
-        EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model,
-        Orbit, RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject,
-        SubjectScores, TradeoffSpec, job_result, job_spec, render_quality::Want, render_spec::What,
-    },
+use yoto_proto::v1::render_quality::Want;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{
+    EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model, Orbit,
+    RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject, SubjectScores,
+    TradeoffSpec, job_result, job_spec,
 };
+use yoto_proto::{keys, tiers};
 
 fn evaluate(model: &Model, tradeoff: bool) -> job_spec::Kind {
     job_spec::Kind::Evaluate(EvaluateSpec {
@@ -121,7 +121,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
     let listed = listed.expect("lists").into_inner().checkpoints;
     assert_eq!(listed[0].tradeoff, kept.tradeoff);
 
-    // Queued while its checkpoint was the newest, the render keeps to it.
+    // The render keeps the checkpoint that was the newest when it was queued.
     service.create_job(wish()).await.expect("is measured now");
     service.publish(&training, 50).await.expect("publishes");
     let lease = service.lease(&worker).await.expect("the render waits");

@@ -1,4 +1,4 @@
-//! Uploads: a good one starts an ingest job, a bad one is refused, a cut one goes on.
+//! Uploads: a good one starts an ingest job, a bad one is refused, an interrupted one continues.
 
 use crate::support;
 use crate::support::{
@@ -7,15 +7,12 @@ use crate::support::{
 use futures::stream::{self, StreamExt};
 use std::time::Duration;
 use tonic::{Code, Status};
-use yoto_proto::{
-    keys,
-    v1::{
-        CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
-        JobError, Lease, Violation, capture,
-        end_job_request::{Cancelled, Outcome},
-        job, subject, upload,
-        upload_service_client::UploadServiceClient,
-    },
+use yoto_proto::keys;
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome};
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::{
+    CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
+    JobError, Lease, Violation, capture, job, subject, upload,
 };
 
 #[tokio::test]
@@ -233,7 +230,7 @@ async fn an_upload_goes_on_after_its_client_or_the_service_has_gone_away() {
     let name = service.open_upload(&subject.name, &files).await;
     let name = name.expect("is opened").name;
     let connector = service.connector.clone();
-    // A runtime of its own ends with everything in it, as a process would.
+    // A separate runtime ends all its tasks at once, as a process would.
     let client = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
@@ -250,7 +247,7 @@ async fn an_upload_goes_on_after_its_client_or_the_service_has_gone_away() {
             .await
             .map(drop)
     });
-    // A part is committed while the stream goes on; the rest of it, once it has ended.
+    // A part is committed while the stream is open, the rest once it has ended.
     let committed = async || {
         let request = GetUploadRequest {
             name: name.clone(),
@@ -362,7 +359,7 @@ async fn the_same_request_opens_one_upload_even_on_a_full_disk() {
     assert_refused(other, Code::AlreadyExists, "REQUEST_ID_REUSED");
     let new = service.open_upload(&subject.name, &files).await;
     assert_refused(new, Code::ResourceExhausted, "DISK_FULL");
-    // What was begun may end.
+    // An open upload may still end.
     service.finish(&first.name).await.expect("is complete");
     let finished = open(&service, &files).await.expect("is found");
     assert_eq!(finished.state(), upload::State::Finished);
@@ -443,7 +440,7 @@ async fn ingest_again(service: &Service, name: &str) -> Result<Capture, Status> 
     again.map(|answer| answer.into_inner())
 }
 
-/// Ends a leased ingest job with `violations`, or for want of something else.
+/// Ends a leased ingest job with `violations`, or with another error if there are none.
 async fn fail(service: &Service, lease: &Lease, violations: Vec<Violation>) {
     let error = JobError {
         code: "INTERNAL".into(),

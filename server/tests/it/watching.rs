@@ -4,9 +4,9 @@ use crate::support::{Service, assert_refused, claim, job_error};
 use futures::{StreamExt, TryStreamExt};
 use std::time::Duration;
 use tonic::{Code, Streaming};
+use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
-    CancelJobRequest, HeartbeatRequest, Job, Progress, WatchJobRequest, WatchJobResponse,
-    end_job_request::Outcome, job,
+    CancelJobRequest, HeartbeatRequest, Job, Progress, WatchJobRequest, WatchJobResponse, job,
 };
 
 async fn watch(service: &Service, name: &str, after_sequence: u64) -> Streaming<WatchJobResponse> {

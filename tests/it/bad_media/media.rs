@@ -5,13 +5,13 @@ use anyhow::Context;
 use yoto_client::UploadFile;
 use yoto_tests::film::mp4;
 
-/// The first place of `name` in a file's boxes.
+/// The first offset of `name` in a file's boxes.
 fn box_at(bytes: &[u8], name: &[u8; 4]) -> anyhow::Result<usize> {
     let at = bytes.windows(4).position(|it| it == name);
     at.with_context(|| String::from_utf8_lossy(name).into_owned())
 }
 
-/// The film with `count` frames of a byte declared, and nothing else changed.
+/// The film with its header changed to declare `count` frames of one byte.
 fn declaring(film: &[u8], count: u32) -> anyhow::Result<Vec<u8>> {
     let mut film = film.to_vec();
     let sizes = box_at(&film, b"stsz")? + 8;

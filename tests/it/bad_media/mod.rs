@@ -96,14 +96,14 @@ fn film(dir: &Path) -> anyhow::Result<Vec<UploadFile>> {
     Ok(without(&files(dir)?, "frames/"))
 }
 
-/// The capture with the file at `path` in place of its own.
+/// The capture with another file at `path`.
 fn with(files: &[UploadFile], path: &str, bytes: impl Into<Vec<u8>>) -> Vec<UploadFile> {
     let mut files = without(files, path);
     files.push(file(path, bytes));
     files
 }
 
-/// The capture without the files whose paths start with `start`.
+/// The capture without files with paths that begin with `start`.
 fn without(files: &[UploadFile], start: &str) -> Vec<UploadFile> {
     let mut files = files.to_vec();
     files.retain(|file| !file.path.starts_with(start));

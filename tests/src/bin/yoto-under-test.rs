@@ -4,5 +4,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    yoto::commands::main()
+    yoto::cli::main()
 }

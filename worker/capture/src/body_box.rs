@@ -7,7 +7,7 @@
 use crate::camera::Camera;
 use crate::skeleton::{Bounds, Pose, Skeleton, Vec3};
 
-/// How far boxes around joints reach beyond them, metres (HumanNeRF, `bbox_offset`).
+/// Margin of the boxes around joints, metres (HumanNeRF, `bbox_offset`).
 pub const MARGIN: f64 = 0.3;
 
 /// A camera moved into the body frame of one pose, and the body's box there.
@@ -21,12 +21,13 @@ pub struct BodyView {
     pub bounds: Bounds,
 }
 
-/// A ray's part inside the box. Distances are multiples of the direction, whose camera z is 1.
+/// The segment of a ray inside the box. Distances are multiples of the direction, which has a camera z
+/// of 1, so they are depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Camera centre, metres.
     pub origin: [f32; 3],
-    /// Not normalised.
+    /// Direction, not normalised: its camera z is 1.
     pub direction: [f32; 3],
     /// Where the ray enters the box, or 0 when the camera is inside.
     pub near: f32,
@@ -35,7 +36,7 @@ pub struct Ray {
 }
 
 impl BodyView {
-    /// What `camera` sees of a body in `pose`.
+    /// The box of a body in `pose`, seen by `camera`.
     pub fn new(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Self {
         let camera = camera.in_frame(&skeleton.body_to_world(pose));
         Self {
@@ -45,7 +46,7 @@ impl BodyView {
         }
     }
 
-    /// Where image position (`u`, `v`) looks in the body frame, at camera z = 1.
+    /// The direction through image position (`u`, `v`) in the body frame, at camera z = 1.
     pub fn direction(&self, u: f64, v: f64) -> Vec3 {
         self.camera.direction(u, v)
     }
@@ -63,8 +64,8 @@ impl BodyView {
         })
     }
 
-    /// The box's corners in the image, pixels; none for one behind the camera. Bit i of a
-    /// corner's number is its end of axis i, so an edge joins numbers that differ in one bit.
+    /// The box's corners in the image, pixels; `None` for a corner behind the camera. Bit i of a
+    /// corner's index is its end of axis i, so an edge joins indices that differ in one bit.
     pub fn corners(&self) -> [Option<[f64; 2]>; 8] {
         std::array::from_fn(|corner| {
             let ends = [self.bounds.min, self.bounds.max];
@@ -74,7 +75,7 @@ impl BodyView {
     }
 }
 
-/// One entry per pixel, row by row: whether the ray through its centre misses the box.
+/// For each pixel, row by row, whether the ray through its centre misses the box.
 pub fn outside(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<bool> {
     let view = BodyView::new(skeleton, pose, camera);
     let pixels = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| (x, y)));

@@ -10,8 +10,8 @@ use yoto_proto::pose_track::{PoseTrack, violation};
 /// Bytes of all crops together, at most: a whole shard is in memory for a moment.
 const MAX_BYTES: usize = 8 << 30;
 
-/// Makes a [`Shard`] frame by frame. Crops go where `W` says: into memory, or into a file when
-/// the shard is only to be stored.
+/// Makes a [`Shard`] frame by frame. Crops are written to `W`: memory, or a file if the shard is only
+/// to be stored.
 #[derive(Debug)]
 pub struct ShardBuilder<W = Vec<u8>> {
     header: Header,
@@ -20,16 +20,15 @@ pub struct ShardBuilder<W = Vec<u8>> {
 }
 
 impl ShardBuilder {
-    /// A shard in memory for `track`, whose frames [`ShardBuilder::push`] must follow.
+    /// A builder in memory for `track`. [`ShardBuilder::push`] takes the frames in the track's order.
     pub fn new(track: PoseTrack) -> Self {
         Self::writing_to(Vec::new(), track)
     }
 
-    /// The shard.
+    /// The finished shard.
     ///
     /// # Errors
-    /// [`CaptureError::Shard`] when frames are missing, [`CaptureError::Invalid`] when the
-    /// track is invalid.
+    /// [`CaptureError::Shard`] if frames are missing, [`CaptureError::Invalid`] if the track is invalid.
     pub fn finish(self) -> Result<Shard, CaptureError> {
         let (head, crops, track, pixels) = self.head()?;
         let pixels_at = head.len();
@@ -48,8 +47,8 @@ impl ShardBuilder {
 }
 
 impl<W: Write> ShardBuilder<W> {
-    /// The same with the crops written to `pixels`. What [`ShardBuilder::finish_head`] gives
-    /// belongs before them.
+    /// A builder that writes the crops to `pixels`. The head from [`ShardBuilder::finish_head`] belongs
+    /// before them.
     pub fn writing_to(pixels: W, track: PoseTrack) -> Self {
         Self {
             header: Header {
@@ -61,8 +60,7 @@ impl<W: Write> ShardBuilder<W> {
         }
     }
 
-    /// What stands before the crops, and where they were written: one after the other they are
-    /// a shard.
+    /// The bytes before the crops, and the writer of the crops. Head and crops together are a shard.
     ///
     /// # Errors
     /// As [`ShardBuilder::finish`].
@@ -74,9 +72,9 @@ impl<W: Write> ShardBuilder<W> {
     /// Appends the next frame, cropped to the mask's bounding box.
     ///
     /// # Errors
-    /// [`CaptureError::Shard`] when the image does not have the track's size or its buffers the
-    /// image's, or the track has no frame left; [`CaptureError::Invalid`], without the file,
-    /// when all crops together are too large.
+    /// [`CaptureError::Shard`] if the image's size is not the track's, a buffer's length is not the
+    /// image's, or the track has no frame left; [`CaptureError::Invalid`], without a file name, if all
+    /// crops together are too large.
     pub fn push(&mut self, image: &FrameImage) -> Result<(), CaptureError> {
         let Self {
             header: Header { track, crops },
@@ -105,7 +103,7 @@ impl<W: Write> ShardBuilder<W> {
                 "the cropped frames exceed {} GiB; send fewer or smaller ones",
                 MAX_BYTES >> 30
             );
-            // Which file this frame came from the caller knows.
+            // Only the caller knows the frame's file.
             let fault = violation("TOO_LARGE", "", Some(frame.index), "", message);
             return Err(CaptureError::Invalid(vec![fault]));
         }
@@ -118,7 +116,8 @@ impl<W: Write> ShardBuilder<W> {
         written.map_err(|error| CaptureError::Shard(format!("writing the crops: {error}")))
     }
 
-    /// Checks that all is there; magic and header, the header's parts, and the crops.
+    /// Magic and header as bytes, the header's parts, and the writer, after a check that no frame is
+    /// missing.
     fn head(self) -> Result<(Vec<u8>, Vec<Crop>, PoseTrack, W), CaptureError> {
         let Self { header, pixels, .. } = self;
         let violations = header.track.check();
@@ -146,7 +145,7 @@ impl<W: Write> ShardBuilder<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::track;
+    use crate::test_support::track;
 
     #[test]
     fn head_and_crops_apart_are_the_same_shard() {

@@ -1,8 +1,8 @@
-//! Pinhole cameras as every part of the crate sees them.
+//! Pinhole cameras.
 //!
-//! One convention, stated once: OpenCV axes (x right, y down, z forward), world to camera,
-//! pixel centres at +0.5, metres. Conversions from the wire and from a pose track check
-//! lengths and values, so that nothing behind them has to.
+//! The convention of all crates: OpenCV axes (x right, y down, z forward), world to camera, pixel
+//! centres at +0.5, metres. Conversions from the wire and from a pose track check lengths and values,
+//! so the code behind them need not.
 
 pub use crate::skeleton::Pose;
 
@@ -24,10 +24,10 @@ pub struct Camera {
     pub e: [[f64; 4]; 4],
 }
 
-/// The size of a `width` x `height` image whose longest side is brought down to
-/// `longest_side`; 0, or a side that is no shorter than the image's, changes nothing.
+/// The size of a `width` x `height` image after its longest side is reduced to `longest_side`. The size
+/// stays the same if `longest_side` is 0 or not shorter than the image's.
 ///
-/// Images and cameras share this rule, for a rounding apart would shift every ray.
+/// Images and cameras share this rule: two different roundings would shift every ray.
 pub fn fitted_size(width: u32, height: u32, longest_side: u32) -> (u32, u32) {
     let longest = width.max(height);
     if longest_side == 0 || longest_side >= longest {
@@ -41,11 +41,11 @@ pub fn fitted_size(width: u32, height: u32, longest_side: u32) -> (u32, u32) {
 impl Camera {
     /// A checked camera; `field` prefixes the names in errors (empty for none).
     fn checked(self, field: &str) -> Result<Self, ViewError> {
-        let place = |name: &str| format!("{field}{name}");
+        let path = |name: &str| format!("{field}{name}");
         let side = 1..=pose_track::MAX_SIDE;
         if !side.contains(&self.width) || !side.contains(&self.height) {
             return Err(ViewError::new(
-                place("size"),
+                path("size"),
                 format!(
                     "{}x{}: each side must be 1 to {}",
                     self.width,
@@ -54,15 +54,15 @@ impl Camera {
                 ),
             ));
         }
-        finite(&place("intrinsics"), self.k.as_flattened(), 1e7)?;
+        finite(&path("intrinsics"), self.k.as_flattened(), 1e7)?;
         finite(
-            &place("extrinsics"),
+            &path("extrinsics"),
             self.e.as_flattened(),
             pose_track::MAX_METRES,
         )?;
         if !(self.k[0][0] > 0.0 && self.k[1][1] > 0.0) {
             return Err(ViewError::new(
-                place("intrinsics"),
+                path("intrinsics"),
                 "focal lengths must be above 0",
             ));
         }
@@ -73,7 +73,7 @@ impl Camera {
                 let off = (dot(rows[i], rows[j]) - expected).abs();
                 if off > 1e-3 {
                     return Err(ViewError::new(
-                        place("extrinsics"),
+                        path("extrinsics"),
                         format!("the upper 3x3 part is off orthonormal by {off:.3}"),
                     ));
                 }
@@ -85,8 +85,8 @@ impl Camera {
     /// The camera of a request.
     ///
     /// # Errors
-    /// Wrong lengths, values that are not numbers, focal lengths at or under 0, a size out of
-    /// range, extrinsics that are not a rigid motion.
+    /// A list of the wrong length, a value that is not a number, a focal length of 0 or less, a size out
+    /// of range, or extrinsics that are not a rigid motion.
     pub fn from_proto(camera: &v1::Camera) -> Result<Self, ViewError> {
         let k: [f64; 9] = fixed("camera.intrinsics", &camera.intrinsics)?;
         let e: [f64; 16] = fixed("camera.extrinsics", &camera.extrinsics)?;
@@ -109,7 +109,7 @@ impl Camera {
         }
     }
 
-    /// The camera that saw a frame of images of `image_size` (width, height).
+    /// The camera of `frame`, for images of `image_size` (width, height).
     ///
     /// # Errors
     /// As [`Camera::from_proto`].
@@ -136,7 +136,7 @@ impl Camera {
         .checked("")
     }
 
-    /// A pose-track entry: this camera seeing `pose` in frame `index`.
+    /// The pose-track entry of frame `index`, with this camera and `pose`.
     pub fn to_frame(&self, index: u32, pose: &Pose) -> pose_track::Frame {
         pose_track::Frame {
             index,
@@ -180,8 +180,8 @@ impl Camera {
         }
     }
 
-    /// The same view in an image of another size. Pixel centres stand at +0.5, so the
-    /// intrinsics scale plainly, each axis by its own rounding.
+    /// The same view in an image of another size. Each axis has a scale of its own, since each side is
+    /// rounded by itself. As pixel centres are at +0.5, the intrinsics need no shift.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let scale = [
             f64::from(width) / f64::from(self.width),
@@ -197,8 +197,8 @@ impl Camera {
         }
     }
 
-    /// The same view with the longest side brought down to `longest_side` pixels, by the
-    /// rule of [`fitted_size`]: 0 leaves it as it is, and it never grows.
+    /// The same view with its longest side reduced to `longest_side` pixels, as in [`fitted_size`]: 0
+    /// changes nothing, and images never grow.
     pub fn scaled_to(&self, longest_side: u32) -> Self {
         let (width, height) = fitted_size(self.width, self.height, longest_side);
         self.resized(width, height)
@@ -214,14 +214,14 @@ impl Camera {
         std::array::from_fn(|i| (0..3).map(|j| self.e[j][i] * v[j]).sum())
     }
 
-    /// Where the camera stands, world metres.
+    /// The camera's position in the world, metres: `-Rᵀ t`.
     pub fn centre(&self) -> Vec3 {
         self.to_world_axes(std::array::from_fn(|i| -self.e[i][3]))
     }
 
-    /// Origin and direction, in the world, of the ray through pixel coordinate (u, v); a
-    /// pixel's centre is at column + 0.5, row + 0.5. The direction's camera z is 1, so
-    /// distances along the ray are in units of camera depth, metres.
+    /// Origin and direction of the ray through pixel coordinate (u, v), in the world. A pixel's centre is
+    /// at column + 0.5, row + 0.5. The direction's camera z is 1, so distances along the ray are camera
+    /// depths in metres.
     pub fn ray(&self, u: f64, v: f64) -> (Vec3, Vec3) {
         (self.centre(), self.direction(u, v))
     }
@@ -233,8 +233,8 @@ impl Camera {
         self.to_world_axes([x, y, 1.0])
     }
 
-    /// The world's up: the axis nearest to the camera's up, since people stand upright in pictures while a
-    /// pose track does not say which axis that is.
+    /// The world axis nearest to the camera's up. A pose track does not say which axis is up, but people
+    /// stand upright in pictures.
     pub fn world_up(&self) -> Vec3 {
         let down = self.e[1];
         let longest = |a: usize, b: usize| if down[b].abs() > down[a].abs() { b } else { a };
@@ -244,7 +244,7 @@ impl Camera {
         up
     }
 
-    /// The same camera, with the frame that `to_world` starts from as its world.
+    /// The same camera with another frame as its world; `to_world` leads from that frame to this world.
     pub fn in_frame(&self, to_world: &Mat34) -> Self {
         let e = &self.e;
         let row = |i: usize| -> [f64; 4] {
@@ -259,7 +259,7 @@ impl Camera {
         }
     }
 
-    /// Pixel coordinate of a world point; none for a point at or behind the camera.
+    /// Pixel coordinate of a world point; `None` for a point at or behind the camera.
     pub fn project(&self, point: Vec3) -> Option<[f64; 2]> {
         let [x, y, z]: Vec3 =
             std::array::from_fn(|i| dot(self.rotation_row(i), point) + self.e[i][3]);

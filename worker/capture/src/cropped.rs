@@ -1,5 +1,5 @@
-//! Frames cropped to the person, in memory or in a file: a training reads one frame per step, and films of
-//! hundreds of people are more than memory holds.
+//! Frames cropped to the person, in memory or in a file. Training reads one frame per step, and the films
+//! of hundreds of people don't fit in memory.
 
 use super::camera::fitted_size;
 use super::{CaptureError, FrameImage, mask_box};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Bytes per pixel: RGB and coverage.
 pub(super) const PIXEL: usize = 4;
 
-/// A rectangle of pixels inside a frame; empty (all zero) where nobody is to be seen.
+/// A rectangle of pixels inside a frame; empty (all zero) for a frame without a person.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rect {
     /// First column.
@@ -49,7 +49,7 @@ impl Rect {
         fits(self.x0, self.width, size[0]) && fits(self.y0, self.height, size[1])
     }
 
-    /// Writes the colours of `image` in here, and then their coverage.
+    /// Writes the colours of `image` in this rectangle, and then their coverage.
     pub(super) fn write(
         &self,
         image: &FrameImage,
@@ -69,7 +69,7 @@ impl Rect {
     }
 }
 
-/// Where a frame's person is, in the image and in the bytes.
+/// The crop of one frame: its rectangle in the image and its offset in the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Crop {
     pub(super) rect: Rect,
@@ -81,12 +81,12 @@ pub(super) struct Crop {
 #[derive(Clone, Debug)]
 pub(super) enum Bytes {
     Memory(Arc<Vec<u8>>),
-    /// A file without a name, which the system reads and forgets as memory allows.
+    /// An unlinked file, which the system pages in and out as memory allows.
     Mapped(Arc<Mmap>),
 }
 
 impl Bytes {
-    /// All bytes of `file`, which nobody else knows.
+    /// All bytes of `file`, an unlinked file without any other handle.
     fn mapped(file: &File) -> io::Result<Self> {
         // An empty file can't be mapped everywhere.
         if file.metadata()?.len() == 0 {
@@ -117,7 +117,7 @@ pub struct CroppedFrames {
     pub(super) size: [u32; 2],
     pub(super) crops: Vec<Crop>,
     pub(super) bytes: Bytes,
-    /// Where the crops start in `bytes`.
+    /// Offset of the first crop in `bytes`.
     pub(super) pixels_at: usize,
 }
 
@@ -139,11 +139,11 @@ impl CroppedFrames {
         self.size
     }
 
-    /// Where the person of a frame is, its colours (`[height, width, 3]`, premultiplied) and
-    /// its mask (`[height, width]`), without copying.
+    /// The rectangle of a frame's crop, its colours (`[height, width, 3]`, premultiplied) and its mask
+    /// (`[height, width]`), without copying.
     ///
     /// # Panics
-    /// As slices do, when `frame` is not under [`Self::count`].
+    /// If `frame` is not less than [`Self::count`].
     pub fn crop(&self, frame: usize) -> (Rect, &[u8], &[u8]) {
         let Crop { rect, offset } = self.crops[frame];
         let start = self.pixels_at + offset as usize;
@@ -152,10 +152,10 @@ impl CroppedFrames {
         (rect, rgb, mask)
     }
 
-    /// A frame at its full size again, black where nobody is.
+    /// A frame at its full size, black outside the crop.
     ///
     /// # Panics
-    /// As slices do, when `frame` is not under [`Self::count`].
+    /// If `frame` is not less than [`Self::count`].
     pub fn image(&self, frame: usize) -> FrameImage {
         let [width, height] = self.size.map(|side| side as usize);
         let mut image = FrameImage::empty(width, height);
@@ -175,9 +175,8 @@ impl CroppedFrames {
         image
     }
 
-    /// These frames with their longest side brought down to `longest_side` pixels, as
-    /// [`FrameImage::resized`] does it. They are in memory, or in a file without a name in the folder
-    /// `scratch`.
+    /// These frames with their longest side reduced to `longest_side` pixels, as in
+    /// [`FrameImage::resized`]. They are in memory, or in an unlinked file in the folder `scratch`.
     ///
     /// # Errors
     /// [`CaptureError::Io`] with the folder, if the file can't be written.
@@ -210,7 +209,7 @@ impl CroppedFrames {
         })
     }
 
-    /// These frames in a file without a name in `folder`, unless they are in one.
+    /// These frames in an unlinked file in `folder`, unless they are already in a file.
     ///
     /// # Errors
     /// As [`Self::resized`].
@@ -222,7 +221,7 @@ impl CroppedFrames {
     }
 }
 
-/// What `write` writes, in memory or in a file without a name in the folder `scratch`.
+/// The bytes that `write` writes, in memory or in an unlinked file in the folder `scratch`.
 fn written(
     scratch: Option<&Path>,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -251,7 +250,7 @@ fn failed(path: &Path, source: io::Error) -> CaptureError {
 mod tests {
     use super::*;
     use crate::ShardBuilder;
-    use crate::tests::track;
+    use crate::test_support::track;
 
     /// Three frames of 6x4 pixels with a person in columns 2..4 and rows 1..3, nobody in the second.
     fn frames() -> CroppedFrames {

@@ -5,16 +5,16 @@ use std::path::Path;
 use yoto_proto::pose_track::{self, violation};
 use yoto_proto::v1::Violation;
 
-/// Largest file that is read, bytes: a pose track of 100,000 frames takes a quarter of it.
+/// Largest file that is read, bytes. A pose track of 100,000 frames takes a quarter of it.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Something wrong with the pose track.
+/// The error for a fault in the pose track.
 pub(super) fn at_fault(field: impl Into<String>, message: impl Into<String>) -> CaptureError {
     let fault = violation("INVALID", pose_track::FILE, None, field, message);
     CaptureError::Invalid(vec![fault])
 }
 
-/// A file that should be there and is not.
+/// The violation for a missing file.
 pub(super) fn missing(name: &str, frame: Option<u32>) -> Violation {
     violation("MISSING", name, frame, "", "there is no such file")
 }

@@ -17,12 +17,12 @@ use yoto_proto::media_plan::{self, MediaPlan};
 use yoto_proto::pose_track::{self, PoseTrack, violation};
 use yoto_proto::v1::Violation;
 
-/// Most missing files that are named.
+/// Most missing files that an error names.
 const MAX_MISSING: usize = 20;
 /// Frames decoded side by side before they are cropped, so that memory holds a few only.
 const DECODED_AT_ONCE: usize = 8;
 
-/// A file to upload: where it stands in a capture, and on this disk.
+/// A file to upload, with its path in the capture and on this disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UploadFile {
     /// Path inside the capture, e.g. `frames/000000.png`.
@@ -31,13 +31,13 @@ pub struct UploadFile {
     pub path: PathBuf,
 }
 
-/// A capture folder whose pose track was read and checked and whose training images exist.
+/// A capture folder with a checked pose track. All its training images exist.
 #[derive(Debug)]
 pub struct CaptureFolder {
     root: PathBuf,
     /// The pose track's name.
     file: &'static str,
-    /// `train/`, or empty where the training images stand at the top.
+    /// `train/`, or empty if the training images are at the top.
     prefix: &'static str,
     track: PoseTrack,
     held_out_views: Vec<HeldOutView>,
@@ -48,8 +48,8 @@ impl CaptureFolder {
     /// Opens a capture folder.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] with everything that is wrong with `poses.json`, or each
-    /// training image that is missing; [`CaptureError::Io`] when the file system fails.
+    /// [`CaptureError::Invalid`] with all faults of `poses.json`, or with the missing training images;
+    /// [`CaptureError::Io`] if the file system fails.
     pub fn open(dir: impl AsRef<Path>) -> Result<Self, CaptureError> {
         let root = dir.as_ref().to_path_buf();
         check_plan(&root)?;
@@ -85,10 +85,10 @@ impl CaptureFolder {
         Ok(folder)
     }
 
-    /// Whether `dir` is a folder whose `poses.json` describes held-out pictures.
+    /// Whether `dir` has a `poses.json` that describes held-out pictures.
     ///
     /// # Errors
-    /// A `poses.json` that can't be read, or whose held-out parts can't.
+    /// If `poses.json` or its held-out parts can't be read.
     pub fn has_held_out(dir: impl AsRef<Path>) -> Result<bool, CaptureError> {
         let path = dir.as_ref().join(pose_track::FILE);
         if !path.is_file() {
@@ -102,7 +102,7 @@ impl CaptureFolder {
     /// file is read.
     ///
     /// # Errors
-    /// When the file is missing or broken.
+    /// If the file is missing or broken.
     pub fn held_out_cameras(
         dir: impl AsRef<Path>,
     ) -> Result<BTreeMap<String, Camera>, CaptureError> {
@@ -117,7 +117,7 @@ impl CaptureFolder {
         &self.track
     }
 
-    /// What to upload: the pose track, then every frame and its mask.
+    /// The files to upload: the pose track, then every frame and its mask.
     pub fn files(&self) -> Vec<UploadFile> {
         let poses = UploadFile {
             relative: self.file.to_owned(),
@@ -132,12 +132,12 @@ impl CaptureFolder {
         std::iter::once(poses).chain(images).collect()
     }
 
-    /// Training poses seen from cameras that training does not have, by camera name.
+    /// Held-out views of training poses, by camera name.
     pub fn held_out_views(&self) -> &[HeldOutView] {
         &self.held_out_views
     }
 
-    /// Poses that training does not have, by camera name.
+    /// Held-out poses, by camera name.
     pub fn held_out_poses(&self) -> &[HeldOutView] {
         &self.held_out_poses
     }
@@ -145,7 +145,7 @@ impl CaptureFolder {
     /// Decodes the training frame at `position` in the track.
     ///
     /// # Errors
-    /// As [`HeldOutView::read`], and a position past the last frame.
+    /// As [`HeldOutView::read`], or if there is no frame at `position`.
     pub fn read(&self, position: usize) -> Result<FrameImage, CaptureError> {
         let frames = &self.track.frames;
         let index = frames
@@ -203,7 +203,8 @@ impl CaptureFolder {
     }
 }
 
-/// A plan that says more than names do would have to be followed, as ingest does.
+/// Refuses a media plan that asks for more than file names tell: ingest follows such a plan, this reader
+/// does not.
 fn check_plan(root: &Path) -> Result<(), CaptureError> {
     let (name, path) = (media_plan::FILE, root.join(media_plan::FILE));
     if !path.is_file() {
@@ -223,7 +224,7 @@ fn check_plan(root: &Path) -> Result<(), CaptureError> {
 mod tests {
     use super::*;
     use crate::image::tests::png;
-    use crate::tests::track;
+    use crate::test_support::track;
     use std::fs;
 
     /// A folder that goes away with its test.

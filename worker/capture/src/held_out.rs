@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{self, PoseTrack};
 
-/// What the camera of the training frames is called.
+/// Name of the training frames' camera.
 const TRAIN: &str = "train";
 
-/// What `poses.json` says beyond the pose track.
+/// The parts of `poses.json` beyond the pose track.
 #[derive(Debug, Deserialize)]
 pub(super) struct HeldOut {
-    /// Where the first pixel's centre is; in memory at 0.5, as the track has it.
+    /// Coordinate of the first pixel's centre in the file; 0.5 in memory, as in the track.
     #[serde(default = "half")]
     pixel_centre: f64,
     #[serde(default)]
@@ -72,17 +72,17 @@ struct EvalFrame {
 /// A picture that training never sees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldOutView {
-    /// Name of the camera, which is its folder's.
+    /// Name of the camera and of its folder.
     pub camera_name: String,
     /// Number in the file names.
     pub frame: u32,
-    /// How the person stands.
+    /// The person's pose.
     pub pose: Pose,
-    /// What sees them, at the stored images' size.
+    /// The camera, at the stored images' size.
     pub camera: Camera,
-    /// The picture.
+    /// The picture's file.
     pub frame_path: PathBuf,
-    /// Its coverage.
+    /// The file of its coverage mask.
     pub mask_path: PathBuf,
     /// File names for errors, relative to the capture.
     names: (String, String),
@@ -92,7 +92,7 @@ impl HeldOutView {
     /// Decodes the picture.
     ///
     /// # Errors
-    /// As [`FrameImage::decode`], and a file that is missing or can't be read.
+    /// As [`FrameImage::decode`], or if a file is missing or can't be read.
     pub fn read(&self) -> Result<FrameImage, CaptureError> {
         read_frame(
             (&self.frame_path, &self.mask_path),
@@ -107,8 +107,8 @@ impl HeldOut {
     /// Reads the held-out parts of a `poses.json`; both may be absent.
     pub(super) fn from_json(bytes: &[u8]) -> Result<Self, CaptureError> {
         let mut read: Self = serde_json::from_slice(bytes).map_err(|error| {
-            let place = format!("line {} column {}", error.line(), error.column());
-            at_fault(place, error.to_string())
+            let position = format!("line {} column {}", error.line(), error.column());
+            at_fault(position, error.to_string())
         })?;
         let shift = half() - read.pixel_centre;
         let seen = read.eval.values_mut().map(|camera| &mut camera.matrices);
@@ -120,13 +120,12 @@ impl HeldOut {
         Ok(read)
     }
 
-    /// Whether it describes no picture.
+    /// Whether there are no held-out pictures.
     pub(super) fn is_empty(&self) -> bool {
         self.eval.is_empty() && self.eval_pose.cams.is_empty()
     }
 
-    /// The cameras by name, with pictures of `image_size`: those of training poses, and others of poses that
-    /// training does not have.
+    /// The cameras of held-out views and held-out poses by name, for pictures of `image_size`.
     pub(super) fn cameras(
         &self,
         image_size: [u32; 2],
@@ -144,8 +143,8 @@ impl HeldOut {
         Ok(cameras)
     }
 
-    /// How the person stands in `frame`, trained on or not, and what the camera called `name`
-    /// sees of it. The camera of the training frames is `train`.
+    /// The pose of `frame`, trained on or held out, and the camera called `name`. The camera of the
+    /// training frames is `train`.
     pub(super) fn find(
         &self,
         track: &PoseTrack,
@@ -190,7 +189,7 @@ impl HeldOut {
         Ok((pose, camera))
     }
 
-    /// Training poses seen by other cameras.
+    /// Held-out views of training poses.
     pub(super) fn views(
         &self,
         root: &Path,
@@ -213,7 +212,7 @@ impl HeldOut {
         Ok(views)
     }
 
-    /// Poses that training does not have.
+    /// Held-out poses.
     pub(super) fn poses(
         &self,
         root: &Path,
@@ -270,7 +269,7 @@ fn held_out(
     }
 }
 
-/// The camera `name`, which becomes part of a path and so must be a plain name.
+/// The camera called `name`. The name becomes part of a path, so it must be a plain one.
 fn camera_of(
     field: &str,
     name: &str,

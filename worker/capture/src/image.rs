@@ -13,7 +13,7 @@ const DECODER_SLACK: u64 = 16 << 20;
 /// A frame of 8-bit pixels, row by row from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameImage {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -37,14 +37,13 @@ impl FrameImage {
 
     /// Decodes a frame and its mask (PNG, or anything the build decodes).
     ///
-    /// `expected` is the capture's width and height: they are compared with what the files
-    /// declare before a pixel is decoded, so a small file can't ask for gigabytes. `frame`
-    /// and `names` (of the image file and the mask file) only serve the errors. A mask
-    /// without a person in it is fine.
+    /// `expected` is the capture's width and height. They are compared with the declared size of the
+    /// files before a pixel is decoded, so that a small file can't ask for gigabytes. `frame` and `names`
+    /// (of the image file and the mask file) are for errors only. A mask may be empty.
     ///
     /// # Errors
-    /// [`CaptureError::Invalid`] with one violation a file at fault: not decodable, of
-    /// another size, the image not 8-bit RGB, the mask not 8-bit gray.
+    /// [`CaptureError::Invalid`] with one violation per faulty file: not decodable, of another size, an
+    /// image that is not 8-bit RGB, or a mask that is not 8-bit gray.
     pub fn decode(
         image: &[u8],
         mask: &[u8],
@@ -67,12 +66,11 @@ impl FrameImage {
         }
     }
 
-    /// The same frame with its longest side brought down to `longest_side` pixels by exact
-    /// area averaging (a pixel weighs what it overlaps; premultiplied colour makes the plain
-    /// average right). 0 leaves it as it is, and it never grows: the rule of
-    /// [`fitted_size`], which cameras follow too.
+    /// The same frame with its longest side reduced to `longest_side` pixels by exact area averaging:
+    /// each pixel weighs as much as its overlap. Colours are premultiplied, so a plain average is right.
+    /// 0 changes nothing, and frames never grow, as in [`fitted_size`], which cameras use too.
     pub fn resized(&self, longest_side: u32) -> Self {
-        // Decoding limits sides far below u32's range.
+        // The casts can't truncate: decoding limits sides far below u32's range.
         let side = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         let (width, height) = fitted_size(side(self.width), side(self.height), longest_side);
         let (width, height) = (width as usize, height as usize);
@@ -129,8 +127,8 @@ fn decode_as(
     DynamicImage::from_decoder(decoder).map_err(|error| undecodable(&error))
 }
 
-/// For one target pixel along an axis: the first source pixel it overlaps, and the share of
-/// it that each one from there on fills.
+/// For one target pixel along an axis: the first source pixel that it overlaps, and the share of the
+/// target that each source pixel from there on fills.
 type Overlap = (usize, Vec<f32>);
 
 fn overlaps(source: usize, target: usize) -> Vec<Overlap> {

@@ -1,9 +1,9 @@
 //! Captures: people as cameras saw them, without any tensor library.
 //!
-//! A [`folder`] is what a user has; a [`shard`] is what ingest makes of it and training reads:
-//! the same frames, decoded, checked, cropped to the person. [`skeleton`] and [`camera`] are the
-//! geometry that every other part of the program shares, [`body_box`] the space around a posed
-//! body that rays are cut to, and [`check`] the measures of a capture's quality.
+//! A user has a [`folder`]. Ingest makes a [`shard`] of it, which training reads: the same frames,
+//! decoded, checked and cropped to the person. [`skeleton`] and [`camera`] are the geometry that all
+//! other crates share, [`body_box`] is the box around a posed body that rays are cut to, and [`check`]
+//! measures a capture's quality.
 
 pub mod body_box;
 mod builder;
@@ -17,6 +17,8 @@ mod image;
 mod mask_box;
 mod shard;
 pub mod skeleton;
+#[cfg(test)]
+mod test_support;
 mod view;
 mod view_error;
 
@@ -37,7 +39,7 @@ use yoto_proto::v1::Violation;
 /// Why a capture or a shard can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// Faults in the user's data, each with its place. Never empty.
+    /// Faults in the user's data, each with its file and field. Never empty.
     #[error("{}", lines(.0))]
     Invalid(Vec<Violation>),
     /// A file that can't be read or written.
@@ -48,13 +50,13 @@ pub enum CaptureError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Bytes that are not a training shard, or frames that do not fit a shard's track.
+    /// Bytes that are not a training shard, or frames that don't fit a shard's track.
     #[error("training shard: {0}")]
     Shard(String),
 }
 
 impl CaptureError {
-    /// What to tell the user to mend; empty when the data is not at fault.
+    /// The faults that the user can correct; empty if the data is not at fault.
     pub fn violations(&self) -> &[Violation] {
         match self {
             Self::Invalid(violations) => violations,
@@ -69,37 +71,4 @@ fn lines(violations: &[Violation]) -> String {
         .map(describe)
         .collect::<Vec<_>>()
         .join("; ")
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::camera::Camera;
-    use crate::skeleton::Pose;
-    use yoto_proto::pose_track::{PoseTrack, Skeleton};
-
-    /// A valid track of `frames` frames of a single joint.
-    pub(super) fn track(frames: u32, image_size: [u32; 2]) -> PoseTrack {
-        let [width, height] = image_size;
-        let camera = Camera::look_at(
-            [0.0, 0.0, 3.0],
-            [0.0; 3],
-            [0.0, 1.0, 0.0],
-            4.0,
-            width,
-            height,
-        );
-        PoseTrack {
-            skeleton: Skeleton {
-                names: vec!["root".into()],
-                parents: vec![-1],
-                rest_joints: vec![[0.0; 3]],
-            },
-            image_size,
-            fps: 15.0,
-            distortion: [0.0; 5],
-            frames: (0..frames)
-                .map(|index| camera.to_frame(index, &Pose::rest(1)))
-                .collect(),
-        }
-    }
 }

@@ -1,6 +1,6 @@
 //! The part of an image that a mask covers.
 
-/// A rectangle of pixels: first column and row, and one past the last.
+/// A rectangle of pixels, from the first column and row to one past the last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MaskBox {
     /// First column.
@@ -13,10 +13,10 @@ pub struct MaskBox {
     pub y1: usize,
 }
 
-/// The bounding box of the pixels with any coverage; none where there is none.
+/// The bounding box of the pixels with any coverage; `None` for an empty mask.
 ///
 /// # Panics
-/// When the mask has fewer than `width * height` pixels.
+/// If the mask has fewer than `width * height` pixels.
 pub fn mask_box(mask: &[u8], width: usize, height: usize) -> Option<MaskBox> {
     let mut found: Option<MaskBox> = None;
     for row in 0..height {

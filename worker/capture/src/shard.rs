@@ -16,19 +16,19 @@ pub(super) const MAGIC: &[u8; 8] = b"YOTOSHD1";
 /// Magic and header length.
 pub(super) const PREFIX: usize = MAGIC.len() + 4;
 
-/// What stands before the pixels.
+/// The header, before the pixels.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Header {
     pub(super) track: PoseTrack,
     pub(super) crops: Vec<Crop>,
 }
 
-/// A capture that is ready to be sampled: a checked view of a shard's bytes.
+/// A capture that is ready for training: a checked view of a shard's bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shard {
     /// Skeleton, poses and cameras; checked. Changing it changes nothing in the bytes.
     pub track: PoseTrack,
-    /// All bytes, and where the crops are in them.
+    /// All bytes, and the crops' offsets in them.
     pub(super) frames: CroppedFrames,
 }
 
@@ -36,8 +36,8 @@ impl Shard {
     /// Reads a shard and checks all of it, so that no access to a frame can fail later.
     ///
     /// # Errors
-    /// [`CaptureError::Shard`]: not a shard, cut short, a header that is not JSON or whose
-    /// pose track is invalid, crops outside their images or outside the bytes.
+    /// [`CaptureError::Shard`] if the bytes are not a shard or cut short, the header is not JSON, its pose
+    /// track is invalid, or a crop is outside its image or outside the bytes.
     pub fn from_bytes(bytes: impl Into<Vec<u8>>) -> Result<Self, CaptureError> {
         let bytes: Vec<u8> = bytes.into();
         let fail = |what: String| CaptureError::Shard(what);
@@ -80,7 +80,7 @@ impl Shard {
         self.frames.bytes.to_vec()
     }
 
-    /// This shard with its bytes in a file without a name in `folder`: memory for other things.
+    /// This shard with its bytes in an unlinked file in `folder`, which frees memory.
     ///
     /// # Errors
     /// [`CaptureError::Io`] with the folder, if the file can't be written.
@@ -96,29 +96,30 @@ impl Shard {
         &self.frames
     }
 
-    /// Number of frames; `track.frames` has as many.
+    /// Number of frames, which is also the length of `track.frames`.
     pub fn frames(&self) -> usize {
         self.frames.count()
     }
 
-    /// As [`CroppedFrames::crop`].
+    /// The crop of a frame, as in [`CroppedFrames::crop`].
     ///
     /// # Panics
-    /// As slices do, when `frame` is not under [`Shard::frames`].
+    /// If `frame` is not less than [`Shard::frames`].
     pub fn crop(&self, frame: usize) -> (Rect, &[u8], &[u8]) {
         self.frames.crop(frame)
     }
 
-    /// A frame at its full size again, black where nobody is.
+    /// A frame at its full size, black outside the crop.
     ///
     /// # Panics
-    /// As slices do, when `frame` is not under [`Shard::frames`].
+    /// If `frame` is not less than [`Shard::frames`].
     pub fn image(&self, frame: usize) -> FrameImage {
         self.frames.image(frame)
     }
 }
 
-/// Every crop inside its image, one after the other without gaps, and nothing left over.
+/// Checks that every crop is inside its image, that crops follow each other without gaps, and that no
+/// bytes are left over.
 fn check_crops(header: &Header, bytes: usize) -> Result<(), String> {
     let frames = &header.track.frames;
     if header.crops.len() != frames.len() {
@@ -158,7 +159,7 @@ fn check_crops(header: &Header, bytes: usize) -> Result<(), String> {
 mod tests {
     use super::*;
     use crate::ShardBuilder;
-    use crate::tests::track;
+    use crate::test_support::track;
 
     /// A 6x4 frame with a person in columns 2..4 and rows 1..3, told apart by `value`.
     fn frame(value: u8) -> FrameImage {

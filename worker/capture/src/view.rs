@@ -9,23 +9,23 @@ use crate::skeleton::Skeleton;
 use std::path::Path;
 use yoto_proto::pose_track::{self, PoseTrack};
 
-/// What `poses.json` says of a frame.
+/// A frame of `poses.json` through one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureView {
-    /// Whose body.
+    /// The person's skeleton.
     pub skeleton: Skeleton,
-    /// How it stands.
+    /// The person's pose.
     pub pose: Pose,
-    /// What sees it, at the stored images' size.
+    /// The camera, at the stored images' size.
     pub camera: Camera,
 }
 
 impl CaptureView {
-    /// Frame number `frame` through the camera called `camera`: `train`, or one of those held
-    /// out. Only `poses.json` of the folder `dir` is read.
+    /// Frame number `frame` through the camera called `camera`, which is `train` or a held-out camera.
+    /// Only `poses.json` of the folder `dir` is read.
     ///
     /// # Errors
-    /// When the file is missing or broken, or has no such frame or camera.
+    /// If the file is missing or broken, or has no such frame or camera.
     pub fn read(dir: &Path, camera: &str, frame: u32) -> Result<Self, CaptureError> {
         let bytes = read_file(&dir.join(pose_track::FILE), pose_track::FILE, None)?;
         let track = PoseTrack::from_json(&bytes).map_err(CaptureError::Invalid)?;
@@ -39,7 +39,7 @@ impl CaptureView {
         })
     }
 
-    /// The pose for a body with the rest joints of `skeleton`, its root where the capture's is.
+    /// The pose for a body with the rest joints of `skeleton`, with the root at the capture's position.
     pub fn pose_for(&self, skeleton: &Skeleton) -> Pose {
         let (from, to) = (self.skeleton.root(), skeleton.root());
         let translation =
@@ -53,8 +53,8 @@ impl CaptureView {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::track;
     use super::*;
+    use crate::test_support::track;
 
     #[test]
     fn frames_and_cameras_are_found_by_name() {

@@ -26,7 +26,7 @@ pub(crate) fn fixed<const N: usize>(field: &str, values: &[f64]) -> Result<[f64;
         .map_err(|_| ViewError::new(field, format!("{} numbers, {N} are needed", values.len())))
 }
 
-/// Whether every value is a number within ±`limit`; the error names the first that is not.
+/// Checks that every value is a number within ±`limit`; the error names the first that is not.
 pub(crate) fn finite(field: &str, values: &[f64], limit: f64) -> Result<(), ViewError> {
     match values.iter().position(|v| v.is_nan() || v.abs() > limit) {
         None => Ok(()),

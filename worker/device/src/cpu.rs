@@ -3,18 +3,20 @@
 use super::PickedDevice;
 use burn::tensor::Device;
 use std::fs;
+use yoto_ops::form::Form;
 use yoto_proto::v1::WorkerDevice;
 
-/// The CPU, e.g. "AMD EPYC 9654, 2 threads (AVX-512)".
+/// The CPU, with the form of the CPU code that this process runs, which determines the speed of training: e.g.
+/// "AMD EPYC 9654, 2 threads (avx512-bf16)".
 pub(super) fn pick() -> PickedDevice {
     let (model, threads) = (model(), threads());
     let plural = if threads == 1 { "" } else { "s" };
-    let vectors = vectors().map_or_else(String::new, |name| format!(" ({name})"));
+    let form = Form::best().name();
     PickedDevice {
         device: Device::flex(),
         info: WorkerDevice {
             backend: "cpu".into(),
-            adapter: format!("{model}, {threads} thread{plural}{vectors}"),
+            adapter: format!("{model}, {threads} thread{plural} ({form})"),
             gpu: false,
             memory_bytes: memory_bytes().unwrap_or(0),
         },
@@ -46,21 +48,4 @@ fn memory_bytes() -> Option<u64> {
         .parse()
         .ok()?;
     Some(kib * 1024)
-}
-
-/// The widest supported vector instructions, which determine the speed of training.
-#[cfg(target_arch = "x86_64")]
-fn vectors() -> Option<&'static str> {
-    if std::arch::is_x86_feature_detected!("avx512f") {
-        Some("AVX-512")
-    } else if std::arch::is_x86_feature_detected!("avx2") {
-        Some("AVX2")
-    } else {
-        Some("SSE2")
-    }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn vectors() -> Option<&'static str> {
-    None
 }

@@ -8,7 +8,7 @@ use yoto_proto::v1::WorkerDevice;
 pub(super) fn pick() -> Option<PickedDevice> {
     let found = Device::enumerate(DeviceType::Wgpu).into_vec();
     candidates(found.len())
-        // Comparing needs no driver call, and software Vulkan is of kind `Cpu`: not among these.
+        // Comparing needs no driver call. Software Vulkan has the kind `Cpu`, which is not a candidate.
         .filter(|kind| found.contains(&Device::wgpu(kind.clone())))
         .find_map(open)
 }
@@ -46,7 +46,7 @@ fn open(kind: DeviceKind) -> Option<PickedDevice> {
             backend: "vulkan".into(),
             adapter,
             gpu: true,
-            // Vulkan through wgpu does not report it.
+            // wgpu does not report a GPU's memory.
             memory_bytes: 0,
         },
     })

@@ -9,10 +9,12 @@ mod gpu;
 mod hint;
 
 pub use hint::hint_on_cpu;
+pub use yoto_ops::form::FormError;
 
 use burn::tensor::Device;
 use std::sync::OnceLock;
 use yoto_avatar::tradeoff::Machine;
+use yoto_ops::form::Form;
 use yoto_proto::v1::WorkerDevice;
 
 /// A device, and its description.
@@ -24,10 +26,22 @@ pub struct PickedDevice {
     pub info: WorkerDevice,
 }
 
+/// Checks that this process can run the form of the CPU code that the environment variable `YOTO_CPU` asks for. Each
+/// program calls this at its start; afterwards, [`pick`] and the CPU code can't fail for this reason.
+///
+/// # Errors
+/// If the variable names no form, or one that this machine does not have.
+pub fn check_cpu_form() -> Result<(), FormError> {
+    Form::from_env().map(drop)
+}
+
 /// The best device of this machine: a discrete, integrated or virtual GPU when the build
 /// supports one and its driver opens it, else the CPU.
 ///
 /// The answer is cached, since a GPU's runtime can be opened only once per process.
+///
+/// # Panics
+/// If [`check_cpu_form`] fails.
 pub fn pick() -> PickedDevice {
     static PICKED: OnceLock<PickedDevice> = OnceLock::new();
     PICKED
@@ -61,10 +75,11 @@ mod tests {
         let picked = cpu::pick();
         assert_eq!(picked.info.backend, "cpu");
         assert!(!picked.info.gpu);
+        let adapter = &picked.info.adapter;
+        assert!(adapter.contains("thread"), "{adapter}");
         assert!(
-            picked.info.adapter.contains("thread"),
-            "{}",
-            picked.info.adapter
+            adapter.ends_with(&format!("({})", Form::best().name())),
+            "{adapter}"
         );
         let machine = picked.machine();
         assert!(machine.device.starts_with(&machine.cpu) && machine.cores > 0);

@@ -10,16 +10,16 @@ use yoto_capture::skeleton::{Skeleton, SkeletonError};
 /// A motion of a person's skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
-    /// What it is called.
+    /// Name of the motion.
     pub name: String,
     /// Frames per second.
     pub fps: f64,
-    /// At least one.
+    /// The poses, at least one.
     pub poses: Vec<Pose>,
 }
 
 impl Clip {
-    /// The rest pose of `skeleton`, which does not move.
+    /// A motion of a single frame: the rest pose of `skeleton`.
     pub fn rest(skeleton: &Skeleton) -> Self {
         Self {
             name: "rest".into(),
@@ -28,11 +28,11 @@ impl Clip {
         }
     }
 
-    /// From the world of the clip to one in which the person stands on the origin, with y up, and faces z
-    /// in the mean of the frames.
+    /// The motion from the clip's world to one with y up in which the person stands on the origin and faces
+    /// z, on average over the frames.
     ///
     /// # Errors
-    /// If a pose is not of `skeleton`.
+    /// If a pose does not fit `skeleton`.
     pub fn stand(&self, skeleton: &Skeleton) -> Result<Mat34, SkeletonError> {
         let (mut up, mut front) = ([0.0; 3], [0.0; 3]);
         let mut joints: Vec<Vec3> = Vec::new();
@@ -45,7 +45,7 @@ impl Clip {
             }
             joints.extend(transforms.iter().map(position));
         }
-        // Of a person who is upside down for half of the time, the mean says nothing.
+        // A person who is upside down for half of the time has no mean up direction.
         let up = if length(up) < 1e-3 {
             [0.0, 1.0, 0.0]
         } else {
@@ -63,22 +63,24 @@ impl Clip {
         }
         let front = normalised(front);
         let turn = rigid([cross(up, front), up, front], [0.0; 3]);
-        let places: Vec<Vec3> = joints.iter().map(|joint| apply(&turn, *joint)).collect();
-        let sum = places.iter().fold([0.0; 3], |sum, place| add(sum, *place));
-        let [x, _, z] = scale(sum, -1.0 / places.len().max(1) as f64);
-        let lowest = places
+        let positions: Vec<Vec3> = joints.iter().map(|joint| apply(&turn, *joint)).collect();
+        let sum = positions
             .iter()
-            .map(|place| place[1])
+            .fold([0.0; 3], |sum, joint| add(sum, *joint));
+        let [x, _, z] = scale(sum, -1.0 / positions.len().max(1) as f64);
+        let lowest = positions
+            .iter()
+            .map(|joint| joint[1])
             .fold(f64::INFINITY, f64::min);
-        let lowest = if places.is_empty() { 0.0 } else { lowest };
+        let lowest = if positions.is_empty() { 0.0 } else { lowest };
         Ok(rigid([cross(up, front), up, front], [x, -lowest, z]))
     }
 
-    /// Little-endian: of each frame, the root's shift as 3 numbers of 32 bits, metres, then of each joint
-    /// the turn as a quaternion of 4 numbers of 16 bits, real part first.
+    /// The clip as little-endian bytes. For each frame: the root's translation as 3 numbers of 32 bits,
+    /// metres, then for each joint its rotation as a quaternion of 4 numbers of 16 bits, real part first.
     ///
     /// # Errors
-    /// If a pose is not of `skeleton`.
+    /// If a pose does not fit `skeleton`.
     pub(crate) fn packed(&self, skeleton: &Skeleton) -> Result<Vec<u8>, SkeletonError> {
         let mut bytes = Vec::new();
         for pose in &self.poses {
@@ -123,15 +125,15 @@ mod tests {
 
     #[test]
     fn a_person_of_any_world_stands_on_the_origin_and_faces_z() {
-        // A world with z up, whose person faces x.
+        // A world with z up, and a person who faces x.
         let turn = [2.094_395_1 / 3f32.sqrt(); 3];
         let clip = clip(&[turn, turn], [3.0, -2.0, 5.0]);
         let to = clip.stand(&skeleton()).expect("a pose of hers");
         let joints = skeleton().world_transforms(&clip.poses[0]);
         let [root, head] = [&joints[0], &joints[1]].map(|joint| compose(&to, joint));
-        for (place, expected) in [(&root, [0.0, 0.0, 0.0]), (&head, [0.0, 0.6, 0.0])] {
-            let off = length(sub(position(place), expected));
-            assert!(off < 1e-5, "{place:?}");
+        for (joint, expected) in [(&root, [0.0, 0.0, 0.0]), (&head, [0.0, 0.6, 0.0])] {
+            let off = length(sub(position(joint), expected));
+            assert!(off < 1e-5, "{joint:?}");
         }
         let front = root.map(|row| row[2]);
         assert!(length(sub(front, [0.0, 0.0, 1.0])) < 1e-5, "{front:?}");

@@ -1,22 +1,23 @@
-//! A person in one pose, as Gaussians in space: for programs that know neither bones nor light.
+//! A person in one pose as Gaussians in space, for programs without bones and lighting.
 
 use crate::shine;
 use faer::{Mat, Side};
 use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::{Mat3, Mat34, apply, compose, rigid};
+use yoto_capture::skeleton::transform::{
+    IDENTITY_ROTATION, Mat3, Mat34, apply, compose, from_quaternion, rigid,
+};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_formats::splats::Gaussian;
 use yoto_ops::splat::light::terms;
 
-const IDENTITY: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Smallest standard deviation, metres: skinning may flatten a Gaussian to nothing.
 const THINNEST: f64 = 1e-6;
 
-/// The person in `pose`, lit as their capture was, carried from the world by the rigid `to`.
+/// The person in `pose` with the light of their capture, transformed from the world by the rigid `to`.
 ///
 /// # Errors
-/// If the pose is not of the person's skeleton.
+/// If the pose does not fit the person's skeleton.
 pub fn posed(
     person: &SkinnedSplats,
     pose: &Pose,
@@ -30,21 +31,21 @@ pub fn posed(
         .collect())
 }
 
-/// What carries points from the rest pose to the world, of each bone.
+/// For each bone, the transformation from the rest pose to the world.
 pub(crate) fn bones(skeleton: &Skeleton, pose: &Pose) -> Vec<Mat34> {
     let posed = skeleton.world_transforms(pose);
-    let back = |rest: &[f64; 3]| rigid(IDENTITY, rest.map(|v| -v));
+    let back = |rest: &[f64; 3]| rigid(IDENTITY_ROTATION, rest.map(|v| -v));
     let joints = posed.iter().zip(&skeleton.rest);
     joints
         .map(|(joint, rest)| compose(joint, &back(rest)))
         .collect()
 }
 
-/// The splats' colours, seen from straight before each, under the mean light of `poses`, or that of the rest pose without
-/// any. `[N, 3]`
+/// The splats' colours `[N, 3]`, each viewed along its normal, in the mean light of `poses`, or in that of the rest pose
+/// without any.
 ///
 /// # Errors
-/// If a pose is not of the person's skeleton.
+/// If a pose does not fit the person's skeleton.
 pub(crate) fn mean_colours(
     person: &SkinnedSplats,
     poses: &[Pose],
@@ -56,33 +57,35 @@ pub(crate) fn mean_colours(
         person.skeleton.check_pose(pose)?;
         let bones = bones(&person.skeleton, pose);
         for (sum, splat) in shades.iter_mut().zip(&person.splats) {
-            let shade = shade(&turned(splat, &blend(&splat.bones, &bones)), &person.light);
+            let axes = posed_axes(splat, &blend(&splat.bones, &bones));
+            let shade = shade(&axes, &person.light);
             let part = 1.0 / poses.len() as f32;
             *sum = std::array::from_fn(|c| sum[c] + part * shade[c]);
         }
     }
     let colours = shades.iter().zip(&person.splats).map(|(shade, splat)| {
-        let inward = rotation(splat.turn.map(f64::from)).map(|row| -row[2]);
+        let inward = from_quaternion(splat.turn.map(f64::from)).map(|row| -row[2]);
         let gained = shine::gained(&splat.harmonics, inward);
         std::array::from_fn(|c| shade[c] * (splat.colour[c] + gained[c]))
     });
     Ok(colours.collect())
 }
 
-/// A splat where its bones carry it.
+/// A splat, transformed by its bones.
 fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Mat34) -> Gaussian {
     let transform = blend(&splat.bones, bones);
-    let axes = turned(splat, &transform);
+    let axes = posed_axes(splat, &transform);
     let shade = shade(&axes, light);
     let moved = |by: &dyn Fn(usize, usize) -> f64| -> Mat3 {
         let entry = |r: usize, c: usize| (0..3).map(|k| to[r][k] * by(k, c)).sum::<f64>();
         std::array::from_fn(|r| std::array::from_fn(|c| entry(r, c)))
     };
-    let (turn, deviations) = ellipsoid(&moved(&|k, c| axes[k][c]), splat.deviations.map(f64::from));
-    let harmonics = shine::turned(&splat.harmonics, &moved(&|k, c| transform[k][c]));
+    let (rotation, deviations) =
+        ellipsoid(&moved(&|k, c| axes[k][c]), splat.deviations.map(f64::from));
+    let harmonics = shine::rotated(&splat.harmonics, &moved(&|k, c| transform[k][c]));
     Gaussian {
         mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
-        turn: quaternion(&turn).map(|v| v as f32),
+        rotation: quaternion(&rotation).map(|v| v as f32),
         deviations: deviations.map(|v| v as f32),
         opacity: splat.opacity,
         colour: std::array::from_fn(|c| (splat.colour[c] * shade[c]).clamp(0.0, 1.0)),
@@ -90,7 +93,8 @@ fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Ma
     }
 }
 
-/// What carries a point to the world: the mean of its `bones` by their shares.
+/// The transformation of a point to the world by linear blend skinning: the mean of its bones' transformations, weighted
+/// by their shares.
 pub(crate) fn blend(shares: &[(u16, f32)], bones: &[Mat34]) -> Mat34 {
     let mut transform: Mat34 = [[0.0; 4]; 3];
     for (bone, share) in shares {
@@ -103,14 +107,14 @@ pub(crate) fn blend(shares: &[(u16, f32)], bones: &[Mat34]) -> Mat34 {
     transform
 }
 
-/// A splat's axes in the world, column by column: shares of bones may shear them.
-fn turned(splat: &SkinnedSplat, transform: &Mat34) -> Mat3 {
-    let turn = rotation(splat.turn.map(f64::from));
-    let linear = |r: usize, c: usize| (0..3).map(|k| transform[r][k] * turn[k][c]).sum::<f64>();
+/// A splat's axes in the world, column by column. They may be sheared, since a blend of rotations is no rotation.
+fn posed_axes(splat: &SkinnedSplat, transform: &Mat34) -> Mat3 {
+    let axes = from_quaternion(splat.turn.map(f64::from));
+    let linear = |r: usize, c: usize| (0..3).map(|k| transform[r][k] * axes[k][c]).sum::<f64>();
     std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)))
 }
 
-/// The light on a splat whose third axis is its normal, by channel.
+/// The light on a splat by channel; the third of its axes is its normal.
 fn shade(axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
     let length = axes
         .iter()
@@ -122,7 +126,7 @@ fn shade(axes: &Mat3, light: &[[f32; 8]; 3]) -> [f32; 3] {
     light.map(|own| 1.0 + own.iter().zip(&terms).map(|(a, b)| a * b).sum::<f32>())
 }
 
-/// The turn and the standard deviations of the Gaussian with the covariance (A S)(A S)ᵀ.
+/// Rotation and standard deviations of the Gaussian with the covariance (A S)(A S)ᵀ.
 fn ellipsoid(axes: &Mat3, deviations: [f64; 3]) -> (Mat3, [f64; 3]) {
     let entry = |r: usize, c: usize| -> f64 {
         (0..3)
@@ -130,45 +134,25 @@ fn ellipsoid(axes: &Mat3, deviations: [f64; 3]) -> (Mat3, [f64; 3]) {
             .sum()
     };
     let covariance = Mat::from_fn(3, 3, entry);
-    // Matrices of finite numbers always have them.
+    // A symmetric matrix of finite numbers always has eigenvectors.
     let Ok(found) = covariance.self_adjoint_eigen(Side::Lower) else {
-        return (IDENTITY, [f64::NAN; 3]);
+        return (IDENTITY_ROTATION, [f64::NAN; 3]);
     };
     let (vectors, values) = (found.U(), found.S());
-    let mut turn: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| vectors[(r, c)]));
-    let [[a, b, c], [d, e, f], [g, h, i]] = turn;
+    let mut rotation: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| vectors[(r, c)]));
+    let [[a, b, c], [d, e, f], [g, h, i]] = rotation;
+    // With a negative determinant the eigenvectors are a reflection, which has no quaternion.
     if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0 {
-        turn.iter_mut().for_each(|row| row[2] = -row[2]);
+        rotation.iter_mut().for_each(|row| row[2] = -row[2]);
     }
     (
-        turn,
+        rotation,
         std::array::from_fn(|k| values[k].max(0.0).sqrt().max(THINNEST)),
     )
 }
 
-/// The rotation of a unit quaternion, real part first.
-fn rotation([w, x, y, z]: [f64; 4]) -> Mat3 {
-    [
-        [
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        ],
-        [
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-        ],
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        ],
-    ]
-}
-
-/// The unit quaternion of a rotation, real part first. Of its four numbers, the largest is found first, so
-/// that none is divided by almost nothing.
+/// The unit quaternion of a rotation, real part first. The largest of its four numbers is computed first, so
+/// that the others are never divided by a tiny number.
 pub(crate) fn quaternion(m: &Mat3) -> [f64; 4] {
     let [[a, b, c], [d, e, f], [g, h, i]] = *m;
     let squares = [
@@ -206,7 +190,7 @@ mod tests {
             [0.0; 3],
         ] {
             let m = rodrigues(r);
-            let back = rotation(quaternion(&m));
+            let back = from_quaternion(quaternion(&m));
             for (one, other) in m.as_flattened().iter().zip(back.as_flattened()) {
                 assert!((one - other).abs() < 1e-9, "{r:?}");
             }

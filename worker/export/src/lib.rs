@@ -1,11 +1,11 @@
-//! Trained people in forms that other programs play.
+//! Trained people in formats for other programs.
 //!
 //! - [`gaussians`]: a person in one pose as Gaussians in space, for files of splats.
 //! - [`page`]: a page that plays a person in a browser, in one file.
 //! - [`mesh`]: a person as a mesh with a texture and bones.
-//! - [`clip`]: the motion that they play.
-//! - [`source`]: motions of captures and files, before anybody's body takes them.
-//! - [`order`]: a form with all of its files.
+//! - [`clip`]: a motion of a person.
+//! - [`source`]: motions of captures and files, before they are transferred to a person's body.
+//! - [`order`]: an export with all of its files.
 
 pub mod clip;
 pub mod gaussians;

@@ -1,4 +1,4 @@
-//! A person in one of the forms in which people leave: all of its files.
+//! The export of a person in one form, with all of its files.
 
 use crate::clip::Clip;
 use crate::mesh::{self, MeshOptions};
@@ -13,30 +13,30 @@ use yoto_formats::splats;
 use yoto_proto::exports::content_type;
 use yoto_proto::v1::ExportForm;
 
-/// Most poses whose mean light a texture has.
+/// Most poses for the mean light of a texture.
 const LIGHT_POSES: usize = 50;
 
-/// What to make of a person.
+/// The options of an export.
 #[derive(Debug)]
 pub struct Order<'a> {
     /// The form.
     pub form: ExportForm,
-    /// Name of the person, for those who open the file.
+    /// Name of the person, for people who open the file.
     pub title: &'a str,
-    /// Name of the files without their extensions: files name each other.
+    /// Name of the files without their extensions, by which the files refer to each other.
     pub stem: &'a str,
-    /// The clips of a form with motion, or the motion that `frame` is of.
+    /// The clips of a form with motion, or the motion of `frame`.
     pub motions: &'a [Source],
-    /// Number of the frame of the first motion whose pose a still form has; `None`: the rest pose.
+    /// For a still form, the number of the frame of the first motion; `None` is the rest pose.
     pub frame: Option<u32>,
-    /// What a mesh may cost.
+    /// Limits of a mesh.
     pub mesh: MeshOptions,
 }
 
-/// A person in files.
+/// An exported person.
 #[derive(Debug)]
 pub struct Exported {
-    /// The main one first.
+    /// The files, the main one first.
     pub files: Vec<File>,
     /// Number of splats, of a page or a file of splats.
     pub splats: Option<usize>,
@@ -51,17 +51,17 @@ pub struct File {
     pub name: String,
     /// E.g. `model/gltf-binary`.
     pub content_type: &'static str,
-    /// All of it.
+    /// The content.
     pub bytes: Vec<u8>,
 }
 
-/// A person who can't be exported.
+/// Why a person can't be exported.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// A form that this version does not know.
     #[error("the form is not known")]
     Form,
-    /// A motion is invalid, or of a body that differs too much.
+    /// A motion is invalid, or its body differs too much from the person's.
     #[error(transparent)]
     Motion(#[from] SourceError),
     /// A motion is of another body.
@@ -70,7 +70,7 @@ pub enum ExportError {
     /// The splats can't be written.
     #[error("the splats")]
     Splats(#[source] io::Error),
-    /// There is no surface.
+    /// The splats have no surface.
     #[error("the surface of the person")]
     Surface(#[from] mesh::MeshError),
     /// The mesh can't be written.
@@ -82,7 +82,7 @@ impl Order<'_> {
     /// The files of `person`.
     ///
     /// # Errors
-    /// A motion does not fit the person, there is no such frame, or the splats enclose nothing.
+    /// If a motion does not fit the person, there is no such frame, or the splats enclose nothing.
     pub fn of(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
         match self.form {
             ExportForm::Unspecified => Err(ExportError::Form),
@@ -98,7 +98,7 @@ impl Order<'_> {
         Ok(self.with_splats(page.into_bytes(), person.splats.len()))
     }
 
-    /// One pose of the person, standing where their body does at rest.
+    /// One pose of the person, with the root where it is at rest.
     fn splats(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
         let skeleton = &person.skeleton;
         let still = self.still(skeleton)?;
@@ -184,7 +184,7 @@ impl Order<'_> {
     }
 }
 
-/// The poses whose mean light the texture has: some of the clips, or the one.
+/// The poses for the mean light of the texture: a sample of the clips', or the single one.
 fn light(clips: &[Clip], still: &Option<Pose>) -> Vec<Pose> {
     let all = || clips.iter().flat_map(|clip| &clip.poses);
     let every = all().count().div_ceil(LIGHT_POSES).max(1);

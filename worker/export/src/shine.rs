@@ -1,16 +1,17 @@
-//! Colours that depend on the view, where bones have turned a splat.
+//! View-dependent colours of splats that bones rotate.
 
 use std::f64::consts::PI;
 use yoto_capture::skeleton::transform::Mat3;
 use yoto_ops::splat::harmonics::{HARMONICS, terms};
 
-/// The golden ratio, of which an icosahedron's corners are made.
+/// The golden ratio, which gives an icosahedron's corners.
 const GOLDEN: f64 = 1.618_033_988_749_895;
 
-/// Coefficients of harmonics by channel.
+/// Coefficients of spherical harmonics by channel.
 pub(crate) type Harmonics = [[f32; 3]; HARMONICS];
 
-/// What the colour gains where a camera looks along the `direction`, of any length but 0, in the rest pose.
+/// The view-dependent part of a colour for a camera that looks along `direction` in the rest pose. The direction may have
+/// any length except 0.
 pub(crate) fn gained(own: &Harmonics, direction: [f64; 3]) -> [f32; 3] {
     let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
     let terms = terms(direction.map(|v| (v / length.max(f64::MIN_POSITIVE)) as f32));
@@ -18,24 +19,24 @@ pub(crate) fn gained(own: &Harmonics, direction: [f64; 3]) -> [f32; 3] {
     std::array::from_fn(|c| along(c).sum())
 }
 
-/// The coefficients after the turn `by`: the mean over the corners of an icosahedron of their products with each
-/// harmonic, which is exact for these degrees. Of a turn with shear it is the nearest.
-pub(crate) fn turned(own: &Harmonics, by: &Mat3) -> Harmonics {
-    let mut turned = [[0.0; 3]; HARMONICS];
+/// The coefficients after the rotation `by`: projections of the rotated colours onto each harmonic, as means over the
+/// corners of an icosahedron, which are exact for these degrees. A rotation with shear gives the nearest coefficients.
+pub(crate) fn rotated(own: &Harmonics, by: &Mat3) -> Harmonics {
+    let mut rotated = [[0.0; 3]; HARMONICS];
     if own.as_flattened().iter().all(|value| *value == 0.0) {
-        return turned;
+        return rotated;
     }
     let corners = corners();
     for corner in &corners {
         let back = std::array::from_fn(|c| (0..3).map(|r| by[r][c] * corner[r]).sum());
         let gained = gained(own, back);
-        for (sums, term) in turned.iter_mut().zip(terms(corner.map(|v| v as f32))) {
+        for (sums, term) in rotated.iter_mut().zip(terms(corner.map(|v| v as f32))) {
             for (sum, gained) in sums.iter_mut().zip(gained) {
                 *sum += (4.0 * PI / corners.len() as f64) as f32 * term * gained;
             }
         }
     }
-    turned
+    rotated
 }
 
 /// The corners of an icosahedron, unit vectors.
@@ -59,10 +60,10 @@ mod tests {
         let own: Harmonics =
             std::array::from_fn(|k| std::array::from_fn(|c| ((3 * k + c) as f32 * 0.7).sin()));
         let by = rodrigues([0.4, -1.1, 0.6]);
-        let turned = turned(&own, &by);
+        let rotated = rotated(&own, &by);
         for direction in [[0.3, 0.2, -0.9], [-1.0, 0.1, 0.4], [0.0, -1.0, 0.0]] {
             let moved = std::array::from_fn(|r| (0..3).map(|c| by[r][c] * direction[c]).sum());
-            let (wanted, found) = (gained(&own, direction), gained(&turned, moved));
+            let (wanted, found) = (gained(&own, direction), gained(&rotated, moved));
             for c in 0..3 {
                 assert!((wanted[c] - found[c]).abs() < 1e-5, "{wanted:?} {found:?}");
             }

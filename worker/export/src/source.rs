@@ -1,4 +1,4 @@
-//! Motions before anybody's body takes them: of captures, and of files as requests have them.
+//! Motions of captures and of files in requests, before they are transferred to a person's body.
 
 use crate::clip::Clip;
 use yoto_capture::ViewError;
@@ -8,82 +8,84 @@ use yoto_proto::frame_steps::chosen_below;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
 
-/// Up where nothing says otherwise.
+/// The default up axis.
 const UP: Vec3 = [0.0, 1.0, 0.0];
 
-/// A motion that can't be taken.
+/// Why a motion can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// An invalid pose or camera.
-    #[error("{place}")]
+    #[error("{location}")]
     View {
         /// The motion and the frame.
-        place: String,
+        location: String,
         /// What is wrong.
         source: ViewError,
     },
     /// A clip with an invalid skeleton.
-    #[error("{place}: {}", pose_track::describe(violation))]
+    #[error("{location}: {}", pose_track::describe(violation))]
     Clip {
         /// The motion.
-        place: String,
+        location: String,
         /// What is wrong.
         violation: Box<Violation>,
     },
     /// An invalid skeleton, or one that differs too much from the body.
-    #[error("{place}")]
+    #[error("{location}")]
     Body {
-        /// The motion, and the frame if one is to blame.
-        place: String,
+        /// The motion, and the frame if a single one is at fault.
+        location: String,
         /// What is wrong.
         source: SkeletonError,
     },
     /// No such frame.
-    #[error("{place}: no frame {number} among its {frames}")]
+    #[error("{location}: no frame {number} among its {frames}")]
     NoFrame {
         /// The motion.
-        place: String,
+        location: String,
         /// Number of the frame.
         number: u32,
-        /// Frames that there are.
+        /// Number of frames in the motion.
         frames: usize,
     },
     /// More frames than there are.
-    #[error("{place}: {wanted} frames, but it has {left} from frame {first} on in steps of {step}")]
+    #[error(
+        "{location}: {wanted} frames, but it has {left} from frame {first} on in steps of {step}"
+    )]
     TooFew {
         /// The motion.
-        place: String,
-        /// Number of frames that are wanted.
+        location: String,
+        /// Number of wanted frames.
         wanted: usize,
-        /// Number of the frames that there are.
+        /// Number of frames in the motion.
         left: usize,
-        /// Number of the first one.
+        /// Number of the first frame.
         first: u32,
         /// Frames from one to the next.
         step: usize,
     },
     /// No frame before the end.
-    #[error("{place}: no frame from frame {first} on has a number below {end}")]
+    #[error("{location}: no frame from frame {first} on has a number below {end}")]
     NoneBelow {
         /// The motion.
-        place: String,
+        location: String,
         /// Number of the first frame.
         first: u32,
-        /// Number below which the frames are to be.
+        /// Upper bound of the frame numbers, exclusive.
         end: u32,
     },
 }
 
-/// A motion of some skeleton.
+/// A motion of any skeleton.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Name of its clip, and for messages.
+    /// Name of the clip, also for messages.
     name: String,
     skeleton: pose_track::Skeleton,
     poses: Vec<Pose>,
-    /// Number of each pose's frame, which tells when it is.
+    /// Frame number of each pose, which gives its time.
     numbers: Vec<u32>,
-    /// Frames per second that the numbers count.
+    /// Frames per second of the frame numbers.
     fps: f64,
     /// The up axis of its world.
     up: Vec3,
@@ -97,7 +99,7 @@ impl Source {
     pub fn track(name: &str, track: &PoseTrack) -> Result<Self, SourceError> {
         let fault = |number: u32| {
             move |source| SourceError::View {
-                place: format!("{name}: frame {number}"),
+                location: format!("{name}: frame {number}"),
                 source,
             }
         };
@@ -119,8 +121,8 @@ impl Source {
         })
     }
 
-    /// The motion of a `clip`, whose poses are numbered from 0; `up` is the up axis of its world, y if it has
-    /// not three numbers.
+    /// The motion of a `clip`, with frame numbers from 0. `up` is the up axis of its world; it is y unless `up`
+    /// has three numbers.
     ///
     /// # Errors
     /// An invalid skeleton or pose.
@@ -128,12 +130,12 @@ impl Source {
         let skeleton = clip.skeleton.clone().unwrap_or_default();
         let skeleton = pose_track::Skeleton::from_proto(skeleton);
         let skeleton = skeleton.map_err(|violation| SourceError::Clip {
-            place: name.to_owned(),
+            location: name.to_owned(),
             violation,
         })?;
         let poses = clip.poses.iter().enumerate().map(|(at, pose)| {
             Pose::from_proto(pose).map_err(|source| SourceError::View {
-                place: format!("{name}: frame {at}"),
+                location: format!("{name}: frame {at}"),
                 source,
             })
         });
@@ -148,10 +150,10 @@ impl Source {
         })
     }
 
-    /// The frames that `part` chooses of a capture's motion.
+    /// The frames of a capture's motion that `part` selects.
     ///
     /// # Errors
-    /// There is no such frame, or there are too few, or none before the end.
+    /// If there is no such frame, there are too few, or none before the end.
     pub fn part(mut self, part: &CaptureMotion) -> Result<Self, SourceError> {
         let first = match part.first_frame {
             Some(number) => self.find(number)?,
@@ -161,11 +163,15 @@ impl Source {
         let chosen = chosen_below(self.numbers.iter().copied(), first, step, count, end);
         let chosen = chosen.map_err(|left| {
             let first = self.numbers.get(first).copied().unwrap_or_default();
-            let place = self.name.clone();
+            let location = self.name.clone();
             match end {
-                Some(end) => SourceError::NoneBelow { place, first, end },
+                Some(end) => SourceError::NoneBelow {
+                    location,
+                    first,
+                    end,
+                },
                 None => SourceError::TooFew {
-                    place,
+                    location,
                     wanted: count as usize,
                     left,
                     first,
@@ -178,16 +184,16 @@ impl Source {
         Ok(self)
     }
 
-    /// The same by another name.
+    /// The same motion with another name.
     pub fn called(mut self, name: &str) -> Self {
         name.clone_into(&mut self.name);
         self
     }
 
-    /// The whole motion on the body of `target`, as fast as it was filmed, with poses at equal times.
+    /// The whole motion on the body of `target`, at its original speed, with poses at equal intervals.
     ///
     /// # Errors
-    /// The skeletons are too different.
+    /// If the skeletons are too different.
     pub fn on(&self, target: &Skeleton) -> Result<Clip, SourceError> {
         let (poses, fps) = timing::even(self.poses.clone(), &self.numbers, self.fps);
         let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
@@ -202,7 +208,7 @@ impl Source {
     /// The pose of each frame on the body of `target`.
     ///
     /// # Errors
-    /// The skeletons are too different.
+    /// If the skeletons are too different.
     pub fn poses(&self, target: &Skeleton) -> Result<Vec<Pose>, SourceError> {
         let driver = self.driver(target)?;
         let seconds = timing::seconds(&self.numbers, self.fps);
@@ -213,47 +219,47 @@ impl Source {
     /// The pose of the frame with this `number` on the body of `target`.
     ///
     /// # Errors
-    /// There is no such frame, or the skeletons are too different.
+    /// If there is no such frame, or the skeletons are too different.
     pub fn pose(&self, number: u32, target: &Skeleton) -> Result<Pose, SourceError> {
         let at = self.find(number)?;
         let posed = retarget(&self.driver(target)?, target, &self.poses[at]);
         posed.map_err(|source| self.at_fault(at, source))
     }
 
-    /// The up axis of its world.
+    /// The up axis of the motion's world.
     pub fn up(&self) -> Vec3 {
         self.up
     }
 
-    /// The place among its poses of the frame with this `number`.
+    /// Index of the pose with the frame `number`.
     fn find(&self, number: u32) -> Result<usize, SourceError> {
         let found = self.numbers.iter().position(|it| *it == number);
         found.ok_or_else(|| SourceError::NoFrame {
-            place: self.name.clone(),
+            location: self.name.clone(),
             number,
             frames: self.numbers.len(),
         })
     }
 
-    /// The skeleton that moves.
+    /// The skeleton of the motion.
     fn driver(&self, target: &Skeleton) -> Result<Skeleton, SourceError> {
         Skeleton::of_motion(&self.skeleton, target).map_err(|source| SourceError::Body {
-            place: format!("{}: skeleton", self.name),
+            location: format!("{}: skeleton", self.name),
             source,
         })
     }
 
     fn at_fault(&self, at: usize, source: SkeletonError) -> SourceError {
         let name = &self.name;
-        let place = match self.numbers.get(at) {
+        let location = match self.numbers.get(at) {
             Some(number) => format!("{name}: frame {number}"),
             None => name.clone(),
         };
-        SourceError::Body { place, source }
+        SourceError::Body { location, source }
     }
 }
 
-/// All `sources` on the body of `target`, each with a name of its own.
+/// All `sources` on the body of `target`, with unique names.
 ///
 /// # Errors
 /// As [`Source::on`].
@@ -267,10 +273,10 @@ pub fn clips<'a>(
     Ok(clips)
 }
 
-/// Gives a number to each clip whose name an earlier one has.
+/// Adds a number to the name of each clip that has the name of an earlier one.
 fn tell_apart(clips: &mut [Clip]) {
-    for place in 1..clips.len() {
-        let (earlier, later) = clips.split_at_mut(place);
+    for index in 1..clips.len() {
+        let (earlier, later) = clips.split_at_mut(index);
         let taken = |name: &str| earlier.iter().any(|clip| clip.name == name);
         let plain = later[0].name.clone();
         let mut number = 2;
@@ -302,7 +308,7 @@ mod tests {
         );
     }
 
-    /// Ten frames at 60 per second whose knee turns by a tenth more each, of a body without a size.
+    /// Ten frames at 60 per second with a knee that rotates by 0.1 more in each, of a body without a size.
     fn motion() -> Source {
         let pose = |at: usize| v1::BodyPose {
             rotations: vec![0.0, 0.0, 0.0, 0.1 * at as f32, 0.0, 0.0],
@@ -346,7 +352,7 @@ mod tests {
         assert!((clip.fps - 20.0).abs() < 1e-9, "{}", clip.fps);
         let knees = clip.poses.iter().map(|pose| pose.rotations[1][0]);
         assert_eq!(knees.collect::<Vec<_>>(), [0.2, 0.5, 0.8]);
-        // As its size is the body's, so are its steps.
+        // The motion has the body's size, and so have its steps.
         assert_eq!(clip.poses[1].translation, [0.0, 0.0, 5.0]);
         let pose = source.pose(8, &body()).expect("is chosen");
         assert_eq!(pose.rotations[1][0], 0.8);

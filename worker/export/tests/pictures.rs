@@ -1,4 +1,4 @@
-//! Exported people look as the renderer shows them.
+//! Exported people look the same as in the renderer.
 
 use burn::tensor::Device;
 use std::sync::Arc;
@@ -11,9 +11,9 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
 use yoto_export::gaussians::posed;
 use yoto_formats::splats::Gaussian;
-use yoto_ops::splat::cpu::Numbers;
+use yoto_ops::splat::cpu::SplatSlices;
 use yoto_ops::splat::harmonics::terms;
-use yoto_ops::splat::{Sight, draw};
+use yoto_ops::splat::{View, render};
 use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 96;
@@ -35,7 +35,7 @@ fn trainer() -> (Trainer, Person) {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let splats = config.appearance.splats_mut().expect("splats");
     splats.count = 2000;
-    // Fast enough to be seen after so few steps.
+    // Fast enough to be visible after a few steps.
     (splats.harmonics, splats.harmonic_rate) = (2, 2e-2);
     config.refinement.who = Refine::Never;
     let options = TrainOptions {
@@ -61,7 +61,7 @@ fn trainer() -> (Trainer, Person) {
     (trainer, person)
 }
 
-/// The picture of Gaussians that no bone carries and no light changes.
+/// The picture of Gaussians without bones and light.
 fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     let whole = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     let eye = camera.centre();
@@ -75,7 +75,7 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
                 .sum()
         };
         let mut row = splat.mean.to_vec();
-        row.extend(splat.turn);
+        row.extend(splat.rotation);
         row.extend(splat.deviations.map(f32::ln));
         row.push((splat.opacity / (1.0 - splat.opacity)).ln());
         row.extend((0..3).map(|c| splat.colour[c] + gained(c)));
@@ -83,19 +83,19 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     };
     let rows: Vec<f32> = splats.iter().flat_map(row).collect();
     let narrow = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
-    let sight = Sight {
+    let sight = View {
         width: camera.width as usize,
         height: camera.height as usize,
         k: [narrow(&camera.k[0]), narrow(&camera.k[1])],
         e: std::array::from_fn(|r| camera.e[r].map(|v| v as f32)),
         world: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     };
-    let numbers = Numbers {
+    let numbers = SplatSlices {
         transforms: &whole.repeat(splats.len()),
         rows: &rows,
         light: &[0.0; 24],
     };
-    draw(&[(numbers, &sight)]).expect("somebody").rgb
+    render(&[(numbers, &sight)]).expect("somebody").rgb
 }
 
 #[test]
@@ -105,8 +105,8 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
     let exported = renderer.skinned_splats(0).expect("reads").expect("splats");
     assert!(exported.splats.len() > 1000, "{}", exported.splats.len());
     let track = &person.shard.track;
-    for place in [0, 7] {
-        let frame = &track.frames[place];
+    for index in [0, 7] {
+        let frame = &track.frames[index];
         let pose = Pose::from_frame(frame).expect("a pose");
         let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
         let splats = posed(&exported, &pose, &IDENTITY).expect("a pose of hers");
@@ -123,8 +123,8 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
             .collect();
         // Four bones in place of all, and colours within what a screen shows.
         let alike = psnr(&drawn, &rendered);
-        assert!(alike > 40.0, "frame {place}: {alike:.1} dB");
-        // A viewer that leaves out what colours gain by the view shows another picture.
+        assert!(alike > 40.0, "frame {index}: {alike:.1} dB");
+        // A viewer without view-dependent colours shows another picture.
         let plain: Vec<Gaussian> = (splats.iter())
             .map(|splat| Gaussian {
                 harmonics: [[0.0; 3]; 8],
@@ -132,9 +132,9 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
             })
             .collect();
         let plain = psnr(&picture(&plain, &camera), &rendered);
-        assert!(plain < alike - 3.0, "frame {place}: {plain:.1} dB without");
+        assert!(plain < alike - 3.0, "frame {index}: {plain:.1} dB without");
         // A picture of the wrong pose is far from it.
-        let other = Pose::from_frame(&track.frames[place + 3]).expect("a pose");
+        let other = Pose::from_frame(&track.frames[index + 3]).expect("a pose");
         let other = posed(&exported, &other, &IDENTITY).expect("a pose of hers");
         assert!(psnr(&picture(&other, &camera), &rendered) < alike - 10.0);
     }

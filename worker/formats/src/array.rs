@@ -1,18 +1,18 @@
 //! Arrays of numbers.
 
-/// Numbers in a shape, the last axis fastest. All types of a file become f64, which is exact
-/// for numbers of up to 53 bits.
+/// An array of numbers with the last axis fastest. All number types become f64, which is exact for numbers of up to
+/// 53 bits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Array {
     /// Extents; empty for a single number.
     pub shape: Vec<usize>,
-    /// The numbers, as many as the shape holds.
+    /// The numbers; the product of the shape is their count.
     pub values: Vec<f64>,
 }
 
 impl Array {
-    /// The numbers, if the shape is `shape` once axes of extent 1 are left out of both: files
-    /// of the same program may have `[10]` or `[1, 10]`.
+    /// The numbers, if the shape equals `shape` without axes of extent 1 in both: files of the same program may have
+    /// `[10]` or `[1, 10]`.
     pub fn squeezed(&self, shape: &[usize]) -> Option<&[f64]> {
         let kept = |shape: &[usize]| -> Vec<usize> {
             shape.iter().copied().filter(|side| *side != 1).collect()
@@ -38,7 +38,7 @@ impl Array {
         self.rows::<C>()?.try_into().ok()
     }
 
-    /// Checks that every number is finite; the error is the place of the first that is not.
+    /// Index of the first number that is not finite; `None` if all are finite.
     pub fn not_finite(&self) -> Option<usize> {
         self.values.iter().position(|value| !value.is_finite())
     }
@@ -59,12 +59,12 @@ pub(crate) fn rows_first<T: Clone>(shape: &[usize], values: Vec<T>) -> Vec<T> {
     let mut at = vec![0; shape.len()];
     let mut sorted = Vec::with_capacity(values.len());
     for _ in 0..values.len() {
-        let place = at
+        let from = at
             .iter()
             .zip(shape)
             .rev()
-            .fold(0, |place, (index, side)| place * side + index);
-        sorted.extend(values.get(place).cloned());
+            .fold(0, |from, (index, side)| from * side + index);
+        sorted.extend(values.get(from).cloned());
         for (index, side) in at.iter_mut().zip(shape).rev() {
             *index += 1;
             if *index < *side {

@@ -1,14 +1,13 @@
 //! BVH: a skeleton as offsets and channels, and a motion as a table of channel values.
 //!
-//! The format has no standard beyond its examples; this reader accepts what common writers
-//! agree on: one `ROOT`, `JOINT`s and `End Site`s in braces, `OFFSET` and `CHANNELS`, then
-//! `MOTION` with `Frames:`, `Frame Time:` and one line per frame. Angles are degrees, rotations are
-//! applied in the order of the channels (first channel outermost), lengths are in the unit
-//! of the writer: centimetres, inches or another.
+//! The format has no standard except its examples. This reader accepts the common subset of writers: one `ROOT`,
+//! `JOINT`s and `End Site`s in braces, `OFFSET` and `CHANNELS`, then `MOTION` with `Frames:`, `Frame Time:` and one
+//! line per frame. Angles are degrees. Rotations are applied in the order of the channels, with the first channel
+//! outermost. Lengths are in the unit of the writer: centimetres, inches or another.
 
 use thiserror::Error;
 
-/// Most joints, end sites left out.
+/// Most joints, not counting end sites.
 const MAX_JOINTS: usize = 1024;
 /// Most numbers of a motion.
 const MAX_NUMBERS: usize = 1 << 26;
@@ -35,22 +34,22 @@ pub enum Channel {
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// As in the file.
+    /// Name in the file.
     pub name: String,
-    /// Index of the parent, which comes before; none for the root.
+    /// Index of the parent, which comes before; `None` for the root.
     pub parent: Option<usize>,
-    /// From the parent at rest, in the file's unit.
+    /// Offset from the parent at rest, in the file's unit.
     pub offset: [f64; 3],
-    /// In the order of the file.
+    /// Channels in the order of the file.
     pub channels: Vec<Channel>,
-    /// Position of an end site, from this joint.
+    /// Offset of an end site from this joint.
     pub end: Option<[f64; 3]>,
 }
 
 /// A BVH file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bvh {
-    /// Parents come before their children.
+    /// The joints; parents come before their children.
     pub joints: Vec<Joint>,
     /// Seconds per frame.
     pub frame_time: f64,
@@ -61,7 +60,7 @@ pub struct Bvh {
 /// The skeleton and the motion in `text`.
 ///
 /// # Errors
-/// At the first line that does not follow the format, or has an invalid number.
+/// If a line does not follow the format, or has an invalid number; the error names the first such line.
 pub fn read(text: &str) -> Result<Bvh, BvhError> {
     let mut reader = Reader::new(text);
     reader.word("HIERARCHY")?;
@@ -148,7 +147,7 @@ impl<'a> Reader<'a> {
         Ok(offset)
     }
 
-    /// A name up to the brace: some writers use blanks in names.
+    /// A name up to the brace, since some writers use blanks in names.
     fn name(&mut self) -> Result<String, BvhError> {
         let mut name = String::new();
         loop {
@@ -172,18 +171,19 @@ impl<'a> Reader<'a> {
         self.word("ROOT")?;
         let root = self.name()?;
         let mut joints = vec![joint(root, None)];
-        // Joints with an open brace, the innermost last; an end site has its own brace.
+        // Joints with an open brace, the innermost last; end sites have their own braces. A list instead of
+        // recursion, so that deep nesting can't exhaust the stack.
         let mut open = vec![0];
         while let Some(&at) = open.last() {
             let word = self.next("'}'")?;
             match word.to_ascii_uppercase().as_str() {
                 "OFFSET" => {
                     let offset = self.offset()?;
-                    self.place(&mut joints, at)?.offset = offset;
+                    self.joint_mut(&mut joints, at)?.offset = offset;
                 }
                 "CHANNELS" => {
                     let channels = self.channels()?;
-                    self.place(&mut joints, at)?.channels = channels;
+                    self.joint_mut(&mut joints, at)?.channels = channels;
                 }
                 "JOINT" => {
                     let name = self.name()?;
@@ -198,7 +198,7 @@ impl<'a> Reader<'a> {
                     self.word("{")?;
                     self.word("OFFSET")?;
                     let end = self.offset()?;
-                    self.place(&mut joints, at)?.end = Some(end);
+                    self.joint_mut(&mut joints, at)?.end = Some(end);
                     self.word("}")?;
                 }
                 "}" => drop(open.pop()),
@@ -213,7 +213,7 @@ impl<'a> Reader<'a> {
         Ok(joints)
     }
 
-    fn place<'j>(&self, joints: &'j mut [Joint], at: usize) -> Result<&'j mut Joint, BvhError> {
+    fn joint_mut<'j>(&self, joints: &'j mut [Joint], at: usize) -> Result<&'j mut Joint, BvhError> {
         let fault = self.fault("unmatched closing brace");
         joints.get_mut(at).ok_or(fault)
     }

@@ -27,7 +27,7 @@ impl Dtype {
         }
     }
 
-    /// Whether elements are Python objects, which only a pickle can hold.
+    /// Whether elements are Python objects, which are stored as a pickle.
     pub fn is_object(&self) -> bool {
         self.code.starts_with('O')
     }
@@ -71,7 +71,7 @@ impl Dtype {
             "f8" => each(8, &f64::from_bits),
             "f4" => each(4, &|bits| f64::from(f32::from_bits(bits as u32))),
             "f2" => each(2, &|bits| half(bits as u16)),
-            // The upper half of a float, which torch calls bfloat16 and numpy lacks.
+            // The upper half of a float: torch's bfloat16, which numpy lacks.
             "bf2" => each(2, &|bits| f64::from(f32::from_bits((bits as u32) << 16))),
             "i8" => each(8, &|bits| bits as i64 as f64),
             "i4" => each(4, &|bits| f64::from(bits as u32 as i32)),
@@ -113,7 +113,7 @@ impl Dtype {
     }
 }
 
-/// The number in the bits of an IEEE half.
+/// The value of an IEEE half.
 fn half(bits: u16) -> f64 {
     let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
     let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));

@@ -1,12 +1,12 @@
-//! `.glb` files: glTF 2.0 in one file, numbers in a binary part.
+//! `.glb` files: glTF 2.0 in one file, with its numbers in a binary part.
 
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
-/// What a part of the numbers is for.
+/// The use of a part of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// Attributes of vertices.
+    /// Vertex attributes.
     Vertices,
     /// Corners of triangles.
     Triangles,
@@ -52,8 +52,7 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Adds `rows` of `N` numbers and returns the accessor's place. Rows of 16 are matrices, column after
-    /// column.
+    /// Adds `rows` of `N` numbers and returns the accessor's index. Rows of 16 are matrices, column after column.
     pub fn rows<T: Number, const N: usize>(&mut self, rows: &[[T; N]], target: Target) -> usize {
         let start = self.bytes.len();
         rows.as_flattened()
@@ -73,8 +72,7 @@ impl Numbers {
         self.accessors.len() - 1
     }
 
-    /// Like [`Numbers::rows`], with the least and the largest value of each column, which glTF demands of
-    /// positions and of times.
+    /// As [`Numbers::rows`], with the minimum and maximum of each column, which glTF demands for positions and times.
     pub fn bounded<const N: usize>(&mut self, rows: &[[f32; N]], target: Target) -> usize {
         let accessor = self.rows(rows, target);
         let bound = |start: f32, choose: fn(f32, f32) -> f32| -> Vec<f32> {
@@ -86,14 +84,15 @@ impl Numbers {
         accessor
     }
 
-    /// Adds a picture's file and returns the view's place.
+    /// Adds an image file and returns the view's index.
     pub fn picture(&mut self, file: &[u8]) -> usize {
         let start = self.bytes.len();
         self.bytes.extend(file);
         self.view(start, Target::Other)
     }
 
-    /// The bytes from `start` on; the next ones start at a multiple of four.
+    /// Adds a view of the bytes from `start` on and returns its index. Pads the bytes to a multiple of four, as glTF
+    /// demands.
     fn view(&mut self, start: usize, target: Target) -> usize {
         let mut view = json!({
             "buffer": 0, "byteOffset": start, "byteLength": self.bytes.len() - start,
@@ -108,7 +107,7 @@ impl Numbers {
         self.views.len() - 1
     }
 
-    /// Writes the file: `scene` is glTF's document without what this has collected.
+    /// Writes the file. `scene` is glTF's document without the accessors, views and buffer, which are added here.
     ///
     /// # Errors
     /// If writing fails, or the file has 4 GiB or more.

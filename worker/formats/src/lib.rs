@@ -1,8 +1,7 @@
 //! Files of other programs as plain data.
 //!
-//! Read: bytes in, numbers and strings out. This crate has no notion of people or cameras, runs no code
-//! of a file, and returns data or an error for any bytes. The importers of the client and of the
-//! model interpret the numbers.
+//! Readers turn bytes into numbers and strings. They know nothing of people or cameras, run no code of a file, and
+//! return data or an error for any bytes. The client's and the model's importers interpret the data.
 //!
 //! - [`pickle`]: Python's pickles and joblib's files, read without calling anything.
 //! - [`torch`]: files of `torch.save`.
@@ -10,7 +9,7 @@
 //! - [`npy`], [`npz`]: numpy's files of one array and of several.
 //! - [`bvh`]: skeletons with motion.
 //!
-//! Written:
+//! Writers:
 //! - [`splats`]: Gaussian splats.
 //! - [`glb`]: glTF in one file.
 

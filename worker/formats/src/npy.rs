@@ -1,7 +1,7 @@
 //! `.npy`: one array, in the format of `numpy.save`.
 //!
-//! The header is read here rather than by a library because the same element types come inside
-//! pickles, and because arrays of objects (`allow_pickle=True`) go through [`pickle`](crate::pickle).
+//! No library reads the header, because pickles contain the same element types, and arrays of objects
+//! (`allow_pickle=True`) need [`pickle`](crate::pickle).
 
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;
@@ -11,7 +11,7 @@ use thiserror::Error;
 
 /// Magic bytes of every file.
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// Longest header, bytes; numpy itself refuses longer ones unless told otherwise.
+/// Longest header, bytes. By default numpy refuses longer ones too.
 const MAX_HEADER: usize = 10_000;
 
 /// Why a `.npy` can't be read.
@@ -44,16 +44,16 @@ pub enum NpyError {
     Pickle(#[from] PickleError),
 }
 
-/// The array in `bytes`: numbers as [`Value::Array`], strings as a list, objects as their values
-/// (an array without axes is its only element).
+/// The array in `bytes`: numbers as [`Value::Array`], strings as a list, objects as their values. An array of objects
+/// without axes is returned as its only element.
 ///
 /// # Errors
-/// When the bytes are not a valid file.
+/// If the bytes are not a valid file.
 pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
     read_without(bytes, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for the values of dictionaries whose keys are in `without`.
+/// As [`read`], with [`Value::Nothing`] for dictionary values with keys in `without`.
 ///
 /// # Errors
 /// As [`read`].
@@ -61,7 +61,7 @@ pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, NpyError> {
     read_within(bytes, without, &mut Budget::default())
 }
 
-/// As [`read_without`], for one of several arrays of a file, whose pickles share `budget`.
+/// As [`read_without`], for one of several arrays in a file; their pickles share `budget`.
 ///
 /// # Errors
 /// As [`read`].

@@ -32,7 +32,7 @@ pub enum NpzError {
         /// Why.
         source: NpyError,
     },
-    /// More than `limit` bytes, or too many arrays: a few kilobytes can unpack to any size.
+    /// More bytes than the limit, or too many arrays: a few kilobytes can unpack to any size.
     #[error("the archive unpacks to more than {0} bytes, or to thousands of arrays")]
     TooLarge(u64),
 }
@@ -46,8 +46,8 @@ pub fn read(bytes: &[u8], limit: u64) -> Result<Value, NpzError> {
     read_without(bytes, limit, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for the arrays, and the values of dictionaries, whose names are
-/// in `without`. Such arrays are neither unpacked nor count for the limit.
+/// As [`read`], with [`Value::Nothing`] for arrays and dictionary values with names in `without`. Such arrays are not
+/// unpacked, and don't count towards the limit.
 ///
 /// # Errors
 /// As [`read`].
@@ -57,7 +57,7 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
         return Err(NpzError::TooLarge(limit));
     }
     let mut left = limit;
-    // Arrays of objects are pickles, each of which can unfold to more than the bytes of its entry.
+    // Each array of objects is a pickle, which can unfold to more data than its entry has bytes.
     let mut budget = Budget::default();
     budget.unpacked = budget.unpacked.min(limit);
     let mut arrays = Vec::new();
@@ -69,7 +69,7 @@ pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value,
             continue;
         }
         let mut data = Vec::new();
-        // The archive's own sizes may be false, so only the unpacked bytes count.
+        // The sizes in the archive may be false, so only the unpacked bytes count.
         entry
             .take(left.saturating_add(1))
             .read_to_end(&mut data)

@@ -1,8 +1,8 @@
 //! Masks as run lengths, in COCO's form: `{"size": [height, width], "counts": …}`.
 //!
-//! Pixels count down the columns, and runs begin with the background. Counts are a list of
-//! numbers, or pycocotools' text: digits of five bits from `'0'` on, the sixth bit says that more
-//! follow, and from the fourth run on each is the difference from the run before the last.
+//! Pixels are counted down the columns, and the first run is background. Counts are a list of numbers, or pycocotools'
+//! text: digits of five bits from `'0'` on, with a sixth bit if more digits follow. From the fourth run on, each count is
+//! the difference from the run two before.
 
 use crate::Value;
 use thiserror::Error;
@@ -18,9 +18,9 @@ pub enum RleError {
     /// A field is absent or of another type.
     #[error("run lengths need {field}, but there is {found}")]
     Field {
-        /// What is needed.
+        /// The field.
         field: &'static str,
-        /// Type of what there is.
+        /// Type of its value.
         found: String,
     },
     /// Sides of zero, of over 16384, or that are not whole numbers.
@@ -29,10 +29,10 @@ pub enum RleError {
     /// A count that is not a whole number, or ends inside its digits.
     #[error("run {run} is not a number of pixels")]
     Count {
-        /// Its place, from 0.
+        /// Its index.
         run: usize,
     },
-    /// More runs than pixels, or runs of other than all pixels.
+    /// More runs than pixels, or runs that don't add up to all pixels.
     #[error("{runs} runs of {pixels} pixels in an image of {height} × {width}")]
     Total {
         /// Number of runs.
@@ -46,14 +46,14 @@ pub enum RleError {
     },
 }
 
-/// A mask that is decoded when it is asked for: a clip has thousands.
+/// A mask that is decoded only on demand: a clip has thousands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunLengths {
     /// Rows.
     pub height: usize,
     /// Columns.
     pub width: usize,
-    /// Background and mask by turns; they add up to all pixels.
+    /// Lengths of runs, alternately of background and mask; they add up to all pixels.
     runs: Vec<u32>,
 }
 
@@ -61,7 +61,7 @@ impl RunLengths {
     /// The mask in a dictionary of `size` and `counts`.
     ///
     /// # Errors
-    /// When there are no such fields, or they contradict each other.
+    /// If these fields are missing or contradict each other.
     pub fn read(value: &Value) -> Result<Self, RleError> {
         let (height, width) = size(value)?;
         let mut mask = Self {
@@ -82,10 +82,10 @@ impl RunLengths {
         Ok(mask)
     }
 
-    /// The mask of `pixels`, `[height, width]` by rows, of which those above 0 are in it.
+    /// The mask of all `pixels` above 0, `[height, width]` by rows.
     ///
     /// # Errors
-    /// When a side is 0 or over 16384, or there are fewer or more pixels.
+    /// If a side is 0 or over 16384, or the number of pixels is wrong.
     pub fn of_pixels(height: usize, width: usize, pixels: &[f64]) -> Result<Self, RleError> {
         let sides = 1..=MAX_SIDE;
         if !sides.contains(&height) || !sides.contains(&width) {
@@ -122,9 +122,10 @@ impl RunLengths {
     pub fn decode(&self) -> Vec<u8> {
         let mut pixels = vec![0; self.height * self.width];
         let mut at = 0;
-        for (place, run) in self.runs.iter().enumerate() {
+        for (run_index, run) in self.runs.iter().enumerate() {
             let end = at + *run as usize;
-            if place % 2 == 1 {
+            // Odd runs are the mask.
+            if run_index % 2 == 1 {
                 for at in at..end {
                     let (column, row) = (at / self.height, at % self.height);
                     if let Some(pixel) = pixels.get_mut(row * self.width + column) {
@@ -184,14 +185,14 @@ impl RunLengths {
 
     fn push(&mut self, run: u32) -> Result<(), RleError> {
         self.runs.push(run);
-        // A run more than pixels: the first may be empty.
+        // One more run than pixels is possible, as the first may be empty.
         if self.runs.len() > self.height * self.width + 1 {
             return self.check(false);
         }
         Ok(())
     }
 
-    /// An error unless the runs are as many pixels as there are, and `fits`.
+    /// An error unless the runs add up to all pixels and `fits` is true.
     fn check(&self, fits: bool) -> Result<(), RleError> {
         let pixels = self.runs.iter().map(|run| u64::from(*run)).sum();
         if fits && pixels == (self.height * self.width) as u64 {

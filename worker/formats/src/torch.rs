@@ -1,5 +1,5 @@
-//! Files of `torch.save`, in both of its forms: a zip archive, and up to torch 1.5 a row of pickles
-//! with the tensors' bytes behind them. As in [`pickle`](crate::pickle), nothing is called.
+//! Files of `torch.save`, in both forms: a zip archive, and up to torch 1.5 a sequence of pickles followed by the tensors'
+//! bytes. As in [`pickle`](crate::pickle), nothing is called.
 
 use crate::Value;
 use crate::pickle::{MAGIC, PickleError, read_legacy, read_with_storages};
@@ -10,7 +10,7 @@ use zip::result::ZipError;
 
 /// Most entries in an archive; each tensor is one.
 const MAX_ENTRIES: usize = 1 << 16;
-/// Longest text in the entry that names the byte order.
+/// Longest text in the entry with the byte order.
 const MAX_ORDER: usize = 16;
 
 /// Why a file of torch can't be read.
@@ -25,7 +25,7 @@ pub enum TorchError {
     /// The archive has no `data.pkl`, or several.
     #[error("the archive has {0} data.pkl instead of one")]
     Main(usize),
-    /// A program rather than data.
+    /// A program (TorchScript), not data.
     #[error("the file is a TorchScript program, which is not plain data")]
     Script,
     /// An entry can't be unpacked.
@@ -36,7 +36,7 @@ pub enum TorchError {
         /// Why.
         source: std::io::Error,
     },
-    /// The bytes of a tensor are fewer or more than its numbers.
+    /// The number of a tensor's bytes does not match its numbers.
     #[error("{name} has {found} bytes instead of {needed}")]
     Size {
         /// Name of the entry.
@@ -52,7 +52,7 @@ pub enum TorchError {
     /// A few kilobytes can unpack to any size.
     #[error("the archive unpacks to more than {0} bytes, or has thousands of entries")]
     TooLarge(u64),
-    /// The pickle with everything but the numbers.
+    /// The pickle, which has everything except the numbers, is invalid.
     #[error(transparent)]
     Pickle(#[from] PickleError),
 }
@@ -60,7 +60,7 @@ pub enum TorchError {
 /// The value in `bytes`, with tensors as [`Value::Array`]. At most `limit` bytes are unpacked.
 ///
 /// # Errors
-/// When the bytes are not a file of `torch.save` with plain data, or unpack to more.
+/// If the bytes are not a file of `torch.save` with plain data, or unpack to more.
 pub fn read(bytes: &[u8], limit: u64) -> Result<Value, TorchError> {
     match bytes {
         [b'P', b'K', ..] => zipped(bytes, limit),
@@ -69,7 +69,7 @@ pub fn read(bytes: &[u8], limit: u64) -> Result<Value, TorchError> {
     }
 }
 
-/// The form of an archive: `NAME/data.pkl`, and a storage's bytes in `NAME/data/KEY`.
+/// Reads an archive: `NAME/data.pkl`, with a storage's bytes in `NAME/data/KEY`.
 fn zipped(bytes: &[u8], limit: u64) -> Result<Value, TorchError> {
     let mut archive = Archive {
         zip: ZipArchive::new(Cursor::new(bytes))?,
@@ -92,7 +92,7 @@ fn zipped(bytes: &[u8], limit: u64) -> Result<Value, TorchError> {
         return Err(TorchError::Script);
     }
     let order = format!("{folder}/byteorder");
-    // Written since torch 2.1.
+    // This entry exists since torch 2.1.
     let big_endian = if archive.has(&order) {
         match archive.entry(&order, MAX_ORDER)?.trim_ascii() {
             b"little" => false,
@@ -130,10 +130,10 @@ impl Archive<'_> {
         self.zip.index_for_name(name).is_some()
     }
 
-    /// The bytes of an entry, at most one more than `most`.
+    /// The bytes of an entry, at most one more than `most`, which shows that it is too long.
     fn entry(&mut self, name: &str, most: usize) -> Result<Vec<u8>, TorchError> {
         let entry = self.zip.by_name(name)?;
-        // The archive's own sizes may be false, so only the unpacked bytes count.
+        // The sizes in the archive may be false, so only the unpacked bytes count.
         let most = (most as u64).min(self.left).saturating_add(1);
         let mut data = Vec::new();
         entry

@@ -5,13 +5,13 @@ use crate::Array;
 /// Plain data of a pickle or of an array of objects.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// `None`, and anything that is neither a number, text, bytes nor a collection.
+    /// `None`, and anything that is not a number, text, bytes or a collection.
     Nothing,
     /// A number or truth value.
     Number(f64),
     /// Text.
     Text(String),
-    /// Bytes, and strings of Python 2 that are not plain text.
+    /// Bytes, and Python 2's strings that are not plain text.
     Bytes(Vec<u8>),
     /// List, tuple or set.
     List(Vec<Value>),
@@ -19,8 +19,8 @@ pub enum Value {
     Dict(Vec<(Value, Value)>),
     /// A numpy array or a torch tensor of numbers.
     Array(Array),
-    /// An object of one of the libraries whose objects are read as data: the class's full name
-    /// and its fields (usually a dictionary).
+    /// An object of a library whose objects are read as data: the full name of its class, and its fields (usually a
+    /// dictionary).
     Object {
         /// E.g. `scipy.sparse.csc.csc_matrix`.
         class: String,
@@ -30,14 +30,14 @@ pub enum Value {
 }
 
 impl Value {
-    /// The value of a text key, of a dictionary or of an object's fields.
+    /// The value of a text key in a dictionary or in an object's fields.
     pub fn get(&self, key: &str) -> Option<&Value> {
         if let Self::Object { fields, .. } = self {
             return fields.get(key);
         }
         self.entries()?
             .iter()
-            // The last value counts, as in Python.
+            // The last value of a repeated key counts, as in Python.
             .rev()
             .find(|(k, _)| k.text() == Some(key))
             .map(|(_, value)| value)

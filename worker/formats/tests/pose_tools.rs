@@ -1,4 +1,4 @@
-//! Files that joblib, torch, pycocotools and numpy wrote, against each other: all hold one motion.
+//! Files by joblib, torch, pycocotools and numpy, compared with each other: all contain the same motion.
 
 use std::path::PathBuf;
 use yoto_formats::rle::RunLengths;
@@ -21,7 +21,7 @@ fn numbers(value: &Value, path: &[&str]) -> Array {
     found.unwrap_or_else(|| panic!("{path:?} of {}", value.kind()))
 }
 
-/// The value of a key that is a number.
+/// The value of a number key.
 fn numbered(value: &Value, number: f64) -> &Value {
     let entries = value.entries().expect("a dictionary");
     let found = entries

@@ -1,7 +1,7 @@
 //! Opens a capture's files: its plan, its pose track, and the sources of its pictures.
 
 use super::failure::ReadFailure;
-use super::order::Place;
+use super::order::Progress;
 use super::reader::Reader;
 use super::unpack::{OWN_PLAN, unpacked};
 use super::video_end::end_with_videos;
@@ -24,13 +24,13 @@ pub(super) struct Capture {
     pub(super) plan: MediaPlan,
     /// Sources of pictures and masks.
     pub(super) sources: Sources,
-    /// The selected frames, by rising index, without distortion.
+    /// The selected frames, by ascending index, without distortion.
     pub(super) track: PoseTrack,
     /// Index of each frame's mask.
     pub(super) masks: Vec<u32>,
     /// Distortion of the stored pictures.
     pub(super) distortion: [f64; 5],
-    /// What was unified or left out, for people.
+    /// Changes and omissions, for people.
     pub(super) notes: Vec<String>,
 }
 
@@ -75,15 +75,15 @@ impl Capture {
         })
     }
 
-    /// Opens the pictures of the frames at `positions`, which rise.
+    /// Opens the pictures of the frames at `positions`, which must be ascending.
     ///
     /// # Errors
-    /// Every frame without a picture or mask, up to a limit; a video that can't be read.
+    /// The frames without a picture or mask, up to a limit; a video that can't be read.
     pub(super) fn reader(
         &self,
         positions: &[usize],
         ffmpeg: &Ffmpeg,
-        tell: &mut dyn FnMut(Place),
+        tell: &mut dyn FnMut(Progress),
     ) -> Result<Reader, ReadFailure> {
         Reader::open(self, positions, ffmpeg, tell)
     }

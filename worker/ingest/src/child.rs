@@ -10,12 +10,11 @@ use std::path::Path;
 use yoto_media::MEMORY_LIMIT;
 use yoto_media::video::Ffmpeg;
 
-/// The argument that makes this program the child; followed by the order's file, the bytes of
-/// memory and the seconds that it may use.
+/// The argument that makes this program the child. The order's file and the limits of memory, bytes, and time, seconds,
+/// follow it.
 pub(super) const ARGUMENT: &str = "read-one-upload";
 
-/// Becomes the child that reads one upload, and ends the process with it, if the arguments of
-/// this process ask for that. Does nothing otherwise.
+/// If this process has the arguments of a child, reads one upload and ends the process. Otherwise does nothing.
 ///
 /// A program that runs a worker calls this first, before it starts threads or reads arguments:
 /// the worker starts the program again with these arguments.
@@ -46,10 +45,10 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
         return Outcome::Machine(format!("limiting the child: {error}"));
     }
     let ffmpeg = Ffmpeg::find(order.ffmpeg.as_deref());
-    match prepare(&order, &ffmpeg, &mut |place| say(&Line::At(place))) {
+    match prepare(&order, &ffmpeg, &mut |progress| say(&Line::At(progress))) {
         Ok(prepared) => Outcome::Done(prepared),
         Err(ReadFailure::Rejected(mut found)) => {
-            // Only here is the limit known.
+            // Only this function knows the limit.
             for fault in found.iter_mut().filter(|it| it.code == MEMORY_LIMIT) {
                 fault.message += &format!(": the limit is {} MiB", memory >> 20);
             }

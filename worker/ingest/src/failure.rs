@@ -10,7 +10,7 @@ use yoto_proto::v1::Violation;
 /// The reason why an upload gave no shard. `E` is the error that ends the wait for the child.
 #[derive(Debug, thiserror::Error)]
 pub enum IngestError<E> {
-    /// The capture is at fault; each entry names the place. Never empty.
+    /// The capture is at fault; each entry names file, frame and field. Never empty.
     #[error("{}", lines(.0))]
     Rejected(Vec<Violation>),
     /// This machine is at fault: another try may succeed.
@@ -35,7 +35,7 @@ pub(super) fn machine<E>(doing: &str, error: &std::io::Error) -> IngestError<E> 
 /// The reason why a capture could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadFailure {
-    /// A fault of the capture; each entry names the place. Never empty.
+    /// A fault of the capture; each entry names file, frame and field. Never empty.
     #[error("{}", lines(.0))]
     Rejected(Vec<Violation>),
     /// A fault of this machine: another try may succeed.
@@ -59,7 +59,7 @@ impl ReadFailure {
         Self::of(violation(code, media_plan::FILE, None, field, message))
     }
 
-    /// Both: a fault of the machine goes before faults of the capture, which may follow from it.
+    /// Both failures. A fault of the machine takes precedence, since faults of the capture may follow from it.
     pub(super) fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Rejected(mut a), Self::Rejected(b)) => {

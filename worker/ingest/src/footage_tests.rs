@@ -1,5 +1,4 @@
-//! Captures as people record them: joints by other names, poses beyond the video's end, a camera in
-//! the hand.
+//! Captures as people record them: other joint names, poses beyond the video's end, a hand-held camera.
 
 use super::*;
 use serde_json::{Value, json};
@@ -15,11 +14,11 @@ fn edited(edit: impl FnOnce(&mut Value)) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Gives the track SMPL's 24 joints in `order`, called `name`: poses and rest joints tell the joint.
+/// Gives the track SMPL's 24 joints in `order` with the names `name`; poses and rest joints identify the joint.
 fn with_joints(track: &mut Value, order: &[usize], name: impl Fn(&str) -> String) {
-    let place = |joint| order.iter().position(|it| *it == joint);
+    let position = |joint| order.iter().position(|it| *it == joint);
     let parent = |&joint: &usize| match JOINTS[joint].1 {
-        Some(above) => place(above).expect("is in the order") as i64,
+        Some(above) => position(above).expect("is in the order") as i64,
         None => -1,
     };
     let rest = |&joint: &usize| [0.02 * joint as f64 - 0.2, 0.01 * joint as f64, 0.0];
@@ -112,7 +111,7 @@ fn a_few_poses_beyond_the_videos_end_are_left_out() {
 
 #[test]
 fn a_camera_in_the_hand_has_its_own_extrinsics_in_each_frame() {
-    // The camera goes round the person, 3 m away: turned about y, the person stays in the middle.
+    // The camera moves around the person, 3 m away, so the person stays in the middle.
     let turned = |angle: f64| {
         let (sin, cos) = angle.sin_cos();
         [

@@ -24,7 +24,7 @@ mod video_end;
 pub use child::become_ingest_child_if_asked;
 pub use failure::{IngestError, ReadFailure};
 pub use local::LocalCapture;
-pub use order::Place;
+pub use order::Progress;
 pub use settings::IngestSettings;
 pub use upload::{Ingested, ingest};
 pub use video_end::end_with_videos;

@@ -1,5 +1,5 @@
-//! A capture on this disk, read in this process as an ingest job reads an upload, so that a check
-//! before the upload sees the same data as training.
+//! A capture on this disk. It is read in this process by the code of an ingest job, so that a check before the upload uses
+//! the same data as training.
 
 use super::capture::Capture;
 use super::failure::ReadFailure;
@@ -21,9 +21,8 @@ pub struct LocalCapture {
 }
 
 impl LocalCapture {
-    /// Reads everything except the pictures of the capture of `files` (path in it to path on disk).
-    /// Videos that are not read in this process go to the program `ffmpeg`; without a name it is
-    /// searched for.
+    /// Reads everything except the pictures of the capture of `files` (path in it to path on disk). Videos that are not
+    /// read in this process are read by the program `ffmpeg`, which is searched for if it has no name.
     ///
     /// # Errors
     /// Faults of the files, and of this machine.
@@ -42,18 +41,18 @@ impl LocalCapture {
         })
     }
 
-    /// The selected frames, corrected, by rising index.
+    /// The selected frames after corrections, by ascending index.
     pub fn track(&self) -> &PoseTrack {
         &self.capture.track
     }
 
-    /// What was unified or left out, for people.
+    /// Changes and omissions, for people.
     pub fn notes(&self) -> &[String] {
         &self.capture.notes
     }
 
-    /// Decodes the frames at `positions`, which rise, and calls `each` with each. Every call decodes
-    /// a video from its beginning.
+    /// Decodes the frames at `positions`, which must be ascending, and calls `each` for each of them. Every call decodes a
+    /// video from its beginning.
     ///
     /// # Errors
     /// The fault of the first frame that can't be read.

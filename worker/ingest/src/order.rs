@@ -14,7 +14,7 @@ pub(super) struct Order {
     pub(super) files: Files,
     /// Limits of a capture.
     pub(super) limits: Limits,
-    /// The program for videos that are not read in-process; searched for when it has no name.
+    /// The program for videos that are not read in-process; searched for if it has no name.
     pub(super) ffmpeg: Option<PathBuf>,
 }
 
@@ -43,14 +43,14 @@ impl Order {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) enum Line {
     /// Its current work, to locate a crash.
-    At(Place),
+    At(Progress),
     /// Its outcome.
     End(Outcome),
 }
 
 /// The child's current work.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Place {
+pub struct Progress {
     /// File of the capture.
     pub file: String,
     /// Frame of the pose track.

@@ -3,7 +3,7 @@
 use super::MAX_VIOLATIONS;
 use super::capture::Capture;
 use super::failure::ReadFailure;
-use super::order::{Order, Place, Prepared};
+use super::order::{Order, Prepared, Progress};
 use super::reader::Reader;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -21,12 +21,12 @@ use yoto_proto::pose_track::{self, violation};
 pub(super) fn prepare(
     order: &Order,
     ffmpeg: &Ffmpeg,
-    tell: &mut dyn FnMut(Place),
+    tell: &mut dyn FnMut(Progress),
 ) -> Result<Prepared, ReadFailure> {
     for name in order.files.keys() {
-        tell(Place {
+        tell(Progress {
             file: name.clone(),
-            ..Place::default()
+            ..Progress::default()
         });
     }
     let capture = Capture::read(&order.folder, &order.files, &order.limits)?;
@@ -83,7 +83,7 @@ fn decode<W: Write>(
     capture: &Capture,
     reader: &mut Reader,
     builder: &mut ShardBuilder<W>,
-    tell: &mut dyn FnMut(Place),
+    tell: &mut dyn FnMut(Progress),
 ) -> Result<(Report, Duration), ReadFailure> {
     let track = &capture.track;
     let total = track.frames.len();
@@ -93,7 +93,7 @@ fn decode<W: Write>(
     let mut anybody = false;
     let mut decoding = Duration::ZERO;
     for (done, (frame, &mask)) in track.frames.iter().zip(&capture.masks).enumerate() {
-        tell(Place {
+        tell(Progress {
             file: reader.file_of(frame.index).to_owned(),
             frame: Some(frame.index),
             done,

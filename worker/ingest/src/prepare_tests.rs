@@ -1,4 +1,4 @@
-//! Small captures, whole and broken, through the child's work, in this process.
+//! The child's work on small captures, whole and broken, in this process.
 
 use super::*;
 use yoto_capture::{Shard, check::Report};
@@ -94,7 +94,7 @@ fn mask(side: u32, coverage: u8) -> Vec<u8> {
 #[allow(clippy::type_complexity)]
 fn prepared(
     files: &[(String, Vec<u8>)],
-) -> Result<(Shard, Prepared, Vec<Place>, Report), ReadFailure> {
+) -> Result<(Shard, Prepared, Vec<Progress>, Report), ReadFailure> {
     let dir = tempfile::tempdir().expect("a folder");
     let mut order = Order::new(dir.path(), &Limits::default());
     for (number, (path, bytes)) in files.iter().enumerate() {
@@ -102,13 +102,15 @@ fn prepared(
         std::fs::write(&disk, bytes).expect("writes");
         order.files.insert(path.clone(), disk);
     }
-    let mut places = Vec::new();
-    let done = prepare(&order, &Ffmpeg::none(), &mut |place| places.push(place))?;
+    let mut reports = Vec::new();
+    let done = prepare(&order, &Ffmpeg::none(), &mut |progress| {
+        reports.push(progress)
+    })?;
     let bytes = std::fs::read(order.shard()).expect("is written");
     let shard = Shard::from_bytes(bytes).expect("reads");
     let report = std::fs::read(order.check()).expect("is written");
     let report = serde_json::from_slice(&report).expect("reads");
-    Ok((shard, done, places, report))
+    Ok((shard, done, reports, report))
 }
 
 /// The violations of the broken capture, as lines.
@@ -129,13 +131,13 @@ fn file<'a>(files: &'a mut [(String, Vec<u8>)], path: &str) -> &'a mut Vec<u8> {
 
 #[test]
 fn a_good_capture_becomes_a_shard_with_its_frames() {
-    let (shard, done, places, report) = prepared(&capture()).expect("prepared");
+    let (shard, done, reports, report) = prepared(&capture()).expect("prepared");
     assert_eq!((shard.frames(), shard.track.image_size), (3, [SIDE, SIDE]));
     let image = shard.image(1);
     let middle = (SIDE / 2 * SIDE + SIDE / 2) as usize;
     assert_eq!(image.mask[middle], 255);
     assert_eq!(image.rgb[3 * middle..3 * middle + 3], [200, 8, 50]);
-    let last = places.last().expect("it told");
+    let last = reports.last().expect("it told");
     assert_eq!(
         (last.file.as_str(), last.frame, last.done, last.total),
         ("frames/000009.png", Some(9), 2, 3)

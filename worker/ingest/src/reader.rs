@@ -3,7 +3,7 @@
 use super::MAX_VIOLATIONS;
 use super::capture::Capture;
 use super::failure::ReadFailure;
-use super::order::Place;
+use super::order::Progress;
 use yoto_capture::FrameImage;
 use yoto_media::lens::Undistortion;
 use yoto_media::source::{Source, Wanted, read_still};
@@ -14,7 +14,7 @@ use yoto_proto::media_plan::{
 };
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, violation};
 
-/// Assembles frames, in rising order.
+/// Assembles frames in ascending order.
 #[derive(Debug)]
 pub(super) struct Reader {
     images: Source,
@@ -23,7 +23,7 @@ pub(super) struct Reader {
     background: Option<Background>,
     distortion: [f64; 5],
     undistortion: Option<Undistortion>,
-    /// Whether frames depend on earlier ones: then no further faults can be found after one.
+    /// Whether frames depend on earlier ones. If so, nothing can be read after a fault.
     pub(super) is_video: bool,
     /// A summary of what is read, for people.
     pub(super) notes: Vec<String>,
@@ -42,7 +42,7 @@ impl Reader {
         capture: &Capture,
         positions: &[usize],
         ffmpeg: &Ffmpeg,
-        tell: &mut dyn FnMut(Place),
+        tell: &mut dyn FnMut(Progress),
     ) -> Result<Self, ReadFailure> {
         let Capture {
             files,
@@ -59,10 +59,10 @@ impl Reader {
         let image_indices = indices(&|at| Some(track.frames.get(at)?.index));
         let mask_indices = indices(&|at| capture.masks.get(at).copied());
         let mut open = |pictures: &Pictures, indices: &[u32]| {
-            tell(Place {
+            tell(Progress {
                 file: pictures.path().to_owned(),
                 total: indices.len(),
-                ..Place::default()
+                ..Progress::default()
             });
             let wanted = Wanted {
                 indices,
@@ -202,7 +202,7 @@ impl Reader {
         }
     }
 
-    /// The background: as in the plan, else from the first frame.
+    /// The background, from the plan or else from the first frame.
     fn background(&mut self, picture: &Picture, mask: &[u8]) -> Background {
         if let Some(known) = self.background {
             return known;

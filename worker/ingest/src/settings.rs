@@ -6,7 +6,7 @@ use yoto_media::Limits;
 /// Limits of the child process that reads one upload.
 #[derive(Debug, Clone)]
 pub struct IngestSettings {
-    /// The program to start; none means this program again. It must call
+    /// The program to start; `None` means this program. It must call
     /// [`become_ingest_child_if_asked`](crate::become_ingest_child_if_asked) before anything else.
     pub program: Option<PathBuf>,
     /// Address space of the child, bytes.
@@ -15,7 +15,7 @@ pub struct IngestSettings {
     pub seconds: u64,
     /// Limits of a capture.
     pub limits: Limits,
-    /// The `ffmpeg` for videos that are not read in-process; searched for when it has no name.
+    /// The `ffmpeg` for videos that are not read in-process; searched for if it has no name.
     pub ffmpeg: Option<PathBuf>,
 }
 

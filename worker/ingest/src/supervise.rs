@@ -2,7 +2,7 @@
 
 use super::child::ARGUMENT;
 use super::failure::{IngestError, machine};
-use super::order::{Line, Order, Outcome, Place};
+use super::order::{Line, Order, Outcome, Progress};
 use super::settings::IngestSettings;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
@@ -17,18 +17,18 @@ use yoto_proto::pose_track::violation;
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest line of a child, bytes.
 const MAX_LINE: u64 = 1 << 20;
-/// Kept bytes of its standard error.
+/// Bytes kept of its standard error.
 const COMPLAINTS: usize = 8 << 10;
 
-/// Runs a child for `order`, and calls `watch` meanwhile. If the child exceeds a limit or crashes,
-/// the outcome rejects the upload, with the reason and the place.
+/// Runs a child for `order`, and calls `watch` meanwhile. If the child exceeds a limit or crashes, the outcome rejects the
+/// upload, with the reason and the file and frame.
 ///
 /// # Errors
-/// When the child can't be started or is killed from outside, or `watch` fails.
+/// If the child can't be started or is killed from outside, or `watch` fails.
 pub(super) fn run<E>(
     settings: &IngestSettings,
     order: &Order,
-    watch: &mut dyn FnMut(Option<&Place>) -> Result<(), E>,
+    watch: &mut dyn FnMut(Option<&Progress>) -> Result<(), E>,
 ) -> Result<Outcome, IngestError<E>> {
     let program = match &settings.program {
         Some(program) => program.clone(),
@@ -58,15 +58,15 @@ pub(super) fn run<E>(
         .map_err(|error| machine(&format!("starting {}", program.display()), &error))?;
     let mut running = Running::new(child);
     let deadline = Instant::now() + Duration::from_secs(settings.seconds);
-    let mut place = Place::default();
+    let mut progress = Progress::default();
     let mut outcome = None;
     let mut late = false;
     loop {
         let mut moved = None;
         match running.lines.recv_timeout(LOOK) {
             Ok(Line::At(now)) => {
-                place = now;
-                moved = Some(&place);
+                progress = now;
+                moved = Some(&progress);
             }
             Ok(Line::End(end)) => outcome = Some(end),
             Err(RecvTimeoutError::Timeout) => {}
@@ -99,13 +99,13 @@ pub(super) fn run<E>(
             tracing::warn!(
                 ?status,
                 late,
-                ?place,
+                ?progress,
                 complaints,
                 "the child that reads an upload crashed"
             );
             match ended.reason() {
                 Reason::Upload(code, message) => {
-                    let fault = violation(code, &place.file, place.frame, "", message);
+                    let fault = violation(code, &progress.file, progress.frame, "", message);
                     Ok(Outcome::Rejected(vec![fault.into()]))
                 }
                 Reason::Outside(signal) => Err(IngestError::Killed(format!(
@@ -127,7 +127,7 @@ struct Ended<'a> {
     file_bytes: u64,
 }
 
-/// Why.
+/// Why a child ended.
 #[derive(Debug)]
 enum Reason {
     /// The upload is at fault; code and message for its owner.

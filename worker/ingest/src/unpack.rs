@@ -12,8 +12,8 @@ pub(super) const OWN_PLAN: &str = "media.json of the archive";
 /// Optional folder of a capture's training frames.
 const TRAIN: &str = "train/";
 
-/// The capture's `files` with all its top-level archives unpacked into `folder`: `capture.zip` holds a whole
-/// capture, in one folder or none; `frames.zip` what is in `frames/`, and so on.
+/// The capture's `files` with all its top-level archives unpacked into `folder`. `capture.zip` has a whole capture, in one
+/// folder or none; `frames.zip` has the content of `frames/`, and so on.
 pub(super) fn unpacked(
     folder: &Path,
     uploaded: &Files,

@@ -1,7 +1,7 @@
 //! One upload from files to shard, through the child.
 
 use super::failure::{IngestError, machine};
-use super::order::{Order, Outcome, Place};
+use super::order::{Order, Outcome, Progress};
 use super::settings::IngestSettings;
 use super::supervise;
 use std::fs::File;
@@ -29,8 +29,8 @@ pub struct Ingested {
 /// Reads the capture of `files` (path in it to path on disk) in a child process. `folder` is for
 /// the child only, and also holds the files.
 ///
-/// `watch` is called several times per second, with the child's place if it has changed; when
-/// it fails, the child is killed.
+/// `watch` is called several times per second, with the child's progress if it has changed. If it fails, the child is
+/// killed.
 ///
 /// # Errors
 /// Faults of the capture or of this machine, and errors of `watch`.
@@ -38,7 +38,7 @@ pub fn ingest<E>(
     folder: &Path,
     files: Files,
     settings: &IngestSettings,
-    mut watch: impl FnMut(Option<&Place>) -> Result<(), E>,
+    mut watch: impl FnMut(Option<&Progress>) -> Result<(), E>,
 ) -> Result<Ingested, IngestError<E>> {
     let order = Order {
         files,

@@ -1,17 +1,17 @@
-//! The poses that a capture's videos no longer show.
+//! Poses beyond the end of a capture's videos.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use yoto_media::{Limits, video};
-use yoto_proto::media_plan::{Pictures, Planned, Shown, Sources, Timing};
+use yoto_proto::media_plan::{Pictures, Planned, Sources, Timing, VideoContent};
 use yoto_proto::v1::Violation;
 
-/// Leaves out the few frames of `planned` that are beyond the end of a video of `sources`, and
-/// notes it; `files` has the path of each file on this disk. A video whose end isn't in its headers,
-/// or that can't be read, leaves out nothing: decoding it finds the fault.
+/// Removes the few frames of `planned` beyond the end of a video of `sources`, with a note. `files` has the path of each
+/// file on this disk. A video that can't be read, or without its end in its headers, removes nothing: decoding it finds
+/// the fault.
 ///
 /// # Errors
-/// A track that is much longer than a video; as [`Planned::end_with`].
+/// If the track is much longer than a video, as in [`Planned::end_with`].
 pub fn end_with_videos(
     planned: &mut Planned,
     sources: &Sources,
@@ -19,8 +19,8 @@ pub fn end_with_videos(
     timing: Timing,
     limits: &Limits,
 ) -> Result<(), Violation> {
-    let images = (Some(sources.images.clone()), Shown::Images);
-    for (pictures, shows) in [images, (sources.mask_pictures(), Shown::Masks)] {
+    let images = (Some(sources.images.clone()), VideoContent::Images);
+    for (pictures, shows) in [images, (sources.mask_pictures(), VideoContent::Masks)] {
         let Some(Pictures::Video(name)) = pictures else {
             continue;
         };

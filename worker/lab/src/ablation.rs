@@ -10,13 +10,12 @@ use crate::cast;
 use crate::displacement::{self, DisplacementError};
 use crate::display::Screen;
 use crate::measure;
-use crate::report::{SplitScores, SubjectScore};
 use crate::training::{self, lpips, pick_device};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{ModelConfig, Setting, Variant};
-use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::evaluate::{Examiner, Protocol, SplitScores, SubjectScore};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_device::PickedDevice;
@@ -25,13 +24,13 @@ use yoto_proto::tiers::VARIANTS;
 
 /// Seed of the synthetic people.
 const CAST_SEED: u64 = 7;
-/// The file that holds everything an ablation found.
+/// The file with all figures of an ablation.
 pub const FILE: &str = "ablation.json";
 
 /// Settings of an ablation.
 #[derive(Debug, Clone)]
 pub struct AblationOptions {
-    /// On whom.
+    /// The people to train on.
     pub people: People,
     /// Longest side of the pictures, pixels.
     pub size: u32,
@@ -53,12 +52,12 @@ pub struct AblationOptions {
     pub lpips: Option<LpipsWeights>,
 }
 
-/// Who an ablation trains on.
+/// The people that an ablation trains on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum People {
     /// Capture folders, one per person.
     Captures(Vec<PathBuf>),
-    /// So many synthetic people, whose clothes move with the pose by a known rule.
+    /// This number of synthetic people, in clothes that move with the pose by a known rule.
     Synthetic(usize),
 }
 
@@ -79,7 +78,7 @@ pub struct Ablation {
     /// Steps per variant; absent when the budget is in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub budget_steps: Option<u64>,
-    /// Its device.
+    /// The device that trained.
     pub device: String,
     /// The training objective, e.g. a fallback without LPIPS weights.
     pub objective: String,
@@ -106,7 +105,7 @@ pub struct VariantScores {
     pub subjects: Vec<SubjectScore>,
     /// Mean over the people, with equal weights.
     pub mean: SplitScores,
-    /// Of clothes whose motion is known.
+    /// Error of the learned motion of clothes, where the true motion is known.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub displacement: Option<DisplacementError>,
     /// Parts of the model that were active at the end.
@@ -123,11 +122,11 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
     let protocol = Protocol::named(HELD_OUT)?;
     let recordings = match &options.people {
         People::Captures(folders) => captures::read_all(folders, options.size, protocol, screen)?,
-        // The same people whatever the seed of the training: seeds tell its chance alone.
+        // The same people for every seed of the training: seeds show the spread of training alone.
         People::Synthetic(count) => cast::record(*count, options.size, CAST_SEED)?,
     };
     let picked = pick_device(screen);
-    let mut bench = Bench {
+    let mut session = Session {
         options,
         screen,
         protocol,
@@ -139,7 +138,7 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
     let chosen =
         |name: &str| options.variants.is_empty() || options.variants.iter().any(|it| it == name);
     for (variant, _) in VARIANTS.iter().filter(|(name, _)| chosen(name)) {
-        let scores = bench
+        let scores = session
             .variant(variant)
             .with_context(|| format!("the variant {variant}"))?;
         variants.push(scores);
@@ -149,14 +148,18 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
         Budget::Steps(steps) => (None, Some(steps)),
     };
     let ablation = Ablation {
-        captures: bench.recordings.iter().map(|it| it.name.clone()).collect(),
+        captures: session
+            .recordings
+            .iter()
+            .map(|it| it.name.clone())
+            .collect(),
         tier: options.tier.clone(),
         size: options.size,
         seed: options.seed,
         budget_seconds,
         budget_steps,
-        device: bench.picked.info.adapter.clone(),
-        objective: bench.objective.to_owned(),
+        device: session.picked.info.adapter.clone(),
+        objective: session.objective.to_owned(),
         variants,
     };
     let path = options.out.join(FILE);
@@ -166,7 +169,7 @@ pub fn run(options: &AblationOptions, screen: &dyn Screen) -> anyhow::Result<Abl
 }
 
 /// State shared by all variants.
-struct Bench<'a> {
+struct Session<'a> {
     options: &'a AblationOptions,
     screen: &'a dyn Screen,
     protocol: &'static Protocol,
@@ -175,7 +178,7 @@ struct Bench<'a> {
     objective: &'static str,
 }
 
-impl Bench<'_> {
+impl Session<'_> {
     fn variant(&mut self, variant: &str) -> anyhow::Result<VariantScores> {
         let config = ModelConfig::named(&self.options.tier, variant)?;
         let config = config.with(&self.options.settings)?;
@@ -186,7 +189,7 @@ impl Bench<'_> {
             vec![&everybody]
         };
         let budgets = divided(self.options.budget, groups.len())?;
-        let mut found = VariantScores {
+        let mut scores = VariantScores {
             variant: variant.to_owned(),
             models: groups.len(),
             steps: 0,
@@ -201,15 +204,15 @@ impl Bench<'_> {
         let mut displacements = Vec::new();
         for (group, budget) in groups.into_iter().zip(budgets) {
             let folder = match group {
-                [one] if found.models > 1 => Path::new(variant).join(&self.recordings[*one].name),
+                [one] if scores.models > 1 => Path::new(variant).join(&self.recordings[*one].name),
                 _ => PathBuf::from(variant),
             };
-            let displacement = self.model(config.clone(), group, budget, &folder, &mut found)?;
+            let displacement = self.model(config.clone(), group, budget, &folder, &mut scores)?;
             displacements.extend(displacement);
         }
-        found.displacement = DisplacementError::mean(&displacements);
-        found.mean = SplitScores::mean(&found.subjects);
-        Ok(found)
+        scores.displacement = DisplacementError::mean(&displacements);
+        scores.mean = SplitScores::mean(&scores.subjects);
+        Ok(scores)
     }
 
     /// Trains one model of the people in `group`, saves it, and measures them.
@@ -219,21 +222,21 @@ impl Bench<'_> {
         group: &[usize],
         budget: Budget,
         folder: &Path,
-        found: &mut VariantScores,
+        scores: &mut VariantScores,
     ) -> anyhow::Result<Option<DisplacementError>> {
         let people = group.iter().enumerate();
-        let people = people.map(|(slot, &at)| self.recordings[at].person(slot));
+        let people = people.map(|(slot, &index)| self.recordings[index].person(slot));
         let weights = self.options.lpips.as_ref();
         let options = training::options(budget, self.options.size, self.options.seed, weights);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
         let mut display = self.screen.begin(&folder.display().to_string());
-        training::to_the_end(&mut trainer, &mut *display)?;
+        training::train_to_the_end(&mut trainer, &mut *display)?;
         let progress = trainer.progress();
-        found.steps += progress.step;
-        found.train_seconds += progress.train_seconds;
-        found.parameters += trainer.parameters();
-        found.skipped_steps += progress.skipped_steps;
-        found.active_parts = progress.active_parts;
+        scores.steps += progress.step;
+        scores.train_seconds += progress.train_seconds;
+        scores.parameters += trainer.parameters();
+        scores.skipped_steps += progress.skipped_steps;
+        scores.active_parts = progress.active_parts;
         self.objective = progress.objective;
         self.keep(&trainer, folder)?;
         let examiner = Examiner::new(
@@ -241,14 +244,17 @@ impl Bench<'_> {
             self.protocol,
             lpips(weights, &self.picked)?,
         );
-        for (slot, &at) in group.iter().enumerate() {
-            let recording = &self.recordings[at];
+        for (slot, &index) in group.iter().enumerate() {
+            let recording = &self.recordings[index];
             let pictures = self.options.pictures;
             let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
-            found.subjects.push(subject);
+            scores.subjects.push(subject);
         }
         display.finish(&format!("{} steps", progress.step));
-        let people = group.iter().map(|&at| &self.recordings[at]).enumerate();
+        let people = group
+            .iter()
+            .map(|&index| &self.recordings[index])
+            .enumerate();
         let people: Vec<_> = people.collect();
         displacement::measure(&trainer.renderer(), &people)
     }

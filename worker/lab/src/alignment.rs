@@ -3,7 +3,7 @@
 
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, apply, inverse, rigid, rodrigues, rotate, scale, sub,
+    Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, rotate, scale, sub,
 };
 
 /// A constant turn of each joint in its own axes, and a constant shift of the root in its own.
@@ -22,7 +22,7 @@ impl Alignment {
             let (from, to) = (exact.rotations_f64(), learned.rotations_f64());
             turns.resize(from.len(), [0.0; 3]);
             for (turn, (from, to)) in turns.iter_mut().zip(from.iter().zip(&to)) {
-                *turn = add(*turn, after(scale(*from, -1.0), *to));
+                *turn = add(*turn, compose_axis_angle(scale(*from, -1.0), *to));
             }
             let moved = sub(place(learned), place(exact));
             shift = add(shift, rotate(&inverse(&root(&from)), moved));
@@ -41,7 +41,7 @@ impl Alignment {
         let turned = given.iter().zip(&self.turns);
         Pose {
             rotations: turned
-                .map(|(given, turn)| after(*given, *turn).map(|v| v as f32))
+                .map(|(given, turn)| compose_axis_angle(*given, *turn).map(|v| v as f32))
                 .collect(),
             translation: moved.map(|v| v as f32),
         }

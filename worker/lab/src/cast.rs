@@ -26,20 +26,6 @@ pub(crate) fn record(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<R
         .collect()
 }
 
-/// `count` people of all builds and clothes at `size` pixels, with films of so many `frames` in turn.
-pub(crate) fn varied(
-    count: usize,
-    frames: &[usize],
-    size: u32,
-    seed: u64,
-) -> anyhow::Result<Vec<Recording>> {
-    SyntheticPerson::varied(count, seed)
-        .into_iter()
-        .zip(frames.iter().cycle())
-        .map(|(person, &frames)| recording(person, frames, size))
-        .collect()
-}
-
 /// A person filmed for so many `frames`.
 fn recording(person: SyntheticPerson, frames: usize, size: u32) -> anyhow::Result<Recording> {
     let (track, film) = person.capture(frames, size);

@@ -3,32 +3,33 @@
 //! - [`quality`]: quality of a model on held-out pictures of given captures.
 //! - [`captures`], [`one_camera`]: films and their held-out pictures.
 //! - [`ablation`]: the paper's four variants on the same captures.
-//! - [`displacement`]: how near learned motion of clothes comes to the truth.
-//! - [`tradeoff`]: what training time and render time buy, with [`plot`]s.
+//! - [`displacement`]: the error of learned motion of clothes.
+//! - [`tradeoff`]: quality over training time and over render time.
 //! - [`model_dir`]: figures of a trained model in a folder.
 //! - [`bench`]: seconds of a training step, stage by stage.
-//! - [`people`]: many people in one model, and people who join one.
 //! - [`report`], [`split_regions`]: the form of results on disk and in a terminal.
-//! - [`pictures`]: 8-bit pictures on disk.
+//! - [`commands`]: the `yoto-lab` command line.
 //!
-//! Nothing here prints: the caller passes a [`display::Screen`].
+//! Only [`commands`] prints; experiments show their progress on a [`display::Screen`].
+
+#[macro_use(say, tell)]
+extern crate yoto_terminal;
 
 pub mod ablation;
 mod alignment;
 pub mod bench;
 pub mod captures;
 mod cast;
+pub mod commands;
 pub mod displacement;
 pub mod display;
 mod limits;
 mod measure;
 mod memory;
 pub mod model_dir;
+mod npz;
 pub mod one_camera;
 mod other_poses;
-pub mod people;
-pub mod pictures;
-pub mod plot;
 pub mod pose_error;
 pub mod quality;
 pub mod report;

@@ -2,12 +2,11 @@
 
 use crate::captures::{Recording, Split, View};
 use crate::display::Display;
-use crate::pictures;
-use crate::report::{SplitScores, SubjectScore};
 use anyhow::Context;
 use image::{GenericImage, RgbImage};
 use std::path::Path;
-use yoto_avatar::evaluate::{Examined, Examiner, Mean, Score, Truth};
+use yoto_avatar::evaluate::{Examined, Examiner, Mean, Score, SplitScores, SubjectScore, Truth};
+use yoto_media::picture_file;
 use yoto_proto::v1::Progress;
 
 /// Difference that is white in a map of errors, in units of the data range.
@@ -105,12 +104,12 @@ pub(super) fn write_pair(
     examined: &Examined,
 ) -> anyhow::Result<()> {
     let (width, height) = (view.truth.width, view.truth.height);
-    let truth = pictures::rgb(&view.label, width, height, &examined.truth)?;
-    let render = pictures::rgb(&view.label, width, height, &examined.render)?;
+    let truth = picture_file::rgb(&view.label, width, height, &examined.truth)?;
+    let render = picture_file::rgb(&view.label, width, height, &examined.render)?;
     let path = folder.join(&recording.name).join(split.folder());
     let file = path.join(&view.label).with_extension("png");
     let map = error_map(&truth, &render);
-    Ok(pictures::write(
+    Ok(picture_file::write(
         &file,
         &side_by_side(&[truth, render, map]),
     )?)

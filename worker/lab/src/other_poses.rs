@@ -6,9 +6,8 @@
 use crate::alignment::Alignment;
 use crate::captures::{Recording, Split, View};
 use crate::display::Screen;
-use crate::report::SplitScores;
 use anyhow::Context;
-use yoto_avatar::evaluate::{Examiner, Mean, Score, Truth};
+use yoto_avatar::evaluate::{Examiner, Mean, Score, SplitScores, Truth};
 use yoto_avatar::train::Trainer;
 use yoto_capture::camera::Pose;
 use yoto_proto::v1::Progress;

@@ -11,13 +11,12 @@ use crate::limits;
 use crate::measure;
 use crate::other_poses;
 use crate::pose_error::PoseErrors;
-use crate::report::{Curve, CurvePoint, Report, Settings, SplitScores, SubjectScore};
+use crate::report::{Curve, CurvePoint, Report, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
-use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting};
-use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums};
+use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums, SplitScores, SubjectScore};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
 use yoto_device::PickedDevice;
@@ -32,7 +31,7 @@ const CURVE_POINTS: f64 = 10.0;
 pub struct QualityOptions {
     /// Captures, one per person.
     pub captures: Vec<Film>,
-    /// Every so many frames of a capture of one camera, one is held out.
+    /// One in this many frames of a capture of one camera is held out.
     pub hold_out: usize,
     /// Longest side of the pictures, pixels.
     pub size: u32,
@@ -50,9 +49,9 @@ pub struct QualityOptions {
     pub settings: Vec<Setting>,
     /// File in each capture's folder with other poses for its training frames.
     pub train_poses: Option<String>,
-    /// Whose poses of training frames are refined, in place of the tier's choice.
+    /// When the poses of training frames are refined, in place of the tier's choice.
     pub refine_poses: Option<Refine>,
-    /// For whose films exposures are learned, in place of the tier's choice.
+    /// When exposures are learned, in place of the tier's choice.
     pub exposure: Option<LearnExposure>,
     /// Whether held-out pictures are also measured after a fit of their poses alone.
     pub fit_poses: bool,
@@ -123,7 +122,7 @@ fn expose(recordings: &mut [Recording], trainer: &Trainer) {
     }
 }
 
-/// Trains until the budget is used up, measuring in between.
+/// Trains until the budget is used up, and measures ten times on the way.
 fn train(
     trainer: &mut Trainer,
     recordings: &mut [Recording],
@@ -137,14 +136,11 @@ fn train(
     };
     let mut display = screen.begin("training");
     let mut next_point = 1.0 / CURVE_POINTS;
-    while !trainer.finished() {
-        trainer.step().context("a training step")?;
+    training::train(trainer, &mut *display, |trainer, display| {
         let progress = trainer.progress();
-        let newest = curve.novel_view.last().or(curve.novel_pose.last());
-        let psnr = newest.map(|point| point.psnr);
-        display.progress(&shown(&progress, "training", psnr));
-        if pictures > 0 && (progress.fraction >= next_point || trainer.finished()) {
-            display.progress(&shown(&progress, "evaluating", psnr));
+        let is_due = progress.fraction >= next_point || trainer.finished();
+        if pictures > 0 && is_due {
+            display.progress(&shown(&progress, "evaluating", curve.newest_psnr()));
             expose(recordings, trainer);
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<Option<CurvePoint>> {
@@ -161,7 +157,8 @@ fn train(
             curve.novel_pose.extend(point(Split::NovelPose)?);
             next_point = ((progress.fraction * CURVE_POINTS).floor() + 1.0) / CURVE_POINTS;
         }
-    }
+        Ok(curve.newest_psnr())
+    })?;
     let steps = trainer.progress().step;
     display.finish(&format!("{steps} steps"));
     Ok(curve)

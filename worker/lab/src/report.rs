@@ -1,13 +1,12 @@
 //! Results of a training run, as `report.json` and as a table.
 //!
-//! `yoto demo` and `yoto quality` write the same fields, so that one reader works for both.
-
-pub use yoto_avatar::evaluate::Score;
+//! `yoto demo` writes the same fields, so that one reader works for both.
 
 use crate::pose_error::PoseErrors;
 use crate::split_regions::SplitRegions;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use yoto_avatar::evaluate::{SplitScores, SubjectScore, split_table};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,11 +41,11 @@ pub struct Report {
     /// absent if it was not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person_bytes: Option<u64>,
-    /// Its device.
+    /// The device that trained.
     pub device: String,
     /// The objective, e.g. "lpips+mse", or the fallback without LPIPS weights.
     pub objective: String,
-    /// Parts of the model that take part only from some moment of a run on, and did at its end.
+    /// Parts of the model that become active during a run, and were at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
     /// Whose poses are refined and why, and what became of single frames.
@@ -57,7 +56,7 @@ pub struct Report {
     pub pose_errors: Option<PoseErrors>,
     /// Seconds to render a frame at the evaluated size.
     pub render_seconds_per_frame: f64,
-    /// Its settings.
+    /// The settings of the run.
     pub settings: Settings,
     /// Quality over training time, if measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,28 +80,6 @@ pub struct Settings {
     /// Settings that are not the tier's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changed: Vec<String>,
-}
-
-/// One person's figures.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SubjectScore {
-    /// Name of the person.
-    pub name: String,
-    /// Figures of both splits.
-    #[serde(flatten)]
-    pub scores: SplitScores,
-    /// PSNR of an all-black picture against the novel views, or the novel poses without any view,
-    /// dB: the baseline.
-    pub black_image_psnr: f64,
-}
-
-/// Figures of the two kinds of held-out pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct SplitScores {
-    /// Training poses from held-out cameras.
-    pub novel_view: Score,
-    /// Held-out poses.
-    pub novel_pose: Score,
 }
 
 /// Quality over training time.
@@ -131,26 +108,11 @@ pub struct CurvePoint {
     pub ssim: f64,
 }
 
-impl SplitScores {
-    /// PSNR of an all-black picture against the novel views, or the novel poses without any view.
-    pub fn black_psnr(&self) -> f64 {
-        if self.novel_view.pictures > 0 {
-            self.novel_view.black_psnr
-        } else {
-            self.novel_pose.black_psnr
-        }
-    }
-
-    /// The mean over people, with equal weights.
-    pub fn mean(subjects: &[SubjectScore]) -> Self {
-        let mean = |split: fn(&SplitScores) -> &Score| {
-            let scores: Vec<Score> = subjects.iter().map(|it| *split(&it.scores)).collect();
-            Score::mean(&scores)
-        };
-        Self {
-            novel_view: mean(|scores| &scores.novel_view),
-            novel_pose: mean(|scores| &scores.novel_pose),
-        }
+impl Curve {
+    /// PSNR of the newest point: of the views, or of the poses without any view.
+    pub(crate) fn newest_psnr(&self) -> Option<f64> {
+        let newest = self.novel_view.last().or(self.novel_pose.last());
+        newest.map(|point| point.psnr)
     }
 }
 
@@ -170,45 +132,12 @@ impl Report {
 
     /// The figures as a readable table, with a line on steps, time and device.
     pub fn table(&self) -> String {
-        let row = |name: &str, scores: &SplitScores| {
-            let split = |score: &Score| {
-                let Score {
-                    psnr,
-                    psnr_mask_box,
-                    ssim,
-                    black_psnr,
-                    pictures,
-                    ..
-                } = score;
-                if *pictures == 0 {
-                    return format!("{:^33}", "no pictures");
-                }
-                format!("{psnr:>8.2} {psnr_mask_box:>8.2} {ssim:>7.4} {black_psnr:>7.2}")
-            };
-            format!(
-                "{name:<12} |{} |{}",
-                split(&scores.novel_view),
-                split(&scores.novel_pose)
-            )
-        };
-        let columns = format!("{:>8} {:>8} {:>7} {:>7}", "PSNR", "in box", "SSIM", "black");
-        let mut lines = vec![
-            format!("{:<12} |{:^33} |{:^33}", "", "novel views", "novel poses"),
-            format!("{:<12} |{columns} |{columns}", "person"),
-        ];
-        lines.extend(
-            self.subjects
-                .iter()
-                .map(|subject| row(&subject.name, &subject.scores)),
-        );
-        if self.subjects.len() > 1 {
-            lines.push(row("mean", &self.mean));
-        }
+        let mut lines = split_table(&self.subjects, &self.mean);
         if let Some(fitted) = &self.fitted {
-            lines.push(row("poses fitted", fitted));
+            lines.push(fitted.table_row("poses fitted"));
         }
         if let Some(aligned) = &self.aligned {
-            lines.push(row("aligned", aligned));
+            lines.push(aligned.table_row("aligned"));
         }
         lines.push(format!(
             "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s per rendered frame",
@@ -252,6 +181,7 @@ impl Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yoto_avatar::evaluate::Score;
 
     fn score(psnr: f64) -> Score {
         Score {
@@ -335,14 +265,6 @@ mod tests {
         assert_eq!(json["subjects"][0]["name"], "ada");
         let read: Report = serde_json::from_value(json).expect("reads back");
         assert_eq!(read, report());
-    }
-
-    #[test]
-    fn the_mean_counts_people_alike() {
-        let report = report();
-        assert_eq!(report.mean.novel_view.psnr, 27.0);
-        assert_eq!(report.mean.novel_pose.psnr, 26.0);
-        assert_eq!(report.mean.novel_view.pictures, 16);
     }
 
     #[test]

@@ -45,13 +45,28 @@ pub(crate) fn options(
     }
 }
 
-/// Trains until the budget is used up.
-pub(crate) fn to_the_end(trainer: &mut Trainer, display: &mut dyn Display) -> anyhow::Result<()> {
+/// Trains until the budget is used up. After each step, `after_step` may measure the model, and
+/// returns the newest held-out PSNR for the display.
+pub(crate) fn train(
+    trainer: &mut Trainer,
+    display: &mut dyn Display,
+    mut after_step: impl FnMut(&Trainer, &mut dyn Display) -> anyhow::Result<Option<f64>>,
+) -> anyhow::Result<()> {
+    let mut psnr = None;
     while !trainer.finished() {
         trainer.step().context("a training step")?;
-        display.progress(&shown(&trainer.progress(), "training", None));
+        display.progress(&shown(&trainer.progress(), "training", psnr));
+        psnr = after_step(trainer, display)?;
     }
     Ok(())
+}
+
+/// Trains until the budget is used up, without measurements on the way.
+pub(crate) fn train_to_the_end(
+    trainer: &mut Trainer,
+    display: &mut dyn Display,
+) -> anyhow::Result<()> {
+    train(trainer, display, |_, _| Ok(None))
 }
 
 /// The trainer's progress in the terms of the display.

@@ -1,9 +1,8 @@
-//! Where the person is, from the detector's boxes.
+//! The region of the person, from the detector's boxes.
 //!
-//! The detector sees the whole picture in a square of 224 × 224 pixels. For each of 2,254 fixed
-//! places (anchors) it gives a score and 12 numbers, in pixels of that square from the anchor:
-//! centre and size of a box, then x and y of four points, of which the first is the middle of the
-//! hips and the second lies on the circle around the whole body.
+//! The detector takes the whole picture in a square of 224 × 224 pixels. For each of 2,254 fixed points (anchors) it
+//! gives a score and 12 numbers, in pixels of that square relative to the anchor: centre and size of a box, then x and y
+//! of four points. The first point is the middle of the hips, and the second is on the circle around the whole body.
 
 use crate::region::Region;
 
@@ -13,28 +12,28 @@ pub(crate) const SIDE: usize = 224;
 pub(crate) const NUMBERS: usize = 12;
 /// Boxes per picture.
 pub(crate) const BOXES: usize = 2254;
-/// Pixels from anchor to anchor and anchors at each place: one layer of the detector after another.
+/// The detector's layers: distance between anchors in pixels, and number of anchors at each point.
 const LAYERS: [(usize, usize); 3] = [(8, 2), (16, 2), (32, 6)];
-/// Boxes of lower scores are no person.
+/// Least score of a person.
 const LOWEST_SCORE: f32 = 0.5;
-/// Boxes that share more of their areas are the same person.
+/// Overlap (intersection over union) above which boxes show the same person.
 const SAME: f32 = 0.3;
 
-/// The anchors' places, from 0 to 1.
+/// The anchors' positions, from 0 to 1.
 pub(crate) fn anchors() -> Vec<[f32; 2]> {
     let mut anchors = Vec::with_capacity(BOXES);
     for (stride, each) in LAYERS {
         let cells = SIDE / stride;
         for (row, column) in (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column)))
         {
-            let place = [column, row].map(|at| (at as f32 + 0.5) / cells as f32);
-            anchors.extend(std::iter::repeat_n(place, each));
+            let centre = [column, row].map(|at| (at as f32 + 0.5) / cells as f32);
+            anchors.extend(std::iter::repeat_n(centre, each));
         }
     }
     anchors
 }
 
-/// A box of the detector, places from 0 to 1.
+/// A box of the detector, with coordinates from 0 to 1.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     score: f32,
@@ -44,8 +43,8 @@ struct Found {
     circle: [f32; 2],
 }
 
-/// The square around the most certain person of a picture that the detector saw in `whole`, from
-/// its `boxes` `[2254, 12]` and `scores` `[2254]`.
+/// The square around the most certain person of a picture, from the detector's `boxes` `[2254, 12]` and `scores`
+/// `[2254]` for the square `whole`.
 pub(crate) fn person(
     anchors: &[[f32; 2]],
     boxes: &[f32],
@@ -68,8 +67,9 @@ pub(crate) fn person(
             circle[at] += same.score * same.circle[at];
         }
     }
-    let place = |sum: [f32; 2]| whole.to_picture(sum.map(|sum| sum / weight));
-    Region::around(place(hips), place(circle))
+    // The mean of all overlapping boxes, weighted by their scores, is steadier than the best box alone.
+    let mean = |sum: [f32; 2]| whole.to_picture(sum.map(|sum| sum / weight));
+    Region::around(mean(hips), mean(circle))
 }
 
 fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<Found> {
@@ -93,7 +93,7 @@ fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<Found
     })
 }
 
-/// The part of two boxes' area that is both's.
+/// The intersection over union of two boxes.
 fn shared(a: &Found, b: &Found) -> f32 {
     let area =
         |[left, top, right, bottom]: [f32; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);

@@ -1,8 +1,8 @@
-//! What can go wrong with a pose model.
+//! Errors of pose models.
 
 use std::path::PathBuf;
 
-/// An error of a pose model or of a picture given to it.
+/// An error of a pose model or of its input picture.
 #[derive(Debug, thiserror::Error)]
 pub enum LandmarkError {
     /// A file of the model is absent.

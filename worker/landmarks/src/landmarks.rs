@@ -4,29 +4,28 @@ use crate::region::Region;
 
 /// Pixels of the model's picture along a side.
 pub(crate) const SIDE: usize = 256;
-/// Points that the model gives: 33 of the body, the middle of the hips and a point of the circle
-/// around the body, and four that nothing uses.
+/// Points of the model: 33 of the body, the middle of the hips, a point of the circle around the body, and four that are
+/// not used.
 pub(crate) const POINTS: usize = 39;
 /// Numbers per point: x, y, z, visibility, presence.
 pub(crate) const NUMBERS: usize = 5;
-/// Cells of the maps of likelihood along a side.
+/// Cells of the heat maps along a side.
 pub(crate) const CELLS: usize = 64;
 /// Landmarks of the body.
 pub(crate) const BODY: usize = 33;
 const HIPS: usize = 33;
 const CIRCLE: usize = 34;
-/// Cells on either side of a point that refine its place.
+/// Cells on either side of a point that refine its position.
 const REACH: usize = 3;
-/// A point whose most likely cell is less likely stays where it is.
+/// A point is refined only if its most likely cell has at least this likelihood.
 const LOWEST_LIKELIHOOD: f32 = 0.5;
 
 /// The outputs of the landmark model for one region.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outputs<'a> {
-    /// `[39, 5]`: x, y, z in pixels of the model's picture; visibility and presence before the
-    /// logistic function.
+    /// `[39, 5]`: x, y, z in pixels of the model's picture; visibility and presence as logits.
     pub(crate) points: &'a [f32],
-    /// `[64, 64, 39]`, before the logistic function.
+    /// `[64, 64, 39]` logits of the heat maps.
     pub(crate) likelihoods: &'a [f32],
     /// `[39, 3]`: metres from the middle of the hips, in the region's axes.
     pub(crate) space: &'a [f32],
@@ -39,7 +38,7 @@ pub(crate) struct Landmarks {
     pub(crate) picture: [[f32; 4]; BODY],
     /// Metres from the middle of the hips, in the picture's axes; visibility.
     pub(crate) space: [[f32; 4]; BODY],
-    /// Where to look in the next picture.
+    /// The region to look at in the next picture.
     pub(crate) next: Option<Region>,
 }
 
@@ -56,13 +55,13 @@ impl Outputs<'_> {
         let (mut hips, mut circle) = ([0.0; 2], [0.0; 2]);
         for (at, (point, metres)) in numbers.iter().zip(spaces).enumerate() {
             let [x, y, z, visibility, _] = *point;
-            let [u, v] = self.refined(at, [x, y].map(|place| place / SIDE as f32));
+            let [u, v] = self.refined(at, [x, y].map(|pixel| pixel / SIDE as f32));
             let [x, y] = region.to_picture([u, v]);
             let z = z / SIDE as f32 * region.side;
             let visibility = logistic(visibility);
             if let (Some(picture), Some(space)) = (picture.get_mut(at), space.get_mut(at)) {
                 *picture = [x, y, z, visibility];
-                let [right, down] = region.turn([metres[0], metres[1]]);
+                let [right, down] = region.rotate([metres[0], metres[1]]);
                 *space = [right, down, metres[2], visibility];
             }
             match at {
@@ -79,13 +78,13 @@ impl Outputs<'_> {
         })
     }
 
-    /// The place of point `at`, moved to the mean of the cells around it by their likelihoods.
+    /// The position of point `at`, from 0 to 1, moved to the mean of the cells around it, weighted by their likelihoods.
     fn refined(&self, at: usize, [u, v]: [f32; 2]) -> [f32; 2] {
         if !(0.0..1.0).contains(&u) || !(0.0..1.0).contains(&v) {
             return [u, v];
         }
-        let around = |place: f32| {
-            let cell = (place * CELLS as f32) as usize;
+        let around = |position: f32| {
+            let cell = (position * CELLS as f32) as usize;
             cell.saturating_sub(REACH)..(cell + REACH + 1).min(CELLS)
         };
         let (mut sum, mut highest, mut mean) = (0.0, 0.0f32, [0.0; 2]);
@@ -145,7 +144,7 @@ mod tests {
     #[test]
     fn likely_cells_draw_points_to_them() {
         let (points, mut likelihoods, space) = points();
-        // Point 7 is in row 16 and column 32; all else being unlikely, it goes to the likely cell.
+        // Point 7 is in row 16 and column 32; it moves to the only likely cell.
         likelihoods[(17 * CELLS + 34) * POINTS + 7] = 20.0;
         let outputs = Outputs {
             points: &points,

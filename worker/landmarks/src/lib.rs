@@ -1,7 +1,7 @@
 //! Body landmarks and masks of pictures, by a pose model that runs in this process.
 //!
-//! The model is BlazePose (Apache-2.0): two networks in files of TensorFlow Lite, which
-//! `deploy/models/get.sh` fetches. Both run on the CPU, without other libraries.
+//! The model is BlazePose (Apache-2.0): two networks in TensorFlow Lite files, which `deploy/models/get.sh`
+//! fetches. Both run on the CPU, without other libraries.
 //!
 //! ```text
 //! picture → detector → region (a rotated square around the body)

@@ -1,27 +1,27 @@
-//! Masks: the model's, cleaned, as coverage of the picture's pixels.
+//! Masks: the model's mask, cleaned, as coverage of the picture's pixels.
 
 use crate::landmarks::{SIDE, logistic};
 use crate::region::Region;
 use rayon::prelude::*;
 
-/// From here on, a pixel's level is the person.
+/// Least level of a pixel of the person.
 pub const PERSON: f32 = 0.5;
-/// Largest hole that is closed, pixels of the model's mask: gaps between arm and body are larger.
+/// Largest hole that is closed, pixels of the model's mask. Gaps between arm and body are larger.
 const SMALL_HOLE: usize = 40;
-/// Levels between which coverage goes from 0 to 1: the model's edges are wider than a lens's.
+/// Levels between which coverage rises from 0 to 1: the model's edges are wider than a lens's.
 const EDGE: [f32; 2] = [0.25, 0.75];
 
-/// The person's coverage of each pixel of a picture, `[height, width]`, from the model's mask
-/// `[256, 256]` of `region`, before the logistic function.
+/// The person's coverage of each pixel of a picture, `[height, width]`, from the logits of the model's mask `[256, 256]`
+/// of `region`.
 pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) -> Vec<u8> {
     let levels = soften(&largest(logits.iter().copied().map(logistic).collect()));
     let mut mask = vec![0; width * height];
     let lines = mask.par_chunks_exact_mut(width.max(1)).enumerate();
     lines.for_each(|(y, line)| {
         for (x, coverage) in line.iter_mut().enumerate() {
-            let place = region.place_of([x as f32 + 0.5, y as f32 + 0.5]);
-            if place.iter().all(|at| (0.0..1.0).contains(at)) {
-                let level = between(&levels, place);
+            let uv = region.to_square([x as f32 + 0.5, y as f32 + 0.5]);
+            if uv.iter().all(|at| (0.0..1.0).contains(at)) {
+                let level = bilinear(&levels, uv);
                 let share = (level - EDGE[0]) / (EDGE[1] - EDGE[0]);
                 *coverage = (share.clamp(0.0, 1.0) * 255.0).round() as u8;
             }
@@ -30,7 +30,7 @@ pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) 
     mask
 }
 
-/// The largest connected part alone, with its small holes closed.
+/// Only the largest connected part, with its small holes closed.
 fn largest(mut levels: Vec<f32>) -> Vec<f32> {
     let is_person: Vec<bool> = levels.iter().map(|level| *level >= PERSON).collect();
     let parts = parts(&is_person, SIDE);
@@ -41,8 +41,8 @@ fn largest(mut levels: Vec<f32>) -> Vec<f32> {
     levels
 }
 
-/// Leaves of `levels` (rows of `columns`) the pixels `chosen` with the soft edge around them, and closes
-/// the holes of at most `hole` pixels in them; `parts` are those of the levels from [`PERSON`] on.
+/// Keeps the pixels `chosen` of `levels` (rows of `columns`) and the soft edge around them, and closes holes of at most
+/// `hole` pixels in them. `parts` are the connected parts of the levels from [`PERSON`] on and of the rest.
 pub fn clean(
     levels: &mut [f32],
     columns: usize,
@@ -55,7 +55,7 @@ pub fn clean(
         return;
     }
     let rows = levels.len() / columns.max(1);
-    // The soft edge around the part stays: only what is beyond two pixels of it goes.
+    // Only pixels more than two pixels away are cleared, so that the soft edge stays.
     let mut near = vec![false; levels.len()];
     for &at in chosen {
         let (row, column) = (at / columns, at % columns);
@@ -85,7 +85,7 @@ pub fn clean(
         if part.len() > hole || part.iter().any(at_border) {
             continue;
         }
-        // The pixel above a hole's first is of the part around it, which may have gone.
+        // The pixel above a hole's first pixel belongs to the part around the hole, which may have been removed.
         let above = part.first().and_then(|first| first.checked_sub(columns));
         if above.is_some_and(|above| inside[above]) {
             part.iter().for_each(|&at| levels[at] = 1.0);
@@ -93,7 +93,7 @@ pub fn clean(
     }
 }
 
-/// Pixels of equal kind that touch at a side, part by part; rows have `columns`.
+/// The connected parts of pixels of equal kind that touch at a side; rows have `columns`.
 pub fn parts(kinds: &[bool], columns: usize) -> Vec<Vec<usize>> {
     let mut seen = vec![false; kinds.len()];
     let mut parts = Vec::new();
@@ -120,17 +120,17 @@ pub fn parts(kinds: &[bool], columns: usize) -> Vec<Vec<usize>> {
     parts
 }
 
-/// Each pixel and its neighbours, by the weights 1, 2, 1 along both sides.
+/// The levels after a blur with the weights 1, 2, 1 along both sides.
 fn soften(levels: &[f32]) -> Vec<f32> {
-    let pass = |levels: &[f32], step: usize, place: fn(usize) -> usize| -> Vec<f32> {
+    let pass = |levels: &[f32], step: usize, position: fn(usize) -> usize| -> Vec<f32> {
         let blend = |at: usize| {
             let here = levels[at];
-            let before = if place(at) > 0 {
+            let before = if position(at) > 0 {
                 levels[at - step]
             } else {
                 here
             };
-            let after = if place(at) + 1 < SIDE {
+            let after = if position(at) + 1 < SIDE {
                 levels[at + step]
             } else {
                 here
@@ -143,9 +143,9 @@ fn soften(levels: &[f32]) -> Vec<f32> {
     pass(&along_rows, SIDE, |at| at / SIDE)
 }
 
-/// The level at a place from 0 to 1, between the four nearest pixels.
-fn between(levels: &[f32], place: [f32; 2]) -> f32 {
-    let [x, y] = place.map(|at| (at * SIDE as f32 - 0.5).clamp(0.0, (SIDE - 1) as f32));
+/// The level at a position from 0 to 1, interpolated between the four nearest pixels.
+fn bilinear(levels: &[f32], uv: [f32; 2]) -> f32 {
+    let [x, y] = uv.map(|at| (at * SIDE as f32 - 0.5).clamp(0.0, (SIDE - 1) as f32));
     let (column, row) = (x as usize, y as usize);
     let (right, down) = (x - column as f32, y - row as f32);
     let line = |row: usize| {
@@ -160,7 +160,7 @@ fn between(levels: &[f32], place: [f32; 2]) -> f32 {
 mod tests {
     use super::*;
 
-    /// A mask of the model with rectangles (rows, columns) of the levels given.
+    /// A mask of the model with rectangles (rows, columns) of the given levels.
     fn drawn(rectangles: &[([usize; 4], f32)]) -> Vec<f32> {
         let mut logits = vec![-20.0; SIDE * SIDE];
         for &([top, bottom, left, right], level) in rectangles {

@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 /// Name of the detector's file.
 const DETECTOR: &str = "pose_detection.tflite";
-/// Names of the landmark model's file, the most exact first.
+/// Names of the landmark model's file, the most accurate first.
 const LANDMARKS: [&str; 3] = [
     "pose_landmark_heavy.tflite",
     "pose_landmark_full.tflite",
     "pose_landmark_lite.tflite",
 ];
-/// Longest file that is read, bytes.
+/// Largest file that is read, bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// BlazePose: a detector of people and a model of their landmarks.
@@ -31,7 +31,7 @@ pub struct PoseModel {
     outputs: [usize; 5],
 }
 
-/// What the landmark model says of a region.
+/// The landmark model's result for a region.
 pub(crate) struct Looked {
     /// Likelihood of a person, from 0 to 1.
     pub(crate) score: f32,
@@ -41,10 +41,10 @@ pub(crate) struct Looked {
 impl PoseModel {
     /// Opens the model in the folder `path`, or the landmark model `path` with the detector beside it.
     ///
-    /// In a folder, the most exact of heavy, full and lite is taken.
+    /// In a folder, the most accurate of heavy, full and lite is used.
     ///
     /// # Errors
-    /// A file that is missing, can't be read, or is not a model that this crate runs.
+    /// If a file is missing, can't be read, or is not a model that this crate can run.
     pub fn open(path: &Path) -> Result<Self, LandmarkError> {
         let (folder, file) = if path.is_dir() {
             let files = LANDMARKS.iter().map(|name| path.join(name));
@@ -89,7 +89,7 @@ impl PoseModel {
         &self.name
     }
 
-    /// Where a person is in the picture.
+    /// The region of a person in the picture.
     pub(crate) fn find(&mut self, view: View) -> Option<Region> {
         let whole = Region::whole(view.width, view.height);
         let input = self.detector.input();
@@ -117,7 +117,7 @@ impl PoseModel {
         }
     }
 
-    /// The mask of the person in `region`, which has just been looked at.
+    /// The mask of the person in `region`, which must be the last one of [`look`](Self::look).
     pub(crate) fn mask(&self, view: View, region: Region) -> Vec<u8> {
         let [.., logits] = self.outputs;
         mask(
@@ -129,8 +129,8 @@ impl PoseModel {
     }
 }
 
-/// Reads a network that takes a square picture of `side` pixels and gives outputs of the `shapes`;
-/// their positions.
+/// Reads a network with a square input picture of `side` pixels and outputs of the `shapes`. Returns the network and the
+/// indices of the outputs.
 fn open<const N: usize>(
     path: &Path,
     side: usize,
@@ -144,12 +144,12 @@ fn open<const N: usize>(
     if network.input_len() != side * side * 3 {
         return Err(bad(format!("does not take pictures of {side}x{side}")));
     }
-    let mut places = [0; N];
-    for (place, shape) in places.iter_mut().zip(shapes) {
+    let mut indices = [0; N];
+    for (index, shape) in indices.iter_mut().zip(shapes) {
         let found = network.output(shape);
-        *place = found.ok_or_else(|| bad(format!("has no output of the shape {shape:?}")))?;
+        *index = found.ok_or_else(|| bad(format!("has no output of the shape {shape:?}")))?;
     }
-    Ok((network, places))
+    Ok((network, indices))
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, LandmarkError> {

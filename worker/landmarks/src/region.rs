@@ -1,4 +1,4 @@
-//! Rotated squares of a picture: what the model looks at.
+//! Rotated squares of a picture, the model's input.
 
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -15,15 +15,15 @@ pub(crate) struct View<'a> {
 /// A square of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Region {
-    /// Pixels from the picture's corner.
+    /// Centre, pixels from the picture's corner.
     pub(crate) centre: [f32; 2],
-    /// Pixels.
+    /// Side, pixels.
     pub(crate) side: f32,
-    /// Radians from upright, clockwise as seen.
+    /// Angle from upright, radians, clockwise in the picture.
     pub(crate) angle: f32,
 }
 
-/// What lies beyond the picture.
+/// The colour beyond the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beyond {
     Black,
@@ -44,13 +44,13 @@ impl Region {
         }
     }
 
-    /// The square around a body from the middle of its hips and a point on the circle around all of
-    /// it, straight above the head. `None` if they are not finite or too close.
+    /// The square around a body, from the middle of its hips and the point straight above the head on the circle around
+    /// the whole body. `None` if they are not finite or too close.
     pub(crate) fn around(hips: [f32; 2], circle: [f32; 2]) -> Option<Self> {
         let [dx, dy] = [circle[0] - hips[0], circle[1] - hips[1]];
         let side = 2.0 * MARGIN * dx.hypot(dy);
         let angle = FRAC_PI_2 - (-dy).atan2(dx);
-        // Far outside any picture, sums of places lose their pixels.
+        // The comparison also refuses NaN. Farther out, f32 is too coarse for single pixels.
         let possible = hips.iter().all(|at| at.abs() < 1e6) && (1.0..1e6).contains(&side);
         possible.then(|| Self {
             centre: hips,
@@ -59,14 +59,14 @@ impl Region {
         })
     }
 
-    /// The place in the picture, pixels, of a place in the square, from 0 to 1.
+    /// The position in the picture, pixels, of a position in the square, from 0 to 1.
     pub(crate) fn to_picture(self, [u, v]: [f32; 2]) -> [f32; 2] {
-        let [x, y] = self.turn([(u - 0.5) * self.side, (v - 0.5) * self.side]);
+        let [x, y] = self.rotate([(u - 0.5) * self.side, (v - 0.5) * self.side]);
         [self.centre[0] + x, self.centre[1] + y]
     }
 
-    /// The place in the square, from 0 to 1, of a place in the picture.
-    pub(crate) fn place_of(self, [x, y]: [f32; 2]) -> [f32; 2] {
+    /// The position in the square, from 0 to 1, of a position in the picture, pixels.
+    pub(crate) fn to_square(self, [x, y]: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
         let [x, y] = [x - self.centre[0], y - self.centre[1]];
         [
@@ -75,13 +75,13 @@ impl Region {
         ]
     }
 
-    /// A direction of the square as one of the picture.
-    pub(crate) fn turn(self, [x, y]: [f32; 2]) -> [f32; 2] {
+    /// A direction in the picture's axes, from the square's.
+    pub(crate) fn rotate(self, [x, y]: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
         [cos * x - sin * y, sin * x + cos * y]
     }
 
-    /// The square's pixels, `[pixels, pixels, 3]`, with black as `range[0]` and white as `range[1]`.
+    /// Samples the square as `[pixels, pixels, 3]`, with `range[0]` for black and `range[1]` for white.
     pub(crate) fn cut(
         self,
         view: View,
@@ -94,8 +94,8 @@ impl Region {
         let lines = out.par_chunks_exact_mut(pixels * 3).enumerate();
         lines.for_each(|(row, line)| {
             for (column, out) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                let place = [column, row].map(|at| (at as f32 + 0.5) / pixels as f32);
-                let colour = view.between(self.to_picture(place), beyond);
+                let uv = [column, row].map(|at| (at as f32 + 0.5) / pixels as f32);
+                let colour = view.bilinear(self.to_picture(uv), beyond);
                 *out = colour.map(|level| range[0] + level * scale);
             }
         });
@@ -103,8 +103,8 @@ impl Region {
 }
 
 impl View<'_> {
-    /// The colour at a place, from 0 to 255, between the four nearest pixels.
-    fn between(&self, [x, y]: [f32; 2], beyond: Beyond) -> [f32; 3] {
+    /// The colour at a position, from 0 to 255, interpolated between the four nearest pixels.
+    fn bilinear(&self, [x, y]: [f32; 2], beyond: Beyond) -> [f32; 3] {
         let [x, y] = [x - 0.5, y - 0.5];
         let [left, top] = [x.floor(), y.floor()];
         let [right, down] = [x - left, y - top];
@@ -157,7 +157,7 @@ mod tests {
         // The top of the square, where the head is, is on the right.
         let [x, y] = region.to_picture([0.5, 0.0]);
         assert!((x - 200.0).abs() < 1e-3 && (y - 100.0).abs() < 1e-3);
-        let [u, v] = region.place_of([x, y]);
+        let [u, v] = region.to_square([x, y]);
         assert!((u - 0.5).abs() < 1e-5 && v.abs() < 1e-5);
     }
 

@@ -3,13 +3,13 @@
 use crate::region::{Region, View};
 use crate::{LandmarkError, PoseModel};
 
-/// Below this likelihood, what the landmark model saw is no person.
+/// Least likelihood of a person by the landmark model.
 const LOWEST_SCORE: f32 = 0.5;
 
-/// Looks at the pictures of a clip, one after the other.
+/// Follows a person through the pictures of a clip.
 ///
-/// The person is searched for in the first picture, then expected where the last picture's
-/// landmarks were; when nobody is there, the search begins anew.
+/// The detector finds the person in the first picture. In the following pictures, the person is expected at the last
+/// landmarks; if nobody is there, the detector searches again.
 #[derive(Debug)]
 pub struct Watcher {
     model: PoseModel,
@@ -40,7 +40,7 @@ impl Watcher {
         }
     }
 
-    /// The model that looks.
+    /// The model.
     pub fn model(&self) -> &PoseModel {
         &self.model
     }
@@ -49,7 +49,7 @@ impl Watcher {
     /// is none.
     ///
     /// # Errors
-    /// [`LandmarkError::Picture`] when `rgb` has not that size.
+    /// [`LandmarkError::Picture`] if `rgb` does not have that size.
     pub fn look(
         &mut self,
         rgb: &[u8],

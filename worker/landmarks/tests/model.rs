@@ -1,5 +1,5 @@
-//! The pose model itself. Its files are not part of the project: these tests run where
-//! `YOTO_POSE_MODEL` names them, and fail without it where `YOTO_TEST_POSE_MODEL=required`.
+//! The real pose model. Its files are not part of the project: these tests run if `YOTO_POSE_MODEL` names them, and fail
+//! without it if `YOTO_TEST_POSE_MODEL` is `required`.
 
 use std::path::{Path, PathBuf};
 use yoto_landmarks::{LandmarkError, PoseModel, Seen, Watcher};
@@ -83,8 +83,8 @@ fn enlarged(picture: &Picture, times: usize) -> Picture {
     }
 }
 
-/// The picture mirrored gives the landmarks mirrored, but for the model's own errors: mixed-up
-/// sides, or a region that is cut at another place than its landmarks are put back to, move them.
+/// The landmarks of a mirrored picture are mirrored, except for the model's own errors. Exchanged sides, or a region that
+/// is sampled at another position than its landmarks are mapped back to, would move them.
 #[test]
 fn a_mirrored_picture_has_mirrored_landmarks() {
     let Some(model) = model() else { return };

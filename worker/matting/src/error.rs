@@ -1,4 +1,4 @@
-//! What can go wrong with a matting model.
+//! Errors of matting models.
 
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ pub enum MattingError {
         /// What about it.
         message: String,
     },
-    /// The network failed on a picture, or gave what is no matte.
+    /// The network failed on a picture, or its output is not a matte.
     #[error("{}: {message}", path.display())]
     Run {
         /// The file.

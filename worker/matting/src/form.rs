@@ -1,14 +1,14 @@
-//! What a network takes and gives, by the inputs and outputs that its file declares.
+//! The form of a network's inputs and outputs, from the declarations in its file.
 
 use rten::{DataType, Dimension, Model, NodeId, ValueType};
 
-/// Longest side of what a network sees, pixels, where its file leaves the size open.
+/// Longest side of a network's input, pixels, if its file leaves the size open.
 const LONGEST: usize = 1024;
-/// Shorter side there: MODNet's `ref_size`.
+/// Shorter side of such an input: MODNet's `ref_size`.
 const SHORTER: usize = 512;
-/// Sides are multiples of this: networks halve them up to five times.
+/// Sides are multiples of this, since networks halve them up to five times.
 const MULTIPLE: usize = 32;
-/// RVM looks at the whole at this size first: `auto_downsample_ratio` of its `inference.py`.
+/// Size of RVM's first pass over the whole picture: `auto_downsample_ratio` of its `inference.py`.
 const RVM_WHOLE: usize = 512;
 
 /// The form of a matting model.
@@ -16,11 +16,11 @@ const RVM_WHOLE: usize = 512;
 pub enum Form {
     /// One picture in, a matte out.
     Single,
-    /// RVM's: what was seen in the pictures before goes in as well.
+    /// RVM: it also takes its memory of the pictures before.
     Recurrent,
 }
 
-/// Order of a picture's axes, after the first.
+/// Order of a picture's axes after the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Axes {
     /// Channels, rows, columns.
@@ -29,7 +29,7 @@ pub(crate) enum Axes {
     ChannelsLast,
 }
 
-/// RVM's inputs and outputs besides picture and matte.
+/// RVM's inputs and outputs in addition to picture and matte.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Recurrence {
     pub ratio: NodeId,
@@ -37,19 +37,19 @@ pub(crate) struct Recurrence {
     pub after: [NodeId; 4],
 }
 
-/// Where picture and matte go in and out.
+/// The inputs and outputs of a matting model.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Signature {
     pub picture: NodeId,
     pub axes: Axes,
-    /// Height and width, where the file says them.
+    /// Height and width, if the file declares them.
     size: [Option<usize>; 2],
     pub matte: NodeId,
     pub recurrence: Option<Recurrence>,
 }
 
 impl Signature {
-    /// That of `model`; what is wrong with it otherwise.
+    /// The ports of `model`, or what is wrong with it.
     pub fn of(model: &Model) -> Result<Self, String> {
         let (picture, recurrence) = match *model.input_ids() {
             [one] => (one, None),
@@ -101,7 +101,7 @@ impl Signature {
         }
     }
 
-    /// Height and width of what the network sees of a picture of `width` and `height`.
+    /// Height and width of the network's input for a picture of `width` and `height`.
     pub fn seen(&self, width: usize, height: usize) -> [usize; 2] {
         let (long, short) = (width.max(height) as f64, width.min(height) as f64);
         let scale = match self.form() {
@@ -128,7 +128,7 @@ impl Signature {
     }
 }
 
-/// Axes and size of a picture that has these dimensions, of which one are its three channels.
+/// Axes and size of a picture with these dimensions; one of them is the three channels.
 fn picture_of(shape: &[Dimension]) -> Option<(Axes, [Option<usize>; 2])> {
     let fixed = |dimension: &Dimension| match dimension {
         Dimension::Fixed(size) => Some(*size),

@@ -1,8 +1,8 @@
-//! The levels of a picture as a network wants them.
+//! The normalisation of a picture's levels for a network.
 
-/// How the levels 0 to 255 of red, green and blue become a network's input.
+/// The range to which the levels 0 to 255 of red, green and blue are mapped.
 ///
-/// A file does not say which it was trained with; its documentation does.
+/// A network's file does not declare it; its documentation does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Levels {
     /// 0 to 1: RVM.
@@ -11,11 +11,11 @@ pub enum Levels {
     Signed,
     /// -0.5 to 0.5: IS-Net, RMBG 1.4.
     Centred,
-    /// Less ImageNet's mean, by its deviation: U²-Net, BiRefNet, RMBG 2.0.
+    /// ImageNet's mean subtracted, then divided by its standard deviation: U²-Net, BiRefNet, RMBG 2.0.
     ImageNet,
 }
 
-/// Mean and deviation of the colours of ImageNet's pictures, as torchvision has them.
+/// Mean and standard deviation of the colours of ImageNet's pictures, by torchvision.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 
@@ -23,7 +23,7 @@ impl Levels {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Unit, Self::Signed, Self::Centred, Self::ImageNet];
 
-    /// Its name, as options have it.
+    /// Its name in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Unit => "unit",
@@ -33,7 +33,7 @@ impl Levels {
         }
     }
 
-    /// A level of the channel 0, 1 or 2.
+    /// The normalised value of a level of channel 0, 1 or 2.
     pub(crate) fn of(self, level: u8, channel: usize) -> f32 {
         let unit = f32::from(level) / 255.0;
         match self {

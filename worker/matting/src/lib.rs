@@ -1,8 +1,8 @@
-//! Mattes of people by a network that the user names: a file in ONNX, run in this process on the CPU.
+//! Mattes of people by a network of the user's choice: an ONNX file, run in this process on the CPU.
 //!
-//! No network comes with this project. Those that the public can download differ in licence, in the
-//! size and levels of the pictures that they take, and in what they give; this crate finds the form of
-//! a file by its inputs and outputs ([`Form`]) and says what it can't run.
+//! This project comes without a network. Public networks differ in licence, in the size and levels of their input
+//! pictures, and in their outputs. This crate finds the form of a file from its inputs and outputs ([`Form`]), and
+//! reports files that it can't run.
 //!
 //! ```text
 //! picture → scaled, levels normalised → network → levels → one person, cleaned → coverage

@@ -1,4 +1,4 @@
-//! A matting model that looks at pictures.
+//! A matting model that is applied to pictures.
 
 use crate::form::{Axes, Signature, name};
 use crate::output::{Coverage, coverage};
@@ -11,16 +11,16 @@ use std::path::{Path, PathBuf};
 /// Largest file that is read, bytes.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// A matting model, and what it remembers of the pictures of a clip.
+/// A matting model, and its memory of a clip's pictures.
 #[derive(Debug)]
 pub struct Matter {
     path: PathBuf,
     model: Model,
     signature: Signature,
     levels: Levels,
-    /// Whether its values have turned out to be logits.
+    /// Whether its outputs have turned out to be logits.
     logits: bool,
-    /// RVM's memory; none before the first picture.
+    /// RVM's memory; `None` before the first picture.
     memory: Option<[Value; 4]>,
 }
 
@@ -37,8 +37,8 @@ impl Matter {
     /// Opens the ONNX file `path`, which takes pictures with the `levels`.
     ///
     /// # Errors
-    /// A file that can't be read, is no ONNX, has unknown operators, or has inputs and outputs that are
-    /// not a matting model's.
+    /// If the file can't be read, is not ONNX, has unknown operators, or has inputs and outputs that don't
+    /// belong to a matting model.
     pub fn open(path: &Path, levels: Levels) -> Result<Self, MattingError> {
         let read = |error| MattingError::Read {
             path: path.to_owned(),
@@ -51,7 +51,7 @@ impl Matter {
         let meta = std::fs::metadata(path).map_err(read)?;
         if !meta.is_file() || meta.len() > MAX_BYTES {
             return Err(load(
-                "is no file of at most 4 GiB: an ONNX file is needed".into(),
+                "is not a file of at most 4 GiB: an ONNX file is needed".into(),
             ));
         }
         let model = Model::load_file(path).map_err(|error| {
@@ -79,12 +79,12 @@ impl Matter {
         self.signature.form()
     }
 
-    /// The levels that it is given.
+    /// The normalisation of its input.
     pub fn levels(&self) -> Levels {
         self.levels
     }
 
-    /// Gives it other levels, and lets it forget what it has seen.
+    /// Changes the normalisation of its input, and clears its memory.
     pub fn set_levels(&mut self, levels: Levels) {
         self.levels = levels;
         self.logits = false;
@@ -93,11 +93,11 @@ impl Matter {
 
     /// The person in a picture `rgb`, `[height, width, 3]`, of `size` (width, height).
     ///
-    /// Of several people it is the one in `expected` (a mask of the picture's size), or the largest.
+    /// Of several people, it is the one in `expected` (a mask of the picture's size), or the largest.
     ///
     /// # Errors
-    /// [`MattingError::Picture`] when `rgb` or `expected` has not that size; [`MattingError::Run`] when
-    /// the network fails, or gives no matte.
+    /// [`MattingError::Picture`] if `rgb` or `expected` does not have that size; [`MattingError::Run`] if the
+    /// network fails, or its output is not a matte.
     pub fn look(
         &mut self,
         rgb: &[u8],
@@ -169,7 +169,7 @@ impl Matter {
         })
     }
 
-    /// The picture as the network takes it, of `seen` rows and columns.
+    /// The network's input for a picture, with `seen` rows and columns.
     fn input(&self, picture: &RgbImage, [rows, columns]: [usize; 2]) -> Result<Value, String> {
         let filter = imageops::FilterType::Triangle;
         let scaled = imageops::resize(picture, columns as u32, rows as u32, filter);

@@ -1,9 +1,9 @@
-//! What a network gives, as levels of coverage from 0 to 1.
+//! A network's output as coverage from 0 to 1.
 
 use rten::Value;
 use rten_tensor::prelude::*;
 
-/// Values beyond 0 to 1 by more than this are logits: rounding goes less far.
+/// Values outside 0 to 1 by more than this are logits. Rounding errors are smaller.
 const BEYOND: f32 = 0.01;
 
 /// Levels of coverage, `[rows, columns]`.
@@ -14,11 +14,11 @@ pub(crate) struct Coverage {
     pub levels: Vec<f32>,
 }
 
-/// The coverage in `value`; `logits` remembers whether the network's values are before the logistic
-/// function, which is so once some are not between 0 and 1.
+/// The coverage in `value`. `logits` remembers whether the network's values are logits, which is known once one of
+/// them is not between 0 and 1.
 ///
 /// # Errors
-/// What is wrong with it.
+/// What is wrong with the value.
 pub(crate) fn coverage(value: &Value, logits: &mut bool) -> Result<Coverage, String> {
     let tensor = value.as_tensor_view::<f32>();
     let tensor = tensor.ok_or_else(|| format!("is of {}, not of floats", value.dtype()))?;
@@ -56,7 +56,8 @@ pub(crate) fn coverage(value: &Value, logits: &mut bool) -> Result<Coverage, Str
     };
     let levels = match classes {
         1 => values.into_iter().map(level).collect(),
-        // Background and person: of logits their difference counts, of shares the person's.
+        // Background and person. For logits, the softmax of two classes is the logistic function of their
+        // difference; probabilities are used directly.
         _ => {
             let (background, person) = values.split_at(rows * columns);
             let pairs = background.iter().zip(person);
@@ -93,7 +94,7 @@ mod tests {
         assert_eq!((levels.levels, logits), (vec![0.25, 1.0], false));
         let levels = coverage(&value(&[1, 2], &[0.0, 9.0]), &mut logits).expect("a matte");
         assert!(logits && levels.levels[0] == 0.5 && levels.levels[1] > 0.999);
-        // They stay logits where a picture's are all between 0 and 1.
+        // They stay logits even if all values of a picture are between 0 and 1.
         let levels = coverage(&value(&[1, 1, 1], &[0.0]), &mut logits).expect("a matte");
         assert_eq!(levels.levels, [0.5]);
     }

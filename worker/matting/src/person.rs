@@ -4,13 +4,13 @@ use crate::output::Coverage;
 use image::{ImageBuffer, Luma, imageops};
 use yoto_landmarks::{PERSON, clean, parts};
 
-/// Least share of a part that lies in the person's expected place: parts of somebody else lie beside.
+/// Least share of a part inside the person's expected mask. Parts of other people are beside it.
 const OF_THE_PERSON: f64 = 0.3;
-/// Largest hole that is closed, as a share of the person: gaps between arm and body are larger.
+/// Largest hole that is closed, as a share of the person. Gaps between arm and body are larger.
 const HOLE: f64 = 0.001;
 
-/// The parts of one person of the coverage, with small holes closed: those in `expected` (levels of a
-/// picture `[height, width]`), or the largest alone. Nothing where nobody is.
+/// Keeps the parts of one person in the coverage, with small holes closed: the parts in `expected` (a mask
+/// `[height, width]` with its width and height), or the largest part. Without a person the coverage is cleared.
 pub(crate) fn one(coverage: &mut Coverage, expected: Option<(&[u8], [usize; 2])>) {
     let is_person: Vec<bool> = coverage.levels.iter().map(|it| *it >= PERSON).collect();
     let parts = parts(&is_person, coverage.columns);
@@ -18,7 +18,7 @@ pub(crate) fn one(coverage: &mut Coverage, expected: Option<(&[u8], [usize; 2])>
     let chosen: Vec<&Vec<usize>> = match expected {
         None => people.max_by_key(|part| part.len()).into_iter().collect(),
         Some((mask, size)) => {
-            let place = |at: usize| {
+            let is_expected = |at: usize| {
                 let of = |cell: usize, cells: usize, pixels: usize| {
                     ((2 * cell + 1) * pixels / (2 * cells)).min(pixels.saturating_sub(1))
                 };
@@ -28,7 +28,7 @@ pub(crate) fn one(coverage: &mut Coverage, expected: Option<(&[u8], [usize; 2])>
             };
             people
                 .filter(|part| {
-                    let inside = part.iter().filter(|at| place(**at)).count();
+                    let inside = part.iter().filter(|at| is_expected(**at)).count();
                     inside as f64 >= OF_THE_PERSON * part.len() as f64
                 })
                 .collect()

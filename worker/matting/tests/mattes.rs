@@ -1,4 +1,4 @@
-//! Real networks in real files, as tiny as they are.
+//! Tiny networks in real files.
 
 mod networks;
 
@@ -206,7 +206,7 @@ fn what_is_no_matte_is_an_error_with_the_outputs_name() {
     assert!(matter.look(&[], [0, 0], None).is_err());
 }
 
-/// Damaged files are refused, or run to whatever they say: nothing ends the process.
+/// Damaged files are refused, or run with any result, but never end the process.
 #[test]
 fn damaged_files_do_not_end_the_process() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -8,13 +8,13 @@ use openh264::formats::YUVBuffer;
 use openh264::{OpenH264API, Timestamp};
 use std::io::Write;
 
-/// Frames from one that can be shown alone to the next: players jump there.
-const JUMP: u32 = 30;
+/// Frames from one key frame to the next. Players can only jump to a key frame.
+const KEY_FRAMES: u32 = 30;
 
 /// A film that can't be written.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
-    /// No size of pictures.
+    /// A width or height of 0.
     #[error("a film of {0} x {1} pixels")]
     Size(usize, usize),
     /// A picture that does not have the film's size.
@@ -33,7 +33,7 @@ pub enum FilmError {
     Write(#[from] MuxerError),
 }
 
-/// A film in the making.
+/// A film that is being written.
 pub struct Film<W: Write> {
     muxer: Muxer<W>,
     encoder: Encoder,
@@ -44,11 +44,11 @@ pub struct Film<W: Write> {
 }
 
 impl<W: Write> Film<W> {
-    /// An empty film of `width` x `height` pixels and `fps` frames per second. H.264 has even sides only: an odd
-    /// one gets one more row or column of the same colours.
+    /// An empty film of `width` x `height` pixels and `fps` frames per second. H.264 has only even sides, so the
+    /// last row or column of an odd size is repeated.
     ///
     /// # Errors
-    /// Of the encoder, and if there are no pixels.
+    /// If the encoder fails, or a side is 0.
     pub fn new(to: W, width: usize, height: usize, fps: f64) -> Result<Self, FilmError> {
         if width == 0 || height == 0 {
             return Err(FilmError::Size(width, height));
@@ -59,8 +59,8 @@ impl<W: Write> Film<W> {
             .rate_control_mode(RateControlMode::Off)
             .skip_frames(false)
             .max_frame_rate(FrameRate::from_hz(fps as f32))
-            .intra_frame_period(IntraFramePeriod::from_num_frames(JUMP))
-            // As `planes` computes.
+            .intra_frame_period(IntraFramePeriod::from_num_frames(KEY_FRAMES))
+            // The coding that `planes` computes, so that players need not guess it.
             .vui(VuiConfig::bt601());
         let encoder = Encoder::with_api_config(OpenH264API::from_source(), config)?;
         let muxer = MuxerBuilder::new(to)
@@ -79,7 +79,7 @@ impl<W: Write> Film<W> {
     /// Adds a picture: red, green and blue, row by row.
     ///
     /// # Errors
-    /// If it has another size, or of the encoder and the file.
+    /// If the picture has another size, or the encoder or the file fails.
     pub fn push(&mut self, rgb: &[u8]) -> Result<(), FilmError> {
         let [width, height] = self.size;
         let expected = 3 * width * height;
@@ -104,7 +104,7 @@ impl<W: Write> Film<W> {
         Ok(())
     }
 
-    /// Writes what is left.
+    /// Writes the rest of the file.
     ///
     /// # Errors
     /// If writing fails, or there are no pictures.
@@ -113,8 +113,8 @@ impl<W: Write> Film<W> {
     }
 }
 
-/// Luma of each pixel, then both chromas of each two by two pixels (ITU-R BT.601, 16 to 235). Rounded: the
-/// encoder's own conversion cuts off, which darkens pictures by two levels.
+/// Luma of each pixel, then both chromas of each block of 2x2 pixels (ITU-R BT.601, 16 to 235). Values are
+/// rounded: the encoder's own conversion truncates, which darkens pictures by two levels.
 fn planes(rgb: &[u8], width: usize) -> Vec<u8> {
     let pixels = rgb.as_chunks::<3>().0;
     let level = |[r, g, b]: [f32; 3], [kr, kg, kb]: [f32; 3], zero: f32| {
@@ -141,7 +141,7 @@ fn planes(rgb: &[u8], width: usize) -> Vec<u8> {
     planes
 }
 
-/// The next even sides.
+/// The sides, rounded up to even numbers.
 fn even(size: [usize; 2]) -> [usize; 2] {
     size.map(|length| length.next_multiple_of(2))
 }

@@ -1,6 +1,6 @@
 //! Correction of lens distortion, OpenCV's model of five coefficients.
 //!
-//! A point (x, y) on the plane one unit before the camera, r² = x² + y², is seen at
+//! A point (x, y) on the plane one unit in front of the camera, with r² = x² + y², appears at
 //! x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²) and
 //! y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y.
 
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn the_model_is_opencv_s() {
-        // The formula above in double-precision Python.
+        // Computed by the formula above in double-precision Python.
         let [x, y] = distort([0.3, -0.2], [-0.2, 0.05, 0.001, -0.002, 0.01]);
         assert!((x - 0.291_720_091).abs() < 1e-12, "{x}");
         assert!((y + 0.194_523_394).abs() < 1e-12, "{y}");

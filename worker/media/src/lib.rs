@@ -5,7 +5,7 @@
 //!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
 //! ```
 //!
-//! Also writes pictures as a [`film`].
+//! Also writes pictures as a [`film`], and single ones ([`picture_file`]).
 //!
 //! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
 //! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
@@ -19,15 +19,16 @@ pub mod film;
 pub mod lens;
 mod limits;
 pub mod mask;
+mod orientation;
 mod picture;
+pub mod picture_file;
 pub mod sniff;
 pub mod source;
 mod still;
-mod turn;
 pub mod video;
 
 pub use fault::{Fault, MEMORY_LIMIT, MediaError};
 pub use limits::Limits;
+pub use orientation::Orientation;
 pub use picture::Picture;
 pub use still::{decode_still, still_size};
-pub use turn::Turn;

@@ -60,13 +60,13 @@ fn snapped(coverage: u8) -> u8 {
     }
 }
 
-/// Rec. 601 luma; exact where the three are equal.
+/// Rec. 601 luma. The weights add up to 256, so gray pixels keep their level exactly.
 fn luma(pixel: &[u8]) -> u8 {
     let [r, g, b] = [0, 1, 2].map(|i| u32::from(pixel[i]));
     ((77 * r + 150 * g + 29 * b + 128) >> 8) as u8
 }
 
-/// Coverage by how far a picture differs from `plate`, the same view without the person: a
+/// Coverage from the difference between a picture and `plate`, the same view without the person: a
 /// difference key. Shadows and clothes of the background's colour cause errors, so reports always
 /// name the method.
 ///

@@ -9,15 +9,15 @@ pub struct Picture {
     pub height: usize,
     /// `[height, width, 3]`.
     pub rgb: Vec<u8>,
-    /// `[height, width]`, where the file has an alpha channel; the colours are not
+    /// `[height, width]`, if the file has an alpha channel; the colours are not
     /// multiplied by it.
     pub alpha: Option<Vec<u8>>,
-    /// Whether the file's compression changes colours a little, as JPEG and video do.
+    /// Whether the file's compression changes colours slightly, as JPEG and video do.
     pub lossy: bool,
 }
 
 impl Picture {
-    /// Pixels.
+    /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width * self.height
     }

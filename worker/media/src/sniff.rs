@@ -23,7 +23,7 @@ pub enum Kind {
     Tar,
     /// A gzipped file, read as a tar.
     Gzip,
-    /// HDF5 and NumPy's formats, which are for imports, not for uploads.
+    /// HDF5 and NumPy's formats, which are imported, not uploaded.
     Array,
     /// Unknown format.
     Unknown,

@@ -41,7 +41,7 @@ pub struct Source {
 enum Of {
     /// Frame index to the picture's name and path.
     Stills(BTreeMap<u32, (String, PathBuf)>),
-    /// A video, and the frame of each pose frame.
+    /// A video, with its frame for each pose frame.
     Video(Box<Clip>),
 }
 
@@ -49,7 +49,7 @@ enum Of {
 struct Clip {
     name: String,
     video: Video,
-    /// Pose frame to the video's frame, counted as shown.
+    /// Pose frame to the video's frame, in the order shown.
     frame_of: HashMap<u32, usize>,
     /// The last frame read, which several pose frames may share.
     last: Option<(usize, Picture)>,
@@ -60,11 +60,11 @@ struct Clip {
 /// The pose frames to read, and their times.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted<'a> {
-    /// Their indices, rising.
+    /// Their indices, ascending.
     pub indices: &'a [u32],
     /// Pose frames per second.
     pub fps: f64,
-    /// Match of pose frames to frames of a video.
+    /// How pose frames correspond to the frames of a video.
     pub timing: Timing,
 }
 
@@ -72,8 +72,8 @@ impl Source {
     /// Opens the pictures of `wanted`.
     ///
     /// # Errors
-    /// Every wanted frame that has no picture, up to `most` of them; a video that can't be
-    /// read; two pictures of one frame.
+    /// The wanted frames without a picture, at most `most` of them; a video that can't be read; two
+    /// pictures of one frame.
     pub fn open(
         pictures: &Pictures,
         files: &Files,
@@ -111,10 +111,10 @@ impl Source {
         }
     }
 
-    /// The picture of a wanted frame; frames must be read in rising order.
+    /// The picture of a wanted frame; frames must be read in ascending order.
     ///
     /// # Errors
-    /// When it can't be decoded.
+    /// If the picture can't be decoded.
     pub fn picture(&mut self, frame: u32) -> Result<Picture, SourceError> {
         let at = |error, name: &str| SourceError::at(error, name, Some(frame));
         match &mut self.of {
@@ -219,6 +219,8 @@ fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, St
                 .filter_map(|at| Some((at, (times.get(at)? - time).abs())))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             match nearest {
+                // At most half a pose interval, so that no frame serves a pose that is nearer to another.
+                // The slack is for rounded times.
                 Some((frame, off)) if off <= 0.5 / wanted.fps + 1e-6 => Ok(frame),
                 Some((_, off)) => Err(format!(
                     "this pose is at {time:.3} s, but the video's nearest frame is {off:.3} s away"
@@ -232,7 +234,7 @@ fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, St
 /// Reads and decodes one still.
 ///
 /// # Errors
-/// As [`decode_still`]; a file over the limit.
+/// As [`decode_still`], or if the file is over the limit.
 pub fn read_still(path: &Path, limits: &Limits) -> Result<Picture, MediaError> {
     Ok(decode_still(&read_file(path, limits)?, limits)?)
 }
@@ -240,7 +242,7 @@ pub fn read_still(path: &Path, limits: &Limits) -> Result<Picture, MediaError> {
 /// The bytes of a file within the limit.
 ///
 /// # Errors
-/// `TOO_LARGE` over the limit; faults of the disk.
+/// `TOO_LARGE` for a file over the limit, or if the disk fails.
 pub fn read_file(path: &Path, limits: &Limits) -> Result<Vec<u8>, MediaError> {
     let size = std::fs::metadata(path).map_err(MediaError::io(path))?.len();
     if size > limits.file_bytes {

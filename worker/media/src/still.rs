@@ -21,10 +21,10 @@ pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
     let mut allowed = DecoderLimits::no_limits();
     allowed.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + DECODER_SLACK);
     decoder.set_limits(allowed).map_err(undecodable)?;
-    let turn = decoder.orientation().map_err(undecodable)?;
+    let orientation = decoder.orientation().map_err(undecodable)?;
     let lossy = !matches!(sniff::kind(bytes), sniff::Kind::Png);
     let mut image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    image.apply_orientation(turn);
+    image.apply_orientation(orientation);
     Ok(picture(image, lossy))
 }
 
@@ -35,8 +35,11 @@ pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
 pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], Fault> {
     let mut decoder = open(bytes, limits)?;
     let (width, height) = decoder.dimensions();
-    let turned = decoder.orientation().is_ok_and(|turn| turn.to_exif() >= 5);
-    Ok(if turned {
+    // EXIF orientations 5 to 8 exchange width and height.
+    let transposed = decoder
+        .orientation()
+        .is_ok_and(|orientation| orientation.to_exif() >= 5);
+    Ok(if transposed {
         [height, width]
     } else {
         [width, height]

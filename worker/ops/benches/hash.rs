@@ -1,7 +1,7 @@
 //! Times of the hash grid on this machine, in each form and in Burn's own tensor operations, on
 //! points like those of training: patches of neighbouring rays through a body. Prints the shortest
-//! processor time of many alternating runs on one thread, so that the load of other programs hardly
-//! shows.
+//! processor time of many alternating runs on one thread, so that the load of other programs has little
+//! effect.
 //!
 //! `cargo bench --workspace --bench hash --profile dev`, the profile of `cargo run`.
 

@@ -3,7 +3,7 @@
 //!
 //! First a table of one thread's CPU time, which hardly depends on the load of the machine:
 //! arithmetic per second of each form, its share of the thread's measured FMA peak, and the ratio to
-//! the reference, which runs in turn with the operation. Then divan's figures, in wall time.
+//! the reference, which alternates with the operation. Then divan's figures, in wall time.
 
 mod timing;
 
@@ -18,7 +18,7 @@ use yoto_ops::form::Form;
 use yoto_ops::mlp::cpu::{backward, forward};
 use yoto_ops::mlp::{self, Hidden, Input, MlpPlan};
 
-/// Number of turns of the operation and the reference; the fastest of each counts.
+/// Number of alternating runs of the operation and the reference; the fastest run of each counts.
 const TURNS: usize = 3;
 /// Divan's arguments.
 const NETWORKS: [&str; 4] = ["canonical", "non-rigid", "fast canonical", "fast non-rigid"];

@@ -1,7 +1,7 @@
 //! Times of the warp, compositing, the motion decoder's layers and Adam on this machine, and of the
-//! same in Burn's own tensor operations, at the sizes of a step of the tier `fast`. Prints the
+//! same operations in Burn's own tensor operations, at the sizes of a step of the tier `fast`. Prints the
 //! shortest processor time of many alternating runs on one thread, so that the load of other
-//! programs hardly shows.
+//! programs has little effect.
 //!
 //! `cargo bench --workspace --bench volume --profile dev`, the profile of `cargo run`.
 
@@ -129,9 +129,9 @@ fn deconvs(device: &Device) {
             )
         })
         .collect();
-    let run = |double: fn(Tensor<4>, Tensor<5>) -> Tensor<4>, back: bool| {
+    let run = |form: fn(Tensor<4>, Tensor<5>) -> Tensor<4>, back: bool| {
         for (volume, kernels) in &layers {
-            let output = double(volume.clone(), kernels.clone());
+            let output = form(volume.clone(), kernels.clone());
             if back {
                 drop(output.sum().backward());
             }
@@ -142,8 +142,8 @@ fn deconvs(device: &Device) {
             name,
             shortest(
                 RUNS,
-                [&mut || run(deconv::double, back), &mut || {
-                    run(deconv::reference::double, back)
+                [&mut || run(deconv::conv_transpose, back), &mut || {
+                    run(deconv::reference::conv_transpose, back)
                 }],
             ),
         );

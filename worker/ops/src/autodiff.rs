@@ -1,5 +1,5 @@
-//! The part of automatic differentiation that all operations share: their place in Burn's graph.
-//! What is left to an operation is what its backward pass needs, and its mathematics.
+//! The part of automatic differentiation that all operations share: their nodes in Burn's graph. Each operation
+//! adds what its backward pass needs, and the mathematics.
 
 use burn::backend::{
     Autodiff, AutodiffBackend, Backend,
@@ -17,7 +17,7 @@ use std::marker::PhantomData;
 /// its inputs.
 pub(super) trait Saved<B: Backend, const N: usize>: Clone + Debug + Send + 'static {
     /// Gradients to the inputs, in the order in which [`record`] got them, from the gradient to
-    /// the result. Where `needed` is false, anything will do: it is dropped.
+    /// the result. Where `needed` is false, the value does not matter: it is dropped.
     fn gradients(self, grad: FloatTensor<B>, needed: [bool; N]) -> [FloatTensor<B>; N];
 }
 
@@ -65,7 +65,7 @@ where
 }
 
 /// The results of `run` on the plain tensors of `inputs`, as constants. Backward passes on a
-/// differentiating backend are such: there are no second derivatives.
+/// differentiating backend use it, since there are no second derivatives.
 pub(super) fn constants<B, C, const I: usize, const O: usize>(
     inputs: [FloatTensor<Autodiff<B, C>>; I],
     run: impl FnOnce([FloatTensor<B>; I]) -> [FloatTensor<B>; O],

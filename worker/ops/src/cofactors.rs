@@ -2,7 +2,7 @@
 
 use burn::tensor::Tensor;
 
-/// `[K, 3, 3]` inverted by cofactors, and the determinants `[K, 1, 1]`. The inverse of a singular
+/// The inverses of `[K, 3, 3]`, by cofactors, and the determinants `[K, 1, 1]`. The inverse of a singular
 /// matrix is not finite.
 pub fn inverse(m: Tensor<3>) -> (Tensor<3>, Tensor<3>) {
     let [k, _, _] = m.dims();

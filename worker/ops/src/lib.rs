@@ -1,4 +1,4 @@
-//! Tensor operations that Burn does not have, each in a folder of the same layout:
+//! Tensor operations that Burn does not have. Each is a folder with the same layout:
 //!
 //! - `mod.rs`: the function on tensors, which chooses the form for the tensors' device, and the
 //!   trait that a backend implements;
@@ -9,8 +9,10 @@
 //! - `cube.rs` or `cube/`: the form for GPUs, with the feature `gpu`;
 //! - `autodiff.rs`: the backward pass as a part of Burn's automatic differentiation.
 //!
-//! An operation has only the parts that it needs. What they share stands beside the folders.
-//! Nothing here knows of people: operations take tensors and numbers.
+//! An operation has only the parts that it needs. Code that they share is beside the folders. Nothing here knows
+//! about people: operations take tensors and numbers.
+//!
+//! In backward passes, a name with `to_` is a gradient of the loss: `to_x` is ∂L/∂x, "the gradient to x".
 
 pub mod adam;
 mod autodiff;
@@ -43,7 +45,7 @@ pub fn on_cpu(device: &Device) -> bool {
     )
 }
 
-/// Whether the operations have a form of their own for `device`: the `cpu` or the `cube` one.
+/// Whether the operations have a form for `device`, `cpu` or `cube`; otherwise they run the reference.
 pub fn has_own_form(device: &Device) -> bool {
     #[cfg(feature = "gpu")]
     if on_gpu(device) {

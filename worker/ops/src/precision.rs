@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Format to which the factors of products in the canonical and the non-rigid network are rounded.
-/// Sums, biases, results, parameters and everything outside of these networks are always f32.
+/// Format to which the factors of the products in the canonical and the non-rigid network are rounded.
+/// Sums, biases, results, parameters and everything outside of these networks are f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {

@@ -1,11 +1,11 @@
 //! Cholesky factorisation of the normal equations.
 //!
-//! Frames couple to the next two: their blocks are factored one after the other, in time and
-//! memory that grow as the number of frames. The border of shared unknowns goes along as further
-//! right-hand sides, and leaves a small dense system (the Schur complement).
+//! Each frame is coupled to the next two, so frames are factored one after the other, in time and memory
+//! proportional to their number. The border of shared unknowns is carried along as further right-hand
+//! sides, and leaves a small dense system: the Schur complement.
 
 use crate::joints::UNKNOWNS;
-use crate::normal::{Block, Normal};
+use crate::normal::{FrameBlock, Normal};
 use faer::linalg::triangular_solve::{
     solve_lower_triangular_in_place, solve_upper_triangular_in_place,
 };
@@ -25,13 +25,13 @@ pub(crate) struct Step {
 struct Factor {
     /// Lower triangle.
     own: Mat<f64>,
-    /// The factor's blocks of the next frame's rows and of those after, transposed.
+    /// The factor's blocks in the rows of the next frame and of the frame after, transposed.
     ahead: [Mat<f64>; 2],
-    /// The border, solved by the factors so far.
+    /// The border after forward substitution.
     border: Mat<f64>,
 }
 
-/// The step that solves `normal`, its diagonal grown by the share `damping`; none if it isn't
+/// The solution of `normal` with the diagonal increased by the share `damping`; `None` if the matrix is not
 /// positive definite.
 pub(crate) fn solve(normal: &Normal, damping: f64) -> Option<Step> {
     let mut factors: Vec<Factor> = Vec::with_capacity(normal.blocks.len());
@@ -53,7 +53,7 @@ pub(crate) fn solve(normal: &Normal, damping: f64) -> Option<Step> {
     for factor in factors.iter().rev() {
         let (pull, coupling) = factor.border.as_ref().split_at_col(1);
         let mut right = pull - coupling * &shared;
-        // Frames solved so far are those after this one, the next last.
+        // The frames after this one are solved already; the next one was pushed last.
         for (ahead, later) in factor.ahead.iter().zip(frames.iter().rev()) {
             right -= ahead * later;
         }
@@ -69,8 +69,8 @@ pub(crate) fn solve(normal: &Normal, damping: f64) -> Option<Step> {
     (finite(&step.shared) && step.frames.iter().all(finite)).then_some(step)
 }
 
-/// Factors a frame after all before it.
-fn factor(block: &Block, before: &[Factor], damping: f64) -> Option<Factor> {
+/// Factors the block of a frame; `before` are the factors of all earlier frames.
+fn factor(block: &FrameBlock, before: &[Factor], damping: f64) -> Option<Factor> {
     let mut own = block.own.clone();
     for row in 0..UNKNOWNS {
         own[(row, row)] += damping * own[(row, row)] + 1e-9;
@@ -97,7 +97,7 @@ fn factor(block: &Block, before: &[Factor], damping: f64) -> Option<Factor> {
     Some(Factor { own, ahead, border })
 }
 
-/// Blocks of three as a matrix, transposed: rows are of the frame, columns of the later one.
+/// Triples as a block diagonal matrix, transposed: rows are of the frame, columns of the later frame.
 fn from_triples(triples: &[Mat3]) -> Mat<f64> {
     let mut matrix = Mat::zeros(UNKNOWNS, UNKNOWNS);
     for (at, triple) in triples.iter().enumerate() {
@@ -139,7 +139,7 @@ mod tests {
         }
         let mut blocks = Vec::new();
         for frame in 0..frames {
-            let mut block = Block {
+            let mut block = FrameBlock {
                 own: Mat::zeros(UNKNOWNS, UNKNOWNS),
                 border: Mat::from_fn(UNKNOWNS, 1 + shared, |i, j| 0.3 * wave(7 * i + j + frame)),
                 ahead: [[[[0.0; 3]; 3]; UNKNOWNS / 3]; 2],
@@ -157,8 +157,8 @@ mod tests {
                     for (i, row) in triple.iter_mut().enumerate() {
                         for (j, value) in row.iter_mut().enumerate() {
                             *value = wave(9 * at + 3 * i + j + frame);
-                            let place = later * UNKNOWNS + 3 * at + i;
-                            dense[(place, frame * UNKNOWNS + 3 * at + j)] = *value;
+                            let later_row = later * UNKNOWNS + 3 * at + i;
+                            dense[(later_row, frame * UNKNOWNS + 3 * at + j)] = *value;
                         }
                     }
                 }

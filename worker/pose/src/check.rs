@@ -1,20 +1,20 @@
-//! Checks of key points before a fit, so that nothing behind them meets a hostile number.
+//! Checks of key points before a fit, so that the code behind them never gets a hostile number.
 
 use crate::fit::{FitOptions, MAX_FRAMES};
 use crate::{FrameKeyPoints, KeyPoints, PoseError};
 
 /// Least confidence of a point that is used.
 pub(crate) const SEEN: f64 = 0.05;
-/// Fewest seen points of a frame: with fewer its six degrees of freedom in space are a guess.
+/// Fewest seen points of a frame. Fewer don't determine the six degrees of freedom of a body in space.
 const FEWEST: usize = 4;
 /// Smallest body, pixels.
 const SMALLEST: f64 = 4.0;
-/// Farthest point, pixels from the picture's corner.
+/// Largest distance of a point from the picture's corner, pixels.
 const FARTHEST: f64 = 1e5;
-/// Farthest point in space, metres.
+/// Largest coordinate of a point in space, metres.
 const METRES: f64 = 1e3;
 
-/// Whether `points` can be fitted.
+/// Checks that `points` can be fitted.
 pub(crate) fn check(points: &KeyPoints, options: &FitOptions) -> Result<(), PoseError> {
     let setting = |field, value: f64, from, to| {
         if (from..=to).contains(&value) {

@@ -1,9 +1,9 @@
-//! Bodies that face the wrong way, by the colours of the head and the trunk.
+//! Frames with back and front mistaken, found by the colours of head and trunk.
 //!
-//! A stretch of frames that begins or ends in profile looks like a body that turns the other way. What is
-//! seen of a person changes with the way they face: with h the angle from the camera, each colour
-//! is about `a + b cos h + d sin h` (front and back; light from a side). A body that is taken the
-//! wrong way round has cos h of the wrong sign, and its colours do not fit those of the other frames.
+//! Motion can't show a mistake in a stretch of frames that begins or ends in profile: it looks like a body
+//! that rotates the other way. But colours change with the heading. With h the angle from facing the camera,
+//! each colour is about `a + b cos h + d sin h` (front and back; light from a side). If back and front are
+//! mistaken, cos h has the wrong sign, and the colours don't fit those of the other frames.
 
 use crate::flips::{cheapest_run, jump};
 use crate::markers::{Figure, Markers};
@@ -11,27 +11,27 @@ use crate::{FrameKeyPoints, KeyPointSet};
 use faer::prelude::Solve;
 use faer::{Mat, Side};
 
-/// Places on the body whose colours are looked at: the head, the chest, the belly.
+/// Number of patches on the body with colours: head, chest and belly.
 pub const PATCHES: usize = 3;
-/// Their radii, as shares of the person's extent in the picture.
+/// Radii of the patches, as shares of the person's extent in the picture.
 const RADII: [f64; PATCHES] = [0.035, 0.045, 0.045];
-/// How far from the shoulders to the hips the trunk's places are.
+/// Positions of the trunk's patches between shoulders (0) and hips (1).
 const ALONG: [f64; 2] = [0.3, 0.75];
-/// Fewest frames that tell front from back.
+/// Fewest frames with colours for a decision.
 const FEWEST: usize = 12;
 /// Least error of a colour, 0 to 1.
 const ERROR: f64 = 0.02;
-/// Largest error that counts, in standard deviations: hands before the body are no backs.
+/// Bound of an error, in standard deviations, so that a hand in front of the body is not taken for its back.
 const MOST: f64 = 3.0;
-/// What one change from right to wrong costs.
+/// Cost of one change between right and wrong frames.
 const CHANGE: f64 = 8.0;
-/// Largest share of wrong frames that is believed.
+/// Largest plausible share of wrong frames.
 const LARGEST: f64 = 1.0 / 3.0;
-/// How often the frames are read anew.
+/// Most rounds of fitting colours and choosing wrong frames.
 const ROUNDS: usize = 6;
 
-/// Mean colours of the body's patches in a picture `rgb` of `size` (width, height), 0 to 1; nothing where
-/// a patch is not seen.
+/// Mean colours of the body's patches in a picture `rgb` of `size` (width, height), 0 to 1; empty if a patch
+/// is not visible.
 pub fn patches(
     set: KeyPointSet,
     frame: &FrameKeyPoints,
@@ -88,8 +88,8 @@ fn mean(
     (count > 0.0).then(|| sum.map(|it| it / count))
 }
 
-/// Which of the frames are taken the wrong way round: `headings` are cosine and sine of the angle from
-/// facing the camera, `colours` those of [`patches`] (frames without any tell nothing), `times` seconds.
+/// For each frame, whether back and front are mistaken. `headings` are cosine and sine of the angle from
+/// facing the camera, `colours` are those of [`patches`] (empty for frames without), and `times` are seconds.
 pub(crate) fn wrong(headings: &[[f64; 2]], colours: &[Vec<[f64; 3]>], times: &[f64]) -> Vec<bool> {
     let mut wrong = vec![false; headings.len()];
     let known: Vec<usize> = (0..headings.len())
@@ -122,7 +122,7 @@ pub(crate) fn wrong(headings: &[[f64; 2]], colours: &[Vec<[f64; 3]>], times: &[f
         }
         wrong = next;
     }
-    // Which side is the front is not for colours to say: it is the one that most frames say.
+    // Colours can't tell which side is the front, so the majority of frames decides.
     let count = wrong.iter().filter(|it| **it).count();
     if count as f64 > LARGEST * wrong.len() as f64 {
         return vec![false; wrong.len()];
@@ -130,7 +130,7 @@ pub(crate) fn wrong(headings: &[[f64; 2]], colours: &[Vec<[f64; 3]>], times: &[f
     wrong
 }
 
-/// What each frame costs as it is and turned round.
+/// The cost of each frame as it is, and reversed.
 fn costs(
     headings: &[[f64; 2]],
     colours: &[Vec<[f64; 3]>],
@@ -173,7 +173,7 @@ fn costs(
         for &at in known {
             for (state, cost) in costs[at].iter_mut().enumerate() {
                 let off = (error(at, state == 1) / spread).abs().min(MOST);
-                // Channels of a patch are alike, and so are frames that follow each other.
+                // Divided, since a patch's channels are not independent, and neither are consecutive frames.
                 *cost += off * off / 3.0;
             }
         }
@@ -188,7 +188,7 @@ mod tests {
 
     type Colours = Vec<Vec<[f64; 3]>>;
 
-    /// Headings of somebody who turns once in 40 frames, and colours of a red front and a blue back.
+    /// Headings of a person who turns once in 40 frames, and colours of a red front and a blue back.
     fn turning() -> (Vec<[f64; 2]>, Colours, Vec<f64>) {
         let angle = |at: usize| TAU * at as f64 / 40.0;
         let headings: Vec<[f64; 2]> = (0..40)
@@ -211,7 +211,7 @@ mod tests {
             heading[0] = -heading[0];
         }
         let found = wrong(&headings, &colours, &times);
-        // In profile itself there is nothing to tell.
+        // The frame in profile itself is undecided.
         assert!(
             found[31..].iter().all(|it| *it) && !found[..30].contains(&true),
             "{found:?}"
@@ -237,7 +237,7 @@ mod tests {
         let mut rgb = vec![0; 3 * 16];
         rgb[3 * 5] = 255;
         let colour = mean(&rgb, [4, 4], [1.5, 1.5], 0.5);
-        // With its four neighbours: no radius is less than a pixel.
+        // The pixel and its four neighbours: a radius is at least a pixel.
         assert_eq!(colour, Some([0.2, 0.0, 0.0]));
         assert_eq!(mean(&rgb, [4, 4], [9.0, 9.0], 0.5), None);
     }

@@ -1,8 +1,8 @@
-//! What a fit refuses.
+//! Errors of a fit.
 
 use crate::fit::MAX_FRAMES;
 
-/// Why key points give no poses.
+/// Why key points can't be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PoseError {
     /// There is no frame, or there are too many to fit together.
@@ -16,7 +16,7 @@ pub enum PoseError {
         /// The index before it.
         before: u32,
     },
-    /// A list that doesn't have a row per key point.
+    /// A list without one row per key point.
     #[error("frame {frame}: {field}: {found} points instead of {wanted}")]
     PointCount {
         /// The frame.
@@ -33,7 +33,7 @@ pub enum PoseError {
     Value {
         /// The frame.
         frame: u32,
-        /// The number's place, as `picture[3][1]`.
+        /// The number's field, e.g. `picture[3][1]`.
         field: String,
         /// The number.
         value: f64,
@@ -52,7 +52,7 @@ pub enum PoseError {
         /// Points needed.
         wanted: usize,
     },
-    /// The points of a frame lie on one spot.
+    /// The points of a frame are too close together.
     #[error("frame {frame}: picture: the points lie within {pixels:.1} pixels")]
     Tiny {
         /// The frame.
@@ -60,7 +60,7 @@ pub enum PoseError {
         /// Their extent.
         pixels: f64,
     },
-    /// A number that counts for all frames.
+    /// A number for all frames that is out of range.
     #[error("{field}: {value} is not between {from} and {to}")]
     Setting {
         /// The field of the key points or options.

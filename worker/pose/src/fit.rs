@@ -8,22 +8,22 @@ use crate::solve::{Guess, improve};
 use crate::{KeyPoints, PoseError, initial, report};
 use yoto_proto::pose_track::PoseTrack;
 
-/// Frames that are fitted together, at most: the equations of one take a fifth of a megabyte.
+/// Most frames that are fitted together. The equations of one take a fifth of a megabyte.
 pub const MAX_FRAMES: usize = 10_000;
-/// Steps of the search, at most.
+/// Most steps of the search.
 const STEPS: usize = 60;
-/// What the first guess counts for in the progress, in steps.
+/// Steps that the first guess counts for in the progress.
 const GUESS: usize = 10;
 
-/// What a fit is told besides the key points.
+/// Options of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Focal length of the camera, pixels. Without it the fit finds one between 0.6 and 3 times
-    /// the longer side of the pictures, near 1.2 times unless the points tell otherwise.
+    /// Focal length of the camera, pixels. Without it the fit finds one between 0.6 and 3 times the longer
+    /// side of the pictures, with a prior at 1.2 times.
     pub focal: Option<f64>,
-    /// Height of the person, metres. One camera can't tell it: without it, 1.72.
+    /// Height of the person, metres, which one camera can't measure; 1.72 if unknown.
     pub height: Option<f64>,
-    /// Whether the person stands upright on the whole, in which case gravity is read off them.
+    /// Whether the person stands upright on average. Then gravity is estimated from the poses.
     pub upright: bool,
 }
 
@@ -37,27 +37,27 @@ impl Default for FitOptions {
     }
 }
 
-/// A person's poses, with what the fit found on the way.
+/// A person's poses, and the other results of the fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// 24 joints of SMPL's tree. The world has its origin in the camera and y down along gravity; in a
-    /// fit that reads no gravity off the person, it has the camera's axes.
+    /// Poses of the 24 joints of SMPL's tree. The world has its origin in the camera, and y points down
+    /// along gravity; if gravity is not estimated, the world has the camera's axes.
     pub track: PoseTrack,
-    /// Median distance between key points and the fitted body's in the picture, pixels.
+    /// Median distance between detected and fitted key points in the picture, pixels.
     pub reprojection_px: f64,
     /// Focal length, pixels.
     pub focal: f64,
-    /// How far the camera looks down, degrees, judged by the person's uprightness.
+    /// Downward pitch of the camera, degrees, estimated from the person's uprightness.
     pub camera_down_degrees: f64,
     /// Height of the fitted body, metres.
     pub height: f64,
-    /// Assumptions and findings, for people to read.
+    /// Assumptions and findings, for people.
     pub notes: Vec<String>,
 }
 
 /// Fits a moving body to key points, all frames together.
 ///
-/// `progress(done, all)` is told of steps, of which there are at most `all`.
+/// `progress(done, all)` is called after each step; there are at most `all` steps.
 ///
 /// # Errors
 /// [`PoseError`] with the frame and field that can't be fitted.
@@ -96,13 +96,14 @@ pub fn fit(
     Ok(fitted)
 }
 
-/// The fit with those frames turned round that colours say are; their number.
+/// The fit after reversing the frames that have back and front mistaken by their colours, and the number of
+/// these frames.
 fn face_the_other_way(points: &KeyPoints, problem: &mut Problem, found: Guess) -> (Guess, usize) {
     if !problem.has_space() {
         return (found, 0);
     }
     let heading = |stance: &Stance| {
-        // The body's z, ahead, in the camera's axes.
+        // The body's z axis, which points forward, in the camera's axes.
         let ahead = [0, 1, 2].map(|i: usize| stance.rotations[0][i][2]);
         let level = ahead[0].hypot(ahead[2]).max(1e-9);
         [-ahead[2] / level, ahead[0] / level]

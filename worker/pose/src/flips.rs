@@ -1,22 +1,21 @@
-//! Bodies that a detector took the wrong way round, their back for their front, and so called
-//! left right.
+//! Frames in which a detector mistook a body's back for its front, and so left for right.
 //!
-//! A picture of few pixels tells neither; time does: of the ways in which each frame can be read,
-//! the run that turns as people can is taken.
+//! A small picture shows neither, but the motion does: of all readings of the frames, the sequence with
+//! plausible rotations is chosen.
 
 use crate::parameters::Stance;
-use crate::rotation::{logarithm, product, transposed};
+use crate::rotation::{log_map, matmul, transpose};
 use yoto_capture::skeleton::transform::length;
 
-/// Faster turns of the root are mistakes, rad/s.
+/// Highest plausible rotation speed of the root, rad/s.
 const FASTEST: f64 = 12.0;
-/// Smallest turn between two frames that is looked at, radians.
+/// Smallest rotation between two frames that counts as a jump, radians.
 const LEAST: f64 = 1.5;
-/// What a turn beyond the fastest costs by its angle squared, radians.
+/// Cost of a rotation beyond the plausible one, per square radian.
 const JUMP: f64 = 1000.0;
 
-/// The choice per step whose own costs and changes add up to the least; `change(step, from, to)`
-/// is the cost between `step` and the next.
+/// The cheapest sequence of choices, one per step, by dynamic programming (Viterbi). `costs` are those of
+/// each choice, and `change(step, from, to)` is the cost of a transition from `step` to the next.
 pub(crate) fn cheapest_run(
     costs: &[Vec<f64>],
     change: impl Fn(usize, usize, usize) -> f64,
@@ -50,21 +49,22 @@ pub(crate) fn cheapest_run(
     run
 }
 
-/// What a turn by an angle, radians, in `span` seconds costs.
-pub(crate) fn jump(turn: f64, span: f64) -> f64 {
-    JUMP * (turn - FASTEST * span).max(0.0).powi(2)
+/// The cost of a rotation by `angle` radians in `span` seconds.
+pub(crate) fn jump(angle: f64, span: f64) -> f64 {
+    JUMP * (angle - FASTEST * span).max(0.0).powi(2)
 }
 
-/// Whether the root turns faster than people do between any two frames.
+/// Whether the root rotates implausibly fast between any two frames.
 pub(crate) fn has_jumps(stances: &[(Stance, f64)], times: &[f64]) -> bool {
     let mut pairs = stances.windows(2).zip(times.windows(2));
     pairs.any(|(pair, span)| match (pair, span) {
-        ([(a, _), (b, _)], [from, to]) => turn(a, b) > (FASTEST * (to - from)).max(LEAST),
+        ([(a, _), (b, _)], [from, to]) => angle(a, b) > (FASTEST * (to - from)).max(LEAST),
         _ => false,
     })
 }
 
-/// Of several stances a frame with their costs, the ones that turn as people can; the place of each.
+/// Of several stances per frame with their costs, the sequence with plausible rotations, and the index of
+/// each chosen stance.
 pub(crate) fn steadiest(
     choices: Vec<Vec<(Stance, f64)>>,
     times: &[f64],
@@ -78,8 +78,8 @@ pub(crate) fn steadiest(
         times.get(step..=step + 1),
     ) {
         (Some([before, after]), Some([start, end])) => {
-            let turn = turn(&before[from].0, &after[to].0);
-            jump(turn, end - start)
+            let angle = angle(&before[from].0, &after[to].0);
+            jump(angle, end - start)
         }
         _ => 0.0,
     };
@@ -91,9 +91,9 @@ pub(crate) fn steadiest(
 }
 
 /// The angle between two stances' roots, radians.
-fn turn(a: &Stance, b: &Stance) -> f64 {
-    length(logarithm(&product(
-        &transposed(&a.rotations[0]),
+fn angle(a: &Stance, b: &Stance) -> f64 {
+    length(log_map(&matmul(
+        &transpose(&a.rotations[0]),
         &b.rotations[0],
     )))
 }

@@ -1,9 +1,9 @@
-//! From a stance to places in space, with derivatives.
+//! Forward kinematics of a stance, with derivatives.
 
-use crate::joints::{COLUMN, PLACE};
+use crate::joints::{COLUMN, ROOT_POSITION};
 use crate::markers::Marker;
-use crate::parameters::{PLACES, Shared, Stance};
-use crate::rotation::{column, product, turned};
+use crate::parameters::{ATTACHMENTS, Shared, Stance};
+use crate::rotation::{column, matmul, matvec};
 use crate::skeleton::{COUNT, GROUP, chain, growing, offsets, parent};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, add, cross, scale, sub};
@@ -13,13 +13,13 @@ use yoto_capture::skeleton::transform::{Mat3, add, cross, scale, sub};
 pub(crate) struct Posed {
     /// Rotations from the T-pose to the camera's axes.
     pub rotations: [Mat3; COUNT],
-    /// Places, metres.
+    /// Positions, metres.
     pub joints: [Vec3; COUNT],
-    /// How far each joint moves from its parent as its bone's group grows, metres.
+    /// The derivative of each joint's offset from its parent by the logarithm of its group's length, metres.
     growth: [Vec3; COUNT],
 }
 
-/// The derivatives of a point by all unknowns that a table has columns for.
+/// The derivatives of a point by all unknowns in a table.
 pub(crate) type Slopes = Vec<Vec3>;
 
 impl Posed {
@@ -34,26 +34,26 @@ impl Posed {
         };
         for joint in 1..COUNT {
             let above = parent(joint);
-            let bone = turned(&posed.rotations[above], offsets[joint]);
-            posed.rotations[joint] = product(&posed.rotations[above], &stance.rotations[joint]);
+            let bone = matvec(&posed.rotations[above], offsets[joint]);
+            posed.rotations[joint] = matmul(&posed.rotations[above], &stance.rotations[joint]);
             posed.joints[joint] = add(posed.joints[above], bone);
             if let Some(group) = GROUP[joint] {
-                let growing = turned(&posed.rotations[above], growing(joint));
+                let growing = matvec(&posed.rotations[above], growing(joint));
                 posed.growth[joint] = scale(growing, factors[group]);
             }
         }
         posed
     }
 
-    /// Where a marker is.
+    /// The position of a marker.
     pub fn marker(&self, marker: &Marker, shared: &Shared) -> Vec3 {
-        let [x, y, z] = shared.offset(marker.place);
-        let offset = turned(&self.rotations[marker.joint], [marker.side * x, y, z]);
+        let [x, y, z] = shared.offset(marker.attachment);
+        let offset = matvec(&self.rotations[marker.joint], [marker.side * x, y, z]);
         add(self.joints[marker.joint], offset)
     }
 
-    /// How a point `at` on `joint` moves with the unknowns: the frame's first, then, where
-    /// `width` has room for them, the shared ones.
+    /// The derivatives of a point `at` on `joint`: by the frame's unknowns, then by the shared ones if
+    /// `width` includes them.
     pub fn slopes(&self, joint: usize, at: Vec3, frame: usize, width: usize) -> Slopes {
         let mut slopes = vec![[0.0; 3]; width];
         for above in chain(joint) {
@@ -70,16 +70,16 @@ impl Posed {
             }
         }
         for axis in 0..3 {
-            slopes[PLACE + axis][axis] = 1.0;
+            slopes[ROOT_POSITION + axis][axis] = 1.0;
         }
         slopes
     }
 
-    /// As [`Posed::slopes`], of a marker.
+    /// As [`Posed::slopes`], for a marker.
     pub fn marker_slopes(&self, marker: &Marker, at: Vec3, frame: usize, width: usize) -> Slopes {
         let mut slopes = self.slopes(marker.joint, at, frame, width);
         if width > frame {
-            let first = frame + PLACES + 3 * marker.place;
+            let first = frame + ATTACHMENTS + 3 * marker.attachment;
             let turned = &self.rotations[marker.joint];
             slopes[first] = column(turned, 0).map(|value| value * marker.side);
             slopes[first + 1] = column(turned, 1);

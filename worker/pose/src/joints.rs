@@ -1,17 +1,17 @@
-//! How each joint may turn: its usual rotation, how far it strays, and where it stops.
+//! Priors of joint rotations: the usual rotation, its spread, and its limits.
 
 use crate::skeleton::COUNT;
 use yoto_capture::skeleton::Vec3;
 
-/// Joints whose rotation key points tell of. Ends of the tree turn nothing that is seen.
+/// Joints with a rotation that key points can show. The ends of the tree move no points.
 pub(crate) const ACTIVE: [usize; 20] = [
     0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21,
 ];
 
-/// Unknowns of a frame: three a rotation, then the root's place.
+/// Unknowns of a frame: three per rotation, then the root's position.
 pub(crate) const UNKNOWNS: usize = 3 * ACTIVE.len() + 3;
-/// Where the root's place begins among them.
-pub(crate) const PLACE: usize = 3 * ACTIVE.len();
+/// The first unknown of the root's position.
+pub(crate) const ROOT_POSITION: usize = 3 * ACTIVE.len();
 
 /// The first of a joint's three unknowns.
 pub(crate) const COLUMN: [Option<usize>; COUNT] = columns();
@@ -26,16 +26,16 @@ const fn columns() -> [Option<usize>; COUNT] {
     found
 }
 
-/// What is usual of a joint's axis-angle, radians: x flexes, y twists or turns, z sways, in the
-/// T-pose's axes.
+/// The prior of a joint's axis-angle vector, radians, in the T-pose's axes: x is flexion, y is twist, z is
+/// sideways.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Habit {
     pub usual: Vec3,
     /// Standard deviation.
     pub spread: Vec3,
-    /// Softly kept: least and most.
+    /// Soft limits, least and greatest.
     pub range: [[f64; 2]; 3],
-    /// Acceleration, rad/s², standard deviation.
+    /// Standard deviation of the angular acceleration, rad/s².
     pub jerk: f64,
 }
 
@@ -51,7 +51,7 @@ const fn habit(usual: Vec3, spread: Vec3, range: [[f64; 2]; 3], jerk: f64) -> Ha
     }
 }
 
-/// The habit of a joint other than the root; right ones mirror left ones.
+/// The prior of a joint other than the root; right joints mirror left ones.
 pub(crate) fn habit_of(joint: usize) -> Habit {
     let none = [0.0; 3];
     let left = match joint {
@@ -85,7 +85,7 @@ pub(crate) fn habit_of(joint: usize) -> Habit {
     if right { mirrored(left) } else { left }
 }
 
-/// The other side's habit: turns about y and z go the other way.
+/// The prior of the counterpart on the other side: rotations about y and z change sign.
 fn mirrored(habit: Habit) -> Habit {
     let flip = |[least, most]: [f64; 2]| [-most, -least];
     let ([x, y, z], range) = (habit.usual, habit.range);

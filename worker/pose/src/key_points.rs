@@ -1,6 +1,6 @@
 //! Key points of one person in the pictures of one camera.
 
-/// Which body points a detector reports, and in which order.
+/// The body points of a detector, in its order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyPointSet {
     /// The 33 landmarks of BlazePose (MediaPipe).
@@ -10,7 +10,7 @@ pub enum KeyPointSet {
     Coco17,
     /// The 25 points of OpenPose's `BODY_25`.
     OpenPose25,
-    /// The 24 joints of SMPL's tree themselves.
+    /// The 24 joints of SMPL's tree.
     Joints24,
 }
 
@@ -31,8 +31,8 @@ impl KeyPointSet {
 pub struct FrameKeyPoints {
     /// The frame's number.
     pub index: u32,
-    /// `[N, 3]`: x and y in pixels from the picture's corner, confidence from 0 to 1. Points that
-    /// were not seen have confidence 0.
+    /// `[N, 3]`: x and y in pixels from the picture's corner, and confidence from 0 to 1. Unseen points
+    /// have confidence 0.
     pub picture: Vec<[f64; 3]>,
     /// `[N, 3]`, metres from any origin, in the camera's axes (x right, y down, z forward), if the
     /// detector guesses depth. Empty otherwise.
@@ -44,12 +44,12 @@ pub struct FrameKeyPoints {
 /// Key points of one person in a clip.
 #[derive(Clone, Debug)]
 pub struct KeyPoints {
-    /// The points' meaning.
+    /// The meaning of the points.
     pub set: KeyPointSet,
     /// Width and height of the pictures, pixels.
     pub image_size: [u32; 2],
     /// Frames per second.
     pub fps: f64,
-    /// Frames in which the person was seen, in order of their numbers.
+    /// Frames in which the person was seen, with ascending indices.
     pub frames: Vec<FrameKeyPoints>,
 }

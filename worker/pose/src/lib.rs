@@ -1,7 +1,7 @@
 //! Pose tracks from key points: inverse kinematics of all frames together.
 //!
-//! [`fit`] looks for a body whose bones keep their length, whose joints turn as joints do and
-//! whose points appear where a detector saw them, in every frame of a clip.
+//! [`fit`] searches for a body with constant bone lengths and plausible joint rotations, and for its pose in
+//! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text
 //! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → report

@@ -1,15 +1,15 @@
-//! Where key points sit on the body: a joint each, and an offset that the fit learns.
+//! The positions of key points on the body: a joint for each, and an offset that the fit learns.
 
 use crate::KeyPointSet;
 use yoto_capture::skeleton::Vec3;
 
-/// A kind of place on the body, the same on both sides.
+/// The attachment of a kind of key point to the body, shared by both sides.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    /// Its offset from its joint at the left, metres in T-pose.
+pub(crate) struct Attachment {
+    /// Offset from the joint on the left side, metres in T-pose.
     pub offset: Vec3,
-    /// Standard deviation of each part of the offset between people and detectors, metres; 0
-    /// holds it.
+    /// Standard deviation of each component of the offset between people and detectors, metres; 0 keeps the
+    /// component fixed.
     pub spread: Vec3,
 }
 
@@ -17,9 +17,9 @@ pub(crate) struct Place {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Marker {
     pub joint: usize,
-    /// Its [`Place`] in [`Markers::places`].
-    pub place: usize,
-    /// 1 at the left, -1 at the right: the sign of the offset's x.
+    /// Index of its [`Attachment`] in [`Markers::attachments`].
+    pub attachment: usize,
+    /// 1 on the left or in the middle, -1 on the right: the sign of the offset's x.
     pub side: f64,
 }
 
@@ -27,16 +27,16 @@ pub(crate) struct Marker {
 #[derive(Clone, Debug)]
 pub(crate) struct Markers {
     pub markers: Vec<Marker>,
-    pub places: Vec<Place>,
-    /// Pairs whose direction a detector's points in space tell.
+    pub attachments: Vec<Attachment>,
+    /// Pairs of points that give a direction in space.
     pub bones: Vec<[usize; 2]>,
-    /// Each point's like on the other side; itself in the middle.
+    /// Each point's counterpart on the other side; a point in the middle is its own.
     pub mirror: Vec<usize>,
-    /// Where the points of the coarse figure are found.
+    /// The points of the coarse figure.
     pub figure: Figure,
 }
 
-/// The points that a first guess is made from, left before right; `None` where a set has none.
+/// The points for a first guess, left before right; `None` for points that a set lacks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Figure {
     pub shoulders: [usize; 2],
@@ -50,7 +50,7 @@ pub(crate) struct Figure {
     pub nose: Option<usize>,
 }
 
-/// Names the kinds of places while a set's table is read.
+/// The kinds of key points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Nose,
@@ -84,8 +84,8 @@ use Kind::{
 };
 
 impl Kind {
-    /// Joint at the left, offset, spread.
-    fn place(self) -> (usize, Vec3, Vec3) {
+    /// Joint on the left side, offset and spread.
+    fn attachment(self) -> (usize, Vec3, Vec3) {
         let middle = [0.0, 0.02, 0.02];
         let any = [0.012, 0.02, 0.02];
         let joint = [0.012; 3];
@@ -116,7 +116,7 @@ impl Kind {
     }
 }
 
-/// Points whose direction tells something, by kind.
+/// Pairs of kinds with a direction along the body.
 const BONES: [(Kind, Kind); 13] = [
     (Hip, Knee),
     (Knee, Ankle),
@@ -132,10 +132,10 @@ const BONES: [(Kind, Kind); 13] = [
     (Ear, Nose),
     (Shoulder, Ear),
 ];
-/// Kinds whose left and right are joined by a direction.
+/// Kinds with a direction from right to left.
 const ACROSS: [Kind; 4] = [Hip, Shoulder, Ear, EyeOuter];
 
-/// A set's points in its order: kind, then 1 for left, -1 for right, 0 for the middle.
+/// The points of a set in its order: kind, and side (1 left, -1 right, 0 middle).
 fn table(set: KeyPointSet) -> Vec<(Kind, i8)> {
     let both = |kinds: &[Kind]| -> Vec<(Kind, i8)> {
         kinds
@@ -179,27 +179,27 @@ impl Markers {
     pub fn of(set: KeyPointSet) -> Self {
         let table = table(set);
         let mut kinds: Vec<Kind> = Vec::new();
-        let mut places = Vec::new();
+        let mut attachments = Vec::new();
         let mut markers = Vec::with_capacity(table.len());
         for &(kind, side) in &table {
-            let (left, offset, spread) = kind.place();
-            let place = kinds.iter().position(|&known| known == kind);
-            let place = place.unwrap_or_else(|| {
+            let (left, offset, spread) = kind.attachment();
+            let attachment = kinds.iter().position(|&known| known == kind);
+            let attachment = attachment.unwrap_or_else(|| {
                 kinds.push(kind);
-                places.push(Place { offset, spread });
-                places.len() - 1
+                attachments.push(Attachment { offset, spread });
+                attachments.len() - 1
             });
             // A right joint follows its left one in the tree.
             let paired = !matches!(left, 0 | 12 | 15);
             markers.push(Marker {
                 joint: left + usize::from(side < 0 && paired),
-                place,
+                attachment,
                 side: if side < 0 { -1.0 } else { 1.0 },
             });
         }
         Self {
             markers,
-            places,
+            attachments,
             bones: bones(&table),
             mirror: mirror(&table),
             figure: figure(&table),
@@ -245,7 +245,7 @@ fn figure(table: &[(Kind, i8)]) -> Figure {
     };
     let pair = |kind, left: usize| Some([find(kind, left, 1)?, find(kind, left + 1, -1)?]);
     let sure = |kind, left| pair(kind, left).unwrap_or_default();
-    // No joint of the tree is an ear or a nose.
+    // The joint tree has no ears and no nose, so no joint must match; `pair` adds 1, hence the -1.
     let none = usize::MAX - 1;
     Figure {
         shoulders: sure(Shoulder, 16),

@@ -1,45 +1,45 @@
-//! The normal equations of a fit: blocks of frames, coupled to the next two frames, and a border
-//! of what all frames share.
+//! The normal equations of a fit: a block for each frame, coupled to the next two frames, and a border for
+//! the shared unknowns.
 
 use crate::joints::UNKNOWNS;
 use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
 use crate::residuals::shared::{held, rows as shared_rows};
 use crate::residuals::{self, Columns, Rows, smooth};
-use crate::rotation::{product, transposed, turned};
+use crate::rotation::{matmul, matvec, transpose};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
 use yoto_capture::skeleton::transform::Mat3;
 
-/// Unknowns of a frame in threes, as accelerations couple them.
+/// Number of triples of unknowns in a frame: accelerations couple triples.
 const TRIPLES: usize = UNKNOWNS / 3;
 
 /// One frame's part of the equations.
 #[derive(Clone, Debug)]
-pub(crate) struct Block {
-    /// `[UNKNOWNS, UNKNOWNS]`, of which the lower triangle counts.
+pub(crate) struct FrameBlock {
+    /// `[UNKNOWNS, UNKNOWNS]`; only the lower triangle is used.
     pub own: Mat<f64>,
-    /// `[UNKNOWNS, 1 + shared]`: the slope of the cost, then the coupling to shared unknowns.
+    /// `[UNKNOWNS, 1 + shared]`: half the gradient of the cost, then the coupling to shared unknowns.
     pub border: Mat<f64>,
     /// Coupling of this frame's triples (columns) to those of the next frame (rows), and of the
     /// frame after.
     pub ahead: [[Mat3; TRIPLES]; 2],
 }
 
-/// Equations for the step that lowers the cost.
+/// The equations for a Gauss-Newton step.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
-    pub blocks: Vec<Block>,
-    /// `[shared, shared]`, of which the lower triangle counts.
+    pub blocks: Vec<FrameBlock>,
+    /// `[shared, shared]`; only the lower triangle is used.
     pub shared: Mat<f64>,
-    /// The slope of the cost by shared unknowns.
+    /// Half the gradient of the cost by the shared unknowns.
     pub slope: Vec<f64>,
-    /// Shared unknowns that don't move.
+    /// For each shared unknown, whether it is fixed.
     pub held: Vec<bool>,
 }
 
-/// What a guess costs.
+/// The cost of a guess.
 pub(crate) fn cost(problem: &Problem, stances: &[Stance], shared: &Shared) -> f64 {
     let frames: f64 = problem
         .frames
@@ -47,14 +47,14 @@ pub(crate) fn cost(problem: &Problem, stances: &[Stance], shared: &Shared) -> f6
         .zip(stances)
         .map(|(seen, stance)| residuals::frame(problem, seen, stance, shared, Columns::Cost).cost)
         .sum();
-    let bends: f64 = threes(problem, stances)
+    let accelerations: f64 = threes(problem, stances)
         .map(|(_, stances, times)| smooth::cost(stances, times))
         .sum();
     let rows = shared_rows(problem, shared);
-    frames + bends + rows.iter().map(|(_, value, _)| value * value).sum::<f64>()
+    frames + accelerations + rows.iter().map(|(_, value, _)| value * value).sum::<f64>()
 }
 
-/// Each three frames in a row: the first one's number, stances and times.
+/// All runs of three frames: the index of the first, stances and times.
 fn threes<'a>(
     problem: &'a Problem,
     stances: &'a [Stance],
@@ -71,7 +71,7 @@ impl Normal {
     /// The equations at a guess.
     pub fn new(problem: &Problem, stances: &[Stance], shared: &Shared) -> Self {
         let unknowns = shared.values.len();
-        let parts: Vec<(Block, Mat<f64>, Vec<f64>)> = problem
+        let parts: Vec<(FrameBlock, Mat<f64>, Vec<f64>)> = problem
             .frames
             .par_iter()
             .zip(stances)
@@ -98,31 +98,31 @@ impl Normal {
             normal.slope[at] += slope * value;
         }
         for (at, stances, times) in threes(problem, stances) {
-            for bend in smooth::bends(stances, times) {
-                normal.add_bend(at, &bend);
+            for acceleration in smooth::accelerations(stances, times) {
+                normal.add_acceleration(at, &acceleration);
             }
         }
         normal
     }
 
     /// Adds an acceleration over the frames from `first`.
-    fn add_bend(&mut self, first: usize, bend: &smooth::Bend) {
-        let column = bend.column;
-        for (i, slope) in bend.slopes.iter().enumerate() {
-            let back = transposed(slope);
+    fn add_acceleration(&mut self, first: usize, acceleration: &smooth::Acceleration) {
+        let column = acceleration.column;
+        for (i, slope) in acceleration.slopes.iter().enumerate() {
+            let back = transpose(slope);
             let Some(block) = self.blocks.get_mut(first + i) else {
                 return;
             };
-            let pull = turned(&back, bend.value);
-            let own = product(&back, slope);
+            let pull = matvec(&back, acceleration.value);
+            let own = matmul(&back, slope);
             for row in 0..3 {
                 block.border[(column + row, 0)] += pull[row];
                 for (other, by) in own[row].iter().enumerate() {
                     block.own[(column + row, column + other)] += by;
                 }
             }
-            for (ahead, later) in bend.slopes.iter().skip(i + 1).enumerate() {
-                let coupling = product(&transposed(later), slope);
+            for (ahead, later) in acceleration.slopes.iter().skip(i + 1).enumerate() {
+                let coupling = matmul(&transpose(later), slope);
                 let sum = &mut block.ahead[ahead][column / 3];
                 for (to, from) in sum.iter_mut().flatten().zip(coupling.iter().flatten()) {
                     *to += from;
@@ -132,8 +132,8 @@ impl Normal {
     }
 }
 
-/// A frame's block, and its share of the shared equations and slope.
-fn block(rows: &Rows) -> (Block, Mat<f64>, Vec<f64>) {
+/// A frame's block, and its contribution to the equations of the shared unknowns.
+fn block(rows: &Rows) -> (FrameBlock, Mat<f64>, Vec<f64>) {
     let (width, count) = (rows.width, rows.values.len());
     let all = squared(rows);
     let slopes = MatRef::from_row_major_slice(&rows.slopes, count, width);
@@ -148,7 +148,7 @@ fn block(rows: &Rows) -> (Block, Mat<f64>, Vec<f64>) {
         0 => slope(row),
         _ => all[(UNKNOWNS + column - 1, row)],
     });
-    let block = Block {
+    let block = FrameBlock {
         own: all.submatrix(0, 0, UNKNOWNS, UNKNOWNS).to_owned(),
         border,
         ahead: [[[[0.0; 3]; 3]; TRIPLES]; 2],
@@ -157,7 +157,7 @@ fn block(rows: &Rows) -> (Block, Mat<f64>, Vec<f64>) {
     (block, of_shared, (UNKNOWNS..width).map(slope).collect())
 }
 
-/// The lower triangle of a table's transpose times itself.
+/// The lower triangle of JᵀJ, where J is the table.
 pub(crate) fn squared(rows: &Rows) -> Mat<f64> {
     let (width, count) = (rows.width, rows.values.len());
     let slopes = MatRef::from_row_major_slice(&rows.slopes, count, width);

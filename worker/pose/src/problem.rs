@@ -1,4 +1,4 @@
-//! The observations that a fit explains, in the form that residuals read.
+//! The observations that a fit explains, in the form for residuals.
 
 use crate::check::{SEEN, extent};
 use crate::fit::FitOptions;
@@ -7,38 +7,38 @@ use crate::{FrameKeyPoints, KeyPoints};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{length, scale, sub};
 
-/// A focal length's prior where none is given, by the longer side: an ordinary phone's.
+/// Prior of an unknown focal length, as a multiple of the longer side: that of an ordinary phone.
 const USUAL_FOCAL: f64 = 1.2;
 /// Error of a key point, as a share of the body's extent in the picture.
 const PIXEL_SHARE: f64 = 0.006;
 
-/// A point seen in a picture.
+/// A key point that was seen in a picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct Detection {
     pub marker: usize,
     /// Pixels from the picture's middle.
-    pub at: [f64; 2],
+    pub pixel: [f64; 2],
     pub confidence: f64,
 }
 
-/// A direction guessed by the detector.
+/// A direction between two key points in space, as guessed by the detector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direction {
     pub markers: [usize; 2],
-    /// Of length 1, in the camera's axes.
+    /// Unit vector in the camera's axes.
     pub towards: Vec3,
-    /// Distance of the two points as the detector guesses it, metres.
+    /// Distance between the two points by the detector, metres.
     pub length: f64,
 }
 
-/// What is known of one frame.
+/// The observations of one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Observed {
     /// Seconds.
     pub time: f64,
     /// Extent of the person in the picture, pixels.
     pub extent: f64,
-    pub seen: Vec<Seen>,
+    pub detections: Vec<Detection>,
     pub directions: Vec<Direction>,
     /// Points in space, `[N]`, of all markers; empty without a guess of depth.
     pub space: Vec<Vec3>,
@@ -51,20 +51,20 @@ pub(crate) struct Problem {
     pub frames: Vec<Observed>,
     /// Middle of the pictures, pixels.
     pub centre: [f64; 2],
-    /// Standard deviation of a certain point, pixels.
+    /// Standard deviation of a point with confidence 1, pixels.
     pub pixels: f64,
-    /// Focal length given or usual, pixels.
+    /// Given or prior focal length, pixels.
     pub focal: f64,
     /// Whether the focal length is given.
     pub focal_known: bool,
     /// Longer side of the pictures, pixels.
     pub longer: f64,
-    /// Whether the person is taken to stand upright on the whole.
+    /// Whether the person is assumed to stand upright on average.
     pub upright: bool,
 }
 
 impl Problem {
-    /// Of checked key points.
+    /// The problem for checked key points.
     pub fn new(points: &KeyPoints, options: &FitOptions) -> Self {
         let markers = Markers::of(points.set);
         let [width, height] = points.image_size.map(f64::from);
@@ -84,7 +84,7 @@ impl Problem {
         }
     }
 
-    /// Whether depths are guessed in most frames.
+    /// Whether most frames have points in space.
     pub fn has_space(&self) -> bool {
         let with = self.frames.iter().filter(|frame| !frame.space.is_empty());
         2 * with.count() > self.frames.len()
@@ -92,13 +92,14 @@ impl Problem {
 }
 
 impl Observed {
-    /// The same with left called right; `mirror` tells each point's like.
+    /// These observations with left and right exchanged. `mirror` maps each point to its counterpart on the
+    /// other side.
     pub fn relabelled(&self, mirror: &[usize]) -> Self {
-        let other = |at: usize| mirror.get(at).copied().unwrap_or(at);
-        let space = |at: usize| self.space.get(other(at)).copied();
+        let other = |point: usize| mirror.get(point).copied().unwrap_or(point);
+        let space = |point: usize| self.space.get(other(point)).copied();
         let mut relabelled = self.clone();
-        for seen in &mut relabelled.seen {
-            seen.marker = other(seen.marker);
+        for detection in &mut relabelled.detections {
+            detection.marker = other(detection.marker);
         }
         for direction in &mut relabelled.directions {
             direction.markers = direction.markers.map(other);
@@ -107,20 +108,23 @@ impl Observed {
         relabelled
     }
 
-    /// The body that looks the same from the camera and faces the other way: left called right, and what
-    /// was near far.
+    /// The body with the same picture that faces the other way: left and right are exchanged, and depths
+    /// are mirrored.
     pub fn turned_round(&self, mirror: &[usize]) -> Self {
         let mut round = self.relabelled(mirror);
         for direction in &mut round.directions {
             direction.towards[2] = -direction.towards[2];
         }
-        round.space.iter_mut().for_each(|at| at[2] = -at[2]);
+        round
+            .space
+            .iter_mut()
+            .for_each(|point| point[2] = -point[2]);
         round
     }
 }
 
 fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64) -> Observed {
-    let confidence = |at: usize| frame.picture.get(at).map_or(0.0, |point| point[2]);
+    let confidence = |point: usize| frame.picture.get(point).map_or(0.0, |it| it[2]);
     let seen = frame.picture.iter().enumerate();
     let seen = seen.filter(|(_, point)| point[2] >= SEEN);
     let direction = |&[from, to]: &[usize; 2]| {
@@ -136,10 +140,10 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
     Observed {
         time: f64::from(frame.index) / fps,
         extent: extent(frame),
-        seen: seen
-            .map(|(marker, &[x, y, confidence])| Seen {
+        detections: seen
+            .map(|(marker, &[x, y, confidence])| Detection {
                 marker,
-                at: [x - centre[0], y - centre[1]],
+                pixel: [x - centre[0], y - centre[1]],
                 confidence,
             })
             .collect(),
@@ -148,10 +152,10 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
     }
 }
 
-/// The value below which `share` of `values` lie; 0 of none.
+/// The quantile of `values` at `share`; 0 for no values.
 pub(crate) fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
-    let at = (share * values.len() as f64) as usize;
+    let rank = (share * values.len() as f64) as usize;
     let last = values.len().saturating_sub(1);
-    values.get(at.min(last)).copied().unwrap_or(0.0)
+    values.get(rank.min(last)).copied().unwrap_or(0.0)
 }

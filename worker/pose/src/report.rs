@@ -1,4 +1,4 @@
-//! What a fit found, as a track and for people to read.
+//! The results of a fit, as a track and as notes for people.
 
 use crate::KeyPoints;
 use crate::fit::{FitOptions, Fitted};
@@ -13,12 +13,12 @@ use yoto_capture::skeleton::smpl::ASSUMED_HEIGHT;
 use yoto_capture::skeleton::transform::scale;
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 
-/// Points surer than this are measured.
+/// Least confidence of a point for the reprojection error.
 const SURE: f64 = 0.3;
-/// Reprojection beyond this share of the body's extent is told.
+/// Largest reprojection error without a note, as a share of the body's extent.
 const POOR: f64 = 0.015;
 
-/// The track and figures of a solved fit.
+/// The track and results of a solved fit.
 pub(crate) fn fitted(
     points: &KeyPoints,
     options: &FitOptions,
@@ -27,7 +27,7 @@ pub(crate) fn fitted(
 ) -> Fitted {
     let offsets = offsets(&found.shared.factors());
     let wanted = options.height.unwrap_or(ASSUMED_HEIGHT);
-    // Pictures don't tell size: everything grows together.
+    // One camera can't measure size, so bones and distances are scaled together.
     let grown = wanted / height(&offsets);
     let skeleton = to_track(&offsets.map(|offset| scale(offset, grown)));
     let focal = found.shared.focal();
@@ -107,16 +107,19 @@ fn notes(
     notes
 }
 
-/// The median distance of sure points from the body's, pixels.
+/// Median reprojection error of confident points, pixels.
 fn reprojection(problem: &Problem, stances: &[Stance], shared: &Shared) -> f64 {
     let focal = shared.focal();
     let mut distances = Vec::new();
     for (observed, stance) in problem.frames.iter().zip(stances) {
         let posed = Posed::new(stance, shared);
-        for seen in observed.seen.iter().filter(|seen| seen.confidence > SURE) {
-            if let Some(marker) = problem.markers.markers.get(seen.marker) {
+        for detection in observed.detections.iter().filter(|it| it.confidence > SURE) {
+            if let Some(marker) = problem.markers.markers.get(detection.marker) {
                 let [x, y, z] = posed.marker(marker, shared);
-                let off = [focal * x / z - seen.at[0], focal * y / z - seen.at[1]];
+                let off = [
+                    focal * x / z - detection.pixel[0],
+                    focal * y / z - detection.pixel[1],
+                ];
                 distances.push(off[0].hypot(off[1]));
             }
         }
@@ -124,7 +127,7 @@ fn reprojection(problem: &Problem, stances: &[Stance], shared: &Shared) -> f64 {
     quantile(&mut distances, 0.5)
 }
 
-/// How far down the camera looks for the median body to stand upright, radians.
+/// The camera's pitch with which the median body stands upright, radians.
 fn down(stances: &[Stance], shared: &Shared) -> f64 {
     let lean = |stance: &Stance| {
         let way = upright::body(&Posed::new(stance, shared));

@@ -1,4 +1,4 @@
-//! The body that is fitted: an average adult's rest joints, whose bones grow in groups shared by
+//! The body that is fitted: an average adult's rest joints, with bone lengths that scale in groups, shared by
 //! left and right.
 
 pub(crate) use yoto_capture::skeleton::smpl::AVERAGE_REST as REST;
@@ -11,12 +11,12 @@ use yoto_proto::smpl::JOINTS;
 /// Joints of the tree.
 pub(crate) const COUNT: usize = JOINTS.len();
 
-/// From the ankle to the sole and from the head's joint to the crown, as shares of the shin and
-/// of the way from the chest to the head: what joints don't tell of a height.
+/// Distance from the ankle to the sole as a share of the shin. With `CROWN`, the part of a height beyond the
+/// joints.
 const SOLE: f64 = 0.085 / 0.405;
 const CROWN: f64 = 0.21 / 0.3;
 
-/// Groups of bones that grow together.
+/// Groups of bones that scale together.
 pub(crate) const GROUPS: usize = 12;
 
 /// The group of the bones from the pelvis to the hips.
@@ -50,7 +50,7 @@ pub(crate) const GROUP: [Option<usize>; COUNT] = [
     Some(11),
 ];
 
-/// How far a group's length is from the average's, as the standard deviation of its logarithm.
+/// Standard deviation of the logarithm of each group's length relative to the average's.
 pub(crate) const GROUP_SPREAD: [f64; GROUPS] = [
     0.03, 0.06, 0.08, 0.08, 0.07, 0.07, 0.08, 0.08, 0.08, 0.07, 0.07, 0.08,
 ];
@@ -60,7 +60,8 @@ pub(crate) fn parent(joint: usize) -> usize {
     JOINTS.get(joint).and_then(|(_, above)| *above).unwrap_or(0)
 }
 
-/// The joint at the other side; itself in the middle. A right joint follows its left one.
+/// A joint's counterpart on the other side; a joint in the middle is its own. A right joint follows its left
+/// one.
 pub(crate) fn other_side(joint: usize) -> usize {
     match JOINTS.get(joint).map(|(name, _)| name.split_at(2).0) {
         Some("l_") => joint + 1,
@@ -74,8 +75,8 @@ pub(crate) fn chain(joint: usize) -> impl Iterator<Item = usize> {
     std::iter::successors(Some(joint), |&at| (at != 0).then(|| parent(at)))
 }
 
-/// The part of a bone that grows with its group, in T-pose, metres. Hips grow apart only: the
-/// pelvis above them is a joint that nobody sees.
+/// The part of a bone that scales with its group, in T-pose, metres. Hips scale sideways only, since nothing
+/// shows the pelvis joint above them.
 pub(crate) fn growing(joint: usize) -> Vec3 {
     let [x, y, z] = sub(REST[joint], REST[parent(joint)]);
     match GROUP[joint] {
@@ -85,7 +86,7 @@ pub(crate) fn growing(joint: usize) -> Vec3 {
     }
 }
 
-/// Offsets of joints from their parents, metres, of bones `factors` times as long as average.
+/// Offsets of joints from their parents, metres, with bones `factors` times as long as the average's.
 pub(crate) fn offsets(factors: &[f64; GROUPS]) -> [Vec3; COUNT] {
     std::array::from_fn(|joint| match GROUP[joint] {
         Some(group) => {
@@ -104,7 +105,7 @@ pub(crate) fn height(offsets: &[Vec3; COUNT]) -> f64 {
     -up(&[1, 4, 7]) + SOLE * shin + up(&[3, 6, 9]) + (1.0 + CROWN) * head
 }
 
-/// The skeleton of a track: the root stands at the origin.
+/// The skeleton of a track, with the root at the origin.
 pub(crate) fn to_track(offsets: &[Vec3; COUNT]) -> pose_track::Skeleton {
     let mut rest_joints = vec![[0.0; 3]; COUNT];
     for joint in 1..COUNT {

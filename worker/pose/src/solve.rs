@@ -1,4 +1,4 @@
-//! Levenberg–Marquardt: steps of the normal equations, shorter where they fail.
+//! Levenberg–Marquardt: steps of the normal equations, damped more after a step that fails.
 
 use crate::banded::{self, Step};
 use crate::joints::UNKNOWNS;
@@ -9,22 +9,22 @@ use crate::residuals::{self, Columns};
 use faer::prelude::Solve;
 use faer::{Mat, Side};
 
-/// A step that lowers the cost by a smaller share ends the search.
+/// The search ends after a step that lowers the cost by a smaller share.
 const ENOUGH: f64 = 3e-4;
-/// More damping than this finds nothing that less didn't.
+/// The search ends at this damping, with which steps are too small to matter.
 const MOST_DAMPING: f64 = 1e6;
 
-/// A guess at all unknowns.
+/// A guess of all unknowns.
 #[derive(Clone, Debug)]
 pub(crate) struct Guess {
     pub stances: Vec<Stance>,
     pub shared: Shared,
-    /// What it costs.
+    /// Its cost.
     pub cost: f64,
 }
 
 impl Guess {
-    /// Of `stances` and `shared`.
+    /// The guess of `stances` and `shared`.
     pub fn new(problem: &Problem, stances: Vec<Stance>, shared: Shared) -> Self {
         Self {
             cost: normal::cost(problem, &stances, &shared),
@@ -40,7 +40,7 @@ impl Guess {
     }
 }
 
-/// Lowers the cost of `guess` by at most `steps` steps; `progress` is told of each.
+/// Lowers the cost of `guess` by at most `steps` steps; `progress` is called before each.
 pub(crate) fn improve(
     problem: &Problem,
     mut guess: Guess,
@@ -75,7 +75,7 @@ pub(crate) fn improve(
     guess
 }
 
-/// Lowers the cost of one frame by itself, with `shared` held; the stance and its cost.
+/// Lowers the cost of one frame by itself, with fixed `shared`. Returns the stance and its cost.
 pub(crate) fn improve_frame(
     problem: &Problem,
     observed: &Observed,

@@ -9,31 +9,31 @@ use yoto_capture::skeleton::transform::{
 };
 use yoto_capture::skeleton::{Mat34, Skeleton, Vec3};
 
-/// Capsules closer than this flow into each other, metres.
+/// Capsules closer than this are blended, metres.
 pub(crate) const BLEND: f64 = 0.03;
-/// Colours of capsules mix where they are equally near, up to this difference, metres.
+/// Colours of capsules are mixed where their distances differ by less than this, metres.
 const COLOUR_BLEND: f64 = 0.012;
-/// Farther than this from cloth, a bound of the distance does instead of the rule, metres.
+/// Farther than this from cloth, a bound of the distance is used instead of the rule, metres.
 const FAR: f64 = 0.06;
 
-/// A capsule where its joint has put it.
+/// A capsule, moved by its joint.
 #[derive(Clone, Debug)]
 pub(crate) struct PosedCapsule<'a> {
     pub from: Vec3,
     pub to: Vec3,
-    /// No point of its surface is farther from the axis, metres.
+    /// Largest distance of the surface from the axis, metres.
     pub thickness: f64,
-    /// From `from` to `to`.
+    /// The vector from `from` to `to`.
     axis: Vec3,
-    /// From the world back to the unposed body.
+    /// The transformation from the world to the rest pose.
     to_rest: Mat34,
     pub rest: &'a Capsule,
-    /// The rule that moves it, and the farthest that it does, metres.
+    /// The rule that moves it, and its largest displacement, metres.
     cloth: Option<(Garment, f64)>,
 }
 
 impl PosedCapsule<'_> {
-    /// Signed distance, too large on slopes and where cloth is stretched: step by less.
+    /// Signed distance. It is too large on tapered capsules and stretched cloth, so a ray must step by less.
     pub fn distance(&self, fall: &Fall<'_>, p: Vec3) -> f64 {
         if self.cloth.is_none() && self.rest.cut.is_none() {
             return self.round_distance(p);
@@ -54,7 +54,7 @@ impl PosedCapsule<'_> {
         off - (first + (last - first) * share)
     }
 
-    /// The point of the unposed, still body that is seen at `p`.
+    /// The point of the body in the rest pose, with still cloth, that appears at `p`.
     fn looked_up(&self, fall: &Fall<'_>, p: Vec3) -> Vec3 {
         let canonical = apply(&self.to_rest, p);
         match self.cloth {
@@ -70,17 +70,17 @@ impl PosedCapsule<'_> {
     }
 }
 
-/// All capsules of a person in a pose.
+/// A person's body in a pose.
 pub(crate) struct PosedBody<'a> {
     pub capsules: Vec<PosedCapsule<'a>>,
     outfit: &'a Outfit,
     fall: Fall<'a>,
-    /// How much faster than the distance itself its estimate can grow.
+    /// Largest slope of the estimated distance; the true one's is 1.
     pub stretch: f64,
 }
 
 impl<'a> PosedBody<'a> {
-    /// `capsules` of `skeleton` in `pose`, in an outfit that `drape` moves.
+    /// The body of `capsules` on `skeleton` in `pose`, in an outfit that `drape` moves.
     pub fn new(
         skeleton: &Skeleton,
         capsules: &'a [Capsule],
@@ -126,7 +126,7 @@ impl<'a> PosedBody<'a> {
         }
     }
 
-    /// Signed distance to the surface, counting the capsules in `near` alone.
+    /// Signed distance to the surface of the capsules in `near`.
     pub fn distance(&self, p: Vec3, near: &[usize]) -> f64 {
         near.iter().fold(f64::INFINITY, |sum, &capsule| {
             let other = self.capsules[capsule].distance(&self.fall, p);
@@ -135,7 +135,7 @@ impl<'a> PosedBody<'a> {
         })
     }
 
-    /// Whether cloth that can move is among what makes the surface at `p`.
+    /// Whether moving cloth is part of the surface at `p`.
     #[cfg(test)]
     pub fn on_cloth(&self, p: Vec3, near: &[usize]) -> bool {
         let distance = |index: usize| self.capsules[index].distance(&self.fall, p);

@@ -1,11 +1,11 @@
-//! A person's proportions, and the joints and flesh that follow from them.
+//! A person's proportions, and the joints and capsules that follow from them.
 
 use super::drape::{Drape, Garment};
 use yoto_capture::skeleton::smpl::JOINTS;
 use yoto_capture::skeleton::transform::{add, dot, length, scale, sub};
 use yoto_capture::skeleton::{Skeleton, Vec3};
 
-/// Indices of [`JOINTS`] by name; the right side's follow the left's.
+/// Indices of [`JOINTS`] by name; each right joint follows its left counterpart.
 pub(crate) mod joint {
     pub const PELVIS: usize = 0;
     pub const L_HIP: usize = 1;
@@ -37,11 +37,11 @@ pub(crate) struct Build {
     pub girth: f64,
     /// Thickness of arms and legs.
     pub limbs: f64,
-    /// How far the belly stands out, metres.
+    /// Protrusion of the belly, metres.
     pub belly: f64,
 }
 
-/// What a capsule is part of: decides which clothes cover it.
+/// The body part of a capsule, which decides the clothes that cover it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Part {
     Torso,
@@ -59,7 +59,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    /// The rule that moves its cloth with the pose, for parts that can have any.
+    /// The rule that moves its cloth with the pose, for parts with moving cloth.
     pub fn garment(self) -> Option<Garment> {
         match self {
             Self::Hem => Some(Garment::Hem),
@@ -69,7 +69,7 @@ impl Part {
     }
 }
 
-/// A tapered capsule that rides on a joint. Ends are in rest-pose coordinates, metres.
+/// A tapered capsule that moves with a joint. Ends are in the rest pose, metres.
 #[derive(Clone, Debug)]
 pub(crate) struct Capsule {
     pub joint: usize,
@@ -77,12 +77,12 @@ pub(crate) struct Capsule {
     pub from: Vec3,
     pub to: Vec3,
     pub radii: [f64; 2],
-    /// Height that it is cut off at; rounded where there is none.
+    /// Height at which it is cut off; `None` for a round end.
     pub cut: Option<f64>,
 }
 
 impl Capsule {
-    /// Signed distance from a point of the unposed body, metres; a little too large on slopes.
+    /// Signed distance from a point in the rest pose, metres; slightly too large on tapered capsules.
     pub fn distance(&self, p: Vec3) -> f64 {
         let axis = sub(self.to, self.from);
         let share = share_along(self.from, axis, p);
@@ -91,14 +91,14 @@ impl Capsule {
         self.cut.map_or(round, |height| round.max(height - p[1]))
     }
 
-    /// The point of its axis nearest to `p`.
+    /// The point of the axis nearest to `p`.
     pub fn centre(&self, p: Vec3) -> Vec3 {
         let axis = sub(self.to, self.from);
         add(self.from, scale(axis, share_along(self.from, axis, p)))
     }
 }
 
-/// Where between `from` (0) and `from + axis` (1) is nearest to `p`.
+/// The share of the way from `from` (0) to `from + axis` (1) that is nearest to `p`.
 pub(crate) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
     let squared = dot(axis, axis);
     if squared > 0.0 {
@@ -111,7 +111,7 @@ pub(crate) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
 /// Shapes that clothes and hair add to the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extras {
-    /// Where a skirt or a coat ends: 1 at the knee, none without either.
+    /// Lower end of a skirt or coat, 1 at the knee; `None` without either.
     pub hem: Option<f64>,
     /// Width of a hem's edge; 1 hangs straight.
     pub flare: f64,
@@ -120,7 +120,7 @@ pub(crate) struct Extras {
     pub sleeves: f64,
     /// Thickness of trousers at the ankle; 1 is the leg's.
     pub trousers: f64,
-    /// Thickness of what is carried on the back, metres; 0 without.
+    /// Thickness of a bag on the back, metres; 0 without one.
     pub pack: f64,
 }
 
@@ -138,7 +138,7 @@ impl Default for Extras {
     }
 }
 
-/// How hair is worn.
+/// Styles of hair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Hair {
     Short,
@@ -149,7 +149,7 @@ pub(crate) enum Hair {
     Full,
 }
 
-/// Height of the unscaled body below, metres.
+/// Height of the unscaled body in [`Build::skeleton`], metres.
 const MODEL_HEIGHT: f64 = 1.78;
 
 impl Build {
@@ -207,12 +207,12 @@ impl Build {
         }
     }
 
-    /// Scale of lengths against the unscaled body.
+    /// Factor on the lengths of the unscaled body.
     pub fn scale(&self) -> f64 {
         self.height / MODEL_HEIGHT
     }
 
-    /// The flesh and the shapes of clothes around `skeleton`, which is this build's.
+    /// The capsules of flesh and clothes around `skeleton`, which must be this build's.
     pub fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
         let mut parts = Vec::new();
         self.torso(skeleton, &mut parts);
@@ -227,7 +227,7 @@ impl Build {
 
     fn torso(&self, skeleton: &Skeleton, parts: &mut Vec<Capsule>) {
         let s = self.scale();
-        // Joint, half breadth, height, forward shift, radius: one slice of the torso each.
+        // The torso's slices: joint, half breadth, height, forward shift, radius.
         let slices = [
             (joint::PELVIS, 0.075 * self.hips, 0.93, -0.005, 0.112),
             (joint::SPINE1, 0.06, 1.05, 0.6 * self.belly, 0.108),
@@ -330,7 +330,7 @@ impl Build {
             scale(sub(at(joint::L_HAND), at(joint::L_WRIST)), 0.9),
         );
         let thickness = self.scale() * self.limbs;
-        // Half of what sleeves are wider at the wrist, they are at the elbow.
+        // At the elbow, sleeves have half of their extra width at the wrist.
         let wide = 0.5 * (1.0 + extras.sleeves);
         let bones = [
             (
@@ -417,7 +417,7 @@ impl Build {
         if let Some(length) = extras.hem {
             let hem = self.hem(hip, knee, length);
             let radii = [0.115 * s * self.girth, extras.flare * self.hem_radius()];
-            // Cloth between the legs, which hangs from the pelvis.
+            // The cloth between the legs hangs from the pelvis.
             let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
             let middle = scale(add(hip, hem), 0.5);
             push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
@@ -441,7 +441,7 @@ impl Build {
         0.125 * self.scale() * self.girth
     }
 
-    /// The clothes that move: a hem if there is one, and sleeves that end at `sleeves`.
+    /// The moving clothes: the hem, if there is one, and sleeves that end at `sleeves`.
     pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
         let hem = extras.hem.map(|length| {
             let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);

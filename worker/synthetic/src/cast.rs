@@ -1,4 +1,4 @@
-//! The cast: builds, clothes and colours that tell people apart at a glance.
+//! The cast: people with clearly different builds, clothes and colours.
 
 use super::SyntheticPerson;
 use super::build::{Build, Extras, Hair};
@@ -32,11 +32,11 @@ pub(crate) const SHIRTS: [Pattern; 4] = [
     Pattern::Plain,
 ];
 
-/// A type of body and dress, varied a little per person.
+/// A type of body and clothes, slightly varied for each person.
 struct Type {
     build: Build,
     extras: Extras,
-    /// Whether the hem is a coat's rather than a skirt's.
+    /// Whether the hem belongs to a coat and not to a skirt.
     coat: bool,
     sleeves: f64,
     legs: f64,
@@ -147,7 +147,7 @@ fn person(i: usize, first_hue: f64, offsets: [usize; 3], rng: &mut impl Rng) -> 
     let skeleton = chosen.build.skeleton();
     let capsules = chosen.build.capsules(&skeleton, chosen.extras);
     let drape = chosen.build.drape(&skeleton, chosen.extras, chosen.sleeves);
-    // Steps of the golden ratio keep hues apart however many people there are.
+    // Steps by the golden ratio keep hues apart for any number of people.
     let even = i.is_multiple_of(2);
     let hue = first_hue + i as f64 * 0.618_034;
     let outfit = Outfit {

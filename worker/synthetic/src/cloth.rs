@@ -1,4 +1,4 @@
-//! The truth about a synthetic person's clothes, for what learns how they move.
+//! The true motion of a synthetic person's clothes, to compare with what a model learns.
 
 use super::SyntheticPerson;
 use super::build::Capsule;
@@ -12,19 +12,19 @@ use yoto_capture::skeleton::transform::{
     add, apply, compose, cross, inverse, length, normalised, scale, sub,
 };
 
-/// How far from a garment's surface its offset is still told, metres.
+/// Largest distance from a garment's surface with a defined offset, metres.
 const MARGIN: f64 = 0.02;
-/// A sampled point is this near to the surface, metres.
+/// Largest distance of a sampled point from the surface, metres.
 const ON_SURFACE: f64 = 1e-4;
-/// Iterations that find where a point of the clothes comes from, to a hundredth of a millimetre.
+/// Iterations to find the canonical point of a point of the clothes, to a hundredth of a millimetre.
 const ITERATIONS: usize = 60;
-/// Draws before a person without clothes ends the sampling, per point.
+/// Most draws per sampled point, which ends the sampling of a person without moving clothes.
 const DRAWS: usize = 200;
 
 impl SyntheticPerson {
-    /// The true non-rigid offset `Δx` at `canonical`, a point of the rest pose to which inverse
-    /// skinning leads: in `pose`, shape and colour there are those that the rest body has at
-    /// `canonical + Δx`. Metres; none farther than 2 cm outside the clothes that move.
+    /// The true non-rigid offset `Δx`, metres, at `canonical`, a point in the rest pose after inverse
+    /// skinning. In `pose`, it has the shape and colour of the rest body at `canonical + Δx`. `None`
+    /// farther than 2 cm outside the moving clothes.
     pub fn offset(&self, pose: &Pose, canonical: [f64; 3]) -> Option<[f64; 3]> {
         let fall = self.drape.posed(pose);
         [Garment::Hem, Garment::Sleeve]
@@ -46,13 +46,13 @@ impl SyntheticPerson {
             })
     }
 
-    /// Where inverse skinning leads in `pose` for the point of the clothes that is at `rest` in the
-    /// rest pose: the canonical point `c` with `c + Δx(c) = rest`, metres. `None` away from the
-    /// clothes that move.
+    /// The canonical point `c` with `c + Δx(c) = rest`, metres: the result of inverse skinning in `pose`
+    /// for the point of the clothes that is at `rest` in the rest pose. `None` away from the moving
+    /// clothes.
     pub fn carried(&self, pose: &Pose, rest: [f64; 3]) -> Option<[f64; 3]> {
         let garment = self.cloth_at(rest)?.part.garment()?;
         let fall = self.drape.posed(pose);
-        // The offset changes by less than the point does, so that this converges.
+        // The offset changes by less than the point, so this fixed-point iteration converges.
         let mut point = rest;
         for _ in 0..ITERATIONS {
             point = sub(rest, fall.offset(garment, point));
@@ -60,8 +60,8 @@ impl SyntheticPerson {
         Some(point)
     }
 
-    /// Where the point of the clothes that is at `rest` in the rest pose is in `pose`, metres.
-    /// `None` away from the clothes that move.
+    /// The position in `pose` of the point of the clothes that is at `rest` in the rest pose, metres.
+    /// `None` away from the moving clothes.
     pub fn observed(&self, pose: &Pose, rest: [f64; 3]) -> Option<[f64; 3]> {
         let carried = self.carried(pose, rest)?;
         let joint = self.cloth_at(rest)?.joint;
@@ -71,8 +71,8 @@ impl SyntheticPerson {
         Some(apply(&compose(&posed, &inverse(&at_rest)), carried))
     }
 
-    /// The capsule of moving clothes whose surface is nearest to `rest` in the rest pose; `None`
-    /// away from the clothes that move.
+    /// The capsule of moving clothes with the surface nearest to `rest` in the rest pose; `None` away from
+    /// the moving clothes.
     fn cloth_at(&self, rest: [f64; 3]) -> Option<&Capsule> {
         let still = Pose::rest(self.skeleton.joints());
         self.offset(&still, rest)?;
@@ -82,8 +82,8 @@ impl SyntheticPerson {
             .min_by(|a, b| a.distance(rest).total_cmp(&b.distance(rest)))
     }
 
-    /// `count` points of the clothes that move, on their surface in the rest pose, metres; the
-    /// same seed gives the same points.
+    /// `count` points on the surface of the moving clothes in the rest pose, metres. The same seed gives the
+    /// same points.
     pub fn cloth_points(&self, count: usize, seed: u64) -> Vec<[f64; 3]> {
         let cloth: Vec<_> = self
             .capsules
@@ -106,7 +106,7 @@ impl SyntheticPerson {
             let normal = around(axis, rng.random_range(0.0..TAU));
             let on_axis = add(capsule.from, scale(axis, share));
             let mut point = add(on_axis, scale(normal, radius));
-            // Blending swells the surface a little beyond each capsule.
+            // Blending moves the surface slightly outwards from each capsule.
             for _ in 0..8 {
                 point = sub(point, scale(normal, body.distance(point, &all)));
             }
@@ -121,7 +121,7 @@ impl SyntheticPerson {
     }
 }
 
-/// The unit vector across `axis` at an angle about it, radians.
+/// The unit vector perpendicular to `axis` at an angle about it, radians.
 fn around(axis: Vec3, angle: f64) -> Vec3 {
     let across = if axis[0].abs() > axis[1].abs() {
         [0.0, 1.0, 0.0]
@@ -190,8 +190,7 @@ mod tests {
                 let mut changed = 0;
                 for pixel in 0..(SIZE * SIZE) as usize {
                     let colours = images.each_ref().map(|image| &image.rgb[3 * pixel..][..3]);
-                    // Rays that pass by cloth take other steps, and hit the surface elsewhere
-                    // within their precision.
+                    // Rays near cloth take other steps, and hit the surface at slightly other points.
                     let apart = colours[0].iter().zip(colours[1]);
                     if apart.map(|(a, b)| a.abs_diff(*b)).max() <= Some(4) {
                         continue;
@@ -227,7 +226,7 @@ mod tests {
         let points = person.cloth_points(300, 1);
         assert_eq!(points.len(), 300);
         for point in points {
-            // Where the bones take it from, were it a point of each cloth capsule in turn.
+            // The canonical point by the bones of each cloth capsule in turn.
             for (index, capsule) in person.capsules.iter().enumerate() {
                 let cloth = capsule.part.garment().is_some();
                 if !cloth || (at_rest.distance(point, &[index])).abs() > 1e-3 {

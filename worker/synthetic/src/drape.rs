@@ -1,14 +1,13 @@
-//! Clothes that move with the pose, by a rule whose displacement is known.
+//! Clothes that move with the pose, by a rule with a known displacement.
 //!
-//! A model of this kind takes an observed point back to the rest pose by inverse skinning,
-//! `x_c`, and adds an offset `Δx(x_c, pose)` to find where the appearance is looked up
-//! (HumanNeRF, "non-rigid motion"). The rule here is that offset itself: in a pose, the garment
-//! at `x_c` has the shape and colour that the rest garment has at `x_c + Δx`. Cloth that moves
-//! by `m` therefore has an offset of about `-m`.
+//! The model maps an observed point to a point `x_c` in the rest pose by inverse skinning, and adds an
+//! offset `Δx(x_c, pose)` to look up the appearance (HumanNeRF, "non-rigid motion"). The rule here is that
+//! offset: in a pose, the garment at `x_c` has the shape and colour of the rest garment at `x_c + Δx`.
+//! Cloth that moves by `m` therefore has an offset of about `-m`.
 //!
-//! - A hem swings with each thigh: nothing at the waist, up to [`SWING`] at the edge, forward
-//!   in front where the thigh is lifted, backward behind where it is stretched back, and
-//!   outward with either.
+//! - A hem swings with each thigh: not at all at the waist, and up to [`SWING`] at the edge. It swings
+//!   forward in front of a lifted thigh, backward behind a thigh that is stretched back, and outward with
+//!   either.
 //! - A sleeve over an elbow slides towards the shoulder and bulges in folds as the elbow bends.
 
 use super::build::joint;
@@ -20,36 +19,36 @@ use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// Forward and backward displacement of a hem at a right angle of the thigh, metres.
 const SWING: f64 = 0.2;
-/// Outward displacement of a hem where the hip's rotation is a right angle, metres.
+/// Outward displacement of a hem at a right angle of the hip, metres.
 const FLARE: f64 = 0.1;
 /// Displacement of a sleeve along the arm as the elbow's [`bend`] approaches 1, metres.
 const SLIDE: f64 = 0.045;
-/// Where a sleeve's slide has faded out beyond its end, metres.
+/// Distance beyond a sleeve's end at which its slide is zero, metres.
 const FADE: f64 = 0.12;
-/// Share of a sleeve's thickness that its bulge adds as [`bend`] approaches 1.
+/// Bulge of a sleeve as [`bend`] approaches 1, as a share of its thickness.
 const BULGE: f64 = 0.27;
 /// Distance from the arm's axis at which the bulge stops growing, metres.
 const BULGE_REACH: f64 = 0.1;
 /// Half the length of the bulge around the elbow, metres.
 const BULGE_HALF: f64 = 0.13;
-/// Share of the bulge that comes and goes with each fold.
+/// Share of the bulge that varies with the folds.
 const FOLD_DEPTH: f64 = 0.25;
 /// Length of a fold along the arm, metres.
 const FOLD: f64 = 0.09;
-/// Rounding of absolute values at 0, radians or their sines.
+/// Width over which absolute values are rounded at 0, radians or their sines.
 const ROUND: f64 = 0.1;
-/// How much faster than distance itself the distance to a garment can grow, per unit of the
-/// pose's strongest movement; measured, and guarded by a test.
+/// Largest excess of the slope of a garment's distance over 1, per unit of the pose's strongest movement.
+/// Measured, and checked by a test.
 const STRETCH: f64 = 0.45;
 
-/// Which rule moves a piece of cloth.
+/// The rules that move cloth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Garment {
     Hem,
     Sleeve,
 }
 
-/// The clothes of a person that move, in the rest pose; metres.
+/// A person's moving clothes in the rest pose; metres.
 #[derive(Clone, Debug)]
 pub(crate) struct Drape {
     scale: f64,
@@ -61,7 +60,7 @@ pub(crate) struct Drape {
 struct Hem {
     /// Height of the waist, above which nothing moves.
     top: f64,
-    /// Height of the edge, which moves most.
+    /// Height of the edge, which moves the most.
     bottom: f64,
     /// Distance of each leg from the body's middle.
     hip_x: f64,
@@ -78,9 +77,8 @@ struct Sleeve {
 }
 
 impl Drape {
-    /// Clothes on `skeleton`: a hem of `hem` metres' thickness at a height, and sleeves that end
-    /// at `sleeves` joints along the arm (1 is the elbow, 2 the wrist). Sleeves that do not
-    /// cover the elbow do not move.
+    /// Clothes on `skeleton`: a hem with a height and thickness, metres, and sleeves that end at `sleeves`
+    /// joints along the arm (1 is the elbow, 2 the wrist). Sleeves that don't cover the elbow don't move.
     pub fn new(skeleton: &Skeleton, scale: f64, hem: Option<(f64, f64)>, sleeves: f64) -> Self {
         let at = |joint: usize| skeleton.rest[joint];
         let (elbow, wrist) = (at(joint::L_ELBOW), at(joint::L_WRIST));
@@ -119,17 +117,17 @@ impl Drape {
     }
 }
 
-/// How a thigh moves the hem on its side.
+/// The movement of the hem by the thigh on its side.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
-    /// Sine of the flexion: positive where the thigh is lifted to the front.
+    /// Sine of the flexion: positive for a thigh that is lifted to the front.
     forward: f64,
-    /// One less the cosine of the whole rotation.
+    /// One minus the cosine of the whole rotation.
     outward: f64,
 }
 
 impl Swing {
-    /// `rotation`: the hip's axis-angle, radians. Flexion turns about the body's left, -x.
+    /// The movement for the hip's axis-angle vector `rotation`, radians. Flexion is a rotation about -x.
     fn of(rotation: Vec3) -> Self {
         Self {
             forward: (-rotation[0]).sin(),
@@ -138,8 +136,8 @@ impl Swing {
     }
 }
 
-/// How far an elbow is bent, 0 to 1, from its axis-angle (radians): 0.05 at 15 degrees, 0.57
-/// at 42, 0.83 at 75.
+/// Bend of an elbow, 0 to 1, from its axis-angle vector in radians: 0.05 at 15 degrees, 0.57 at 42, 0.83
+/// at 75.
 fn bend(rotation: Vec3) -> f64 {
     rounded_length(dot(rotation, rotation).sqrt()).tanh()
 }
@@ -149,7 +147,7 @@ fn rounded_length(x: f64) -> f64 {
     (x * x + ROUND * ROUND).sqrt() - ROUND
 }
 
-/// A smooth step from -1 to 1 through 0, with slope 1 there.
+/// A smooth step from -1 to 1, with the value 0 and slope 1 at 0.
 fn sigmoid(x: f64) -> f64 {
     x / (1.0 + x * x).sqrt()
 }
@@ -164,8 +162,8 @@ pub(crate) struct Fall<'a> {
 }
 
 impl Fall<'_> {
-    /// `Δx` of a garment at a point of the rest pose: the garment there is what the rest
-    /// garment is at `point + Δx`. Metres; 0 for a garment that is not worn.
+    /// The offset `Δx` of a garment at a point in the rest pose, metres: the garment there equals the rest
+    /// garment at `point + Δx`. 0 for a garment that is not worn.
     pub fn offset(&self, garment: Garment, point: Vec3) -> Vec3 {
         match garment {
             Garment::Hem => self.hem_offset(point),
@@ -183,7 +181,7 @@ impl Fall<'_> {
         let front = sigmoid(z / hem.radius);
         let (mut forward, mut outward) = (0.0, 0.0);
         for (share, swing) in shares.into_iter().zip(self.hips) {
-            // Of a lifted thigh the front moves, of one stretched back the back.
+            // A lifted thigh moves the front of the hem, a thigh that is stretched back moves the back.
             let moved = 0.5 * (swing.forward + front * rounded_length(swing.forward));
             forward += share * moved;
             outward += share * swing.outward;
@@ -222,7 +220,7 @@ impl Fall<'_> {
         [side * slide, -bulge * off_axis[0], -bulge * off_axis[1]]
     }
 
-    /// A bound of the offset's length for a garment, metres.
+    /// An upper bound of the offset's length for a garment, metres.
     pub fn reach(&self, garment: Garment) -> f64 {
         let scale = self.drape.scale;
         scale
@@ -241,7 +239,7 @@ impl Fall<'_> {
             }
     }
 
-    /// A bound of how fast `point + offset` moves with `point`: 1 where clothes hang still.
+    /// An upper bound of the slope of `point + offset` by `point`; 1 for still clothes.
     pub fn stretch(&self) -> f64 {
         let mut strongest = 0.0f64;
         if self.drape.hem.is_some() {
@@ -285,7 +283,7 @@ mod tests {
         (0..count).map(near).collect()
     }
 
-    /// Hips and elbows turned, the left ones more than the right.
+    /// A pose with rotated hips and elbows, the left ones by more than the right.
     fn pose(hip: Vec3, elbow: Vec3) -> Pose {
         let mut pose = Pose::rest(24);
         for (left, rotation) in [(joint::L_HIP, hip), (joint::L_ELBOW, elbow)] {

@@ -1,9 +1,8 @@
-//! What a pose estimator makes of a film: the exact poses with errors like those of real ones.
+//! A simulated pose estimator: exact poses with errors like those of real estimators.
 //!
-//! Errors are smooth in time, larger where the body hides a limb, differ with the heading, and are
-//! several times as large along the view as across it. Beside them stand a lean that stays, a wrong
-//! focal length with the distance that goes with it, wrong bone lengths, and frames that are
-//! altogether wrong.
+//! Errors are smooth in time, larger for limbs that the body hides, change with the heading, and are
+//! several times as large along the view as across it. There are also a constant lean, a wrong focal
+//! length with the distance to match, wrong bone lengths, and frames that are completely wrong.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,51 +10,51 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::readings::{Reading, Sides};
 use yoto_capture::skeleton::transform::{
-    Vec3, add, after, dot, length, normalised, rotate, scale, sub,
+    Vec3, add, compose_axis_angle, dot, length, normalised, rotate, scale, sub,
 };
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_proto::correction::other_sides;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// Limbs nearer than this to the body's axis, in the picture's plane, are hidden when they are behind
-/// it, metres.
+/// A limb behind the body is hidden if it is nearer than this to the body's axis in the picture's plane,
+/// metres.
 const HIDING: f64 = 0.2;
-/// How far beside the person a lost track is, metres.
+/// Sideways distance of a lost track from the person, metres.
 const BESIDE: f64 = 0.4;
-/// Frames of a run of mistakes, at most.
+/// Most frames in a run of mistakes.
 const RUN: usize = 3;
 
-/// Sizes of an estimator's errors; 0 turns an error off.
+/// The sizes of an estimator's errors; 0 disables an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimator {
-    /// Turn of a joint that changes over the film, root mean square, radians.
-    pub turn: f64,
+    /// Rotation error of a joint that changes over the film, root mean square, radians.
+    pub rotation: f64,
     /// Frames over which it changes.
     pub frames: f64,
-    /// Turn of a joint that stays or changes with the heading, radians.
+    /// Rotation error of a joint that is constant or changes with the heading, radians.
     pub bias: f64,
-    /// Factor on the turns of hidden limbs.
+    /// Factor on the rotation errors of hidden limbs.
     pub hidden: f64,
-    /// Place across the view, along each axis, metres.
+    /// Position error across the view, along each axis, metres.
     pub across: f64,
-    /// Place along the view, metres.
+    /// Position error along the view, metres.
     pub along: f64,
-    /// Lean towards or away from the camera that stays, radians.
+    /// Constant lean towards or away from the camera, radians.
     pub lean: f64,
-    /// Focal length, a share of itself.
+    /// Relative error of the focal length.
     pub focal: f64,
-    /// Lengths of bones, shares of themselves.
+    /// Relative error of bone lengths.
     pub bones: f64,
-    /// Share of frames that are altogether wrong, at most a quarter.
+    /// Share of frames that are completely wrong, at most a quarter.
     pub mistakes: f64,
 }
 
 impl Default for Estimator {
-    /// Errors by which the check of a capture finds rendered films as imprecise as a phone video with
-    /// automatic poses: 14 to 23 mm, where that video has 15 and the exact poses 11.
+    /// Errors with which the check of a capture measures rendered films like a phone video with automatic
+    /// poses: 14 to 23 mm, while that video has 15 mm and exact poses have 11 mm.
     fn default() -> Self {
         Self {
-            turn: 0.05,
+            rotation: 0.05,
             frames: 2.5,
             bias: 0.016,
             hidden: 1.5,
@@ -69,21 +68,21 @@ impl Default for Estimator {
     }
 }
 
-/// What is altogether wrong with a frame.
+/// A mistake that makes a frame completely wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mistake {
-    /// The body as seen from the other side, or with exchanged limbs.
+    /// The body from the other side, or with exchanged limbs.
     Read(Reading),
     /// The pose of another time, beside the person.
     Lost,
 }
 
-/// An estimate of a film's poses.
+/// The estimate of a film's poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// The poses, bones and cameras that the estimator believes.
+    /// Poses, bones and cameras by the estimator.
     pub track: PoseTrack,
-    /// Places of frames that are altogether wrong, rising.
+    /// Positions of completely wrong frames in the track, ascending.
     pub mistakes: Vec<(usize, Mistake)>,
 }
 
@@ -91,7 +90,7 @@ impl Estimator {
     /// The estimate of `exact`. The same seed gives the same errors.
     ///
     /// # Errors
-    /// Invalid skeleton.
+    /// If the track's skeleton is invalid.
     pub fn estimate(&self, exact: &PoseTrack, seed: u64) -> Result<Estimate, SkeletonError> {
         let skeleton = Skeleton::from_track(&exact.skeleton)?;
         let sides = other_sides(&exact.skeleton).ok();
@@ -99,8 +98,8 @@ impl Estimator {
         let mut track = exact.clone();
         let joints = skeleton.joints();
         let count = track.frames.len();
-        let turns: Vec<Vec<Vec3>> = (0..joints).map(|_| self.smooth(count, &mut rng)).collect();
-        let places = self.smooth(count, &mut rng);
+        let rotations: Vec<Vec<Vec3>> = (0..joints).map(|_| self.smooth(count, &mut rng)).collect();
+        let positions = self.smooth(count, &mut rng);
         let biases: Vec<[Vec3; 2]> = (0..joints)
             .map(|_| [normals(&mut rng), normals(&mut rng)])
             .collect();
@@ -114,17 +113,26 @@ impl Estimator {
                 let [stays, turns_along] = biases[joint];
                 let with_heading = (view.heading - phases[joint]).cos();
                 let bias = add(stays, scale(turns_along, with_heading));
-                // Each of three axes, and a mean square of 1.5 of the bias.
+                // Each error has three axes, hence √3. The bias's parts have a mean square of 1 and, with
+                // the cosine, of ½: √(3 · 1.5) in all.
                 let error = add(
-                    scale(turns[joint][i], hidden * self.turn / 3f64.sqrt()),
+                    scale(rotations[joint][i], hidden * self.rotation / 3f64.sqrt()),
                     scale(bias, self.bias / 4.5f64.sqrt()),
                 );
-                set(frame, joint, after(rotation(frame, joint), error));
+                set(
+                    frame,
+                    joint,
+                    compose_axis_angle(rotation(frame, joint), error),
+                );
             }
             // World axes of the camera: across, down, along.
             let [x, y, z] = view.axes;
-            set(frame, 0, after(scale(x, lean), rotation(frame, 0)));
-            let [u, v, w] = places[i];
+            set(
+                frame,
+                0,
+                compose_axis_angle(scale(x, lean), rotation(frame, 0)),
+            );
+            let [u, v, w] = positions[i];
             let error = add(scale(x, self.across * u), scale(y, self.across * v));
             let error = add(
                 error,
@@ -141,11 +149,11 @@ impl Estimator {
         Ok(Estimate { track, mistakes })
     }
 
-    /// Three smooth numbers for each of `count` frames, of variance 1.
+    /// For each of `count` frames three random numbers with variance 1 that are smooth over time.
     fn smooth(&self, count: usize, rng: &mut ChaCha8Rng) -> Vec<Vec3> {
         let reach = (3.0 * self.frames).ceil() as usize;
         let white: Vec<Vec3> = (0..count + 2 * reach).map(|_| normals(rng)).collect();
-        // Correlated over `frames` after a curve that is narrower by the root of 2.
+        // Noise that is blurred with a Gaussian is correlated over √2 times the Gaussian's width.
         let spread = (self.frames * FRAC_1_SQRT_2).max(1e-3);
         let curve: Vec<f64> = (0..=2 * reach)
             .map(|i| (-0.5 * ((i as f64 - reach as f64) / spread).powi(2)).exp())
@@ -158,7 +166,7 @@ impl Estimator {
         white.windows(2 * reach + 1).map(sum).collect()
     }
 
-    /// Changes the lengths of bones, alike on both sides.
+    /// Changes the lengths of bones, equally on both sides.
     fn lengthen(
         &self,
         track: &mut PoseTrack,
@@ -178,7 +186,7 @@ impl Estimator {
         }
     }
 
-    /// Spoils frames in short runs; places and mistakes.
+    /// Puts mistakes into short runs of frames. Returns the frames' positions with the mistakes.
     fn spoil(
         &self,
         track: &mut PoseTrack,
@@ -193,19 +201,19 @@ impl Estimator {
             let start = rng.random_range(0..count);
             let run = rng.random_range(1..=RUN).min(wanted - found.len());
             let kind = rng.random_range(0..3);
-            for place in start..(start + run).min(count) {
-                if found.iter().any(|(other, _)| *other == place) {
+            for position in start..(start + run).min(count) {
+                if found.iter().any(|(other, _)| *other == position) {
                     continue;
                 }
                 let mistake = match (kind, sides) {
                     (0, Some(sides)) => read(
-                        &mut track.frames[place],
+                        &mut track.frames[position],
                         sides,
                         Reading::FrontToBack,
                         track.image_size,
                     ),
                     (1, Some(sides)) => read(
-                        &mut track.frames[place],
+                        &mut track.frames[position],
                         sides,
                         Reading::Limbs,
                         track.image_size,
@@ -213,22 +221,22 @@ impl Estimator {
                     _ => None,
                 };
                 let mistake = mistake.unwrap_or_else(|| {
-                    let from = &before.frames[(place + count / 2) % count];
-                    let frame = &mut track.frames[place];
+                    let from = &before.frames[(position + count / 2) % count];
+                    let frame = &mut track.frames[position];
                     let [x, _, _] = View::axes(frame);
                     frame.pose.clone_from(&from.pose);
                     frame.translation = add(frame.translation, scale(x, BESIDE));
                     Mistake::Lost
                 });
-                found.push((place, mistake));
+                found.push((position, mistake));
             }
         }
-        found.sort_unstable_by_key(|(place, _)| *place);
+        found.sort_unstable_by_key(|(position, _)| *position);
         found
     }
 }
 
-/// Puts another `reading` of its pose into `frame`; `None` if the frame has no such reading.
+/// Replaces the pose of `frame` by another `reading` of it; `None` if there is no such reading.
 fn read(
     frame: &mut Frame,
     sides: &Sides,
@@ -244,15 +252,15 @@ fn read(
     Some(Mistake::Read(reading))
 }
 
-/// What a frame's camera sees of its body.
+/// The view of a frame's camera on its body.
 struct View {
     /// World directions: across, down and along the view.
     axes: [Vec3; 3],
     /// Distance of the root along the view, metres.
     distance: f64,
-    /// Direction that the body faces, from the camera, radians.
+    /// Heading of the body relative to the camera, radians.
     heading: f64,
-    /// Which joints the body hides.
+    /// For each joint, whether the body hides it.
     hidden: Vec<bool>,
 }
 
@@ -267,14 +275,14 @@ impl View {
     fn of(skeleton: &Skeleton, frame: &Frame) -> Self {
         let axes = Self::axes(frame);
         let rotations = frame.pose.as_chunks::<3>().0;
-        let place = skeleton.global_transforms(rotations);
-        let joints: Vec<Vec3> = place
+        let transforms = skeleton.global_transforms(rotations);
+        let joints: Vec<Vec3> = transforms
             .iter()
             .map(|m| add([m[0][3], m[1][3], m[2][3]], frame.translation))
             .collect();
         let seen = |point: Vec3| axes.map(|axis| dot(axis, point));
         let root = seen(joints[0]);
-        let forward = rotate(&place[0], [0.0, 0.0, 1.0]);
+        let forward = rotate(&transforms[0], [0.0, 0.0, 1.0]);
         // The body's axis in the picture's plane: from the root to the highest joint at rest.
         let top = (0..joints.len())
             .max_by(|a, b| skeleton.rest[*a][1].total_cmp(&skeleton.rest[*b][1]))
@@ -307,7 +315,7 @@ fn set(frame: &mut Frame, joint: usize, to: Vec3) {
     }
 }
 
-/// A number of the normal distribution, by Box and Muller.
+/// A random number with the standard normal distribution, by the Box-Muller transform.
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
     let (radius, angle): (f64, f64) = (rng.random(), rng.random());
     (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * angle).cos()

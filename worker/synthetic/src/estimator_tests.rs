@@ -2,7 +2,7 @@ use super::*;
 use crate::SyntheticPerson;
 
 const NONE: Estimator = Estimator {
-    turn: 0.0,
+    rotation: 0.0,
     frames: 2.5,
     bias: 0.0,
     hidden: 1.0,
@@ -18,11 +18,11 @@ fn film(frames: usize) -> PoseTrack {
     SyntheticPerson::cast(1, 7)[0].capture(frames, 16).0
 }
 
-/// Root mean square turn of a joint, and its correlation with the next frame's.
-fn turns(exact: &PoseTrack, found: &PoseTrack) -> (f64, f64) {
+/// Root mean square rotation error of a joint, and its correlation with the next frame's.
+fn rotation_error(exact: &PoseTrack, found: &PoseTrack) -> (f64, f64) {
     let error = |i: usize, joint: usize| {
         let [a, b] = [exact, found].map(|track| rotation(&track.frames[i], joint));
-        after(scale(a, -1.0), b)
+        compose_axis_angle(scale(a, -1.0), b)
     };
     let (mut all, mut next, mut count) = (0.0, 0.0, 0.0);
     for i in 1..exact.frames.len() {
@@ -41,10 +41,17 @@ fn errors_have_the_size_that_is_asked_for() {
     let exact = film(120);
     let found = |it: Estimator| it.estimate(&exact, 3).expect("an estimate");
     let none = found(NONE);
-    assert!(none.mistakes.is_empty() && turns(&exact, &none.track).0 < 1e-9);
-    let (size, alike) = turns(&exact, &found(Estimator { turn: 0.07, ..NONE }).track);
+    assert!(none.mistakes.is_empty() && rotation_error(&exact, &none.track).0 < 1e-9);
+    let (size, alike) = rotation_error(
+        &exact,
+        &found(Estimator {
+            rotation: 0.07,
+            ..NONE
+        })
+        .track,
+    );
     assert!((size - 0.07).abs() < 0.01 && alike > 0.8, "{size} {alike}");
-    let (size, alike) = turns(&exact, &found(Estimator { bias: 0.05, ..NONE }).track);
+    let (size, alike) = rotation_error(&exact, &found(Estimator { bias: 0.05, ..NONE }).track);
     assert!(
         (size - 0.05).abs() < 0.015 && alike > 0.95,
         "{size} {alike}"
@@ -101,15 +108,19 @@ fn as_many_frames_are_wrong_as_asked_for() {
         let pairs = a.pose.as_chunks::<3>().0.iter();
         let apart = pairs
             .zip(b.pose.as_chunks::<3>().0)
-            .map(|(a, b)| length(after(scale(*a, -1.0), *b)));
+            .map(|(a, b)| length(compose_axis_angle(scale(*a, -1.0), *b)));
         apart.fold(0.0, f64::max) > 1e-6
     };
     let pairs = exact.frames.iter().zip(&found.track.frames);
-    let places: Vec<usize> = (0..)
+    let positions: Vec<usize> = (0..)
         .zip(pairs)
         .filter(|(_, it)| differs(*it))
         .map(|(i, _)| i)
         .collect();
-    let named: Vec<usize> = found.mistakes.iter().map(|(place, _)| *place).collect();
-    assert_eq!(places, named);
+    let named: Vec<usize> = found
+        .mistakes
+        .iter()
+        .map(|(position, _)| *position)
+        .collect();
+    assert_eq!(positions, named);
 }

@@ -1,10 +1,9 @@
-//! Made-up people: textured, clothed, moving, and seen from wherever one likes.
+//! Synthetic people: textured, clothed, moving, and rendered from any camera.
 //!
-//! A capture whose truth is known from every side, in poses that no camera filmed, and free
-//! to copy. Bodies are smooth-blended capsules on the 24 SMPL joints; every colour
-//! belongs to a place on a bone, and shading to the unposed body, so that what one sees
-//! depends on neither light nor viewer, as the model assumes. Hems and sleeves move with the
-//! pose beyond what bones do, by a rule that [`SyntheticPerson::offset`] tells.
+//! Their captures are free to copy, and the truth is known for every view and for unseen poses. Bodies are
+//! smoothly blended capsules on the 24 SMPL joints. Colours and shading belong to the body in the rest pose,
+//! so they depend on neither light nor view, as the model assumes. Hems and sleeves also move beyond the
+//! bones' motion, by a rule that [`SyntheticPerson::offset`] returns.
 
 mod body;
 mod build;
@@ -31,13 +30,13 @@ use yoto_proto::pose_track::{self, PoseTrack};
 
 /// Frames per second of a synthetic capture.
 const FPS: f64 = 15.0;
-/// What cameras look at: the middle of a standing person with arms raised, metres.
+/// The point that cameras look at: the middle of a standing person with raised arms, metres.
 const TARGET: Vec3 = [0.0, 0.98, 0.0];
-/// How much of the world an image shows at the target, metres from top to bottom.
+/// Height of the view at the target, metres.
 const VIEW_HEIGHT: f64 = 2.3;
 const UP: Vec3 = [0.0, 1.0, 0.0];
 
-/// One made-up person.
+/// One synthetic person.
 #[derive(Clone, Debug)]
 pub struct SyntheticPerson {
     name: String,
@@ -49,21 +48,21 @@ pub struct SyntheticPerson {
 }
 
 impl SyntheticPerson {
-    /// `n` people who differ in build, clothes, colours and gait. The same seed gives the
-    /// same people, and a larger `n` only adds to them.
+    /// `n` people with different builds, clothes, colours and gaits. The same seed gives the same people,
+    /// and a larger `n` only adds to them.
     pub fn cast(n: usize, seed: u64) -> Vec<Self> {
         cast::cast(n, seed)
     }
 
-    /// `n` people as unlike as those who are filmed: thin and stout, in skirts, coats, wide sleeves and
-    /// trousers, with ponytails, full hair and bags, in colours from black to white, who turn once or
-    /// twice and raise their arms or not. The same seed gives the same people, and a larger `n` only
-    /// adds to them.
+    /// `n` people with the variety of real captures: thin and stout, in skirts, coats, wide sleeves and
+    /// trousers, with ponytails, full hair and bags, in colours from black to white. They turn once or
+    /// twice, and some raise their arms. The same seed gives the same people, and a larger `n` only adds
+    /// to them.
     pub fn varied(n: usize, seed: u64) -> Vec<Self> {
         varied::varied(n, seed)
     }
 
-    /// A name that no other person of the cast has.
+    /// A name that is unique in the cast.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -74,8 +73,7 @@ impl SyntheticPerson {
         self.skeleton.to_track()
     }
 
-    /// What `camera` sees of the person in `pose`: colours premultiplied by coverage, over
-    /// black.
+    /// The image of the person in `pose` by `camera`: colours premultiplied by coverage, over black.
     pub fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
         raycast::render(&self.posed(pose, &self.drape), camera)
     }
@@ -91,24 +89,23 @@ impl SyntheticPerson {
         PosedBody::new(&self.skeleton, &self.capsules, &self.outfit, drape, pose)
     }
 
-    /// `frames` poses to be filmed: walking on the spot through two whole turns, waving and
-    /// raising the arms, so that one camera sees every side.
+    /// `frames` poses for a film: walking on the spot through two whole turns, waving and raising the arms,
+    /// so that one camera sees every side.
     pub fn motion(&self, frames: usize) -> Vec<Pose> {
         self.gait.filmed(&self.skeleton, frames)
     }
 
-    /// `frames` poses that [`SyntheticPerson::motion`] does not hold: jumping jacks, then
-    /// squats.
+    /// `frames` poses that are not in [`SyntheticPerson::motion`]: jumping jacks, then squats.
     pub fn unseen_motion(&self, frames: usize) -> Vec<Pose> {
         self.gait.unseen(&self.skeleton, frames)
     }
 
-    /// The camera that films: 3.2 m in front, images of `size` x `size` pixels.
+    /// The training camera: 3.2 m in front, with images of `size` x `size` pixels.
     pub fn train_camera(size: u32) -> Camera {
         camera_at(0.0, 1.15, size)
     }
 
-    /// Four cameras around the person, raised a little, none where the filming one stands.
+    /// Four cameras around the person, slightly raised, none at the training camera's position.
     pub fn held_out_cameras(size: u32) -> Vec<Camera> {
         [60.0, 150.0, 240.0, 330.0]
             .into_iter()

@@ -1,15 +1,15 @@
-//! How a made-up person moves.
+//! The motion of a synthetic person.
 
 use super::build::joint;
 use std::f64::consts::{PI, TAU};
 use yoto_capture::skeleton::Pose;
-use yoto_capture::skeleton::transform::{cross, dot, length, scale};
+use yoto_capture::skeleton::transform::compose_axis_angle;
 use yoto_capture::skeleton::{Skeleton, Vec3};
 
-/// What tells one person's movements from another's.
+/// The individual parameters of a person's motion.
 #[derive(Clone, Debug)]
 pub(crate) struct Gait {
-    /// Which way they turn: 1 or -1.
+    /// Direction of their turns: 1 or -1.
     pub turn: f64,
     /// Phase of their steps, radians.
     pub phase: f64,
@@ -37,7 +37,7 @@ impl Default for Gait {
     }
 }
 
-/// Joint rotations, radians, being put together.
+/// Joint rotations under construction, axis-angle, radians.
 struct Stance(Vec<Vec3>);
 
 impl Stance {
@@ -45,14 +45,14 @@ impl Stance {
         self.0[joint] = rotation;
     }
 
-    /// The left joint and, mirrored about the body's middle, the right one beside it.
+    /// Sets the left joint, and the right one to the mirrored rotation.
     fn set_both(&mut self, left: usize, rotation: Vec3) {
         let [x, y, z] = rotation;
         self.set(left, rotation);
         self.set(left + 1, [x, -y, -z]);
     }
 
-    /// As a pose whose lowest foot stands on the floor, `lift` metres above it in a jump.
+    /// The pose with the lowest foot on the floor, or `lift` metres above it in a jump.
     fn stand(self, skeleton: &Skeleton, lift: f64) -> Pose {
         let mut pose = Pose {
             rotations: self.0.iter().map(|r| r.map(|v| v as f32)).collect(),
@@ -70,7 +70,7 @@ impl Stance {
 }
 
 impl Gait {
-    /// Walking on the spot, turning, waving, raising the arms.
+    /// Walking on the spot, turning, waving, and raising the arms.
     pub fn filmed(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
         (0..frames)
             .map(|frame| {
@@ -105,7 +105,7 @@ impl Gait {
         stance.set(joint::NECK, [0.1 * (2.0 * step).sin(), 0.0, 0.0]);
         stance.set(joint::HEAD, [0.0, 0.35 * (TAU * 3.0 * time).sin(), 0.0]);
 
-        // Raised over part of the time each: 0 hangs down, 1 is straight out, 1.6 is up.
+        // Each arm is raised during a part of the time: at 0 it hangs, at 1 it is straight out, at 1.6 up.
         let right = 1.65 * bump(time, 0.08, 0.3) + 1.1 * bump(time, 0.62, 0.8);
         let left = 1.55 * bump(time, 0.36, 0.58) + 1.1 * bump(time, 0.62, 0.8);
         for (side, sign, raised, swing) in [(0, 1.0, left, -swing), (1, -1.0, right, swing)] {
@@ -115,13 +115,13 @@ impl Gait {
             let forward = [-0.55 * swing * hanging, 0.0, 0.0];
             stance.set(
                 joint::L_SHOULDER + side,
-                product(forward, [0.0, 0.0, lowered]),
+                compose_axis_angle(forward, [0.0, 0.0, lowered]),
             );
             let bend = 0.25 + 0.85 * hanging * (0.5 + 0.5 * swing);
             let waving = bump(raised, 1.0, 2.0) * (0.8 + 0.5 * (TAU * 9.0 * time).sin());
             stance.set(
                 joint::L_ELBOW + side,
-                product([0.0, -sign * bend, 0.0], [0.0, 0.0, sign * waving]),
+                compose_axis_angle([0.0, -sign * bend, 0.0], [0.0, 0.0, sign * waving]),
             );
             stance.set(joint::L_WRIST + side, [0.0, 0.0, -sign * 0.2 * waving]);
         }
@@ -165,7 +165,7 @@ fn squat(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
     stance.set(joint::SPINE1, [0.35 * effort, 0.0, 0.0]);
     stance.set(joint::SPINE2, [0.2 * effort, 0.0, 0.0]);
     stance.set(joint::NECK, [-0.3 * effort, 0.0, 0.0]);
-    let arms = product([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
+    let arms = compose_axis_angle([0.0, -1.2 * effort, 0.0], [0.0, 0.0, -1.2 * (1.0 - effort)]);
     stance.set_both(joint::L_SHOULDER, arms);
     stance.set_both(joint::L_ELBOW, [0.0, -0.3 - 0.8 * effort, 0.0]);
     stance.stand(skeleton, 0.0)
@@ -180,58 +180,4 @@ fn bump(x: f64, from: f64, to: f64) -> f64 {
 /// The same angle between -π and π.
 fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
-}
-
-/// First the rotation `b`, then `a`; all axis-angle, radians.
-fn product(a: Vec3, b: Vec3) -> Vec3 {
-    let quaternion = |r: Vec3| {
-        let angle = length(r);
-        // sin(θ/2)/θ, by its limit where θ is tiny.
-        let factor = if angle > 1e-9 {
-            (angle / 2.0).sin() / angle
-        } else {
-            0.5
-        };
-        ((angle / 2.0).cos(), scale(r, factor))
-    };
-    let ((aw, av), (bw, bv)) = (quaternion(a), quaternion(b));
-    let w = aw * bw - dot(av, bv);
-    let across = cross(av, bv);
-    let v: Vec3 = std::array::from_fn(|i| aw * bv[i] + bw * av[i] + across[i]);
-    let sine = length(v);
-    if sine < 1e-12 {
-        return [0.0; 3];
-    }
-    // The shorter way round, so that angles stay under π.
-    let angle = 2.0
-        * if w < 0.0 {
-            -sine.atan2(-w)
-        } else {
-            sine.atan2(w)
-        };
-    scale(v, angle / sine)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use yoto_capture::skeleton::transform::{IDENTITY, compose, rigid, rodrigues};
-
-    #[test]
-    fn products_turn_as_their_matrices_do() {
-        for (a, b) in [
-            ([0.3, -0.2, 1.0], [1.1, 0.4, -0.6]),
-            ([0.0; 3], [0.1, 0.0, 0.0]),
-            ([2.5, 0.0, 0.0], [2.0, 0.3, 0.0]),
-            ([0.4, 0.0, 0.0], [-0.4, 0.0, 0.0]),
-        ] {
-            let of = |r: Vec3| rigid(rodrigues(r), [0.0; 3]);
-            let (found, expected) = (of(product(a, b)), compose(&of(a), &of(b)));
-            for i in 0..3 {
-                for j in 0..IDENTITY[0].len() {
-                    assert!((found[i][j] - expected[i][j]).abs() < 1e-12, "{a:?} {b:?}");
-                }
-            }
-        }
-    }
 }

@@ -1,4 +1,4 @@
-//! Clothes, skin, hair and face: the colour of every place on the unposed body.
+//! Clothes, skin, hair and face: the colour of every point of the body in the rest pose.
 
 use super::build::{Part, joint};
 use std::f64::consts::TAU;
@@ -11,8 +11,8 @@ pub(crate) type Colour = [f64; 3];
 const WHITE: Colour = [0.93, 0.93, 0.92];
 const EYE: Colour = [0.06, 0.05, 0.05];
 
-/// How a garment's two colours are laid out. Lengths are tens of centimetres, so that
-/// patterns survive in small images.
+/// The pattern of a garment's two colours. Its lengths are tens of centimetres, so that it is visible in
+/// small images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pattern {
     /// One colour, with a band of the other across the chest.
@@ -33,31 +33,30 @@ pub(crate) struct Cloth {
     pub pattern: Pattern,
 }
 
-/// All that covers a body. Lengths along limbs count joints: 1 ends at the elbow or knee,
-/// 2 at the wrist or ankle.
+/// All clothes of a person. Lengths along limbs count joints: 1 is the elbow or knee, 2 the wrist or ankle.
 #[derive(Clone, Debug)]
 pub(crate) struct Outfit {
     pub shirt: Cloth,
-    /// Where sleeves end.
+    /// End of the sleeves.
     pub sleeves: f64,
-    /// Whether the shirt reaches over the hips, as a coat's skirt.
+    /// Whether the shirt covers the hips and the hem, as a coat.
     pub coat: bool,
     /// Trousers, or a skirt and what is under it.
     pub lower: Cloth,
-    /// Where trousers end; 0 with a skirt.
+    /// End of the trousers; 0 with a skirt.
     pub legs: f64,
     pub shoes: Colour,
     pub belt: Colour,
     pub skin: Colour,
     pub hair: Colour,
-    /// Where things are on this body, metres.
+    /// Heights and distances on this body, metres.
     pub measures: Measures,
 }
 
-/// Places on the unposed body that clothes keep to, metres.
+/// Heights and distances on the body in the rest pose that clothes follow, metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Measures {
-    /// Scale against the average body.
+    /// Scale relative to the average body.
     pub scale: f64,
     /// Height of the belt.
     pub waist: f64,
@@ -90,8 +89,8 @@ impl Measures {
 }
 
 impl Outfit {
-    /// The colour of `part` at `p`, a point of the unposed body whose surface faces
-    /// `normal` there. The shading is painted on: it belongs to the body, not to the light.
+    /// The colour of `part` at the point `p` with the surface normal `normal`, both in the rest pose. The
+    /// shading is painted on: it belongs to the body, not to the light.
     pub fn colour(&self, part: Part, p: Vec3, normal: Vec3) -> Colour {
         let lit = 0.34 * normal[0] + 0.62 * normal[1] + 0.7 * normal[2];
         scale(self.paint(part, p), 0.84 + 0.15 * lit)
@@ -157,7 +156,7 @@ impl Outfit {
         )
     }
 
-    /// Whether a sleeve covers `p`, a point of the unposed arm.
+    /// Whether a sleeve covers `p`, a point of the arm in the rest pose.
     pub fn sleeve_covers(&self, p: Vec3) -> bool {
         let m = &self.measures;
         let forearm = (p[0].abs() - m.elbow_x) / (m.wrist_x - m.elbow_x);
@@ -219,7 +218,7 @@ fn wave(x: f64) -> f64 {
     (5.0 * (TAU * x).sin()).clamp(-1.0, 1.0)
 }
 
-/// 0 under `from`, 1 over `to`, smooth between.
+/// 0 below `from`, 1 above `to`, smooth between.
 pub(crate) fn smooth_step(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -1,4 +1,4 @@
-//! From a posed body to pixels: sphere tracing, with coverage by supersampling.
+//! Rendering of a posed body by sphere tracing, with coverage by supersampling.
 
 use super::body::{BLEND, PosedBody, PosedCapsule};
 use rayon::prelude::*;
@@ -9,35 +9,35 @@ use yoto_capture::skeleton::transform::{add, dot, length, normalised, scale, sub
 
 /// Rays per pixel and axis.
 const SAMPLES: usize = 3;
-/// A point this near to the surface is on it, metres.
+/// Largest distance of a point on the surface, metres.
 const ON_SURFACE: f64 = 5e-4;
-/// Capsules beyond this have no say in where the surface is, metres.
+/// Capsules farther away don't change the surface at a point, metres.
 const REACH: f64 = 1.3 * BLEND;
-/// How far blended capsules can swell beyond each of them, metres.
+/// Largest distance of a blended surface from its capsules, metres.
 const BULGE: f64 = 0.5 * BLEND;
-/// Share of the distance that a step dares: distances are a little too large on slopes. Where
-/// clothes move, their stretch divides it.
+/// Step of a ray as a share of the distance, since distances are slightly too large on tapered capsules. For
+/// moving clothes, it is divided by their stretch.
 const STEP: f64 = 0.95;
 const MAX_STEPS: usize = 160;
 
-/// Where a capsule can matter in the image: a thick line, pixels.
+/// The region of the image that a capsule can affect: a thick line, pixels.
 struct Outline {
     from: [f64; 2],
     to: [f64; 2],
-    /// Half the width of where it can be hit.
+    /// Half the width of the region where a ray can hit it.
     solid: f64,
-    /// Half the width of where it can bend another capsule's surface.
+    /// Half the width of the region where it can change another capsule's surface.
     reach: f64,
 }
 
 impl Outline {
-    /// None for a capsule that comes near the camera: it may show anywhere.
+    /// The region of a capsule; `None` if it is so near to the camera that it may appear anywhere.
     fn of(capsule: &PosedCapsule<'_>, camera: &Camera) -> Option<Self> {
         let thick = capsule.thickness;
         let centre = camera.centre();
         let focal = camera.k[0][0].max(camera.k[1][1]);
         let forward: Vec3 = std::array::from_fn(|i| camera.e[2][i]);
-        // Pixels per metre: more for what is near, and off the axis, where spheres look long.
+        // Pixels per metre: larger near the camera, and off its axis, where spheres are elongated.
         let magnified = |p: Vec3| {
             let towards = sub(p, centre);
             let depth = dot(towards, forward) - thick - REACH;
@@ -67,7 +67,7 @@ impl Outline {
     }
 }
 
-/// Puts the capsules that matter at a pixel into `near`, or none if nothing can be hit.
+/// Fills `near` with the capsules that can affect a pixel, or with none if no ray can hit anything.
 fn gather(outlines: &[Option<Outline>], near: &mut Vec<usize>, u: f64, v: f64) {
     near.clear();
     let mut solid = false;
@@ -88,7 +88,7 @@ fn gather(outlines: &[Option<Outline>], near: &mut Vec<usize>, u: f64, v: f64) {
     }
 }
 
-/// The body as `camera` sees it, premultiplied by coverage.
+/// The image of the body by `camera`, premultiplied by coverage.
 pub(crate) fn render(body: &PosedBody<'_>, camera: &Camera) -> FrameImage {
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut image = FrameImage::empty(width, height);
@@ -131,7 +131,7 @@ fn pixel(body: &PosedBody<'_>, camera: &Camera, near: &[usize], u: f64, v: f64) 
         }
     }
     let coverage = f64::from(hits) * share;
-    // Rounding errors of the sums must not lift a colour over its coverage.
+    // A premultiplied colour is at most its coverage; rounding of the sums must not change that.
     (colour.map(|v| v.min(coverage)), coverage)
 }
 

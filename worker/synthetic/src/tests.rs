@@ -1,4 +1,4 @@
-//! What training and evaluation rely on in made-up people.
+//! The properties of synthetic people on which training and evaluation rely.
 
 use super::build::{Part, joint};
 use super::*;
@@ -99,7 +99,7 @@ fn texture_sticks_to_the_body() {
         let rest = person.skeleton.world_transforms(&Pose::rest(24));
         let mut compared = 0;
         let still = Drape::new(&person.skeleton, 1.0, None, 0.0);
-        // Halfway along limbs, where one capsule alone makes the surface unless limbs touch.
+        // Halfway along limbs, where the surface is that of one capsule unless limbs touch.
         let kinds = [Part::UpperArm, Part::Forearm, Part::Shin];
         for capsule in person.capsules.iter().filter(|c| kinds.contains(&c.part)) {
             let middle = scale(add(capsule.from, capsule.to), 0.5);
@@ -122,7 +122,7 @@ fn texture_sticks_to_the_body() {
                 }
             }
         }
-        assert!(compared >= 8, "only {compared} of 12 places are free");
+        assert!(compared >= 8, "only {compared} of 12 points are free");
     }
 }
 

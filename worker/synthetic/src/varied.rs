@@ -1,4 +1,4 @@
-//! People as unlike as those who are filmed, from whom the bounds of a check are taken.
+//! People with the variety of real captures, for the bounds of the check of captures.
 
 use super::SyntheticPerson;
 use super::build::{Build, Extras, Hair};
@@ -16,10 +16,10 @@ const HAIR: [Hair; 5] = [
     Hair::Bun,
     Hair::Full,
 ];
-/// Darker than cameras tell from no light.
+/// A colour that cameras can't distinguish from black.
 const BLACK: Colour = [0.012, 0.012, 0.014];
 
-/// How light somebody's clothes are.
+/// The brightness of a person's clothes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Tone {
     Black,

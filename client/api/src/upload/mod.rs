@@ -7,7 +7,7 @@ mod source;
 pub(super) use source::measure;
 pub use source::{FileSource, UploadFile};
 
-use super::retry::{Patience, repeat};
+use super::retry::{Retries, repeat};
 use super::{ClientError, YotoClient, request_id};
 use prost::Message;
 use send::send;
@@ -43,17 +43,17 @@ impl YotoClient {
         }
         let mut upload = self.open_upload(subject, headers.clone()).await?;
         let mut meter = Meter { on_bytes, told: 0 };
-        let mut patience = Patience::new();
+        let mut retries = Retries::new();
         loop {
             let service = self.upload_service();
             let Err(status) = send(service, &upload, &files, &headers, &mut meter).await? else {
                 break;
             };
-            patience.wait(status).await.map_err(refused())?;
+            retries.wait(status).await.map_err(refused())?;
             let before = upload.committed_bytes;
             upload = self.get_upload(&upload.name).await?;
             if upload.committed_bytes > before {
-                patience.renew();
+                retries.reset();
             }
         }
         let request = FinishUploadRequest {

@@ -1,4 +1,4 @@
-//! Files to upload, on disk or in memory, read from any place.
+//! Files to upload, on disk or in memory, read from any offset.
 
 use crate::ClientError;
 use sha2::{Digest, Sha256};
@@ -103,7 +103,7 @@ pub(crate) async fn measure(path: &Path) -> Result<(u64, String), ClientError> {
     Ok((all, yoto_proto::hex(&hash.finalize())))
 }
 
-/// A file on disk that is read up to a place.
+/// A file on disk that is read up to an offset.
 #[derive(Debug)]
 pub(super) struct DiskReader<'a> {
     path: &'a Path,

@@ -1,8 +1,8 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
-use super::super::pictures::{Mask, read_image, read_masks};
-use super::super::{Imported, Pictures};
 use super::sharpness;
+use crate::pictures::{Mask, read_image, read_masks};
+use crate::{Imported, Pictures};
 use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -67,7 +67,7 @@ struct Film<'a> {
 }
 
 impl<'a> Film<'a> {
-    /// Opens the video at `path` for the frames `indices`, which rise.
+    /// Opens the video at `path` for the frames `indices`, in ascending order.
     fn open(
         path: &'a Path,
         indices: &[u32],
@@ -123,9 +123,9 @@ fn at_fault(path: &Path, errors: Vec<SourceError>) -> ClientError {
             }
         }
     }
-    let place = path.parent().unwrap_or(Path::new(""));
+    let folder = path.parent().unwrap_or(Path::new(""));
     ClientError::BadCapture {
-        place: place.display().to_string(),
+        place: folder.display().to_string(),
         violations,
     }
 }

@@ -1,7 +1,7 @@
 //! A body's pose and the view of it as numbers, whose differences tell how new a frame is.
 
-use super::super::geometry::{
-    IDENTITY, Mat3, Vec3, apply, dot, mul, rotation, scale, sub, transpose,
+use crate::geometry::{
+    IDENTITY_ROTATION, Mat3, Vec3, dot, matmul, matvec, rodrigues, scale, sub, transpose,
 };
 use yoto_proto::pose_track::{Frame, Skeleton};
 
@@ -17,7 +17,7 @@ pub(super) fn features(skeleton: &Skeleton, frame: &Frame) -> Vec<f64> {
     let turn = |joint: usize| {
         turns
             .get(joint)
-            .map_or(IDENTITY, |&vector| rotation(vector))
+            .map_or(IDENTITY_ROTATION, |&vector| rodrigues(vector))
     };
     let bones = skeleton.parents.len().saturating_sub(1).max(1) as f64;
     // Rotations of the joints so far, in the root's frame.
@@ -26,16 +26,16 @@ pub(super) fn features(skeleton: &Skeleton, frame: &Frame) -> Vec<f64> {
     for (joint, &parent) in skeleton.parents.iter().enumerate() {
         let above = usize::try_from(parent).ok();
         let Some((above, above_turn)) = above.and_then(|it| Some((it, *turned.get(it)?))) else {
-            turned.push(IDENTITY);
+            turned.push(IDENTITY_ROTATION);
             continue;
         };
-        turned.push(mul(&above_turn, &turn(joint)));
+        turned.push(matmul(&above_turn, &turn(joint)));
         let rest = |joint: usize| skeleton.rest_joints.get(joint).copied().unwrap_or_default();
-        let bone = apply(&above_turn, sub(rest(joint), rest(above)));
+        let bone = matvec(&above_turn, sub(rest(joint), rest(above)));
         features.extend(scale(unit(bone), bones.sqrt().recip()));
     }
     let [_, _, [x, y, z, _], _] = frame.e;
-    let view = apply(&transpose(&turn(0)), [x, y, z]);
+    let view = matvec(&transpose(&turn(0)), [x, y, z]);
     features.extend(scale(view, VIEW));
     features
 }
@@ -68,7 +68,7 @@ mod tests {
             index: 0,
             pose: [root, knee, [0.0; 3]].concat(),
             translation,
-            k: IDENTITY,
+            k: IDENTITY_ROTATION,
             e: std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j))),
         }
     }
@@ -93,7 +93,7 @@ mod tests {
         assert!((apart(&still, &turned) - SQRT_2).abs() < 1e-9);
         // The camera goes round with the body: the same view of it.
         let mut followed = turned.clone();
-        let back = transpose(&rotation([0.0, FRAC_PI_2, 0.0]));
+        let back = transpose(&rodrigues([0.0, FRAC_PI_2, 0.0]));
         for (row, turn) in followed.e.iter_mut().zip(back) {
             row[..3].copy_from_slice(&turn);
         }

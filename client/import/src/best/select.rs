@@ -54,7 +54,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    fn places(points: &[f64], weights: &[f64], count: usize) -> Vec<usize> {
+    fn indices(points: &[f64], weights: &[f64], count: usize) -> Vec<usize> {
         let points: Vec<Vec<f64>> = points.iter().map(|&it| vec![it]).collect();
         let taken = farthest(&points, weights, count);
         (0..points.len()).filter(|&at| taken[at]).collect()
@@ -63,23 +63,23 @@ mod tests {
     #[test]
     fn duplicates_are_taken_last() {
         let points = [0.0, 0.0, 0.0, 1.0, 2.0, 2.0];
-        assert_eq!(places(&points, &[1.0; 6], 3), [0, 3, 4]);
+        assert_eq!(indices(&points, &[1.0; 6], 3), [0, 3, 4]);
         assert_eq!(
-            places(&points, &[0.5, 1.0, 0.5, 1.0, 0.9, 1.0], 3),
+            indices(&points, &[0.5, 1.0, 0.5, 1.0, 0.9, 1.0], 3),
             [1, 3, 5]
         );
         assert_eq!(
-            places(&points, &[0.5, 0.9, 1.0, 1.0, 1.0, 0.8], 5),
+            indices(&points, &[0.5, 0.9, 1.0, 1.0, 1.0, 0.8], 5),
             [1, 2, 3, 4, 5]
         );
-        assert_eq!(places(&points, &[1.0; 6], 9).len(), 6);
+        assert_eq!(indices(&points, &[1.0; 6], 9).len(), 6);
     }
 
     #[test]
     fn weight_decides_between_near_points_but_not_between_far_ones() {
         let points = [0.0, 5.0, 5.2, 10.0];
-        assert_eq!(places(&points, &[1.0, 1.0, 0.4, 1.0], 3), [0, 1, 3]);
-        assert_eq!(places(&points, &[1.0, 0.4, 1.0, 1.0], 3), [0, 2, 3]);
-        assert_eq!(places(&points, &[1.0, 1.0, 1.0, 0.9], 2), [0, 3]);
+        assert_eq!(indices(&points, &[1.0, 1.0, 0.4, 1.0], 3), [0, 1, 3]);
+        assert_eq!(indices(&points, &[1.0, 0.4, 1.0, 1.0], 3), [0, 2, 3]);
+        assert_eq!(indices(&points, &[1.0, 1.0, 1.0, 0.9], 2), [0, 3]);
     }
 }

@@ -1,8 +1,8 @@
 //! Clips of still poses and blurred frames, as pictures and as a video.
 
-use super::super::track::empty_track;
-use super::super::{Mask, MaskKind, PictureFiles};
 use super::*;
+use crate::track::empty_track;
+use crate::{Mask, MaskKind, PictureFiles};
 use std::path::PathBuf;
 use yoto_proto::pose_track::{Frame, Skeleton};
 

@@ -1,12 +1,11 @@
-//! Masks of a clip alone: the pose model's, a matting model's, or those given, of which the person's are
-//! taken.
+//! Masks of a clip alone: the pose model's, a matting model's, or those given. Of several people's masks, the person's are taken.
 
 use super::watch::Watched;
 use crate::Options;
 use crate::clip::{Clip, fault};
 use crate::matting::Wanted;
 use crate::pictures::{Mask, read_masks};
-use crate::pose_tools::{MasksByFrame, masks_given};
+use crate::proof::{Masks, MasksByFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_client::ClientError;
@@ -52,8 +51,8 @@ pub(super) fn of(
     Ok((watched, own))
 }
 
-/// The masks that the model in `path` has made, if they show the person whom the pose model found: a file that
-/// this program's runtime computes wrongly, or other levels of its pictures, give spots.
+/// The masks that the model in `path` has made, if they show the person that the pose model found. A file that
+/// this program's runtime computes wrongly, or wrong levels of its pictures, give spots.
 fn made_of_the_person(
     made: MasksByFrame,
     path: &Path,
@@ -76,7 +75,7 @@ fn made_of_the_person(
     Ok(with(&made.frames, watched, notes))
 }
 
-/// The masks in `path` that show the person whom the pose model found.
+/// The masks in `path` that show the person that the pose model found.
 fn given(
     path: &Path,
     clip: &Clip,
@@ -84,7 +83,10 @@ fn given(
     notes: &mut Vec<String>,
 ) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
     let mut best: Option<(f64, MasksByFrame)> = None;
-    for masks in masks_given(path, clip)? {
+    for masks in Masks::given(path, clip)?
+        .into_iter()
+        .filter_map(Masks::by_frame)
+    {
         let overlap = overlap(&masks, clip, &watched)?;
         if best.as_ref().is_none_or(|(most, _)| overlap > *most) {
             best = Some((overlap, masks));

@@ -6,19 +6,15 @@
 //! it is given.
 //!
 //! ```text
-//! clip → frames → watch (pose model) → key points → fit → pose track
+//! clip → watch (pose model) → key points → fit → pose track
 //!                                    → masks (or those given, or a matting model's)
 //! ```
 
-mod frames;
 mod masks;
 mod watch;
 
-#[cfg(feature = "matting")]
-pub(super) use frames::for_each;
-
-use super::clip::{Clip, fault};
-use super::{Imported, Options};
+use crate::clip::{Clip, fault};
+use crate::{Imported, Options};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
@@ -33,7 +29,7 @@ const MOST_FRAMES: usize = 200;
 const FPS: f64 = 30.0;
 
 /// Finds poses and masks of the person in the clip `source`.
-pub(super) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
     let model = open_model(source, options)?;
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
     let mut notes = Vec::new();

@@ -1,7 +1,6 @@
 //! What the pose model sees in the frames of a clip.
 
-use super::frames;
-use crate::clip::{Clip, fault};
+use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
 use std::sync::Arc;
 use yoto_client::ClientError;
@@ -34,7 +33,7 @@ pub(super) fn watch(
     let mut watched = Vec::new();
     let mut done = 0;
     let size = clip.size.map(|side| side as usize);
-    frames::for_each(clip, wanted, |index, rgb| {
+    for_each(clip, wanted, |index, rgb| {
         display.count("frame", done, wanted.len());
         done += 1;
         let seen = watcher.look(rgb, size);

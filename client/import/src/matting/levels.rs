@@ -2,8 +2,7 @@
 
 use super::run::failed_at;
 use super::{MattingModel, Wanted};
-use crate::clip::{Clip, fault};
-use crate::film;
+use crate::clip::{Clip, fault, for_each};
 use yoto_client::ClientError;
 use yoto_matting::{Levels, Matter};
 
@@ -39,7 +38,7 @@ pub(super) fn find(
     }
     let frames: Vec<usize> = known.iter().map(|(frame, _)| *frame).collect();
     let mut pictures = Vec::new();
-    film::for_each(clip, &frames, |_, rgb| {
+    for_each(clip, &frames, |_, rgb| {
         pictures.push(rgb.to_vec());
         Ok(())
     })?;

@@ -9,8 +9,8 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
-use super::clip::{Clip, fault};
-use super::pictures::Mask;
+use crate::clip::{Clip, fault};
+use crate::pictures::Mask;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;
@@ -60,7 +60,7 @@ impl MattingModel {
         name.to_string_lossy().into_owned()
     }
 
-    /// The person's masks in the frames `wanted`, which rise: frames without anybody have none.
+    /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors
     /// A file that is no matting model; levels that nobody can tell; a network that fails; a client
@@ -78,10 +78,7 @@ impl MattingModel {
         #[cfg(not(feature = "matting"))]
         {
             let _ = (clip, wanted, notes);
-            let message = "this client was built without matting models (cargo build -p yoto \
-                           --no-default-features): build it with --features matting, or make the masks \
-                           elsewhere and name them with --masks";
-            Err(fault(&self.path, "UNSUPPORTED", message))
+            Err(crate::features::no_matting(self))
         }
     }
 }

@@ -1,8 +1,7 @@
 //! A matting model given the frames in order.
 
 use super::{MattingModel, Wanted, levels, png};
-use crate::clip::{Clip, fault};
-use crate::film;
+use crate::clip::{Clip, fault, for_each};
 use crate::pictures::Mask;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -40,7 +39,7 @@ pub(super) fn masks(
     let mut masks = BTreeMap::new();
     let mut seconds = 0.0;
     let mut next = wanted.iter();
-    film::for_each(clip, &frames, |frame, rgb| {
+    for_each(clip, &frames, |frame, rgb| {
         display.count("frame", frames.len() - next.len(), frames.len());
         let expected = next.next().and_then(|it| it.expected.as_deref());
         let started = Instant::now();

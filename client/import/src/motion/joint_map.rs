@@ -52,15 +52,15 @@ impl JointMap {
             .map(names)
             .collect::<Result<_, String>>()?;
         // Joints choose in the order of SMPL's table, from the root outwards.
-        let place = |joint: &str| {
+        let index = |joint: &str| {
             let table = yoto_proto::smpl::JOINTS.iter();
             table.clone().position(|(name, _)| *name == joint)
         };
-        map.sort_by_key(|(joint, _)| place(joint).unwrap_or(usize::MAX));
+        map.sort_by_key(|(joint, _)| index(joint).unwrap_or(usize::MAX));
         Ok(Self(map))
     }
 
-    /// For each joint of the map that `names` has, the joint and the place of its name.
+    /// For each joint of the map that `names` has, the joint and the index of its name.
     pub fn matches(&self, names: &[String]) -> Vec<(String, usize)> {
         let plain = |name: &str| {
             let short = name.rsplit_once(':').map_or(name, |(_, short)| short);
@@ -71,16 +71,16 @@ impl JointMap {
         let mut found = Vec::new();
         for (joint, wanted) in &self.0 {
             let own = names.iter().position(|name| name == joint);
-            let place = own.filter(|at| !taken.contains(at)).or_else(|| {
+            let index = own.filter(|at| !taken.contains(at)).or_else(|| {
                 wanted.iter().chain([joint]).find_map(|wanted| {
                     let wanted = plain(wanted);
-                    let mut places = (0..known.len()).filter(|at| known.get(*at) == Some(&wanted));
-                    places.find(|at| !taken.contains(at))
+                    let mut indices = (0..known.len()).filter(|at| known.get(*at) == Some(&wanted));
+                    indices.find(|at| !taken.contains(at))
                 })
             });
-            if let Some(place) = place {
-                taken.insert(place);
-                found.push((joint.clone(), place));
+            if let Some(index) = index {
+                taken.insert(index);
+                found.push((joint.clone(), index));
             }
         }
         found

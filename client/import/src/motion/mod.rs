@@ -6,15 +6,16 @@
 
 mod bvh;
 mod joint_map;
+mod kept;
 mod smpl;
 mod standing;
 
 pub(super) use bvh::read_up as read_bvh;
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 
-use super::BodyModel;
-use super::geometry::{IDENTITY, Mat3, Vec3, about_axis, sub};
-use super::source::Source;
+use crate::BodyModel;
+use crate::geometry::{IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, sub};
+use crate::source::Source;
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use yoto_capture::skeleton::{Pose, timing};
@@ -35,7 +36,7 @@ impl Up {
     /// The rotation of positions with this axis up to those with y up.
     pub(super) fn to_y(self) -> Mat3 {
         match self {
-            Self::Y => IDENTITY,
+            Self::Y => IDENTITY_ROTATION,
             Self::Z => about_axis(0, -FRAC_PI_2),
         }
     }
@@ -152,7 +153,7 @@ fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
     let (poses, fps) = timing::even(poses, &numbers, track.fps);
     let frame = |pose: &Pose| MotionFrame {
         rotations: pose.rotations_f64(),
-        root: super::geometry::add(rest, pose.translation.map(f64::from)),
+        root: add(rest, pose.translation.map(f64::from)),
     };
     let names = track.skeleton.names.iter();
     Ok(Motion {

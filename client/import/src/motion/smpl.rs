@@ -5,11 +5,11 @@
 //! the same fields are supported as well. The first 22 joints of both models are the same; hands do
 //! not move.
 
-use super::super::geometry::{Vec3, add, apply, axis_angle, mul, rotation};
-use super::super::instant_avatar::{Poses, read_poses};
-use super::super::source::{Data, Part, Source};
-use super::super::track::{SmplPose, smpl_skeleton};
 use super::{Motion, MotionFrame, MotionOptions, Up};
+use crate::datasets::instant_avatar::{Poses, read_poses};
+use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues};
+use crate::source::{Data, Part, Source};
+use crate::track::{SmplPose, smpl_skeleton};
 use yoto_client::ClientError;
 
 /// Joints that SMPL and SMPL with hands share, times 3.
@@ -59,11 +59,11 @@ pub(super) fn read(
         let mut rotations = pose.as_chunks::<3>().0.to_vec();
         if let Some(root) = rotations.first_mut() {
             // The rest pose is y up in every file; only the world is z up.
-            *root = axis_angle(&mul(&upright, &rotation(*root)));
+            *root = log_map(&matmul(&upright, &rodrigues(*root)));
         }
         MotionFrame {
             rotations,
-            root: apply(&upright, add(pelvis, *translation)),
+            root: matvec(&upright, add(pelvis, *translation)),
         }
     };
     let skeleton = smpl_skeleton(rest.unwrap_or_default());

@@ -2,13 +2,12 @@
 //!
 //! With all rotations zero, some writers' skeletons stand, and others' have every bone along +x. Only a
 //! standing one says how the file's axes lie in a person: where the rest pose does not stand, the
-//! frame of the motion serves that stands most upright. A lean of the back in
-//! that frame is lost.
+//! most upright frame of the motion serves. A lean of the back in that frame is lost.
 
-use super::super::geometry::{Mat3, Vec3, apply, dot, sub};
-use super::super::tree::Placed;
 use super::Up;
-use super::bvh::Kept;
+use super::kept::Kept;
+use crate::geometry::{Mat3, Vec3, dot, matvec, sub};
+use crate::tree::Placed;
 use yoto_formats::bvh::Bvh;
 
 /// Cosine of the largest angle, 37°, between the vertical and the spine of somebody who stands.
@@ -129,10 +128,10 @@ struct Stance {
 
 impl Stance {
     fn of(kept: &Kept, placed: &Placed, to_y: &Mat3) -> Self {
-        let place =
-            |name: &str| -> Option<Vec3> { Some(apply(to_y, kept.tree.place(placed, name)?)) };
+        let position =
+            |name: &str| -> Option<Vec3> { Some(matvec(to_y, kept.tree.position(placed, name)?)) };
         let rise = |from: &str, to: &[&str]| {
-            let bone = sub(to.iter().find_map(|to| place(to))?, place(from)?);
+            let bone = sub(to.iter().find_map(|to| position(to))?, position(from)?);
             let length = dot(bone, bone).sqrt();
             (length > 0.0).then(|| bone[1] / length)
         };

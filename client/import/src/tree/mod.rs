@@ -12,10 +12,11 @@
 
 mod measured;
 
-pub(super) use measured::{Measured, measure};
+pub(crate) use measured::{Measured, measure};
 
-use super::geometry::{
-    IDENTITY, Mat3, Vec3, about_axis, add, apply, axis_angle, between, mul, sub, transpose,
+use crate::geometry::{
+    IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, log_map, matmul, matvec, rotation_between, sub,
+    transpose,
 };
 use yoto_proto::pose_track::Skeleton;
 
@@ -38,10 +39,10 @@ const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder
 
 /// A joint of a tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Joint {
+pub(crate) struct Joint {
     /// Its name in the capture.
     pub name: String,
-    /// The joint of SMPL in the same place, if there is one.
+    /// The joint of SMPL that it stands for, if there is one.
     pub role: Option<String>,
     /// Index of the joint above, which comes before.
     pub parent: Option<usize>,
@@ -49,52 +50,56 @@ pub(super) struct Joint {
 
 /// The joints of a program, or some of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Tree(pub Vec<Joint>);
+pub(crate) struct Tree(pub Vec<Joint>);
 
 /// The joints of a tree in a pose, in whatever axes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Placed {
-    /// Global rotations.
+pub(crate) struct Placed {
+    /// Global rotations, `[joints, 3, 3]`.
     pub rotations: Vec<Mat3>,
-    pub places: Vec<Vec3>,
+    /// `[joints, 3]`.
+    pub positions: Vec<Vec3>,
 }
 
 impl Placed {
-    /// The pose turned as a whole.
-    pub fn turned(&self, by: &Mat3) -> Self {
+    /// The pose rotated as a whole.
+    pub fn rotated(&self, by: &Mat3) -> Self {
         Self {
-            rotations: self.rotations.iter().map(|it| mul(by, it)).collect(),
-            places: self.places.iter().map(|it| apply(by, *it)).collect(),
+            rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
+            positions: self.positions.iter().map(|it| matvec(by, *it)).collect(),
         }
     }
 }
 
 impl Tree {
-    /// The joint in the place of SMPL's `role`.
+    /// Index of the joint that stands for SMPL's `role`.
     pub fn find(&self, role: &str) -> Option<usize> {
         self.0
             .iter()
             .position(|joint| joint.role.as_deref() == Some(role))
     }
 
-    /// The place of SMPL's `role` in a pose.
-    pub fn place(&self, placed: &Placed, role: &str) -> Option<Vec3> {
-        placed.places.get(self.find(role)?).copied()
+    /// The position of SMPL's joint `role` in a pose.
+    pub fn position(&self, placed: &Placed, role: &str) -> Option<Vec3> {
+        placed.positions.get(self.find(role)?).copied()
     }
 
-    /// Of SMPL's places those on the left and the right that both are known in a pose, one minus the other.
+    /// From the right to the left hip in a pose, or from shoulder to shoulder if a hip is missing.
     pub fn leftward(&self, placed: &Placed) -> Option<Vec3> {
         SIDES.iter().find_map(|(left, right)| {
-            Some(sub(self.place(placed, left)?, self.place(placed, right)?))
+            Some(sub(
+                self.position(placed, left)?,
+                self.position(placed, right)?,
+            ))
         })
     }
 
     /// The rest pose made of `pose`, in which somebody stands with y up.
     pub fn standing(&self, pose: &Placed) -> Standing<'_> {
-        let pose = pose.turned(&self.facing(pose));
-        let limbs = self.limbs(&pose.places);
+        let pose = pose.rotated(&self.facing(pose));
+        let limbs = self.limbs(&pose.positions);
         Standing {
-            rest: self.t_pose(&pose.places, &limbs),
+            rest: self.t_pose(&pose.positions, &limbs),
             tree: self,
             pose,
             limbs,
@@ -105,49 +110,52 @@ impl Tree {
     fn facing(&self, pose: &Placed) -> Mat3 {
         match self.leftward(pose) {
             Some(left) if left[0].hypot(left[2]) > 1e-6 => about_axis(1, left[2].atan2(left[0])),
-            _ => IDENTITY,
+            _ => IDENTITY_ROTATION,
         }
     }
 
-    /// D of each joint, of limbs that stand as `places`.
-    fn limbs(&self, places: &[Vec3]) -> Vec<Mat3> {
+    /// D of each joint, of limbs that stand as `positions`.
+    fn limbs(&self, positions: &[Vec3]) -> Vec<Mat3> {
         let mut limbs: Vec<Mat3> = Vec::with_capacity(self.0.len());
         for (at, joint) in self.0.iter().enumerate() {
             let role = joint.role.as_deref();
             let limb = LIMBS.iter().find(|(from, ..)| role == Some(*from));
             let limb = limb.and_then(|(_, to, direction)| {
-                let end = places.get(self.find(to)?).copied()?;
-                between(*direction, sub(end, places.get(at).copied()?))
+                let end = positions.get(self.find(to)?).copied()?;
+                rotation_between(*direction, sub(end, positions.get(at).copied()?))
             });
             let before = joint.parent.and_then(|above| limbs.get(above)).copied();
             limbs.push(match (limb, role) {
-                (Some(turn), _) => turn,
-                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY,
-                (None, _) => before.unwrap_or(IDENTITY),
+                (Some(rotation), _) => rotation,
+                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY_ROTATION,
+                (None, _) => before.unwrap_or(IDENTITY_ROTATION),
             });
         }
         limbs
     }
 
     /// Rest positions with the limbs in a T-pose.
-    fn t_pose(&self, places: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
-        let mut rest: Vec<Vec3> = Vec::with_capacity(places.len());
-        for (joint, place) in self.0.iter().zip(places) {
+    fn t_pose(&self, positions: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
+        let mut rest: Vec<Vec3> = Vec::with_capacity(positions.len());
+        for (joint, position) in self.0.iter().zip(positions) {
             let Some(parent) = joint.parent else {
-                rest.push(*place);
+                rest.push(*position);
                 continue;
             };
-            let bone = sub(*place, places.get(parent).copied().unwrap_or_default());
-            let turn = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY));
+            let bone = sub(
+                *position,
+                positions.get(parent).copied().unwrap_or_default(),
+            );
+            let rotation = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
             let from = rest.get(parent).copied().unwrap_or_default();
-            rest.push(add(from, apply(&turn, bone)));
+            rest.push(add(from, matvec(&rotation, bone)));
         }
         rest
     }
 }
 
 /// A tree with a rest pose.
-pub(super) struct Standing<'a> {
+pub(crate) struct Standing<'a> {
     tree: &'a Tree,
     /// The pose that stands, facing +z.
     pose: Placed,
@@ -162,12 +170,12 @@ impl Standing<'_> {
     pub fn local(&self, rotations: &[Mat3]) -> Vec<Vec3> {
         let global = rotations.iter().zip(&self.pose.rotations).zip(&self.limbs);
         let global: Vec<Mat3> = global
-            .map(|((turned, standing), limb)| mul(&mul(turned, &transpose(standing)), limb))
+            .map(|((global, standing), limb)| matmul(&matmul(global, &transpose(standing)), limb))
             .collect();
         let local = |(joint, rotation): (&Joint, &Mat3)| {
             let above = joint.parent.and_then(|above| global.get(above));
-            let above = above.copied().unwrap_or(IDENTITY);
-            axis_angle(&mul(&transpose(&above), rotation))
+            let above = above.copied().unwrap_or(IDENTITY_ROTATION);
+            log_map(&matmul(&transpose(&above), rotation))
         };
         self.tree.0.iter().zip(&global).map(local).collect()
     }

@@ -7,7 +7,7 @@ use crate::pose_tools::{files, indices, truth};
 use std::path::Path;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::transform::{Mat3, product, rodrigues, transposed, turned};
+use yoto_capture::skeleton::transform::{Mat3, matmul, matvec, rodrigues, transpose};
 use yoto_import::{Format, Imported, Options, read};
 use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 use yoto_proto::smpl::JOINTS;
@@ -127,7 +127,7 @@ fn the_file_s_own_joints_are_kept_or_smpl_s_are_found() {
 #[test]
 fn units_directions_frames_and_rates_are_found() {
     let dir = tempfile::tempdir().expect("a folder");
-    let along = product(
+    let along = matmul(
         &[[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
         &Y_UP,
     );
@@ -193,12 +193,12 @@ fn matrix(name: &str, rows: usize, numbers: &[f64]) -> String {
 fn the_camera_is_opencv_s_beside_the_file() {
     let dir = tempfile::tempdir().expect("a folder");
     // World to camera, of a world with z up.
-    let turn = product(
+    let turn = matmul(
         &rodrigues([0.0, 0.1, 0.0]),
         &[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
     );
     let shift = [0.2, 1.1, 0.4];
-    let back = transposed(&turn);
+    let back = transpose(&turn);
     // The camera's axes to the world's, about the camera's place.
     let mut moved = track(0..16);
     for frame in &mut moved.frames {
@@ -229,7 +229,7 @@ fn the_camera_is_opencv_s_beside_the_file() {
     );
     lands(&found, |index| index);
     // From the camera to the world, as some calibrations have it.
-    write("extri.yml", &extri(&back, turned(&back, shift).map(|v| -v)));
+    write("extri.yml", &extri(&back, matvec(&back, shift).map(|v| -v)));
     let found = import(&given);
     let notes = found.notes.join("\n");
     assert!(

@@ -8,6 +8,7 @@ mod bvh_clip;
 mod capture_check;
 mod captures;
 mod dialects;
+mod features;
 mod ffmpeg;
 mod film;
 mod key_points;

@@ -5,7 +5,7 @@ use crate::pose_tools::{files, options, truth};
 use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::transform::{Mat3, product, transposed};
+use yoto_capture::skeleton::transform::{Mat3, matmul, transpose};
 use yoto_formats::Array;
 use yoto_import::{Format, Imported, Options, read};
 use yoto_proto::pose_track;
@@ -87,8 +87,8 @@ fn lands(found: &Imported) {
         );
         if let Some((own_before, wanted_before)) = &before {
             for (joint, place) in PLACES.iter().enumerate() {
-                let moved = product(&own[joint], &transposed(&own_before[joint]));
-                let meant = product(&wanted[*place], &transposed(&wanted_before[*place]));
+                let moved = matmul(&own[joint], &transpose(&own_before[joint]));
+                let meant = matmul(&wanted[*place], &transpose(&wanted_before[*place]));
                 let off = moved.as_flattened().iter().zip(meant.as_flattened());
                 let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(off < 2e-3, "frame {at} joint {place}: {off}");
@@ -181,7 +181,7 @@ fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
         }
     });
     let text = refused(&keeping(stretched));
-    assert!(text.contains("joint 1 is no rotation"), "{text}");
+    assert!(text.contains("joint 1 is not a rotation"), "{text}");
     let without = changed(dir.path(), |name, array| {
         if name == "pred_global_rots" {
             array.values.clear();

@@ -5,7 +5,7 @@ use crate::pickled;
 use crate::pose_tools::{files, indices, off, options, truth};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use yoto_capture::skeleton::transform::{Mat3, rodrigues, turned};
+use yoto_capture::skeleton::transform::{Mat3, matvec, rodrigues};
 use yoto_import::{Format, Imported, Options, read};
 
 type Vec3 = [f64; 3];
@@ -108,7 +108,7 @@ impl Tool {
             // At another focal length the body is as large as it is seen.
             place[2] *= written.focal / focal();
             let th = |place: Vec3| {
-                let about = turned(&rodrigues(root(row)), pelvis);
+                let about = matvec(&rodrigues(root(row)), pelvis);
                 std::array::from_fn(|i| place[i] - about[i])
             };
             let smpl = |place: Vec3| std::array::from_fn(|i| place[i] - pelvis[i]);

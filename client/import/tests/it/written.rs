@@ -2,6 +2,7 @@
 
 use crate::captures;
 use crate::pose_tools::{options, truth};
+#[cfg(feature = "hdf5")]
 use crate::projected::assert_lands;
 use serde_json::json;
 use yoto_import::capture_dir::{CaptureDir, DecodedCapture};
@@ -105,6 +106,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     );
 }
 
+#[cfg(feature = "hdf5")]
 #[test]
 fn a_video_is_taken_over_with_its_masks() {
     let out = tempfile::tempdir().expect("a folder");

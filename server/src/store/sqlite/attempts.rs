@@ -1,16 +1,13 @@
 //! The history of a job: each of its leases, and its end.
 
-use super::{
-    ranges,
-    rows::{Columns, During, state},
-};
+use super::ranges;
+use super::rows::{Columns, During, state};
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    names::Collection,
-    v1::{JobAttempt, JobError, job_attempt::Outcome},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{JobAttempt, JobError};
 
 /// Most attempts of one job that are shown, the newest ones.
 const SHOWN: u32 = 100;
@@ -34,8 +31,8 @@ pub async fn begin(
     Ok(())
 }
 
-/// Ends the attempt of a lease, which leaves what it has not drawn of a render to others. Leases of earlier
-/// versions have none.
+/// Ends the attempt of a lease, and frees the ranges of a render that it has not drawn. Leases of earlier
+/// versions have no attempt.
 pub async fn end(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -58,7 +55,7 @@ pub async fn end(
     ranges::release(conn, lease).await
 }
 
-/// How the attempt of this very lease ended, if it did.
+/// The outcome of the attempt of this lease, if it has ended.
 pub async fn outcome(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,

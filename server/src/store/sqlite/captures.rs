@@ -1,16 +1,12 @@
-//! Captures: what their ingest jobs have made of them.
+//! Captures, and the results of their ingest jobs.
 
 use super::rows::{Columns, During, integer, state};
-use crate::{
-    rules::etag,
-    store::{StoreError, UploadedFile},
-};
+use crate::rules::etag;
+use crate::store::{StoreError, UploadedFile};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    limits,
-    names::Collection,
-    v1::{Capture, IngestResult, Violation, capture},
-};
+use yoto_proto::limits;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Capture, IngestResult, Violation, capture};
 
 fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {
@@ -105,7 +101,7 @@ pub async fn files(conn: &mut SqliteConnection, id: &str) -> Result<Vec<Uploaded
         .collect()
 }
 
-/// The capture was ingested: it is READY.
+/// Marks an ingested capture as READY.
 pub async fn accept(
     conn: &mut SqliteConnection,
     id: &str,
@@ -132,7 +128,7 @@ pub async fn accept(
     Ok(())
 }
 
-/// The capture was not read, through no fault of its files: it is UPLOADED, and can be read again.
+/// Marks a capture as UPLOADED: its ingest failed through no fault of its files, and can be repeated.
 pub async fn put_back(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
     sqlx::query("UPDATE captures SET state = 'UPLOADED' WHERE id = ?1")
         .bind(id)
@@ -142,7 +138,7 @@ pub async fn put_back(conn: &mut SqliteConnection, id: &str) -> Result<(), Store
     Ok(())
 }
 
-/// The capture could not be ingested: it is REJECTED, with the reasons.
+/// Marks a capture as REJECTED, with the reasons.
 pub async fn reject(
     conn: &mut SqliteConnection,
     id: &str,

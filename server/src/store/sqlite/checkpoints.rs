@@ -1,20 +1,15 @@
 //! Checkpoints of models: recorded, listed, thinned out.
 
-use super::{
-    garbage, models, pins,
-    rows::{Columns, During, integer},
-};
-use crate::{
-    checkpoints::retention::{self, Published, Retention},
-    rules::etag,
-    store::StoreError,
-};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    keys,
-    names::{self, Collection},
-    v1::{Checkpoint, ObjectRef},
-};
+use super::rows::{Columns, During, integer};
+use super::{garbage, models, pins};
+use crate::checkpoints::retention::{self, Published, Retention};
+use crate::rules::etag;
+use crate::store::StoreError;
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::keys;
+use yoto_proto::names::{self, Collection};
+use yoto_proto::v1::{Checkpoint, ObjectRef};
 
 /// Checkpoints of a model, newest first.
 pub async fn list(
@@ -54,7 +49,7 @@ fn read(model: &str, row: &SqliteRow) -> Result<Checkpoint, StoreError> {
     Ok(checkpoint)
 }
 
-/// The slots of a checkpoint's row; empty where it does not say.
+/// The slots in a checkpoint's row; empty if it has none recorded.
 pub fn trained_slots(row: &SqliteRow) -> Result<Vec<u32>, StoreError> {
     let text = row.maybe_text("slots")?.unwrap_or_default();
     let slots = text.split(',').filter(|slot| !slot.is_empty());
@@ -67,13 +62,13 @@ pub fn trained_slots(row: &SqliteRow) -> Result<Vec<u32>, StoreError> {
     slots.collect()
 }
 
-/// The parts of a column that are separated by commas; none of NULL.
+/// The comma-separated parts of a column; empty for NULL.
 fn split(text: Option<String>) -> Vec<String> {
     let parts = text.iter().flat_map(|text| text.split(','));
     parts.map(str::to_owned).collect()
 }
 
-/// All checkpoints of a model with their numbers, newest first, and why each is kept.
+/// All checkpoints of a model with their numbers, newest first, and the reasons to keep each.
 async fn judged(
     conn: &mut SqliteConnection,
     model_id: &str,
@@ -110,7 +105,7 @@ async fn judged(
         .collect())
 }
 
-/// All checkpoints of a model, newest first, with the reasons for which they are kept.
+/// All checkpoints of a model, newest first, with the reasons to keep each.
 pub async fn explained(
     conn: &mut SqliteConnection,
     model_id: &str,

@@ -1,27 +1,21 @@
 //! Deletions: rows go at once, objects are noted as garbage in the same transaction.
 //!
-//! What an open job uses is not deleted; the refusal names the job. Nor is a person whom a model has: the
-//! model's checkpoints would still hold what it has learned of them, without anybody to account for it.
+//! A resource that an open job uses is not deleted; the refusal names the job. A person in a model is not
+//! deleted either: the model's checkpoints would still contain what was learned from them, with no record of
+//! that person left.
 
-use super::{
-    captures, checkpoints, garbage, jobs, models, pins, requests,
-    rows::{Columns, During},
-    subjects, uploads,
-};
-use crate::{
-    rules::etag,
-    store::{RequestKey, StoreError, Target},
-};
+use super::rows::{Columns, During};
+use super::{captures, checkpoints, garbage, jobs, models, pins, requests, subjects, uploads};
+use crate::rules::etag;
+use crate::store::{RequestKey, StoreError, Target};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    exports, keys,
-    names::{self, Collection},
-    render_needs::needs,
-    v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec},
-};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::render_needs::needs;
+use yoto_proto::v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec};
+use yoto_proto::{exports, keys};
 
-/// Deletes `target` and what goes with it if its version is `etag` (empty: any), or repeats what `request`
-/// deleted before.
+/// Deletes `target` with everything that depends on it if its version is `etag` (empty: any). A repeated
+/// `request` gets its first answer.
 pub async fn delete(
     conn: &mut SqliteConnection,
     target: Target<'_>,
@@ -84,7 +78,7 @@ async fn checkpoint(
     let newest = all.first().is_some_and(|it| it.step == step);
     let mut job = used.steps.get(&step).or(used.all.as_ref()).cloned();
     if job.is_none() && newest {
-        // A training goes on from it.
+        // A training resumes from it.
         job = pins::open_job(conn, model_id, "train").await?;
     }
     if let Some(job) = job {
@@ -237,7 +231,7 @@ async fn model_of(
     row.map(|row| row.text("display_name")).transpose()
 }
 
-/// Refuses if an open job sees the subject: in its model, or as the source of a motion.
+/// Refuses if an open job uses the subject: in its model, or as the source of a motion.
 async fn ensure_unused(
     conn: &mut SqliteConnection,
     subject_id: &str,

@@ -1,15 +1,15 @@
 //! Folders of the object store that nothing refers to.
 //!
-//! A folder without a reference never gets one again: rows name only folders of a lease that runs, and
-//! tokens only grow. The files of a rejected capture alone may be needed again: what reads them anew is
-//! not done beside a collection. A folder that was noted as deleted is never named again either.
+//! A folder without a reference never gets one again: new rows name only folders of a running lease, and tokens
+//! only grow. The files of a rejected capture are the exception, so a second ingest is never queued during a
+//! collection. A folder that was noted as deleted is never named again either.
 
 use super::rows::{Columns, During};
 use crate::store::{KnownGarbage, Reference, StoreError};
 use sqlx::SqliteConnection;
-use yoto_proto::keys::{Folder, Lease};
+use yoto_proto::keys::{FolderOwner, Lease};
 
-/// Notes a folder, with everything below it, as belonging to something that was deleted.
+/// Notes a folder, with everything below it, as part of a deleted resource.
 pub async fn deleted(conn: &mut SqliteConnection, folder: &str) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO garbage (folder, deleted) VALUES (?1, 1)
@@ -22,7 +22,7 @@ pub async fn deleted(conn: &mut SqliteConnection, folder: &str) -> Result<(), St
     Ok(())
 }
 
-/// Whether this very folder was noted as deleted.
+/// Whether exactly this folder was noted as deleted.
 pub async fn is_deleted(conn: &mut SqliteConnection, folder: &str) -> Result<bool, StoreError> {
     exists(
         sqlx::query(
@@ -34,7 +34,7 @@ pub async fn is_deleted(conn: &mut SqliteConnection, folder: &str) -> Result<boo
     )
 }
 
-/// All that is known.
+/// All noted folders.
 pub async fn known(conn: &mut SqliteConnection) -> Result<Vec<KnownGarbage>, StoreError> {
     let rows =
         sqlx::query("SELECT folder, deleted, unixepoch('subsec') - first_seen AS age FROM garbage")
@@ -75,8 +75,8 @@ pub async fn note(
     Ok(())
 }
 
-/// What refers to each of `folders`. One of an unknown kind counts as referred to, and so does an upload that
-/// was read, until `keep_uploads` seconds after its last write.
+/// The reference to each of `folders`. A folder of an unknown kind counts as in use, and so does an ingested
+/// upload until `keep_uploads` seconds after its last write.
 pub async fn references(
     conn: &mut SqliteConnection,
     folders: &[String],
@@ -84,7 +84,7 @@ pub async fn references(
 ) -> Result<Vec<Reference>, StoreError> {
     let mut references = Vec::with_capacity(folders.len());
     for key in folders {
-        let reference = match Folder::parse(key) {
+        let reference = match FolderOwner::parse(key) {
             None => Reference::Row,
             Some(folder) => {
                 // In this order: a job that ends between the two has left its row before the second.
@@ -101,18 +101,17 @@ pub async fn references(
     Ok(references)
 }
 
-/// Whether a row names objects of the folder `key`. The files of an upload are needed until an ingest job
-/// has read them, and kept for a while: until somebody has seen what was made of them, they may be the only
-/// copy.
+/// Whether a row names objects of the folder `key`. The files of an upload are needed until an ingest job has
+/// read them, and kept for a while after that: they may be the only copy until a person has checked the result.
 async fn named(
     conn: &mut SqliteConnection,
     key: &str,
-    folder: Folder<'_>,
+    folder: FolderOwner<'_>,
     keep_uploads: f64,
 ) -> Result<bool, StoreError> {
     let inside = format!("{key}/");
     let found = match folder {
-        Folder::Upload { capture } => {
+        FolderOwner::Upload { capture } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
                      WHERE id = ?1 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
@@ -123,7 +122,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Shard { capture, .. } => {
+        FolderOwner::Shard { capture, .. } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM captures
                      WHERE id = ?1 AND substr(shard_key, 1, length(?2)) = ?2) AS found",
@@ -133,7 +132,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Checkpoint { model, by } => {
+        FolderOwner::Checkpoint { model, by } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM checkpoints WHERE model = ?1
                          AND (substr(manifest_key, 1, length(?2)) = ?2
@@ -148,7 +147,7 @@ async fn named(
             .fetch_one(conn)
             .await
         }
-        Folder::Render { by } => {
+        FolderOwner::Render { by } => {
             sqlx::query(
                 "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND lease = ?2
                          AND kind IN ('render', 'export') AND state = 'SUCCEEDED')
@@ -165,7 +164,7 @@ async fn named(
     exists(found)
 }
 
-/// Whether this very lease of the job lasts.
+/// Whether exactly this lease of the job is current.
 async fn runs(conn: &mut SqliteConnection, lease: Option<Lease<'_>>) -> Result<bool, StoreError> {
     let Some(lease) = lease else {
         return Ok(false);
@@ -179,7 +178,7 @@ async fn runs(conn: &mut SqliteConnection, lease: Option<Lease<'_>>) -> Result<b
     )
 }
 
-/// The token in the column's type. One beyond its range was never issued, as was none below 0.
+/// The token in the column's type. A token below 0 or beyond the range was never issued.
 fn token(lease: Lease<'_>) -> i64 {
     i64::try_from(lease.token).unwrap_or(-1)
 }

@@ -1,16 +1,14 @@
 //! Leases of workers that draw pictures of a render beside the worker that runs it.
 //!
-//! Such a lease is an attempt with a deadline. Its end, whatever it is, ends no job: its ranges go to others.
+//! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
-use super::{
-    attempts, jobs,
-    leases::{Ask, refusal},
-    outcome,
-    rows::{Columns, During},
-};
+use super::leases::{Ask, refusal};
+use super::rows::{Columns, During};
+use super::{attempts, jobs, outcome};
 use crate::store::{Ending, LeaseKey, StoreError};
 use sqlx::SqliteConnection;
-use yoto_proto::v1::{job, job_attempt::Outcome};
+use yoto_proto::v1::job;
+use yoto_proto::v1::job_attempt::Outcome;
 
 /// Lets the worker of `ask` help with a running render.
 pub async fn begin(
@@ -46,7 +44,7 @@ pub async fn begin(
     Ok(key)
 }
 
-/// The helper's lease of an earlier call with the same id, which begins anew.
+/// The helper's lease of an earlier call with the same id, with a new deadline.
 pub async fn again(
     conn: &mut SqliteConnection,
     ask: &Ask<'_>,
@@ -96,7 +94,7 @@ pub async fn heartbeat(
     }
 }
 
-/// Whether this is a helper's lease that lasts.
+/// Whether this is a current helper's lease.
 async fn lasts(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, StoreError> {
     sqlx::query(
         "SELECT EXISTS (SELECT 1 FROM job_attempts
@@ -111,7 +109,7 @@ async fn lasts(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, St
     .flag("found")
 }
 
-/// Ends a helper's lease. Returns false if this is none that lasts.
+/// Ends a helper's lease. Returns false if this is not a current helper's lease.
 pub async fn end(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -184,7 +182,7 @@ pub async fn dismiss(
     Ok(())
 }
 
-/// A job's attempts have changed, and nothing else of it.
+/// Only the attempts of the job have changed.
 async fn changed(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     sqlx::query("UPDATE jobs SET sequence = sequence + 1 WHERE id = ?1")
         .bind(job_id)

@@ -2,22 +2,17 @@
 //! calls, and nothing can change between its lease and its inputs.
 
 use super::{captures, checkpoints, models, outputs, pins, subjects};
-use crate::{
-    checkpoints::best::to_use,
-    store::{StoreError, UploadedFile},
-};
+use crate::checkpoints::best::to_use;
+use crate::store::{StoreError, UploadedFile};
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    keys,
-    names::{Collection, NameError},
-    tiers,
-    v1::{
-        Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
-        SubjectShard, job_spec,
-    },
+use yoto_proto::names::{Collection, NameError};
+use yoto_proto::v1::{
+    Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
+    SubjectShard, job_spec,
 };
+use yoto_proto::{keys, tiers};
 
-/// Number of checkpoints in a lease: the one to use, and others in case it is damaged.
+/// Number of checkpoints in a lease: the one to use, and others in case that one is damaged.
 const CHECKPOINTS: usize = 8;
 
 /// The inputs of a leased job.
@@ -62,7 +57,7 @@ pub async fn resolve(
     })
 }
 
-/// The other models whose people a job shows, each with the checkpoint that was chosen of it first.
+/// The other models with people that a job shows, each with its chosen checkpoint first.
 async fn other_models(
     conn: &mut SqliteConnection,
     job_id: &str,
@@ -118,8 +113,8 @@ fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
     }
 }
 
-/// The shard of the capture that was chosen for the job. Somebody who joined the model after the job was
-/// queued has none yet, and gets their newest.
+/// The shard of the capture that was pinned to the job. A person who joined the model after the job was queued
+/// has no pinned capture, and gets their newest one.
 async fn shard(
     conn: &mut SqliteConnection,
     job_id: &str,
@@ -134,11 +129,11 @@ async fn shard(
     shard.ok_or_else(|| unreadable(&format!("{subject} no longer has a shard")))
 }
 
-/// With the checkpoint of the `pinned` step, which stays while the job runs, first.
+/// The checkpoints, with the one of the `pinned` step first; that one is kept while the job runs.
 fn pinned_first(mut all: Vec<Checkpoint>, pinned: Option<u64>) -> Vec<Checkpoint> {
-    let place = all.iter().position(|it| Some(it.step) == pinned);
-    if let Some(place) = place {
-        let used = all.remove(place);
+    let index = all.iter().position(|it| Some(it.step) == pinned);
+    if let Some(index) = index {
+        let used = all.remove(index);
         all.insert(0, used);
     }
     all

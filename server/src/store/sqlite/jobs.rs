@@ -1,16 +1,13 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::{
-    attempts, models, outcome, pins, requests,
-    rows::{Columns, During, state},
-};
+use super::rows::{Columns, During, state};
+use super::{attempts, models, outcome, pins, requests};
 use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, StoreError, new_id};
 use prost::Message;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{Job, JobPriority, JobSpec, job, job_spec},
-};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Job, JobPriority, JobSpec, job, job_spec};
 
 /// Priorities by their column.
 const PRIORITIES: [JobPriority; 4] = [
@@ -20,7 +17,7 @@ const PRIORITIES: [JobPriority; 4] = [
     JobPriority::Urgent,
 ];
 
-/// Selects jobs with their place in the queue, and everything but their orders.
+/// Selects jobs with their position in the queue, and everything but their orders.
 macro_rules! select_jobs {
     ($rest:literal) => {
         concat!(
@@ -205,7 +202,7 @@ pub async fn with_attempts(conn: &mut SqliteConnection, id: &str) -> Result<Job,
     })
 }
 
-/// Jobs that pass the filter, newest first; with their orders if `full`.
+/// Jobs that match the filter, newest first; with their orders if `full`.
 pub async fn list(
     conn: &mut SqliteConnection,
     page: Page,

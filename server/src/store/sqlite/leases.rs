@@ -4,24 +4,19 @@
 //! worker and the state RUNNING; a worker that lost its lease matches no row. Workers that help with a render
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
-use super::{
-    attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, ranges,
-    rows::{Columns, During, integer},
-    turn,
-};
-use crate::{
-    checkpoints::retention::Retention,
-    store::{LeaseKey, LeasedJob, StoreError, Turn},
-};
+use super::rows::{Columns, During, integer};
+use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges};
+use crate::checkpoints::retention::Retention;
+use crate::store::{LeaseKey, LeaseOutcome, LeasedJob, StoreError};
 use prost::Message;
-use sqlx::{Sqlite, SqliteConnection, query::Query, sqlite::SqliteArguments};
-use yoto_proto::{
-    names::Collection,
-    v1::{Checkpoint, JobError, JobSpec, Progress},
-};
+use sqlx::query::Query;
+use sqlx::sqlite::SqliteArguments;
+use sqlx::{Sqlite, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Checkpoint, JobError, JobSpec, Progress};
 
-/// A statement on the job of a lease, in which the first three parameters are those of [`bound`]: it matches
-/// no row once the lease is another's. What follows the condition comes last.
+/// A statement on the job of a lease. Its first three parameters are those of [`bound`]; it matches no row once
+/// the lease is stale. `$tail` follows the condition.
 macro_rules! guarded {
     ($head:literal) => {
         guarded!($head, "")
@@ -36,7 +31,7 @@ macro_rules! guarded {
 }
 pub(super) use guarded;
 
-/// The same for a lease of the worker that runs the job or of one that helps with it.
+/// The same for any current lease of the job: of the worker that runs it, or of a helper.
 macro_rules! held {
     ($head:literal) => {
         held!($head, "")
@@ -52,7 +47,7 @@ macro_rules! held {
 }
 pub(super) use held;
 
-/// The guarded `statement`, with the claim of `lease`.
+/// The guarded `statement` with the claim of `lease` bound to its first three parameters.
 pub(super) fn bound<'q>(
     statement: &'static str,
     lease: &'q LeaseKey,
@@ -74,33 +69,34 @@ pub struct Ask<'a> {
     pub now: f64,
 }
 
-/// The lease that an earlier call with the same id got, as long as it runs; else a lease on the job
-/// whose turn it is, or on a part of a render of a higher priority. A job whose inputs can't be found FAILS, so that it never stands before the others.
-pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, StoreError> {
+/// The lease of an earlier call with the same id, while it lasts; otherwise a lease of the first queued job
+/// that the worker may run, or of a part of a running render with a higher priority. A job whose inputs can't be
+/// found FAILS, so that it never blocks the others.
+pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOutcome, StoreError> {
     let mut failed = Vec::new();
     if let Some(leased) = again(conn, ask).await? {
-        return Ok(Turn {
+        return Ok(LeaseOutcome {
             leased: Some(leased),
             failed,
         });
     }
     loop {
-        let next = turn::next(conn, ask.worker_id, ask.now).await?;
+        let next = queue::next(conn, ask.worker_id, ask.now).await?;
         let priority = next.as_ref().map(|it| it.priority);
         if ask.help
-            && let Some(id) = turn::to_help(conn, ask.worker_id, priority).await?
+            && let Some(id) = queue::to_help(conn, ask.worker_id, priority).await?
         {
             let key = helpers::begin(conn, ask, &id).await?;
             let leased = Some(leased(conn, &key).await?);
-            return Ok(Turn { leased, failed });
+            return Ok(LeaseOutcome { leased, failed });
         }
-        let Some(turn::Next { id, .. }) = next else {
+        let Some(queue::Next { id, .. }) = next else {
             break;
         };
         let key = begin(conn, ask, &id).await?;
         match inputs_of(conn, &key).await {
             Ok(leased) => {
-                return Ok(Turn {
+                return Ok(LeaseOutcome {
                     leased: Some(leased),
                     failed,
                 });
@@ -118,7 +114,7 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<Turn, S
             }
         }
     }
-    Ok(Turn {
+    Ok(LeaseOutcome {
         leased: None,
         failed,
     })
@@ -130,7 +126,7 @@ async fn begin(
     ask: &Ask<'_>,
     job_id: &str,
 ) -> Result<LeaseKey, StoreError> {
-    look_after(conn, ask.now).await?;
+    start_lease_clock(conn, ask.now).await?;
     let row = sqlx::query(
         "UPDATE jobs SET state = 'RUNNING', lease = last_token + 1, last_token = last_token + 1, worker = ?2, lease_request = ?3,
              lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
@@ -156,7 +152,7 @@ async fn begin(
 
 /// Chooses the checkpoint of a job that was just leased, and finds its inputs.
 async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
-    // A film that has begun goes on with the checkpoint that it began with.
+    // A render that has begun continues with the checkpoint that it began with.
     let begun = !outputs::list(conn, &key.job_id).await?.is_empty();
     if !begun && !ranges::any(conn, &key.job_id).await? {
         let spec = jobs::spec(conn, &key.job_id).await?;
@@ -165,8 +161,8 @@ async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<Leased
     leased(conn, key).await
 }
 
-/// The first lease after a time without any is no end of an outage.
-async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
+/// Restarts the lease clock if no lease runs: the gap before the first lease is not an outage.
+async fn start_lease_clock(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO lease_clock (id, last_tick)
          SELECT 1, ?1 WHERE NOT EXISTS (SELECT 1 FROM leases)
@@ -175,7 +171,7 @@ async fn look_after(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreEr
     .bind(now)
     .execute(conn)
     .await
-    .during("starting to look after leases")?;
+    .during("starting the lease clock")?;
     Ok(())
 }
 
@@ -197,8 +193,8 @@ pub async fn is_repeat(
     .flag("found")
 }
 
-/// The lease of an earlier call with the same id, whose answer was lost. It begins anew, since the
-/// worker counts it from this call.
+/// The lease of an earlier call with the same id, whose answer was lost. Its deadline is renewed, since the
+/// worker counts from this call.
 async fn again(
     conn: &mut SqliteConnection,
     ask: &Ask<'_>,
@@ -246,7 +242,7 @@ async fn leased(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob
     })
 }
 
-/// Whether the lease lasts, of the worker that runs the job or of one that helps with it.
+/// Whether the lease is current: of the worker that runs the job, or of a helper.
 pub async fn is_held(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bool, StoreError> {
     let row = bound(held!("SELECT 1 FROM jobs"), lease)?
         .fetch_optional(conn)
@@ -275,7 +271,7 @@ pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSp
     }
 }
 
-/// Extends the lease and records progress; that of a helper is not the job's.
+/// Extends the lease and records progress; the progress of a helper is not recorded.
 pub async fn heartbeat(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -300,8 +296,8 @@ pub async fn heartbeat(
     }
 }
 
-/// Records a checkpoint of the leased train job's model, and removes those that it no longer keeps. The
-/// workers that were lost before it no longer count.
+/// Records a checkpoint of the leased train job's model, and removes those that the model no longer keeps. The
+/// count of lost workers starts again at 0.
 pub async fn publish(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,

@@ -1,9 +1,7 @@
 //! The schema, brought up to date step by step.
 
-use sqlx::{
-    SqlSafeStr,
-    migrate::{Migration, MigrationType, Migrator},
-};
+use sqlx::SqlSafeStr;
+use sqlx::migrate::{Migration, MigrationType, Migrator};
 
 /// The schema, step by step.
 pub fn migrations() -> Migrator {

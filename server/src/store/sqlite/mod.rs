@@ -18,35 +18,34 @@ mod outcome;
 mod outputs;
 mod pauses;
 mod pins;
+mod queue;
 mod ranges;
 mod reaping;
 mod requests;
 mod rows;
 mod subjects;
-mod turn;
+
 #[cfg(test)]
 mod upgrade_tests;
 mod uploads;
 mod workers;
 
 use super::{
-    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey, NewJob,
-    NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference, RequestKey, Store,
-    StoreError, Taken, Target, Turn, Upload, UploadedFile,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey,
+    LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference,
+    RequestKey, Store, StoreError, TakenRange, Target, Upload, UploadedFile,
 };
-use crate::{
-    checkpoints::retention::Retention,
-    clock::Clock,
-    faults::{self, Moment},
-};
+use crate::checkpoints::retention::Retention;
+use crate::clock::Clock;
+use crate::faults::{self, Moment};
 use async_trait::async_trait;
 use rows::During;
-use sqlx::{
-    Acquire, Sqlite, SqlitePool, Transaction,
-    pool::PoolConnection,
-    sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous},
-};
-use std::{path::Path, sync::Arc, time::Duration};
+use sqlx::pool::PoolConnection;
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Acquire, Sqlite, SqlitePool, Transaction};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
     RenderedFile, Subject, SubjectShard, WorkerStatus,
@@ -163,7 +162,7 @@ impl Store for SqliteStore {
 
     async fn upload(&self, id: &str) -> Result<Upload, StoreError> {
         let mut conn = self.read().await?;
-        // Both of its reads see the same state.
+        // In a transaction, so that both reads see the same state.
         let mut tx = conn.begin().await.during("starting to read an upload")?;
         uploads::get(&mut tx, id).await
     }
@@ -406,14 +405,17 @@ impl Store for SqliteStore {
         request_id: &str,
         help: bool,
         lease_seconds: f64,
-    ) -> Result<Turn, StoreError> {
+    ) -> Result<LeaseOutcome, StoreError> {
         let now = self.clock.now();
         let mut reader = self.read().await?;
         let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
-            || turn::any(&mut reader, worker_id, now).await?
-            || help && turn::to_help(&mut reader, worker_id, None).await?.is_some();
+            || queue::any(&mut reader, worker_id, now).await?
+            || help
+                && queue::to_help(&mut reader, worker_id, None)
+                    .await?
+                    .is_some();
         if !work {
-            return Ok(Turn::default());
+            return Ok(LeaseOutcome::default());
         }
         drop(reader);
         let mut tx = self.write().await?;
@@ -424,9 +426,9 @@ impl Store for SqliteStore {
             lease_seconds,
             now: self.clock.now(),
         };
-        let turn = leases::lease(&mut tx, &ask).await?;
+        let outcome = leases::lease(&mut tx, &ask).await?;
         commit(tx).await?;
-        Ok(turn)
+        Ok(outcome)
     }
 
     async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
@@ -468,7 +470,7 @@ impl Store for SqliteStore {
         lease: &LeaseKey,
         pictures: u32,
         drawn: Option<u32>,
-    ) -> Result<Taken, StoreError> {
+    ) -> Result<TakenRange, StoreError> {
         let mut tx = self.write().await?;
         let taken = ranges::take(&mut tx, lease, pictures, drawn).await?;
         commit(tx).await?;

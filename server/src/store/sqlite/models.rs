@@ -1,20 +1,14 @@
 //! Models, their identity slots, and their checkpoints.
 
-use super::{
-    checkpoints, pins, requests,
-    rows::{Columns, During},
-    subjects,
-};
-use crate::{
-    checkpoints::retention::Retention,
-    rules::etag,
-    store::{Entry, NewModel, Page, RequestKey, StoreError, new_id},
-};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{self, IdentitySlot, Model, subject},
-};
+use super::rows::{Columns, During};
+use super::{checkpoints, pins, requests, subjects};
+use crate::checkpoints::retention::Retention;
+use crate::rules::etag;
+use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{self, IdentitySlot, Model, subject};
 
 /// The variant with a single subject per model.
 const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
@@ -169,8 +163,8 @@ pub async fn list(
     Ok(entries)
 }
 
-/// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`:
-/// a slot that was removed since is not given anew.
+/// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`: a
+/// slot that was removed since then is not created again.
 pub async fn add_identity(
     conn: &mut SqliteConnection,
     model_id: &str,
@@ -243,7 +237,7 @@ async fn next_identity(
     })
 }
 
-/// Takes a subject's slot away, which no checkpoint knows yet. Its number is not used again.
+/// Removes a subject's slot that no checkpoint was trained with. Its number is not used again.
 pub async fn remove_identity(
     conn: &mut SqliteConnection,
     model_id: &str,

@@ -3,20 +3,16 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::{
-    attempts, captures, checkpoints, helpers, jobs,
-    leases::{self, bound, guarded},
-    rows::{Columns, During},
-};
-use crate::{
-    rules::retries,
-    store::{Ending, LeaseKey, StoreError},
-};
+use super::leases::{self, bound, guarded};
+use super::rows::{Columns, During};
+use super::{attempts, captures, checkpoints, helpers, jobs};
+use crate::rules::retries;
+use crate::store::{Ending, LeaseKey, StoreError};
 use prost::Message;
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::v1::{
-    JobError, JobResult, Progress, Violation, job, job_attempt::Outcome, job_result,
-};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{JobError, JobResult, Progress, Violation, job, job_result};
 
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
 pub async fn end(
@@ -47,7 +43,7 @@ pub async fn end(
     }
 }
 
-/// The refusal of a cancel that nobody asked for.
+/// The refusal of a cancel that was not requested.
 pub fn not_requested() -> StoreError {
     StoreError::Rule {
         reason: "CANCEL_NOT_REQUESTED",
@@ -55,8 +51,8 @@ pub fn not_requested() -> StoreError {
     }
 }
 
-/// Whether an attempt that `ended` so did so by this `ending`: a cancel, or too many retries, may have
-/// turned the one into the other.
+/// Whether an attempt with the outcome `ended` may come from this `ending`: a cancel, or too many retries, can
+/// change the outcome.
 fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
     let asked = ending.outcome();
     ended == asked
@@ -65,7 +61,7 @@ fn is_repeat(ended: Outcome, ending: &Ending) -> bool {
         || (ended == Outcome::Helped && asked == Outcome::Succeeded)
 }
 
-/// Whether a cancel of the leased job was requested; none if the lease is stale.
+/// Whether a cancel of the leased job was requested; `None` if the lease is stale.
 async fn cancel_requested(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -105,7 +101,7 @@ async fn complete(
     Ok(())
 }
 
-/// Sets the progress of a job that succeeded to its end: the last heartbeat came before it.
+/// Sets the progress of a succeeded job to complete: the last heartbeat came before the end.
 async fn end_progress(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     let progress = Progress {
         phase: "done".into(),
@@ -166,7 +162,7 @@ pub async fn cancel(
     end_ingest(conn, &row, &[]).await
 }
 
-/// Returns the leased job to its old place in the queue; `outcome` is that of the attempt.
+/// Returns the leased job to its old position in the queue; `outcome` is that of the attempt.
 pub async fn requeue(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -187,7 +183,7 @@ pub async fn requeue(
     attempts::end(conn, lease, outcome, None, now).await
 }
 
-/// Returns the leased job to the queue for later, with the reason for which it waits, or ends it as FAILED
+/// Returns the leased job to the queue for a later attempt, with the reason for the wait, or ends it as FAILED
 /// after too many retries.
 async fn postpone(
     conn: &mut SqliteConnection,
@@ -225,7 +221,7 @@ async fn postpone(
     attempts::end(conn, lease, Outcome::Postponed, Some(&error), now).await
 }
 
-/// A job that nobody runs makes no steps: its last speed and time left are those of a worker that is gone.
+/// Removes speed and time left from the progress of a job without a worker: they are those of the last worker.
 async fn stand_still(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
     let Some(progress) = jobs::get(conn, job_id).await?.progress else {
         return Ok(());
@@ -269,8 +265,8 @@ pub async fn cancel_queued(
     }
 }
 
-/// What becomes of the capture of an ingest job without a result; other jobs have no capture. Only a
-/// fault of its files rejects it.
+/// Updates the capture of an ingest job that ended without a result; other jobs have no capture. Only a fault
+/// in its files rejects it.
 async fn end_ingest(
     conn: &mut SqliteConnection,
     job: &SqliteRow,

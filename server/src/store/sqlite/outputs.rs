@@ -1,15 +1,13 @@
 //! Files of renders and exports, committed one by one.
 
-use super::{
-    leases::{self, bound, held},
-    rows::{Columns, During, integer},
-};
+use super::leases::{self, bound, held};
+use super::rows::{Columns, During, integer};
 use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
 use yoto_proto::v1::RenderedFile;
 
-/// Commits a file of a job that the worker runs, or of a render that it helps with, in the place of an earlier
-/// one, which its worker has found damaged, or of an earlier lease.
+/// Commits a file of a job that the worker runs, or of a render that it helps with. It replaces an earlier file
+/// of the same name, which is damaged or from an earlier lease.
 pub async fn commit(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,

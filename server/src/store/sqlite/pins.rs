@@ -1,29 +1,23 @@
-//! What open jobs use, and so must stay.
+//! The captures and checkpoints that open jobs use, and that therefore must stay.
 //!
-//! Each person whom a job needs is pinned to their newest capture when the job is queued, so that its
-//! result does not depend on when a worker comes.
+//! When a job is queued, each person that it needs is pinned to their newest capture, so that its result does
+//! not depend on when a worker comes.
 //!
-//! A render, an evaluation or an export uses one checkpoint: the one that its order names, or the best one. It is
-//! chosen when the job is queued, and again when it is leased, since a better one may have come; in
-//! between, the one that the order was checked with stays. A scene with people of other models uses the best
-//! one of each of these as well, which is chosen and kept in the same way.
+//! A render, an evaluation or an export uses one checkpoint: the one that its order names, or the best one. It
+//! is chosen when the job is queued, and again when it is leased, since a better one may have been published.
+//! Between the two, the checkpoint that the order was checked with is kept. A scene with people of other models
+//! also uses the best checkpoint of each of them, which is chosen and kept in the same way.
 
-use super::{
-    checkpoints,
-    rows::{Columns, During, integer},
-};
-use crate::{
-    checkpoints::{best::to_use, retention::Pins},
-    store::StoreError,
-};
+use super::checkpoints;
+use super::rows::{Columns, During, integer};
+use crate::checkpoints::best::to_use;
+use crate::checkpoints::retention::Pins;
+use crate::store::StoreError;
 use sqlx::SqliteConnection;
-use yoto_proto::{
-    exports,
-    names::Collection,
-    render_needs::{Need, needs, other_models},
-    tiers,
-    v1::{JobSpec, Model, job_spec},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::render_needs::{Need, needs, other_models};
+use yoto_proto::v1::{JobSpec, Model, job_spec};
+use yoto_proto::{exports, tiers};
 
 /// Step of the checkpoint that a job uses.
 pub async fn of_job(conn: &mut SqliteConnection, job_id: &str) -> Result<Option<u64>, StoreError> {
@@ -50,7 +44,8 @@ pub async fn of_other(
     row.map(|row| row.number("step")).transpose()
 }
 
-/// What the open jobs of a model use, and those of others with people of it.
+/// The checkpoints of a model that open jobs use: jobs of the model, and scenes of other models that show its
+/// people.
 pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pins, StoreError> {
     let rows = sqlx::query(
         "SELECT ord, id, pinned_step FROM jobs
@@ -75,8 +70,8 @@ pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pin
     Ok(pins)
 }
 
-/// Step of the checkpoint that a job with this order uses, which must exist; `None` for jobs that use no
-/// certain one.
+/// Step of the checkpoint that a job with this order uses, which must exist; `None` for jobs that do not use a
+/// particular one.
 pub async fn chosen(
     conn: &mut SqliteConnection,
     spec: &JobSpec,
@@ -93,7 +88,7 @@ pub async fn chosen(
     step_of(conn, model, wanted, tradeoff).await.map(Some)
 }
 
-/// Step of the checkpoint of `model` that a job uses: the one called `wanted`, or the best one.
+/// Step of the checkpoint of `model` that a job uses: the one with the name `wanted`, or the best one.
 async fn step_of(
     conn: &mut SqliteConnection,
     model: &str,
@@ -129,7 +124,7 @@ pub fn others(spec: &JobSpec) -> Vec<&str> {
     }
 }
 
-/// Chooses the checkpoint of each other model that a job uses, each of which must have one.
+/// Chooses the checkpoint of each other model that a job uses. Each of these models must have one.
 pub async fn pin_others(
     conn: &mut SqliteConnection,
     job_id: &str,
@@ -172,7 +167,7 @@ pub async fn renew(
     pin_others(conn, job_id, spec).await
 }
 
-/// The people whom a job on `model` needs, `subjects/{id}`, each once.
+/// The people that a job on `model` needs, `subjects/{id}`, each once.
 pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
     let everybody = model.slots.iter().map(|it| it.subject.clone());
     match &spec.kind {
@@ -243,7 +238,7 @@ pub async fn capture(
     row.map(|row| row.text("capture")).transpose()
 }
 
-/// An open job of the model, or with people of it, of `kind` if it is not empty.
+/// An open job of the model or with people of it; only of `kind` if that is not empty.
 pub async fn open_job(
     conn: &mut SqliteConnection,
     model_id: &str,

@@ -1,25 +1,22 @@
 //! Ranges of a render's pictures, each drawn by one lease at a time.
 
-use super::{
-    leases::{is_held, refusal},
-    outputs,
-    rows::{Columns, During},
-};
-use crate::{
-    rules::ranges::split,
-    store::{LeaseKey, StoreError, Taken},
-};
+use super::leases::{is_held, refusal};
+use super::outputs;
+use super::rows::{Columns, During};
+use crate::rules::ranges::split;
+use crate::store::{LeaseKey, StoreError, TakenRange};
 use sqlx::SqliteConnection;
-use yoto_proto::{keys, v1::PictureRange};
+use yoto_proto::keys;
+use yoto_proto::v1::PictureRange;
 
-/// Notes the range from `drawn` on as drawn by the lease, and gives it the next one, or the one that it has
-/// already.
+/// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
+/// range that it already has.
 pub async fn take(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     pictures: u32,
     drawn: Option<u32>,
-) -> Result<Taken, StoreError> {
+) -> Result<TakenRange, StoreError> {
     if !is_held(conn, lease).await? {
         return Err(refusal(conn, lease).await);
     }
@@ -47,12 +44,12 @@ pub async fn take(
     let committed = outputs.len() as u32;
     if !finished {
         let inside = |file: &str| {
-            let mut places = range.iter().flat_map(|it| it.first..it.first + it.count);
-            places.any(|place| keys::picture(place) == file)
+            let mut indices = range.iter().flat_map(|it| it.first..it.first + it.count);
+            indices.any(|index| keys::picture(index) == file)
         };
         outputs.retain(|it| inside(&it.file));
     }
-    Ok(Taken {
+    Ok(TakenRange {
         range,
         outputs,
         committed,
@@ -60,8 +57,8 @@ pub async fn take(
     })
 }
 
-/// Divides the render into ranges, unless an earlier lease has. What the worker that runs the job counts
-/// holds: it may be of a later version than the last one.
+/// Divides the render into ranges, unless an earlier lease did. The count of the worker that runs the job
+/// decides, since its version may be newer than that of the last one.
 async fn divide(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -129,7 +126,7 @@ async fn next(
     .transpose()
 }
 
-/// Whether a render was divided: somebody has begun to draw it.
+/// Whether a render was divided into ranges, that is, a worker has begun to draw it.
 pub async fn any(conn: &mut SqliteConnection, job_id: &str) -> Result<bool, StoreError> {
     sqlx::query("SELECT EXISTS (SELECT 1 FROM render_ranges WHERE job = ?1) AS found")
         .bind(job_id)
@@ -139,7 +136,7 @@ pub async fn any(conn: &mut SqliteConnection, job_id: &str) -> Result<bool, Stor
         .flag("found")
 }
 
-/// Leaves what a lease that ends has not drawn to others.
+/// Frees the ranges that an ending lease has not drawn.
 pub async fn release(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<(), StoreError> {
     sqlx::query("UPDATE render_ranges SET token = NULL WHERE job = ?1 AND token = ?2")
         .bind(&lease.job_id)

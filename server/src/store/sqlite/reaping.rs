@@ -1,23 +1,17 @@
 //! Jobs of silent workers.
 
-use super::{
-    helpers, jobs, outcome,
-    rows::{Columns, During},
-};
-use crate::{
-    rules::{
-        losses::{Verdict, verdict},
-        outage,
-    },
-    store::{LeaseKey, Reaped, StoreError},
-};
-use sqlx::{Row, SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{job, job_attempt::Outcome},
-};
+use super::rows::{Columns, During};
+use super::{helpers, jobs, outcome};
+use crate::rules::losses::{Verdict, verdict};
+use crate::rules::outage;
+use crate::store::{LeaseKey, Reaped, StoreError};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::job;
+use yoto_proto::v1::job_attempt::Outcome;
 
-/// Shares of a lease between two ticks that are recorded: an outage is known to within this.
+/// Interval of recorded ticks as a share of a lease: the length of an outage is known to within this.
 const TICKS_PER_LEASE: f64 = 8.0;
 
 /// Whether a tick has anything to do at `now`: a lease expired, or the clock is to be recorded.
@@ -40,8 +34,8 @@ pub async fn is_due(
     .during("looking for expired leases")
 }
 
-/// Forgives an outage since the last tick, takes back every job whose lease has expired all the same, and
-/// records the tick.
+/// Extends the deadlines by an outage since the last tick, takes back every job whose lease has expired
+/// nevertheless, and records the tick.
 pub async fn tick(
     conn: &mut SqliteConnection,
     cap: u32,
@@ -75,7 +69,7 @@ pub async fn tick(
     Ok(reaped)
 }
 
-/// Moves deadlines by the time in which the service looked after no lease.
+/// Moves deadlines by the time in which the service checked no leases.
 async fn forgive(
     conn: &mut SqliteConnection,
     lease_seconds: f64,
@@ -143,7 +137,7 @@ pub async fn take_back_embedded(
     Ok(reaped)
 }
 
-/// Ends the leases of helpers that are gone. Their renders go on, and are not charged for it.
+/// Ends the leases of lost helpers. Their renders continue, and the loss does not count against them.
 async fn do_without(
     conn: &mut SqliteConnection,
     rows: &[SqliteRow],
@@ -156,7 +150,7 @@ async fn do_without(
             worker_id: row.text("worker")?,
             token: row.number("lease")?,
         };
-        // Its job may have ended just now, and this lease with it.
+        // The job may have ended in this tick, and the lease with it.
         if !helpers::lose(conn, &lease, now).await? {
             continue;
         }

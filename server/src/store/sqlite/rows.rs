@@ -3,7 +3,8 @@
 use crate::store::StoreError;
 use prost::Message;
 use prost_types::Timestamp;
-use sqlx::{Row, sqlite::SqliteRow};
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
 use yoto_proto::v1::ObjectRef;
 
 /// Adds the action to errors of the driver.

@@ -1,18 +1,13 @@
 //! Subjects, and the shard of each.
 
-use super::{
-    requests,
-    rows::{Columns, During, state},
-};
-use crate::{
-    rules::etag,
-    store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id},
-};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{Subject, SubjectShard, subject},
-};
+use super::requests;
+use super::rows::{Columns, During, state};
+use crate::rules::etag;
+use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Subject, SubjectShard, subject};
 
 fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
     let captures = row.maybe_text("captures")?.unwrap_or_default();

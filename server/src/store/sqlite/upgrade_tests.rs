@@ -1,15 +1,12 @@
 //! Databases of earlier schemas, opened by this program.
 
-use super::{SqliteStore, migrations::migrations};
-use crate::{
-    checkpoints::retention::Retention,
-    clock::SystemClock,
-    store::{JobKind, NewJob, NewWorker, Store},
-};
-use sqlx::{
-    Executor, Row,
-    sqlite::{SqliteConnectOptions, SqlitePoolOptions},
-};
+use super::SqliteStore;
+use super::migrations::migrations;
+use crate::checkpoints::retention::Retention;
+use crate::clock::SystemClock;
+use crate::store::{JobKind, NewJob, NewWorker, Store};
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
+use sqlx::{Executor, Row};
 use std::sync::Arc;
 use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
 
@@ -94,11 +91,11 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         kinds: vec![JobKind::Evaluate],
     };
     let worker = store.register_worker(new).await.expect("registers");
-    let turn = store
+    let outcome = store
         .lease_job(&worker, "", false, 60.0)
         .await
         .expect("answers");
-    let leased = turn.leased;
+    let leased = outcome.leased;
     assert_eq!(leased.map(|it| it.job.name), Some(evaluation.name));
     // References to the recreated tables are still enforced.
     let error = store

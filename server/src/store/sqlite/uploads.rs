@@ -1,17 +1,13 @@
-//! Uploads: captures on their way, of which each file has a number of committed bytes.
+//! Uploads: captures that are still arriving. Each file has a number of committed bytes.
 
-use super::{
-    captures, garbage, jobs, requests,
-    rows::{Columns, During, integer},
-};
+use super::rows::{Columns, During, integer};
+use super::{captures, garbage, jobs, requests};
 use crate::store::{
     CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
 };
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
-use yoto_proto::{
-    names::Collection,
-    v1::{Capture, IngestSpec, JobSpec, job_spec},
-};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Capture, IngestSpec, JobSpec, job_spec};
 
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
 const ROWS_PER_STATEMENT: usize = 4000;
@@ -144,7 +140,7 @@ pub async fn commit(
     Ok(())
 }
 
-/// Forgets the bytes of a file that turned out to be others than announced.
+/// Forgets the bytes of a file whose checksum differs from the announced one.
 pub async fn restart(conn: &mut SqliteConnection, id: &str, path: &str) -> Result<(), StoreError> {
     sqlx::query("UPDATE capture_files SET committed = 0 WHERE capture = ?1 AND path = ?2")
         .bind(id)
@@ -198,7 +194,7 @@ async fn ingest(conn: &mut SqliteConnection, id: &str, now: f64) -> Result<(), S
         .map(drop)
 }
 
-/// Queues another ingest job of a capture whose last one brought no shard.
+/// Queues another ingest job for a capture whose last one made no shard.
 pub async fn ingest_again(
     conn: &mut SqliteConnection,
     id: &str,
@@ -236,7 +232,7 @@ pub async fn ingest_again(
     captures::get(conn, id).await
 }
 
-/// Ends the uploads without a write for `idle` seconds; their ids.
+/// Ends the uploads without a write for `idle` seconds. Returns their ids.
 pub async fn expire(conn: &mut SqliteConnection, idle: f64) -> Result<Vec<String>, StoreError> {
     let rows = sqlx::query(
         "DELETE FROM captures WHERE state = 'UPLOADING' AND write_time <= unixepoch('subsec') - ?1
@@ -255,8 +251,8 @@ pub async fn expire(conn: &mut SqliteConnection, idle: f64) -> Result<Vec<String
     Ok(ended)
 }
 
-/// Notes the files of an upload that is gone as garbage, and frees its request id, so that the same
-/// files can be uploaded again.
+/// Notes the files of a removed upload as garbage, and frees its request id, so that the same files can be
+/// uploaded again.
 pub async fn forget(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
     garbage::deleted(conn, &format!("uploads/{id}")).await?;
     sqlx::query("DELETE FROM request_ids WHERE method = ?1 AND answer = ?2")

@@ -1,12 +1,11 @@
-//! Workers and what they can run.
+//! Workers and the kinds of jobs that they run.
 
 use super::rows::{Columns, During};
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
-use sqlx::{SqliteConnection, sqlite::SqliteRow};
-use yoto_proto::{
-    names::Collection,
-    v1::{WorkerDevice, WorkerStatus},
-};
+use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{WorkerDevice, WorkerStatus};
 
 /// Adds a worker.
 pub async fn register(
@@ -15,7 +14,7 @@ pub async fn register(
     now: f64,
 ) -> Result<String, StoreError> {
     let id = new_id();
-    // A device with more memory than fits into the column does not exist.
+    // No device has more memory than fits into the column.
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sqlx::query(
         "INSERT INTO workers
@@ -44,8 +43,8 @@ pub async fn register(
     Ok(id)
 }
 
-/// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds before its
-/// lease ends.
+/// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds
+/// before its lease ends.
 macro_rules! select_workers {
     ($rest:literal) => {
         concat!(

@@ -1,9 +1,7 @@
 //! Captures in the form that clients send.
 
-use yoto_proto::{
-    crc32c, sha256_hex,
-    v1::{FileHeader, WriteUploadRequest},
-};
+use yoto_proto::v1::{FileHeader, WriteUploadRequest};
+use yoto_proto::{crc32c, sha256_hex};
 
 /// A file of an upload: path, bytes, and the checksum to announce.
 #[derive(Clone)]

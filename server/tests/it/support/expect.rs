@@ -1,6 +1,7 @@
 //! Waits for conditions, and expected refusals.
 
-use std::{future::Future, time::Duration};
+use std::future::Future;
+use std::time::Duration;
 use tokio::time::Instant;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;

@@ -13,29 +13,37 @@ pub use capture::{File, chunk, chunks, file, headers};
 pub use expect::{assert_invalid, assert_refused, eventually};
 
 use futures::stream;
-use object_store::{ObjectStoreExt, local::LocalFileSystem, path::Path as Key};
-use sqlx::{ConnectOptions, sqlite::SqliteConnectOptions};
-use std::{path::PathBuf, time::Duration};
+use object_store::ObjectStoreExt;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
+use std::path::PathBuf;
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
-use tonic::{Status, transport::Channel};
-use yoto_proto::{
-    keys, names, sha256_hex,
-    v1::{
-        AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest,
-        CollectGarbageResponse, CreateJobRequest, CreateModelRequest, CreateSubjectRequest,
-        CreateUploadRequest, EndJobRequest, FinishUploadRequest, GetCaptureRequest, GetJobRequest,
-        GetSubjectRequest, GetUploadRequest, IngestResult, Job, JobError, JobKind, JobResult,
-        JobSpec, Lease, LeaseJobRequest, ListCheckpointsRequest, Model, ObjectRef, Orbit,
-        PublishCheckpointRequest, RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile,
-        Subject, TrainResult, TrainSpec, Upload, WorkerDevice, WriteUploadRequest,
-        end_job_request::Outcome, job_result, job_service_client::JobServiceClient, job_spec,
-        model_service_client::ModelServiceClient, object_service_client::ObjectServiceClient,
-        render_service_client::RenderServiceClient, render_spec::What,
-        storage_service_client::StorageServiceClient, subject_service_client::SubjectServiceClient,
-        upload_service_client::UploadServiceClient, worker_service_client::WorkerServiceClient,
-    },
+use tonic::Status;
+use tonic::transport::Channel;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::model_service_client::ModelServiceClient;
+use yoto_proto::v1::object_service_client::ObjectServiceClient;
+use yoto_proto::v1::render_service_client::RenderServiceClient;
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::storage_service_client::StorageServiceClient;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{
+    AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest, CollectGarbageResponse,
+    CreateJobRequest, CreateModelRequest, CreateSubjectRequest, CreateUploadRequest, EndJobRequest,
+    FinishUploadRequest, GetCaptureRequest, GetJobRequest, GetSubjectRequest, GetUploadRequest,
+    IngestResult, Job, JobError, JobKind, JobResult, JobSpec, Lease, LeaseJobRequest,
+    ListCheckpointsRequest, Model, ObjectRef, Orbit, PublishCheckpointRequest,
+    RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec,
+    Upload, WorkerDevice, WriteUploadRequest, job_result, job_spec,
 };
+use yoto_proto::{keys, names, sha256_hex};
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
 
 /// A running coordinator.
@@ -104,7 +112,7 @@ impl Service {
         StorageServiceClient::new(self.channel.clone())
     }
 
-    /// The garbage of the object store, of which what is due is removed.
+    /// Collects garbage: removes what is due, and returns all garbage.
     pub async fn collect(&self, dry_run: bool, now: bool) -> CollectGarbageResponse {
         let request = CollectGarbageRequest { dry_run, now };
         self.storage()
@@ -172,13 +180,13 @@ impl Service {
         opened.map(|answer| answer.into_inner())
     }
 
-    /// Sends `messages` in one stream; the bytes that are committed then.
+    /// Sends `messages` in one stream. Returns the committed bytes.
     pub async fn write(&self, messages: Vec<WriteUploadRequest>) -> Result<u64, Status> {
         let written = self.uploads().write_upload(stream::iter(messages)).await;
         written.map(|answer| answer.into_inner().committed_bytes)
     }
 
-    /// An upload, once nobody writes to it.
+    /// An upload, after its writer has stopped.
     pub async fn get_upload(&self, name: &str) -> Result<Upload, Status> {
         let request = GetUploadRequest {
             name: name.into(),
@@ -241,7 +249,7 @@ impl Service {
         self.lease_or_help(worker, request_id, false).await
     }
 
-    /// The same of a worker that may `help` with a render.
+    /// The same for a worker that may `help` with a render.
     pub async fn lease_or_help(&self, worker: &str, request_id: &str, help: bool) -> Option<Lease> {
         let request = LeaseJobRequest {
             worker: worker.into(),

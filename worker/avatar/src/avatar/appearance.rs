@@ -118,7 +118,7 @@ impl AvatarSplats<'_> {
         splat::Splats {
             transforms,
             means,
-            turns: splats.turns.val(),
+            rotations: splats.turns.val(),
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
             colours: splats.colours.val(),

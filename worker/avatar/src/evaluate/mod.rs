@@ -2,23 +2,28 @@
 //!
 //! [`psnr`], [`ssim`] and [`LpipsMetric`] compare two images; [`Mean`] and [`Score`] average their
 //! figures over pictures and people; an [`Examiner`] renders the view of a picture and scores it by
-//! the rules of a [`Protocol`]; [`published`] holds the figures of the paper, for comparison.
+//! the rules of a [`Protocol`]; [`published`] holds the figures of the paper, and [`paper_table`] shows them
+//! beside measured ones.
 
 mod examine;
 mod lpips;
 pub mod metrics;
+mod paper_table;
 pub mod protocol;
 pub mod published;
 mod regions;
 pub(crate) mod score;
+mod splits;
 mod ssim;
 
 pub use examine::{Examined, Examiner, Truth};
 pub use lpips::LpipsMetric;
 pub use metrics::{psnr, psnr_in_box};
+pub use paper_table::{Row, paper_table};
 pub use protocol::Protocol;
 pub use regions::{Region, RegionError, RegionSums};
 pub use score::{Mean, PictureScore, Score, compare};
+pub use splits::{SplitScores, SubjectScore, split_table};
 pub use ssim::{ssim, ssim_inflated, ssim_uniform};
 
 use crate::loss::lpips::LpipsError;

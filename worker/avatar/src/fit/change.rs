@@ -4,7 +4,7 @@ use super::Wish;
 use crate::config::RefinementConfig;
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::transform::{add, after, apply, rigid, rodrigues};
+use yoto_capture::skeleton::transform::{add, apply, compose_axis_angle, rigid, rodrigues};
 
 /// `[3 (K + 1)]`: an axis-angle vector c per joint, radians, and a shift s, metres. Rotation R
 /// becomes R exp(c), and the root's position moves by s along the axes of its given rotation. In single
@@ -25,7 +25,7 @@ impl PoseChange {
         let (turns, shift) = parts(&change);
         let given = pose.rotations_f64();
         let rotations = (given.iter().zip(turns))
-            .map(|(given, turn)| after(*given, *turn).map(|v| v as f32))
+            .map(|(given, turn)| compose_axis_angle(*given, *turn).map(|v| v as f32))
             .collect();
         let root = rigid(
             rodrigues(given.first().copied().unwrap_or_default()),
@@ -69,7 +69,7 @@ impl PoseChange {
         let shift = apply(&rigid(root, [0.0; 3]), shift.map(|v| by * v));
         *position = add(position.map(f64::from), shift).map(|v| v as f32);
         for (rotation, turn) in rotations.iter_mut().zip(turns) {
-            let turned = after(rotation.map(f64::from), turn.map(|v| by * v));
+            let turned = compose_axis_angle(rotation.map(f64::from), turn.map(|v| by * v));
             *rotation = turned.map(|v| v as f32);
         }
     }

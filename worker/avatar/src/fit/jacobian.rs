@@ -14,8 +14,8 @@ use crate::render::samples::Samples;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::Mat34;
-use yoto_ops::warp::inverse::{self, pulls::Pull as Held};
-use yoto_ops::warp::pulls::{Pull, pulls};
+use yoto_ops::warp::inverse::point_gradients as unposed;
+use yoto_ops::warp::point_gradients::{PointGradient, point_gradients};
 
 /// A posed body in host memory.
 pub(super) struct HostPose {
@@ -59,20 +59,20 @@ pub(super) fn rows(
         Unposing::Inverse => {
             let canonical = &samples.canonical;
             let (points, grid) = (&samples.points, &body.grid);
-            inverse::pulls::pulls(weights, transforms, points, canonical, &mut to_warped, grid)
+            unposed::point_gradients(weights, transforms, points, canonical, &mut to_warped, grid)
         }
     };
-    let carried = pulls(weights, transforms, &samples.points, &to_warped, &body.grid);
+    let carried = point_gradients(weights, transforms, &samples.points, &to_warped, &body.grid);
     blocks.extend(carried.into_iter().map(|block| {
-        let in_body = |pull: Pull| {
+        let in_body = |pull: PointGradient| {
             let bone = pull.bone as usize;
             let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
-            Held {
+            unposed::PointGradient {
                 point: pull.point,
                 bone: pull.bone,
-                at: points[pull.point as usize],
-                force: std::array::from_fn(|c| {
-                    let along = carry.iter().zip(pull.force);
+                position: points[pull.point as usize],
+                gradient: std::array::from_fn(|c| {
+                    let along = carry.iter().zip(pull.gradient);
                     along.map(|(row, f)| row[c] * f).sum()
                 }),
             }
@@ -87,10 +87,10 @@ pub(super) fn rows(
             let mut wrenches = vec![Wrench::default(); (last + 1 - first) * bones];
             for pull in block {
                 // The body moves, the point stays.
-                let force = pull.force.map(|v| -f64::from(v));
+                let force = pull.gradient.map(|v| -f64::from(v));
                 let bone = pull.bone as usize;
                 wrenches[(ray(pull.point) - first) * bones + bone]
-                    .add(Wrench::at(pull.at.map(f64::from), force));
+                    .add(Wrench::at(pull.position.map(f64::from), force));
             }
             (first, wrenches)
         })

@@ -4,7 +4,7 @@ use crate::config::{ModelConfig, Unposing};
 use crate::fit::test_scene::TestScene;
 use crate::fit::{PixelGrid, SEEN, truth};
 use burn::module::Module;
-use yoto_capture::skeleton::transform::{after, apply, compose, rigid, rodrigues};
+use yoto_capture::skeleton::transform::{apply, compose, compose_axis_angle, rigid, rodrigues};
 use yoto_ops::warp::cpu::forward;
 use yoto_ops::warp::inverse::solve::Skinning;
 
@@ -60,7 +60,7 @@ fn rays_change_by(unposing: Unposing) {
                 turn[axis] = by;
                 if joint > 0 && joint < joints {
                     let given = changed.rotations[joint].map(f64::from);
-                    changed.rotations[joint] = after(given, turn).map(|v| v as f32);
+                    changed.rotations[joint] = compose_axis_angle(given, turn).map(|v| v as f32);
                 } else {
                     // The root moves the points the other way: Rᵀ (x − j − s) + j.
                     let root = body.skeleton.root();

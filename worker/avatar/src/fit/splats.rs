@@ -13,7 +13,7 @@ use crate::render::splats::{HostSplats, sight};
 use rayon::prelude::*;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::Sight;
+use yoto_ops::splat::View;
 use yoto_ops::splat::probe::Probe;
 use yoto_ops::warp::inverse::solve::Skinning;
 
@@ -32,7 +32,9 @@ impl PoseFitter<'_> {
         let _span = trace_span!("fit: splats").entered();
         let probe = Probe::new(splats.numbers(), &sight);
         let asked = pixels.par_iter().zip(weights);
-        let found: Vec<_> = asked.map(|(pixel, by)| probe.pulls(*pixel, *by)).collect();
+        let found: Vec<_> = asked
+            .map(|(pixel, by)| probe.gradients(*pixel, *by))
+            .collect();
         let pulls = || found.iter().flat_map(|(_, pulls)| pulls);
         if pulls().next().is_none() {
             return Ok(None);
@@ -41,7 +43,7 @@ impl PoseFitter<'_> {
         pulls().for_each(|pull| pulled[pull.splat] = true);
         let skinning = Skinning::new(&host.weights, &host.transforms, &self.body.grid);
         let carried_by = |(splat, pulled): (usize, &bool)| match pulled {
-            true => skinning.shares(probe.place(splat)),
+            true => skinning.skinning_weights(probe.mean(splat)),
             false => Vec::new(),
         };
         let shares: Vec<_> = pulled.par_iter().enumerate().map(carried_by).collect();
@@ -86,7 +88,7 @@ impl PoseFitter<'_> {
         pose: &Pose,
         picture: &Picture,
         posed: &Posed,
-    ) -> Result<(HostSplats<'static>, Sight), RenderError> {
+    ) -> Result<(HostSplats<'static>, View), RenderError> {
         let sight = sight(&self.body.skeleton, pose, picture.camera);
         let splats = HostSplats::read(splats.posed(self.body, posed), &sight)?;
         Ok((splats, sight))

@@ -9,7 +9,7 @@ use burn::tensor::Tensor;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use yoto_capture::skeleton::Skeleton;
-use yoto_ops::splat::draw;
+use yoto_ops::splat::render;
 
 /// Splats of any turn, scale and colour, around the bones.
 fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
@@ -64,7 +64,7 @@ fn pixels_change_as_the_rows_say() {
         let splats = splats_of.posed(body, &posed);
         let sight = sight(&body.skeleton, pose, &scene.camera);
         let splats = HostSplats::read(splats, &sight).expect("reads");
-        let drawn = draw(&[(splats.numbers(), &sight)]).expect("somebody");
+        let drawn = render(&[(splats.numbers(), &sight)]).expect("somebody");
         let drawn = grid.pixels.iter().map(|p| {
             let colour: f32 = (0..3).map(|c| by[c] * drawn.rgb[3 * p + c]).sum();
             colour + by[3] * drawn.alpha[*p]

@@ -11,7 +11,7 @@ use crate::init::Initial;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use burn::tensor::activation::leaky_relu;
-use yoto_ops::deconv::{KERNEL, STRIDE, double};
+use yoto_ops::deconv::{KERNEL, STRIDE, conv_transpose};
 
 /// Slope of the activation below 0.
 const SLOPE: f64 = 0.2;
@@ -102,7 +102,7 @@ impl Decoder {
         let last = self.kernels.len() - 1;
         for (layer, (kernel, bias)) in self.kernels.iter().zip(&self.biases).enumerate() {
             let bias = bias.val().reshape([-1, 1, 1, 1]);
-            volume = double(volume, kernel.val()) + bias;
+            volume = conv_transpose(volume, kernel.val()) + bias;
             if layer < last {
                 volume = leaky_relu(volume, SLOPE);
             }

@@ -7,9 +7,9 @@ use crate::host::read;
 use crate::motion::body::Body;
 use std::borrow::Cow;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::Sight;
-use yoto_ops::splat::harmonics::add_seen;
-use yoto_ops::warp::skin::shares::Shares;
+use yoto_ops::splat::View;
+use yoto_ops::splat::harmonics::add_view_colours;
+use yoto_ops::warp::skin::weights::SkinningWeights;
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
@@ -19,15 +19,15 @@ pub(super) struct Carried {
     harmonics: Option<Vec<f32>>,
     /// `[3, 8]`.
     pub light: Vec<f32>,
-    shares: Shares,
+    shares: SkinningWeights,
 }
 
 impl Carried {
     /// The rows with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
-    pub fn rows_seen_from(&self, sight: &Sight, transforms: &[f32]) -> Cow<'_, [f32]> {
+    pub fn rows_seen_from(&self, sight: &View, transforms: &[f32]) -> Cow<'_, [f32]> {
         let mut rows = Cow::Borrowed(self.rows.as_slice());
         if let Some(harmonics) = &self.harmonics {
-            add_seen(rows.to_mut(), harmonics, transforms, sight);
+            add_view_colours(rows.to_mut(), harmonics, transforms, sight);
         }
         rows
     }
@@ -65,7 +65,7 @@ impl Renderer {
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let bones = body.skeleton.joints();
         let carried = Carried {
-            shares: Shares::new(&weights, bones, &means, &body.grid),
+            shares: SkinningWeights::new(&weights, bones, &means, &body.grid),
             light: read(splats.light.detach())?,
             harmonics: harmonics.transpose()?,
             rows,

@@ -13,7 +13,7 @@ use crate::host::read;
 use crate::motion::body::Body;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::body_box::{BodyView, Ray};
-use yoto_ops::warp::cpu::unlimited;
+use yoto_ops::warp::cpu::forward_unclamped;
 
 /// Rays per batch, which bounds the memory of frames of any size.
 const RAYS_PER_BATCH: usize = 1024;
@@ -163,7 +163,7 @@ fn look(
                 .flat_map(move |t| (0..3).map(move |a| ray.origin[a] + t * ray.direction[a]))
         })
         .collect();
-    let warped = unlimited(weights, transforms, &points, &body.grid);
+    let warped = forward_unclamped(weights, transforms, &points, &body.grid);
     // α is at most the sum of weights, whatever the density.
     let live: Vec<&[f32; 4]> = warped
         .as_chunks::<4>()

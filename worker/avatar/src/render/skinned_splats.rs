@@ -8,7 +8,7 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::harmonics;
 use yoto_ops::splat::light::LIGHTS;
-use yoto_ops::splat::{LEAST, ROW};
+use yoto_ops::splat::{MIN_ALPHA, ROW};
 use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
@@ -92,7 +92,7 @@ impl SkinnedSplat {
         let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);
         let colours = self.colour.iter().chain(self.harmonics.as_flattened());
         let mut numbers = numbers.chain(colours);
-        self.opacity > LEAST && numbers.all(|number| number.is_finite())
+        self.opacity > MIN_ALPHA && numbers.all(|number| number.is_finite())
     }
 }
 
@@ -108,7 +108,7 @@ fn skinned(row: &[f32; ROW], own: &[[f32; 3]], skinning: &Skinning<'_>) -> Skinn
         opacity: 1.0 / (1.0 + (-opacity).exp()),
         colour: [red, green, blue],
         harmonics: std::array::from_fn(|k| own.get(k).copied().unwrap_or_default()),
-        bones: most(skinning.shares(mean)),
+        bones: most(skinning.skinning_weights(mean)),
     }
 }
 

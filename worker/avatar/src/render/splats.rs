@@ -10,18 +10,19 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::cpu::SplatSlices;
 use yoto_ops::splat::light::LIGHTS;
-use yoto_ops::splat::{Sight, Splats, cpu::Numbers, draw};
+use yoto_ops::splat::{Splats, View, render};
 
 /// Pixels per task.
 const ROW: usize = 8192;
 
 /// `camera` in the frame of a body in `pose`.
-pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Sight {
+pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> View {
     let to_world = skeleton.body_to_world(pose);
     let inside = camera.in_frame(&to_world);
     let row = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
-    Sight {
+    View {
         width: camera.width as usize,
         height: camera.height as usize,
         k: [row(&inside.k[0]), row(&inside.k[1])],
@@ -39,8 +40,8 @@ pub(crate) struct HostSplats<'a> {
 
 impl HostSplats<'_> {
     /// Reads `splats` from their device, with the colours that the camera sees.
-    pub fn read(splats: Splats, sight: &Sight) -> Result<Self, RenderError> {
-        let splats = splats.seen_from(sight);
+    pub fn read(splats: Splats, sight: &View) -> Result<Self, RenderError> {
+        let splats = splats.with_view_colours(sight);
         Ok(Self {
             rows: read(splats.rows().detach())?.into(),
             transforms: read(splats.transforms.detach())?,
@@ -49,8 +50,8 @@ impl HostSplats<'_> {
     }
 
     /// As [`draw`] takes them.
-    pub fn numbers(&self) -> Numbers<'_> {
-        Numbers {
+    pub fn numbers(&self) -> SplatSlices<'_> {
+        SplatSlices {
             transforms: &self.transforms,
             rows: &self.rows,
             light: &self.light,
@@ -59,13 +60,13 @@ impl HostSplats<'_> {
 }
 
 /// The splats of `people` over the background of `view`, in one pass.
-pub(super) fn blended(people: &[(HostSplats<'_>, Sight)], view: &SceneView) -> Rendered {
+pub(super) fn blended(people: &[(HostSplats<'_>, View)], view: &SceneView) -> Rendered {
     let parts: Vec<_> = people
         .iter()
         .map(|(it, sight)| (it.numbers(), sight))
         .collect();
     let mut frame = Rendered::empty(view);
-    let Some(mut drawn) = draw(&parts) else {
+    let Some(mut drawn) = render(&parts) else {
         return frame;
     };
     let pixels = drawn.rgb.as_chunks_mut::<3>().0;
@@ -102,7 +103,7 @@ impl Renderer {
         slot: usize,
         body: &Body,
         pose: &Pose,
-        sight: &Sight,
+        sight: &View,
     ) -> Result<HostSplats<'_>, RenderError> {
         if let Some(carried) = self.carried(splats, slot, body)? {
             let vector = pose_vector(body, pose);
@@ -124,7 +125,7 @@ impl Renderer {
         avatar: AvatarSplats<'_>,
         shown: &Shown<'_>,
         view: &SceneView,
-    ) -> Result<(HostSplats<'_>, Sight), RenderError> {
+    ) -> Result<(HostSplats<'_>, View), RenderError> {
         let Shown { actor, body } = *shown;
         let (slot, pose) = (actor.slot, &actor.pose);
         let mut sight = sight(&body.skeleton, pose, &view.camera);

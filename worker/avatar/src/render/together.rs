@@ -82,7 +82,7 @@ pub fn render_together(
         let sums: Vec<_> = (met.into_par_iter().zip(batch))
             .map(|(mut met, pixel)| {
                 for probe in &probes {
-                    let splats = probe.met(*pixel);
+                    let splats = probe.splats_at(*pixel);
                     met.extend(splats.map(|(depth, alpha, rgb)| Met { depth, alpha, rgb }));
                 }
                 merged(met)

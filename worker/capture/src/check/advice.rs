@@ -1,4 +1,4 @@
-//! What to film next time, in words.
+//! Advice for the next film.
 
 use super::motion::Motion;
 
@@ -10,16 +10,16 @@ const SIDES: [(&str, [usize; 3]); 4] = [
     ("back", [5, 6, 7]),
     ("right side", [8, 9, 10]),
 ];
-/// Frames that show a side well, at least.
+/// Fewest frames that show a side well.
 const WELL: usize = 5;
-/// A slow turn is at most so many degrees a second.
+/// Highest speed of a slow rotation, degrees per second.
 const SLOW: f64 = 90.0;
-/// Share of the way from the body to where hands are with the arms stretched out, from which on arms
-/// are out, and up to which they are down.
+/// Distance of the hands as a share of that with the arms stretched out: at `OUT` and above the arms are
+/// out, at `DOWN` and below they are down.
 const OUT: f64 = 0.75;
 const DOWN: f64 = 0.55;
 
-/// Advice on a film in which the body moves like this; empty where nothing is missing.
+/// Advice on a film with this motion; empty if nothing is missing.
 pub(super) fn advice(motion: &Motion) -> Vec<String> {
     let mut advice = Vec::new();
     for (side, directions) in SIDES {
@@ -42,10 +42,10 @@ pub(super) fn advice(motion: &Motion) -> Vec<String> {
             advice.push(format!("the arms were never down: {hidden}"));
         }
     }
-    if motion.turning > SLOW {
-        let degrees = motion.turning;
+    if motion.rotation_speed > SLOW {
+        let degrees = motion.rotation_speed;
         advice.push(format!(
-            "the body turns by {degrees:.0}° a second: slower turns are sharper, and seen in more frames"
+            "the body turns by {degrees:.0}° per second: slower turns are sharper, and seen in more frames"
         ));
     }
     if !advice.is_empty() {
@@ -65,7 +65,7 @@ mod tests {
             jitter: None,
             headings: [10; 12],
             reach: Some([0.3, 0.98]),
-            turning: 40.0,
+            rotation_speed: 40.0,
         }
     }
 
@@ -90,15 +90,15 @@ mod tests {
             assert!(found.starts_with(start), "{found}");
         }
         let mut hasty = complete();
-        hasty.turning = 200.0;
+        hasty.rotation_speed = 200.0;
         hasty.reach = Some([0.9, 1.0]);
         let found = advice(&hasty);
         assert!(
             found[0].starts_with("the arms were never down"),
             "{found:?}"
         );
-        assert!(found[1].contains("200° a second"), "{found:?}");
-        // A body without arms is told nothing of them.
+        assert!(found[1].contains("200° per second"), "{found:?}");
+        // Without arms there is no advice about them.
         hasty.reach = None;
         assert_eq!(advice(&hasty).len(), 2);
     }

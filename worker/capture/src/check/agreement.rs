@@ -10,31 +10,31 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Frames that are measured here, at most.
 const MOST: usize = 100;
-/// Coverage that counts as being in a mask, in a cell or one beside it: joints near a joint's
-/// end, as in hands and feet, lie close to the outline.
+/// Least coverage that counts as inside a mask, in a cell or one beside it: joints at the ends of limbs lie
+/// close to the outline.
 const NEAR: u8 = 64;
 /// Worst frames named.
 const NAMED: usize = 5;
-/// Images are over black when what they show is at most so many times their mask.
+/// Most area that an image over black shows, as a multiple of its mask's.
 const OVER_BLACK: f64 = 1.6;
-/// A pose has moved when its joints move by so many cells on average.
+/// Least mean movement of the joints between two different poses, cells.
 const MOVED: f64 = 0.3;
-/// Mean difference in luma under which an image repeats the one before.
+/// Mean difference in luma below which an image repeats the one before.
 const SAME: f64 = 0.35;
 
 /// Shares over all frames measured, with the worst frames of each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Agreement {
-    /// Share of projected joints in the mask; none where no frame has somebody in it.
+    /// Share of projected joints in the mask; `None` if no frame shows anybody.
     pub joints_in_mask: Option<f64>,
     pub joints_out: Vec<u32>,
     /// Share of mask inside the projected box.
     pub mask_in_box: Option<f64>,
     pub mask_out: Vec<u32>,
-    /// Share that masks have of what they and the images show together; none for images with a
-    /// background. Black clothes over black take nothing from it.
+    /// The masks' share of the union of masks and image content; `None` for images with a background.
+    /// Black clothes over black don't lower it.
     pub image_in_mask: Option<f64>,
-    /// Overlap of what images show with the masks, likewise.
+    /// Overlap (intersection over union) of image content and masks; `None` for images with a background.
     pub image_is_mask: Option<f64>,
     pub image_out: Vec<u32>,
 }
@@ -108,15 +108,15 @@ fn worst(mut values: Vec<(u32, f64)>) -> Vec<u32> {
     frames
 }
 
-/// Frames that show the same as the one before although the pose moved, and the number of
-/// pairs of neighbours compared.
+/// Frames that repeat the one before although the pose moved, and the number of pairs of neighbours
+/// compared.
 pub(super) fn duplicates(
     track: &PoseTrack,
     skeleton: &Skeleton,
     seen: &[Observation],
 ) -> (Vec<u32>, usize) {
     let grid = Grid::of(track.image_size);
-    let places = |it: &Observation| {
+    let projected = |it: &Observation| {
         let (pose, camera) = view(&track.frames[it.position], track.image_size);
         let joints = skeleton.posed_joints(&pose).into_iter();
         joints
@@ -143,9 +143,9 @@ pub(super) fn duplicates(
         if !same {
             continue;
         }
-        let moved: Vec<f64> = places(before)
+        let moved: Vec<f64> = projected(before)
             .iter()
-            .zip(places(now))
+            .zip(projected(now))
             .filter_map(|(a, b)| {
                 let (a, b) = ((*a)?, b?);
                 Some((a[0] - b[0]).hypot(a[1] - b[1]) * grid.scale)

@@ -1,24 +1,25 @@
-//! The likeliest cause of a bad fit: each common mistake is undone, alone and with one other,
-//! and the one after which bodies and masks agree decisively better is named.
+//! The likeliest cause of a bad fit. Each common mistake is undone, alone and together with one other.
+//! If bodies and masks then agree decisively better, that mistake is named.
 
 use super::fit::{Fit, Fitter};
 use super::report::{Cause, Tried};
 use yoto_proto::correction::{CameraAxes, Correction, Extrinsics, Mirror, Unit, Units};
 
-/// Least gain in overlap that names a cause, and that a second mistake must add to the first.
+/// Least gain in overlap for a cause, and for a second mistake beside the first.
 const GAIN: f64 = 0.05;
 const SECOND_GAIN: f64 = 0.08;
-/// The gain must also be so many standard errors.
+/// Least gain in standard errors.
 const ERRORS: f64 = 4.0;
-/// A reading that overlaps by less explains nothing.
+/// Least overlap of a reading that explains anything.
 const FITS: f64 = 0.4;
-/// Readings this close to the best are named beside it.
+/// Greatest difference in overlap from the best for a reading that is named beside it.
 const AS_GOOD: f64 = 0.01;
 /// Readings kept in the report.
 const KEPT: usize = 12;
-/// Intrinsics are tried at 2^(i/4) for i within ± this: a factor of 11 either way.
+/// Scales of the intrinsics are tried at 2^(i/4) for i from `-OCTAVES` to `OCTAVES`: up to a factor of 11
+/// either way.
 const OCTAVES: i32 = 14;
-/// Ratios between common image sizes; a fitted scale this near one (relative) is taken for it.
+/// Ratios between common image sizes. A fitted scale near one of them is rounded to it.
 const RATIOS: [f64; 13] = [
     0.125,
     0.25,
@@ -36,14 +37,14 @@ const RATIOS: [f64; 13] = [
 ];
 const NEAR: f64 = 0.02;
 
-/// One mistake undone. Two of a group exclude each other.
+/// The correction of one mistake. Two of the same group exclude each other.
 #[derive(Clone, Copy)]
 struct Step {
     group: u8,
     undo: fn(&mut Correction),
 }
 
-/// In order of how common they are: of readings that fit alike the first is named.
+/// All corrections, the most common mistake first: of readings that fit equally well the first is named.
 fn steps() -> Vec<Step> {
     macro_rules! step {
         ($group:expr, $c:ident => $change:expr) => {
@@ -90,21 +91,21 @@ struct Reading {
     fit: Fit,
 }
 
-/// What trying everything came to.
+/// The result of trying all readings.
 pub(super) struct Search {
-    /// The numbers as given.
+    /// Fit of the numbers as given.
     pub given: Fit,
-    /// The reading to go on with, the given one where none is decisively better.
+    /// The reading for the further measures: the given one unless another is decisively better.
     pub best: Correction,
     /// Its fit.
     pub best_fit: Fit,
-    /// The mistake, when there is one.
+    /// The mistake, if there is one.
     pub cause: Option<Cause>,
     /// The readings that fitted best.
     pub tried: Vec<Tried>,
 }
 
-/// Tries all readings; none without a frame to try them on.
+/// Tries all readings; `None` without a frame to try them on.
 pub(super) fn search(fitter: &mut Fitter<'_>) -> Option<Search> {
     let none = Correction::default();
     let given = fitter.fit(&none).filter(|fit| !fit.overlaps.is_empty())?;
@@ -129,8 +130,7 @@ pub(super) fn search(fitter: &mut Fitter<'_>) -> Option<Search> {
             push(fitter, &mut pairs, correction);
         }
     }
-    // Scales are fitted, which takes many tries, so only beside the mistakes that a scale
-    // can hide.
+    // A fit of the scale takes many tries, so it is combined only with mistakes that a scale can hide.
     for step in steps.iter().filter(|step| step.group != 1) {
         let mut correction = none;
         (step.undo)(&mut correction);
@@ -179,7 +179,7 @@ fn decisive(fit: &Fit, over: &Fit, least: f64) -> bool {
     fit.mean >= FITS && gain >= least.max(ERRORS * error)
 }
 
-/// `correction` with the intrinsics at the scale that fits best: a scan, then a narrowing.
+/// `correction` with the best scale of the intrinsics, by a coarse scan and then a narrowing search.
 fn scaled(fitter: &mut Fitter<'_>, correction: Correction) -> Correction {
     let at = |scale: f64| Correction {
         k_scale: scale,

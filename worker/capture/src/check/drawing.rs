@@ -1,4 +1,4 @@
-//! What a picture sheet draws onto a frame.
+//! The drawing of a body over its frame, for picture sheets.
 
 use super::fit::view;
 use crate::body_box::BodyView;
@@ -8,22 +8,22 @@ use yoto_proto::pose_track::PoseTrack;
 /// A frame's body in its image, pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
-    /// Where each joint falls; none for one behind the camera.
+    /// The joints' projections; `None` for a joint behind the camera.
     pub joints: Vec<Option<[f64; 2]>>,
-    /// For each bone the numbers of its joints, the parent first.
+    /// For each bone the indices of its joints, the parent first.
     pub bones: Vec<[usize; 2]>,
-    /// Which side of the body each joint is on at rest: above 0 left (+x), under 0 right.
+    /// The side of each joint at rest: above 0 left (+x), below 0 right.
     pub sides: Vec<f64>,
-    /// The corners of the box that rays are cut to. Bit i of a corner's number is its end of
-    /// axis i, so an edge joins numbers that differ in one bit.
+    /// The corners of the box that rays are cut to. Bit i of a corner's index is its end of axis i, so an
+    /// edge joins indices that differ in one bit.
     pub corners: [Option<[f64; 2]>; 8],
 }
 
 impl Drawing {
-    /// The frame at `position` of `track`.
+    /// The body in the frame at `position` of `track`.
     ///
     /// # Errors
-    /// Invalid skeleton.
+    /// If the track's skeleton is invalid.
     pub fn of(track: &PoseTrack, position: usize) -> Result<Self, SkeletonError> {
         let skeleton = Skeleton::from_track(&track.skeleton)?;
         let Some(frame) = track.frames.get(position) else {

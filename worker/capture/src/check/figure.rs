@@ -1,15 +1,15 @@
 //! A body of tapered capsules around a skeleton's bones.
 //!
-//! Joints alone can't tell left from right or one frame from the next: nearly all of them
-//! stay inside a mask that is a little wrong. An outline can, though a rough one does, as
-//! wrong readings are compared with right ones by the same body.
+//! Joints alone can't tell left from right or one frame from the next: nearly all of them stay inside a
+//! mask that is a little wrong. An outline can. A rough one is enough, since wrong and right readings are
+//! compared by the same body.
 
 use crate::skeleton::transform::{Vec3, add, apply, length, scale, sub};
 use crate::skeleton::{Pose, Skeleton};
 
-/// Height of the body that the radii below belong to, metres.
+/// Height of the body to which the radii below belong, metres.
 const HEIGHT: f64 = 1.7;
-/// Radius by words in the name of a bone's lower joint, metres; the first that fits.
+/// Radius of a bone by words in the name of its lower joint, metres. The first match counts.
 const RADII: [(&[&str], f64); 12] = [
     (&["spine", "chest", "torso"], 0.125),
     (&["collar", "clav"], 0.085),
@@ -25,11 +25,11 @@ const RADII: [(&[&str], f64); 12] = [
     (&["head"], 0.06),
 ];
 const HEAD: f64 = 0.095;
-/// How far a head, and any other last bone, goes on beyond its joint, metres.
+/// Length of a head, and of any other last bone, beyond its joint, metres.
 const CROWN: f64 = 0.1;
 const TIP: f64 = 0.07;
 
-/// A capsule: ends, metres, and radii at them.
+/// A tapered capsule: its ends, and its radii at the ends, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Capsule {
     pub ends: [Vec3; 2],
@@ -39,7 +39,7 @@ pub(super) struct Capsule {
 /// The capsules of a skeleton at rest.
 pub(super) struct Figure<'a> {
     skeleton: &'a Skeleton,
-    /// With the joint that each rides on.
+    /// Each capsule with the joint that moves it.
     capsules: Vec<(usize, Capsule)>,
 }
 
@@ -51,7 +51,7 @@ impl<'a> Figure<'a> {
         for (joint, &at) in skeleton.rest.iter().enumerate() {
             let radius = radius(&skeleton.names[joint]);
             let Some(parent) = skeleton.parents[joint] else {
-                // A bone by itself is a dot, so that even a single joint shows.
+                // A root without bones is drawn as a dot, so that even a single joint is visible.
                 let radius = radius.unwrap_or(0.11) * size;
                 let dot = Capsule {
                     ends: [at; 2],
@@ -94,7 +94,7 @@ impl<'a> Figure<'a> {
         Self { skeleton, capsules }
     }
 
-    /// The part of the body that each capsule belongs to.
+    /// The region of the body of each capsule.
     pub(super) fn regions(&self) -> Vec<Region> {
         let bounds = self.skeleton.rest_bounds(0.0);
         let middle = 0.5 * (bounds.min[0] + bounds.max[0]);
@@ -109,7 +109,7 @@ impl<'a> Figure<'a> {
             .collect()
     }
 
-    /// Where the body's front (z at rest) points at each capsule, in the world.
+    /// The direction of the body's front (z at rest) at each capsule, in the world.
     pub(super) fn fronts(&self, pose: &Pose) -> Vec<Vec3> {
         let transforms = self.skeleton.world_transforms(pose);
         let capsules = self.capsules.iter();
@@ -121,17 +121,17 @@ impl<'a> Figure<'a> {
     /// The capsules in the world.
     pub(super) fn posed(&self, pose: &Pose) -> Vec<Capsule> {
         let transforms = self.skeleton.world_transforms(pose);
-        let placed = self.capsules.iter().map(|(joint, capsule)| Capsule {
+        let posed = self.capsules.iter().map(|(joint, capsule)| Capsule {
             ends: capsule
                 .ends
                 .map(|end| apply(&transforms[*joint], sub(end, self.skeleton.rest[*joint]))),
             radii: capsule.radii,
         });
-        placed.collect()
+        posed.collect()
     }
 }
 
-/// A part of the body whose thickness is its own: clothes and hair change one and not the others.
+/// A region of the body with a thickness of its own: clothes and hair change one region and not the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Region {
     Head,
@@ -156,8 +156,8 @@ impl Region {
         Self::Forearms,
     ];
 
-    /// The part that is so far up the body, and so far from its middle; shares of the heights that
-    /// the rest joints have, and of their widest extent.
+    /// The region at the height `up` and the distance `aside` from the middle, as shares of the rest
+    /// joints' height and of their widest extent.
     fn at(up: f64, aside: f64) -> Self {
         match (up, aside) {
             (0.35.., 0.26..) => Self::Forearms,
@@ -172,8 +172,8 @@ impl Region {
     }
 }
 
-/// The widest extent of the rest joints: span or height, which are nearly the same of a
-/// person in a T-pose; metres where the skeleton is in metres.
+/// The widest extent of the rest joints: arm span or height, which are nearly the same for a person in a
+/// T-pose; in the skeleton's unit.
 pub(super) fn size(skeleton: &Skeleton) -> f64 {
     let bounds = skeleton.rest_bounds(0.0);
     (0..3)

@@ -9,12 +9,12 @@ use crate::skeleton::Skeleton;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// How thick bodies and their clothes may be, as factors on the figure: readings compete at
-/// the thickness that suits each best, so that none wins by build.
+/// Thicknesses of bodies with clothes, as factors on the figure. Each reading is judged at its best
+/// thickness, so that none wins by the person's build.
 const FATNESS: [f64; 3] = [0.85, 1.1, 1.4];
 
-/// One frame of a track as the crate computes with it; unchecked, since wrong readings give
-/// wild numbers that nothing but a drawing sees.
+/// Pose and camera of one frame of a track, unchecked: wrong readings give wild numbers, which are only
+/// drawn.
 pub(super) fn view(frame: &Frame, size: [u32; 2]) -> (Pose, Camera) {
     let rotations = frame.pose.as_chunks::<3>().0;
     let pose = Pose {
@@ -38,7 +38,7 @@ pub(super) struct Fit {
     pub mean: f64,
     /// Overlap in each sampled frame.
     pub overlaps: Vec<f64>,
-    /// The thickness that fitted best.
+    /// The best thickness.
     pub fatness: f64,
 }
 
@@ -58,7 +58,7 @@ pub(super) fn mean_and_error(values: &[f64]) -> (f64, f64) {
     (mean, (variance / count).sqrt())
 }
 
-/// A few frames with their masks, to try readings on.
+/// A sample of frames with their masks, on which readings are tried.
 pub(super) struct Fitter<'a> {
     /// The track, cut to the sampled frames.
     track: PoseTrack,
@@ -79,7 +79,7 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// The fit of the numbers as `correction` reads them; none where it can't be applied.
+    /// The fit of the numbers after `correction`; `None` if it can't be applied.
     pub(super) fn fit(&mut self, correction: &Correction) -> Option<Fit> {
         let track = correction.apply(&self.track).ok()?.track;
         let skeleton = Skeleton::from_track(&track.skeleton).ok()?;

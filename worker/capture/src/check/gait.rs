@@ -1,8 +1,8 @@
-//! Left and right, told by how outlines change over time.
+//! Left and right, from the change of outlines over time.
 //!
-//! Bodies are nearly as wide on the left as on the right, so that the outline of one frame hardly tells
-//! them apart under wide clothes. Steps, swings of the arms and turns do: with the wrong side, bodies
-//! wander off their masks in a rhythm that no shape of the body explains.
+//! Bodies are nearly symmetric, so under wide clothes the outline of one frame hardly tells left from
+//! right. Steps, swings of the arms and turns do: on the wrong side, bodies wander off their masks in a
+//! rhythm that no shape of the body explains.
 
 use super::causes::{Search, what};
 use super::fit::Fitter;
@@ -12,14 +12,14 @@ use super::report::Cause;
 use yoto_proto::correction::{Correction, Mirror};
 use yoto_proto::pose_track::PoseTrack;
 
-/// In order of how common they are: of readings that wander alike the first is named.
+/// The most common mistake first: of readings that wander equally, the first is named.
 const MIRRORS: [Mirror; 4] = [Mirror::Poses, Mirror::Images, Mirror::Limbs, Mirror::Labels];
-/// Bodies read the right way wander by less than this share of how far they do mirrored.
+/// Greatest ratio of the wander of the right reading to that of its mirror image.
 const SHARE: f64 = 0.75;
-/// Readings that wander by so much more than the least are as good.
+/// Greatest ratio of a reading's wander to the least, for a reading that counts as equally good.
 const AS_GOOD: f64 = 1.1;
 
-/// Reads `search` mirrored where bodies wander decisively less that way. Only for numbers that no other
+/// Mirrors the reading of `search` if bodies then wander decisively less. Only for numbers that no other
 /// reading explains.
 pub(super) fn mirror(
     search: &mut Search,
@@ -75,7 +75,7 @@ mod tests {
         let person = &SyntheticPerson::cast(1, 5)[0];
         let camera = &SyntheticPerson::held_out_cameras(SIZE)[0];
         let poses = person.motion(60);
-        // The crate of made-up people was compiled with another copy of this crate's types.
+        // The crate of synthetic people was compiled with another copy of this crate's types.
         let images = poses.iter().map(|pose| {
             let image = person.render(pose, camera);
             crate::FrameImage {
@@ -116,7 +116,7 @@ mod tests {
             let people = plan::spread(&seen.iter().collect::<Vec<_>>(), 12);
             let mut fitter = fit::Fitter::new(&read, people);
             let given = fitter.fit(&Correction::default()).expect("a fit");
-            // As if single outlines had told nothing.
+            // As if single outlines were inconclusive.
             let mut search = causes::Search {
                 best: Correction::default(),
                 best_fit: given.clone(),

@@ -1,11 +1,11 @@
-//! The check of a capture: is it what it claims to be, before an hour goes into training?
+//! The check of a capture before an hour goes into training.
 //!
-//! Most captures that fail do so at input: extrinsics the wrong way round, millimetres, masks
-//! of another frame. Each of these leaves a body that does not cover its mask. So the check
-//! draws the body of [`figure`] where the numbers put it, measures how far it covers the
-//! masks ([`fit`]), undoes each common mistake in turn ([`causes`], [`timing`]), and names the
-//! one without which bodies and masks decisively agree. What needs no other reading (views,
-//! jumps, duplicates, blur, exposure) is measured beside it. Pure functions: no files.
+//! Most captures that fail have wrong input: inverted extrinsics, millimetres, masks of other frames. In
+//! each case the projected body does not cover its mask. So the check draws the body of [`figure`],
+//! measures its overlap with the masks ([`fit`]), undoes each common mistake in turn ([`causes`],
+//! [`timing`]), and names the one without which bodies and masks agree decisively better. Views, jumps,
+//! duplicates, blur and exposure need no other reading and are measured separately. Pure functions: no
+//! files.
 
 mod advice;
 mod agreement;
@@ -34,17 +34,17 @@ use crate::skeleton::{Skeleton, SkeletonError};
 use observe::Observation;
 use yoto_proto::pose_track::PoseTrack;
 
-/// Indices of frames before which a joint jumps as no body can: the tracker lost hold, or the film was
-/// cut.
+/// Indices of frames before which a joint jumps faster than any body can: the pose estimator lost track,
+/// or the film was cut.
 ///
 /// # Errors
-/// Invalid skeleton.
+/// If the track's skeleton is invalid.
 pub fn jumps(track: &PoseTrack) -> Result<Vec<u32>, SkeletonError> {
     let skeleton = Skeleton::from_track(&track.skeleton)?;
     Ok(motion::Motion::of(track, &skeleton).jumps)
 }
 
-/// Takes the frames of a capture one by one and reports on all of them.
+/// Takes the frames of a capture one by one, and then reports on all of them.
 pub struct Checker {
     track: PoseTrack,
     skeleton: Skeleton,
@@ -54,10 +54,10 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// A check of `track`, which [`PoseTrack::check`] found to be in order.
+    /// A check of `track`, which must have passed [`PoseTrack::check`].
     ///
     /// # Errors
-    /// Invalid skeleton.
+    /// If the track's skeleton is invalid.
     pub fn new(track: PoseTrack) -> Result<Self, SkeletonError> {
         Ok(Self {
             skeleton: Skeleton::from_track(&track.skeleton)?,
@@ -67,13 +67,13 @@ impl Checker {
         })
     }
 
-    /// Positions in the track of the frames whose pictures it wants, ascending.
+    /// Positions in the track of the frames to [`look`](Self::look) at, ascending.
     pub fn wanted(&self) -> &[usize] {
         &self.wanted
     }
 
-    /// Looks at the pictures of the frame at `position`; those that are not wanted are
-    /// passed over, and so is one that is not of the size that the track says.
+    /// Looks at the pictures of the frame at `position`. A frame that is not wanted, or is not of the
+    /// track's image size, is ignored.
     pub fn look(&mut self, position: usize, frame: &FrameImage) {
         let size = self.track.image_size.map(|side| side as usize);
         if self.wanted.binary_search(&position).is_ok() && [frame.width, frame.height] == size {

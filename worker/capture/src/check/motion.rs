@@ -1,17 +1,17 @@
-//! What the pose track tells by itself: how the body moves, and from where it is seen.
+//! Measures of the pose track alone: the body's motion, and the directions from which it is seen.
 
 use super::fit::view;
 use crate::skeleton::Skeleton;
 use crate::skeleton::transform::{Vec3, add, apply, inverse, length, scale, sub};
 use yoto_proto::pose_track::PoseTrack;
 
-/// Nothing that a person does moves a joint faster, metres a second.
+/// Highest speed of a joint in any human motion, metres per second.
 const FASTEST: f64 = 15.0;
-/// A joint that jumps sets off and stops within a frame: it changes its speed by so many times what is
-/// usual in the film, and at least so fast, metres a second in a second.
+/// A joint that jumps starts and stops within a frame: its acceleration is this multiple of the film's
+/// median, and at least `SUDDEN`, metres per second squared.
 const UNUSUAL: f64 = 6.0;
 const SUDDEN: f64 = 50.0;
-/// A step shorter than this is none, metres.
+/// A shorter movement between two frames is never a jump, metres.
 const STEP: f64 = 0.15;
 
 /// Motion over a whole track.
@@ -19,17 +19,17 @@ const STEP: f64 = 0.15;
 pub(super) struct Motion {
     /// Frames before which a joint jumps.
     pub jumps: Vec<u32>,
-    /// How long the film is.
+    /// Length of the film.
     pub seconds: f64,
-    /// Typical tremble of a joint, metres; none with fewer than four neighbouring frames.
+    /// Typical jitter of a joint, metres; `None` with fewer than four consecutive frames.
     pub jitter: Option<f64>,
     /// Frames seen from each of 12 directions around the body, from its front to its left.
     pub headings: [usize; 12],
-    /// How far aside hands are at the least and at the most, as shares of how far they are with the
-    /// arms stretched out; none of a skeleton without arms that are stretched out at rest.
+    /// Least and greatest sideways distance of the hands, as shares of the distance with the arms
+    /// stretched out; `None` for a skeleton that does not stretch its arms out at rest.
     pub reach: Option<[f64; 2]>,
-    /// How fast the body turns before the camera where it does, degrees a second.
-    pub turning: f64,
+    /// Median speed of the body's rotation in front of the camera while it rotates, degrees per second.
+    pub rotation_speed: f64,
 }
 
 impl Motion {
@@ -39,14 +39,14 @@ impl Motion {
             .iter()
             .map(|frame| skeleton.posed_joints(&view(frame, track.image_size).0))
             .collect();
-        let turns = turns(track, skeleton);
+        let directions = directions(track, skeleton);
         Self {
             jumps: jumps(track, &joints),
             seconds: seconds(track),
             jitter: jitter(track, &joints),
-            headings: headings(&turns),
+            headings: headings(&directions),
             reach: reach(track, skeleton, &joints),
-            turning: turning(track, &turns),
+            rotation_speed: rotation_speed(track, &directions),
         }
     }
 }
@@ -57,14 +57,14 @@ fn gap(track: &PoseTrack, position: usize) -> f64 {
     (index(position) - index(position - 1)).abs().max(1) as f64
 }
 
-/// How long `track` is.
+/// Length of `track`.
 fn seconds(track: &PoseTrack) -> f64 {
     let gaps = (1..track.frames.len()).map(|position| gap(track, position));
     (1.0 + gaps.sum::<f64>()) / track.fps.max(1.0)
 }
 
-/// Frames before which a joint moves too fast, or sets off and stops at once. Speeds and their changes
-/// are those of a second, so that the same motion is judged alike at every frame rate.
+/// Frames before which a joint moves too fast, or starts and stops at once. Bounds are per second, so that
+/// a motion gets the same verdict at every frame rate.
 fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
     let fps = track.fps.max(1.0);
     let steps: Vec<Vec<Vec3>> = joints
@@ -78,15 +78,16 @@ fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
                 .collect()
         })
         .collect();
-    // Per frame: where frames are left out, a step is the mean of several, and they change more.
+    // Per frame of the film: where frames are left out, a step is a mean over several, and steps farther
+    // apart differ more.
     let changed = |joint: usize, earlier: usize, later: usize| -> Option<f64> {
         let from = steps.get(earlier)?.get(joint)?;
         let to = steps.get(later)?.get(joint)?;
         let apart = 0.5 * (gap(track, earlier + 1) + gap(track, later + 1));
         Some(length(sub(*to, *from)) / apart)
     };
-    // Of each step, what the fastest joint moves, and by how much the most sudden one changes its step
-    // both before and after.
+    // For each step, the movement of the fastest joint, and the greatest change of a joint's step. The
+    // change counts if it is large both before and after: a joint that only starts or stops is no jump.
     let found: Vec<[f64; 2]> = (0..steps.len())
         .map(|i| {
             let fastest = steps[i].iter().map(|step| length(*step));
@@ -110,8 +111,10 @@ fn jumps(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Vec<u32> {
     jumps.map(|(i, _)| track.frames[i + 1].index).collect()
 }
 
-/// The third difference of a position, which smooth motion has hardly any of, is noise times
-/// the root of 1 + 9 + 9 + 1; its median over joints and frames is not moved by a few jumps.
+/// Typical noise of joint positions, metres, from their third differences.
+///
+/// Smooth motion has hardly any third difference, so it is noise times √(1 + 9 + 9 + 1) = √20, from the
+/// coefficients 1, -3, 3, -1. A few jumps don't change its median over joints and frames.
 fn jitter(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Option<f64> {
     let mut found = Vec::new();
     for (start, four) in joints.windows(4).enumerate() {
@@ -129,13 +132,13 @@ fn jitter(track: &PoseTrack, joints: &[Vec<Vec3>]) -> Option<f64> {
         return None;
     }
     found.sort_by(f64::total_cmp);
-    // The median length of a vector of three unit normals is 1.538.
+    // The median length of a vector of three standard normals is 1.538 (chi distribution).
     Some(found[found.len() / 2] / (1.538 * 20f64.sqrt()))
 }
 
 /// The direction from which each frame shows the body, degrees from its front towards its left, in the
-/// root's frame: y up and z forward at rest, as SMPL stands.
-fn turns(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
+/// root's frame: y up and z forward at rest, as in SMPL.
+fn directions(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
     let frames = track.frames.iter();
     frames
         .map(|frame| {
@@ -147,19 +150,19 @@ fn turns(track: &PoseTrack, skeleton: &Skeleton) -> Vec<f64> {
         .collect()
 }
 
-fn headings(turns: &[f64]) -> [usize; 12] {
+fn headings(directions: &[f64]) -> [usize; 12] {
     let mut counts = [0; 12];
-    for turn in turns {
-        counts[((turn + 15.0) / 30.0) as usize % 12] += 1;
+    for direction in directions {
+        counts[((direction + 15.0) / 30.0) as usize % 12] += 1;
     }
     counts
 }
 
-/// The median speed over the frames in which the body turns, degrees a second.
-fn turning(track: &PoseTrack, turns: &[f64]) -> f64 {
-    /// Slower, it stands.
+/// The median speed over the frames in which the body rotates, degrees per second.
+fn rotation_speed(track: &PoseTrack, directions: &[f64]) -> f64 {
+    /// A slower body counts as standing, degrees per second.
     const STANDING: f64 = 10.0;
-    let pairs = turns.windows(2).enumerate();
+    let pairs = directions.windows(2).enumerate();
     let mut speeds: Vec<f64> = pairs
         .map(|(i, pair)| {
             let by = (pair[1] - pair[0] + 180.0).rem_euclid(360.0) - 180.0;
@@ -171,8 +174,8 @@ fn turning(track: &PoseTrack, turns: &[f64]) -> f64 {
     speeds.get(speeds.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Hands are the joints farthest aside at rest; how far aside of the root they are in the body's own
-/// frame, the farther of both, since one arm at a time will do.
+/// Sideways distances of the hands from the root in the body's own frame. Hands are the joints farthest
+/// from the middle at rest. Of both hands the farther one counts: raising one arm at a time is enough.
 fn reach(track: &PoseTrack, skeleton: &Skeleton, joints: &[Vec<Vec3>]) -> Option<[f64; 2]> {
     let [root_x, _, _] = skeleton.root();
     let aside = |joint: &usize| skeleton.rest[*joint][0] - root_x;
@@ -181,7 +184,7 @@ fn reach(track: &PoseTrack, skeleton: &Skeleton, joints: &[Vec<Vec3>]) -> Option
     let right = all().min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
     let bounds = skeleton.rest_bounds(0.0);
     let height = bounds.max[1] - bounds.min[1];
-    // With arms that hang at rest nothing tells how far they reach.
+    // If the arms hang at rest, their reach is unknown.
     if aside(&left) < 0.3 * height || aside(&right) > -0.3 * height {
         return None;
     }
@@ -221,13 +224,9 @@ mod tests {
 
     #[test]
     fn a_body_that_turns_is_seen_from_all_sides() {
-        let turning = motion(120, |_| {});
-        assert!(
-            turning.headings.iter().all(|&n| n >= 6),
-            "{:?}",
-            turning.headings
-        );
-        assert!(turning.jumps.is_empty(), "{:?}", turning.jumps);
+        let walk = motion(120, |_| {});
+        assert!(walk.headings.iter().all(|&n| n >= 6), "{:?}", walk.headings);
+        assert!(walk.jumps.is_empty(), "{:?}", walk.jumps);
         let still = motion(24, |track| {
             for frame in &mut track.frames {
                 frame.pose[..3].fill(0.0);

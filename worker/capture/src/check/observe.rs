@@ -1,27 +1,27 @@
-//! What is kept of a frame's pictures: coarse masks and a few figures, never the pixels.
+//! What the check keeps of a frame's pictures: coarse masks and a few numbers, never the pixels.
 
 use super::silhouette::{Grid, Thumb};
 use crate::FrameImage;
 
-/// Luma above this is something rather than black.
+/// Luma above this is content, not black.
 const BLACK: u8 = 8;
-/// Luma from this on is burnt out.
+/// Least luma of a burnt-out pixel.
 const BURNT: u8 = 250;
-/// Coverage from this on is the person.
+/// Least coverage of a pixel of the person.
 const PERSON: u8 = 128;
-/// Pixels that edges are measured on, at least.
+/// Fewest pixels on which edges are measured.
 const ENOUGH: usize = 64;
 
 /// One frame that was looked at.
 #[derive(Clone, Debug)]
 pub(super) struct Observation {
-    /// Where it stands in the track.
+    /// Position in the track.
     pub position: usize,
-    /// The mask, coarse.
+    /// The coarse mask.
     pub mask: Thumb,
-    /// Where the image is not black, coarse.
+    /// The part of the coarse image that is not black.
     pub content: Thumb,
-    /// The image's luma, coarse.
+    /// Luma of the coarse image.
     pub luma: Vec<u8>,
     /// Share of the image that the mask covers.
     pub covered: f64,
@@ -29,7 +29,7 @@ pub(super) struct Observation {
     pub scattered: f64,
     /// Whether the person reaches a border of the image.
     pub cut_off: bool,
-    /// Width of the person's edges (sigma of a blur), pixels; none without texture.
+    /// Width of the person's edges (sigma of a blur), pixels; `None` without texture.
     pub blur: Option<f64>,
     /// Mean luma of the person, 0 to 1.
     pub brightness: f64,
@@ -37,7 +37,7 @@ pub(super) struct Observation {
     pub burnt: f64,
     /// Share of the person's pixels that are black.
     pub black: f64,
-    /// Luma under which 98 % of the person's pixels are, 0 to 1.
+    /// The 98th percentile of the person's luma, 0 to 1.
     pub lights: f64,
 }
 
@@ -64,7 +64,7 @@ impl Observation {
         }
     }
 
-    /// The same with the mask the other way round.
+    /// The same observation with the mask inverted.
     pub(super) fn inverted(&self) -> Self {
         let cells = self.mask.cells.iter().map(|&value| 255 - value);
         Self {
@@ -121,9 +121,9 @@ impl Light {
     }
 }
 
-/// Sigma of the blur that an ideal edge would need to be as wide as the person's edges are:
-/// of a Gaussian, first and second derivative have rms values in the ratio sigma √2.
-/// Pixels at the mask's border are left out: they show the cut, not the lens.
+/// Sigma of the Gaussian blur that makes an ideal edge as wide as the person's edges. For a Gaussian, the
+/// rms values of first and second derivative have the ratio sigma √2. Pixels at the mask's border are left
+/// out: they show the cut, not the lens.
 fn edge_width(frame: &FrameImage) -> Option<f64> {
     let (width, height) = (frame.width, frame.height);
     let (mut first, mut second, mut count) = (0.0f64, 0.0f64, 0usize);
@@ -149,7 +149,7 @@ fn edge_width(frame: &FrameImage) -> Option<f64> {
             count += 2;
         }
     }
-    // Less than a level of contrast is quantisation, which has no edges.
+    // Contrast of less than a level is quantisation, not an edge.
     let textured = count >= ENOUGH && first > count as f64 && second > 0.0;
     textured.then(|| (first / second).sqrt() / std::f64::consts::SQRT_2)
 }
@@ -182,7 +182,7 @@ fn scattered(mask: &[u8], width: usize, height: usize) -> f64 {
                     open.push(cell);
                 }
             };
-            // Diagonal neighbours too: a thin arm may hang together by its corners.
+            // Diagonal neighbours too: the cells of a thin arm may touch by their corners only.
             for near_y in y.saturating_sub(1)..(y + 2).min(height) {
                 for near_x in x.saturating_sub(1)..(x + 2).min(width) {
                     visit(near_x, near_y);

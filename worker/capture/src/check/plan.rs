@@ -1,9 +1,9 @@
-//! Which frames' pictures are looked at: all of a short film, and of a long one runs of
-//! neighbours spread over it, since masks that are a frame late show only among neighbours.
+//! The choice of frames to look at: all of a short film, and of a long one runs of consecutive frames spread
+//! over it, since only neighbours show that masks are a frame late.
 
-/// Frames looked at, at most.
+/// Most frames to look at.
 const MOST: usize = 400;
-/// Neighbours in a run.
+/// Consecutive frames in a run.
 const RUN: usize = 40;
 
 /// Positions in the track, ascending.

@@ -1,8 +1,8 @@
-//! How precisely poses follow their frames: how far each frame's body is off its mask, in place and in
-//! lean, and how far that scatters beyond what the shape of this person explains.
+//! How precisely poses follow their frames: the deviation of each frame's body from its mask, in position
+//! and lean, and its scatter beyond what this person's shape explains.
 //!
-//! A wrong camera moves all frames alike, and clothes and hair by a rule, while the errors of a pose
-//! estimator wander, smooth as they may be.
+//! A wrong camera moves all frames in the same way, and clothes and hair by a rule. The errors of a pose
+//! estimator wander from frame to frame, even where they are smooth.
 
 use super::fit::Fitter;
 use super::observe::Observation;
@@ -15,27 +15,27 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Frames measured, at most.
 const MOST: usize = 100;
-/// Frames from which the body's thickness is told, at most.
+/// Frames from which the body's thickness is fitted, at most.
 const SAMPLE: usize = 32;
-/// Frames from which a scatter is told, at least.
+/// Frames from which the scatter is measured, at least.
 const ENOUGH: usize = 12;
 
 /// Poses that wander farther than this are imprecise, metres. `docs/check.md` has the rates of false
 /// alarms and of misses.
 pub const PRECISE: f64 = 0.0075;
 
-/// How far the bodies of a capture wander off the masks of its frames, beyond what the person's shape
-/// explains, metres in the plane of the image; none with too few frames that show a whole person.
+/// Scatter of a capture's bodies around their masks beyond what the person's shape explains, metres in the
+/// plane of the image; `None` with too few frames that show a whole person.
 ///
 /// # Errors
 /// Invalid skeleton.
 pub fn precision(shard: &Shard) -> Result<Option<f64>, SkeletonError> {
     let track = &shard.track;
     Skeleton::from_track(&track.skeleton)?;
-    let places: Vec<usize> = (0..shard.frames()).collect();
-    let seen = spread(&places, MOST).into_iter();
+    let positions: Vec<usize> = (0..shard.frames()).collect();
+    let seen = spread(&positions, MOST).into_iter();
     let seen: Vec<Observation> = seen
-        .map(|place| Observation::of(place, &shard.image(place)))
+        .map(|position| Observation::of(position, &shard.image(position)))
         .collect();
     let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
     let reading = Correction::default();
@@ -43,8 +43,8 @@ pub fn precision(shard: &Shard) -> Result<Option<f64>, SkeletonError> {
     Ok(fit.and_then(|fit| wander(track, &reading, fit.fatness, &seen)))
 }
 
-/// The larger of how far bodies wander in place, and their ends in lean; metres in the plane of the
-/// image, none with too few frames. `track` is read as `reading` says.
+/// The larger of the scatters of position and lean, metres in the plane of the image; `None` with too few
+/// frames. `track` is read with `reading`.
 pub(super) fn wander(
     track: &PoseTrack,
     reading: &Correction,
@@ -53,13 +53,13 @@ pub(super) fn wander(
 ) -> Option<f64> {
     let track = reading.apply(track).ok()?.track;
     let skeleton = Skeleton::from_track(&track.skeleton).ok()?;
-    // What is beyond the image's border pulls no mask's centre.
+    // A mask that the image's border cuts off has its centre in the wrong position.
     let whole = |it: &&Observation| it.somebody() && !it.cut_off;
     let people: Vec<&Observation> = seen.iter().filter(whole).collect();
     if people.len() < ENOUGH {
         return None;
     }
     let mut comparison = Comparison::new(&track, &skeleton, fatness);
-    let [place, lean] = comparison.wander(&spread(&people, MOST))?;
-    Some(place.max(lean))
+    let [position, lean] = comparison.wander(&spread(&people, MOST))?;
+    Some(position.max(lean))
 }

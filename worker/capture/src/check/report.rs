@@ -1,4 +1,4 @@
-//! What a check found: typed for programs, worded for people.
+//! The report of a check, with types for programs and texts for people.
 
 use serde::{Deserialize, Serialize};
 use yoto_proto::correction::Correction;
@@ -7,9 +7,9 @@ use yoto_proto::correction::Correction;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// Nothing to mend.
+    /// Nothing to correct.
     Pass,
-    /// Training works, and would work better.
+    /// Training works, but worse than it could.
     Warn,
     /// Training would learn something wrong, or nothing.
     Fail,
@@ -32,7 +32,7 @@ impl Grade {
 pub enum Kind {
     /// Whether another reading of the numbers fits the masks decisively better.
     Reading,
-    /// By how many frames masks or poses are late.
+    /// Delay of masks or poses, frames.
     Timing,
     /// The body's size, metres.
     BodySize,
@@ -42,17 +42,17 @@ pub enum Kind {
     MaskInBox,
     /// Overlap of the projected body with the mask.
     Silhouette,
-    /// Overlap of what the image shows with the mask.
+    /// Overlap of the image's content with the mask.
     ImageInMask,
     /// Whether the masks show one whole person.
     Masks,
-    /// From how many of 12 directions the body is seen.
+    /// Number of directions, of 12, from which the body is seen.
     Views,
     /// Frames in which a joint jumps.
     Jumps,
-    /// How far joints tremble, metres.
+    /// Jitter of joints, metres.
     Jitter,
-    /// How far poses wander off their frames, metres.
+    /// Scatter of poses around their frames, metres.
     Precision,
     /// Frames that repeat the one before although the pose moved.
     Duplicates,
@@ -63,7 +63,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The name people read.
+    /// The name for people.
     pub fn title(self) -> &'static str {
         match self {
             Self::Reading => "reading of the numbers",
@@ -85,33 +85,33 @@ impl Kind {
     }
 }
 
-/// One thing measured.
+/// One measured value and its grade.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
-    /// What.
+    /// What is measured.
     pub kind: Kind,
-    /// How good it is.
+    /// The grade.
     pub grade: Grade,
-    /// The figure, in the unit that [`Kind`] names; none where nothing could be measured.
+    /// The value in the unit that [`Kind`] names; `None` if nothing could be measured.
     pub value: Option<f64>,
-    /// The figure with its unit, for people.
+    /// The value with its unit, for people.
     pub shown: String,
-    /// What the figure means for training.
+    /// What the value means for training.
     pub meaning: String,
-    /// The likeliest cause, where the grade is not a pass.
+    /// The likeliest cause, if the grade is not a pass.
     pub cause: Option<String>,
-    /// Indices of the worst frames, a few.
+    /// Indices of a few of the worst frames.
     pub frames: Vec<u32>,
 }
 
-/// A mistake that would explain what was measured.
+/// A mistake that would explain the measured values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
     /// What is wrong, e.g. "extrinsics look camera-to-world".
     pub what: String,
-    /// Options of the command line that undo it; empty where none does.
+    /// Command-line options that undo it; empty if none do.
     pub options: String,
-    /// What the options ask for.
+    /// The correction that the options ask for.
     #[serde(skip)]
     pub correction: Option<Correction>,
     /// Overlap of body and mask (0 to 1) as given.
@@ -144,34 +144,34 @@ impl Cause {
 /// Another reading of the numbers, and how well it fits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
-    /// The options that ask for it; empty for the numbers as given.
+    /// The command-line options for it; empty for the numbers as given.
     pub options: String,
     /// Mean overlap of the projected body with the mask, 0 to 1.
     pub fit: f64,
 }
 
-/// Everything a check found.
+/// The result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Frames of the pose track.
     pub frames: usize,
-    /// Frames whose pictures were looked at.
+    /// Frames that were looked at.
     pub looked_at: usize,
     /// The worst grade.
     pub grade: Grade,
-    /// What was measured.
+    /// All measured values.
     pub measures: Vec<Measure>,
-    /// What would explain what is wrong, the likeliest first.
+    /// Mistakes that would explain the faults, the likeliest first.
     pub causes: Vec<Cause>,
     /// Frames seen from each of 12 directions of 30 degrees around the body, from its front
     /// towards its left.
     pub headings: [usize; 12],
-    /// What to film next time, in words; empty where nothing is missing.
+    /// Advice for the next film; empty if nothing is missing.
     #[serde(default)]
     pub advice: Vec<String>,
     /// The readings that were tried, the best first.
     pub tried: Vec<Tried>,
-    /// Overlap of the body with the mask so many frames later, as gain over no shift.
+    /// Shifts of the masks in frames, each with its gain in overlap over no shift.
     pub mask_shifts: Vec<(i32, f64)>,
 }
 
@@ -181,10 +181,10 @@ impl Report {
         self.measures.iter().find(|measure| measure.kind == kind)
     }
 
-    /// Why training on this would be pointless: hardly a joint in the masks, or hardly a mask
-    /// where rays are shot. None where it is worth trying, warnings and all.
+    /// Why training on this capture would be pointless: hardly any joint is in the masks, or hardly any mask
+    /// is where rays are cast. `None` if it is worth trying, even with warnings.
     pub fn pointless(&self) -> Option<String> {
-        /// Shares under which nothing can be learnt.
+        /// Share below which nothing can be learnt.
         const HARDLY: f64 = 0.1;
         let missed = [Kind::JointsInMask, Kind::MaskInBox];
         let measure = missed

@@ -1,39 +1,39 @@
-//! Where an outline is and how it leans, and what of that a body's shape explains.
+//! The position and lean of outlines, and how much of their deviation a body's shape explains.
 //!
-//! Clothes, hair and build move the centre of an outline as exactly known poses do not. They do so by
-//! the same rule in all frames: a part of the body is thicker, or stands farther forward. What no such
+//! Clothes, hair and build move the centre of an outline even where the pose is exact. They do so in the
+//! same way in all frames: a part of the body is thicker, or farther forward. A deviation that no such
 //! shape explains is an error of the poses.
 
 use super::figure::{Capsule, Figure, Region, size};
 use super::fit::view;
-use super::least_squares::unexplained;
+use super::least_squares::residual_rms;
 use super::observe::Observation;
 use super::silhouette::{Canvas, Grid};
 use crate::skeleton::Skeleton;
 use crate::skeleton::transform::{Vec3, add, dot, scale};
 use yoto_proto::pose_track::PoseTrack;
 
-/// How much thicker a part is drawn to see what its thickness changes.
+/// Factor on a part's thickness, to find out how its thickness changes the outline.
 const THICKER: f64 = 1.35;
-/// How far forward a part is drawn, a share of the body's widest extent.
+/// Shift of a part to the front, as a share of the body's widest extent.
 const FORWARD: f64 = 0.03;
-/// Share at which heights count: hair, shoes and hems change them most, and no rule that is fitted here
-/// follows the folds of a hem.
+/// Weight of vertical deviations. Hair, shoes and hems change them most, and the model here can't follow
+/// the folds of a hem.
 const HEIGHTS: f64 = 0.5;
-/// What of an outline's place and lean no shape explains of exact poses, metres.
+/// Deviation of position and lean that remains with exact poses, metres.
 const USUAL: f64 = 0.008;
 
-/// Of an outline, metres in the plane of the image.
+/// Moments of an outline, metres in the plane of the image.
 #[derive(Clone, Copy, Debug)]
 struct Outline {
-    /// Its centre, across and down.
+    /// Centre, across and down.
     centre: [f64; 2],
-    /// How far its upper and lower end are aside of its centre, to opposite sides.
+    /// Sideways distance of the upper and lower ends from the centre, in opposite directions.
     lean: f64,
 }
 
 impl Outline {
-    /// Of weighted cells, as long as `metres` each; none of nothing.
+    /// The outline of weighted cells with sides of `metres`; `None` without any weight.
     fn of(cells: impl Iterator<Item = (usize, f64)>, grid: Grid, metres: f64) -> Option<Self> {
         let mut sums = [0.0; 5];
         for (cell, weight) in cells {
@@ -47,8 +47,9 @@ impl Outline {
             return None;
         }
         let (x, y) = (x / area, y / area);
+        // At least a cell, so that a flat outline does not divide by 0.
         let spread = (yy / area - y * y).max(1.0).sqrt();
-        // The ends of an even bar are so many standard deviations from its middle.
+        // The ends of a uniform bar are √3 standard deviations from its middle.
         let ends = 3f64.sqrt();
         Some(Self {
             centre: [x * metres, y * metres],
@@ -56,7 +57,7 @@ impl Outline {
         })
     }
 
-    /// From `from` to this: across, down and lean, as they count.
+    /// The change from `from` to this outline: across, down and lean, weighted.
     fn change(&self, from: &Self) -> [f64; 3] {
         let [x, y] = [0, 1].map(|axis| self.centre[axis] - from.centre[axis]);
         [x, HEIGHTS * y, self.lean - from.lean]
@@ -67,9 +68,9 @@ impl Outline {
 struct Compared {
     /// From the drawing to the mask.
     off: [f64; 3],
-    /// What each change of shape does to the drawing.
+    /// The drawing's change under each change of shape.
     shapes: Vec<[f64; 3]>,
-    /// Across and along the view, where the body's front points.
+    /// Direction of the body's front, across and along the view.
     front: [f64; 2],
 }
 
@@ -99,18 +100,18 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// How far bodies are off the masks of `seen` beyond what one shape explains, in place and in
-    /// lean: root mean squares, metres. None with too few frames.
+    /// Deviations of bodies from the masks of `seen` that no shape explains, in position and in lean:
+    /// root mean squares, metres. `None` with too few frames.
     pub(super) fn wander(&mut self, seen: &[&Observation]) -> Option<[f64; 2]> {
         let frames: Vec<Compared> = seen.iter().filter_map(|it| self.compare(it)).collect();
         let of = |channels: &[usize]| {
             let (mut rows, mut values) = (Vec::new(), Vec::new());
             for frame in &frames {
-                for (place, &channel) in channels.iter().enumerate() {
+                for (index, &channel) in channels.iter().enumerate() {
                     let mut row: Vec<f64> = frame.shapes.iter().map(|it| it[channel]).collect();
-                    // A mean, and what changes with the heading, for each by itself.
+                    // For each channel, a constant and two terms that change with the body's heading.
                     for other in 0..channels.len() {
-                        let own = f64::from(u8::from(other == place));
+                        let own = f64::from(u8::from(other == index));
                         row.extend([own, own * frame.front[0], own * frame.front[1]]);
                     }
                     rows.push(row);
@@ -118,9 +119,10 @@ impl<'a> Comparison<'a> {
                 }
             }
             let shapes = 2 * Region::ALL.len();
-            // A part changes by the amount it was drawn with, or by less.
-            let doubt = |column: usize| if column < shapes { USUAL * USUAL } else { 1e-9 };
-            let rms = unexplained(&rows, &values, doubt)?;
+            // Shapes are expected to change by about the drawn amount (a factor with variance 1); the
+            // other columns are free, with a ridge that only keeps the equations regular.
+            let ridge = |column: usize| if column < shapes { USUAL * USUAL } else { 1e-9 };
+            let rms = residual_rms(&rows, &values, ridge)?;
             Some(rms * (channels.len() as f64).sqrt())
         };
         Some([of(&[0, 1])?, of(&[2])?])
@@ -147,12 +149,12 @@ impl<'a> Comparison<'a> {
         let mut shapes = Vec::with_capacity(2 * Region::ALL.len());
         for region in Region::ALL {
             let (mut thick, mut moved) = (capsules.clone(), capsules.clone());
-            for (place, front) in fronts.iter().enumerate() {
-                if self.regions.get(place) != Some(&region) {
+            for (capsule, front) in fronts.iter().enumerate() {
+                if self.regions.get(capsule) != Some(&region) {
                     continue;
                 }
-                thick[place].radii = thick[place].radii.map(|radius| THICKER * radius);
-                let ends = &mut moved[place].ends;
+                thick[capsule].radii = thick[capsule].radii.map(|radius| THICKER * radius);
+                let ends = &mut moved[capsule].ends;
                 *ends = ends.map(|end| add(end, scale(*front, forward)));
             }
             for changed in [thick, moved] {

@@ -4,7 +4,7 @@ use super::figure::Capsule;
 use crate::camera::{Camera, fitted_size};
 use crate::skeleton::transform::{Vec3, dot};
 
-/// Longest side of the grid, cells: an arm is 5 wide where a person fills the height.
+/// Longest side of the grid, cells. The arm of a person who fills the height is 5 cells wide.
 const LONGEST: u32 = 192;
 
 /// A coarse image.
@@ -12,7 +12,7 @@ const LONGEST: u32 = 192;
 pub(super) struct Grid {
     pub width: usize,
     pub height: usize,
-    /// Cells a pixel.
+    /// Cells per pixel.
     pub scale: f64,
 }
 
@@ -37,10 +37,12 @@ impl Grid {
     }
 }
 
-/// Cells that a drawing covers; used again and again without being cleared.
+/// The cells that a drawing covers. It is reused for many drawings without clearing.
 pub(super) struct Canvas {
     grid: Grid,
+    /// For each cell, the last drawing that covered it.
     stamps: Vec<u32>,
+    /// Number of the current drawing.
     stamp: u32,
     cells: Vec<u32>,
 }
@@ -55,8 +57,7 @@ impl Canvas {
         }
     }
 
-    /// Draws the capsules as `camera` sees them, `fatness` times as thick, and returns the
-    /// cells they cover.
+    /// Draws the capsules through `camera`, `fatness` times as thick, and returns the cells that they cover.
     pub(super) fn draw(&mut self, capsules: &[Capsule], camera: &Camera, fatness: f64) -> &[u32] {
         self.stamp += 1;
         self.cells.clear();
@@ -73,15 +74,15 @@ impl Canvas {
         &self.cells
     }
 
-    /// Where a point falls on the grid, and the cells that a metre takes there.
+    /// The projection of a point on the grid, and cells per metre at its depth.
     fn projected(&self, camera: &Camera, point: Vec3) -> Option<([f64; 2], f64)> {
         let [u, v] = camera.project(point)?;
         let [x, y, z, t] = camera.e[2];
         let depth = dot([x, y, z], point) + t;
         let focal = (camera.k[0][0] + camera.k[1][1]) / 2.0;
-        let place = [u * self.grid.scale, v * self.grid.scale];
-        // Nearer than a centimetre a body would fill any image: a reading that is wrong.
-        (depth > 0.01).then_some((place, focal * self.grid.scale / depth))
+        let pixel = [u * self.grid.scale, v * self.grid.scale];
+        // A body nearer than a centimetre would fill any image; only a wrong reading has one.
+        (depth > 0.01).then_some((pixel, focal * self.grid.scale / depth))
     }
 
     fn capsule(&mut self, [a, b]: [[f64; 2]; 2], radii: [f64; 2]) {
@@ -123,7 +124,7 @@ impl Canvas {
 pub(super) struct Thumb {
     /// Coverage of each cell, 0 to 255.
     pub cells: Vec<u8>,
-    /// Cells covered in all.
+    /// Covered area, cells.
     pub area: f64,
 }
 
@@ -144,7 +145,7 @@ impl Thumb {
         if either > 0.0 { both / either } else { 0.0 }
     }
 
-    /// This mask's share of what it and another cover together.
+    /// This mask's share of its union with another.
     pub(super) fn share_with(&self, other: &Self) -> f64 {
         let pairs = self.cells.iter().zip(&other.cells);
         let either: u64 = pairs.map(|(a, b)| u64::from(*a.max(b))).sum();

@@ -9,28 +9,28 @@ use std::collections::HashMap;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
 
-/// Shifts tried, frames either way.
+/// Largest shift tried, frames either way.
 const MOST: i32 = 12;
-/// Least gain in overlap, and in standard errors, that names a shift.
+/// Least gain of a shift that is named, in overlap and in standard errors.
 const GAIN: f64 = 0.002;
 const ERRORS: f64 = 4.0;
-/// Frames that must speak for a shift, at least.
+/// Fewest frames for the gain of a shift.
 const ENOUGH: usize = 8;
 
 /// Gain in overlap for each shift of the masks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shifts {
-    /// Shift in frames, mean gain over none.
+    /// Each shift in frames with its mean gain over no shift.
     pub gains: Vec<(i32, f64)>,
-    /// The shift that is decisively better than none; 0 where none is.
+    /// The shift that is decisively better than none, or 0.
     pub best: i32,
-    /// The mean overlaps without a shift and with the best.
+    /// Mean overlap without a shift.
     pub fit: f64,
-    /// See `fit`.
+    /// Mean overlap with the best shift.
     pub fit_mended: f64,
 }
 
-/// Projected bodies against the masks of frames before and after theirs.
+/// The overlap of projected bodies with the masks of earlier and later frames.
 pub(super) fn bodies(
     track: &PoseTrack,
     reading: &Correction,
@@ -53,7 +53,7 @@ pub(super) fn bodies(
     })
 }
 
-/// What images show against the masks of frames before and after theirs.
+/// The overlap of image content with the masks of earlier and later frames.
 pub(super) fn images(seen: &[Observation]) -> Shifts {
     compare(seen, |own, others| {
         let overlap = |it: &&Observation| it.mask.overlap_with(&own.content);

@@ -2,7 +2,7 @@
 
 use super::Vec3;
 
-/// A direction component smaller than this makes a ray parallel to the box's sides.
+/// A ray with a smaller direction component along an axis is parallel to the box's sides across that axis.
 const PARALLEL: f64 = 1e-9;
 
 /// An axis-aligned box, metres.
@@ -15,8 +15,8 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box around `points`, grown by `margin` on every side. Without points it is
-    /// inside out (lowest corner +∞, highest -∞) and no ray meets it.
+    /// The smallest box around `points`, grown by `margin` on every side. The box of no points is
+    /// inside out (lowest corner +∞, highest -∞), and no ray meets it.
     pub fn around(points: &[Vec3], margin: f64) -> Self {
         let extreme = |axis: usize, pick: fn(f64, f64) -> f64, start: f64| {
             points.iter().map(|p| p[axis]).fold(start, pick)
@@ -27,9 +27,9 @@ impl Bounds {
         }
     }
 
-    /// Where the half-line from `origin` enters and leaves the box, as multiples of
-    /// `direction`; enters at 0 from inside. None when it misses or has no direction. An axis along which
-    /// a number is NaN cuts nothing.
+    /// The distances at which the ray from `origin` enters and leaves the box, as multiples of
+    /// `direction`; it enters at 0 if the origin is inside. `None` if the ray misses the box or has no
+    /// direction. Axes with a NaN are ignored.
     pub fn cut(&self, origin: Vec3, direction: Vec3) -> Option<(f64, f64)> {
         let (mut near, mut far) = (0.0f64, f64::INFINITY);
         for (axis, along) in direction.into_iter().enumerate() {
@@ -45,7 +45,7 @@ impl Bounds {
             near = near.max(one.min(other));
             far = far.min(one.max(other));
         }
-        // No axis cuts a half-line without a direction, or one of NaN alone.
+        // A ray without a direction, or with NaN alone, is cut by no axis and would be endless.
         (near < far && far.is_finite()).then_some((near, far))
     }
 }

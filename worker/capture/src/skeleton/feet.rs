@@ -1,22 +1,22 @@
-//! Feet that rest on the ground: legs are bent so that a foot that rests in a driver's motion also rests in
-//! the same motion on another body, whose legs have other proportions.
+//! Feet that rest on the ground. If a foot rests in the driver's motion, the legs of another body, which have
+//! other proportions, are bent so that its foot rests too.
 
 use super::transform::{
-    Mat34, Vec3, add, after, apply, cross, dot, inverse, length, normalised, position, rigid,
-    rodrigues, rotate, scale, sub,
+    Mat34, Vec3, add, apply, compose_axis_angle, cross, dot, inverse, length, normalised, position,
+    rigid, rodrigues, rotate, scale, sub,
 };
 use super::{Pose, Skeleton};
 
-/// Fastest movement of the ball of a resting foot, hip heights per second: 0.18 m/s for an adult. Feet swing
+/// Highest speed of the ball of a resting foot, hip heights per second: 0.18 m/s for an adult. Feet swing
 /// ten times faster in a walk.
 const RESTING_SPEED: f64 = 0.2;
 /// Time over which a foot's speed is measured, seconds: estimated poses tremble from frame to frame.
 const SPEED_WINDOW: f64 = 0.2;
-/// How much higher than the other foot a resting one may be, hip heights.
+/// Greatest height of a resting foot above the other one, hip heights.
 const RESTING_HEIGHT: f64 = 0.07;
-/// Longest reach of a leg, shares of its length: a leg that is fully straight has no direction to bend.
+/// Longest reach of a leg, as a share of its length. A fully straight leg has no direction to bend in.
 const REACH: f64 = 0.9995;
-/// Lengths that are too short for a direction, metres.
+/// A vector shorter than this has no direction, metres.
 const TINY: f64 = 1e-6;
 
 /// Joints of a leg: hip, knee, ankle and the ball of the foot.
@@ -36,8 +36,8 @@ pub struct Footing {
 }
 
 impl Footing {
-    /// The footing of `poses` of `driver`, at `seconds` each and in a world with the unit vector `up`. A body
-    /// without legs of the usual names never rests.
+    /// The footing of the driver's `poses`, at the times `seconds`, in a world with the unit vector `up`. A
+    /// body without legs of the usual names never rests.
     pub fn of(driver: &Skeleton, poses: &[Pose], seconds: &[f64], up: Vec3) -> Self {
         let none = || vec![false; poses.len()];
         let (Some(legs), Ok(size)) = (driver.legs(), driver.hip_height()) else {
@@ -59,33 +59,33 @@ impl Footing {
         Self { rests }
     }
 
-    /// Mean speed of the balls of resting feet in `poses` of `body`, at `seconds` each, metres per second;
-    /// `None` if no foot rests in two poses in a row.
+    /// Mean speed of the balls of resting feet in the `poses` of `body`, at the times `seconds`, metres per
+    /// second; `None` if no foot rests in two poses in a row.
     pub fn sliding(&self, body: &Skeleton, poses: &[Pose], seconds: &[f64]) -> Option<f64> {
         let legs = body.legs()?;
         let joints: Vec<_> = poses.iter().map(|pose| body.posed_joints(pose)).collect();
-        let (mut way, mut time) = (0.0, 0.0);
+        let (mut distance, mut time) = (0.0, 0.0);
         for (leg, rests) in legs.iter().zip(&self.rests) {
             for at in 1..joints.len().min(rests.len()) {
                 if rests[at - 1] && rests[at] {
-                    way += length(sub(joints[at][leg.ball], joints[at - 1][leg.ball]));
+                    distance += length(sub(joints[at][leg.ball], joints[at - 1][leg.ball]));
                     time += seconds[at] - seconds[at - 1];
                 }
             }
         }
-        (time > 0.0).then(|| way / time)
+        (time > 0.0).then(|| distance / time)
     }
 
-    /// Bends the legs of `poses` of `body`, at `seconds` each, so that each foot stays where it rests on
-    /// average. A foot in the air passes from where it rested to where it rests next; feet keep their
-    /// directions, and everything above the hips stays.
+    /// Bends the legs in the `poses` of `body`, at the times `seconds`, so that a resting foot stays at its
+    /// mean position. The shift of a foot in the air changes smoothly from one rest to the next. Feet keep
+    /// their directions, and everything above the hips stays.
     pub fn plant(&self, body: &Skeleton, poses: &mut [Pose], seconds: &[f64]) {
         let Some(legs) = body.legs() else {
             return;
         };
         for (leg, rests) in legs.iter().zip(&self.rests) {
-            let places = poses.iter().map(|pose| body.posed_joints(pose)[leg.ball]);
-            let steps = steps(&places.collect::<Vec<_>>(), rests, seconds);
+            let positions = poses.iter().map(|pose| body.posed_joints(pose)[leg.ball]);
+            let steps = steps(&positions.collect::<Vec<_>>(), rests, seconds);
             for (pose, step) in poses.iter_mut().zip(steps) {
                 body.move_foot(*leg, pose, step);
             }
@@ -93,35 +93,38 @@ impl Footing {
     }
 }
 
-/// Speed of a joint with the positions `places` around the pose `at`, metres per second.
-fn speed(places: &[Vec3], seconds: &[f64], at: usize) -> f64 {
+/// Speed of a joint around the pose `at`, from its `positions` in all poses, metres per second.
+fn speed(positions: &[Vec3], seconds: &[f64], at: usize) -> f64 {
     let near = |other: &usize| (seconds[*other] - seconds[at]).abs() <= SPEED_WINDOW / 2.0;
     let first = (0..at).rev().take_while(near).last();
-    let last = (at + 1..places.len()).take_while(near).last();
+    let last = (at + 1..positions.len()).take_while(near).last();
     let first = first.unwrap_or(at.saturating_sub(1));
-    let last = last.unwrap_or((at + 1).min(places.len() - 1));
+    let last = last.unwrap_or((at + 1).min(positions.len() - 1));
     let time = seconds[last] - seconds[first];
     match time > 0.0 {
-        true => length(sub(places[last], places[first])) / time,
+        true => length(sub(positions[last], positions[first])) / time,
         false => f64::INFINITY,
     }
 }
 
-/// How far to move a foot with the positions `places` in each pose, so that it stands still while it rests.
-fn steps(places: &[Vec3], rests: &[bool], seconds: &[f64]) -> Vec<Vec3> {
-    let mut steps = vec![[0.0; 3]; places.len()];
+/// The shift of a foot in each pose, so that it stands still while it rests; `positions` are the foot's in all
+/// poses.
+fn steps(positions: &[Vec3], rests: &[bool], seconds: &[f64]) -> Vec<Vec3> {
+    let mut steps = vec![[0.0; 3]; positions.len()];
     let mut before: Option<usize> = None;
     let mut at = 0;
-    while at < places.len() {
+    while at < positions.len() {
         if !rests.get(at).copied().unwrap_or_default() {
             at += 1;
             continue;
         }
-        let end = (at..places.len()).take_while(|it| rests[*it]).count() + at;
-        let sum = places[at..end].iter().fold([0.0; 3], |sum, p| add(sum, *p));
+        let end = (at..positions.len()).take_while(|it| rests[*it]).count() + at;
+        let sum = positions[at..end]
+            .iter()
+            .fold([0.0; 3], |sum, p| add(sum, *p));
         let mean = scale(sum, 1.0 / (end - at) as f64);
         for it in at..end {
-            steps[it] = sub(mean, places[it]);
+            steps[it] = sub(mean, positions[it]);
         }
         let from = before.map_or(steps[at], |before| steps[before]);
         let to = steps[at];
@@ -129,6 +132,7 @@ fn steps(places: &[Vec3], rests: &[bool], seconds: &[f64]) -> Vec<Vec3> {
         for it in first..at {
             let since = before.map_or(seconds[at], |before| seconds[before]);
             let share = (seconds[it] - since) / (seconds[at] - since).max(TINY);
+            // Smoothstep: the foot leaves and lands without a jump of its speed.
             let smooth = share * share * (3.0 - 2.0 * share);
             steps[it] = add(from, scale(sub(to, from), smooth));
         }
@@ -143,7 +147,7 @@ fn steps(places: &[Vec3], rests: &[bool], seconds: &[f64]) -> Vec<Vec3> {
 }
 
 impl Skeleton {
-    /// The left and the right leg, if the joints have the usual names and hang on each other.
+    /// The left and the right leg, if the joints have the usual names and form a chain.
     fn legs(&self) -> Option<[Leg; 2]> {
         let named = |side: &str, joint: &str| {
             let name = format!("{side}_{joint}");
@@ -164,7 +168,8 @@ impl Skeleton {
         Some([leg("l")?, leg("r")?])
     }
 
-    /// Moves the foot of `leg` by `step`, metres, as far as the leg reaches, and keeps its direction.
+    /// Moves the foot of `leg` by `step`, metres, as far as the leg reaches, by inverse kinematics of its two
+    /// bones. The foot keeps its direction.
     fn move_foot(&self, leg: Leg, pose: &mut Pose, step: Vec3) {
         let frames = self.world_transforms(pose);
         let [hip, knee, ankle] = [leg.hip, leg.knee, leg.ankle].map(|it| position(&frames[it]));
@@ -174,40 +179,42 @@ impl Skeleton {
         if length(step) < TINY || length(wanted) < TINY || upper < TINY || lower < TINY {
             return;
         }
+        // The law of cosines for thigh, shank and reach gives the knee's flexion; the clamp keeps the
+        // triangle possible.
         let nearest = (upper - lower).abs() + (1.0 - REACH) * lower;
         let reach = length(wanted).clamp(nearest, REACH * (upper + lower));
         let flexion = |cosine: f64| cosine.clamp(-1.0, 1.0).acos();
         let now = flexion(dot(thigh, shank) / (upper * lower));
         let then = (reach * reach - upper * upper - lower * lower) / (2.0 * upper * lower);
         let across = cross(thigh, shank);
-        // A straight knee bends about the thigh's own x.
+        // A straight knee has no plane to bend in; it bends about the thigh's x axis.
         let hinge = match length(across) > 1e-4 * upper * lower {
             true => normalised(across),
             false => rotate(&frames[leg.hip], [1.0, 0.0, 0.0]),
         };
         let bend = scale(hinge, flexion(then) - now);
-        let bent = add(knee, apply(&turn(bend), shank));
+        let bent = add(knee, apply(&rotation(bend), shank));
         let swing = shortest(sub(bent, hip), wanted);
-        // Each turn of the world, in the frame of the joint that makes it.
-        let above = self.parents[leg.hip].map_or_else(|| turn([0.0; 3]), |it| frames[it]);
-        let undone = after(scale(bend, -1.0), scale(swing, -1.0));
-        for (joint, frame, turned) in [
+        // Each rotation, from the world into the frame of its joint's parent.
+        let above = self.parents[leg.hip].map_or_else(|| rotation([0.0; 3]), |it| frames[it]);
+        let undone = compose_axis_angle(scale(bend, -1.0), scale(swing, -1.0));
+        for (joint, frame, world) in [
             (leg.hip, &above, swing),
             (leg.knee, &frames[leg.hip], bend),
             (leg.ankle, &frames[leg.knee], undone),
         ] {
-            let turned = rotate(&inverse(frame), turned);
-            let rotation = &mut pose.rotations[joint];
-            *rotation = after(turned, rotation.map(f64::from)).map(|v| v as f32);
+            let local = rotate(&inverse(frame), world);
+            let own = &mut pose.rotations[joint];
+            *own = compose_axis_angle(local, own.map(f64::from)).map(|v| v as f32);
         }
     }
 }
 
-fn turn(rotation: Vec3) -> Mat34 {
-    rigid(rodrigues(rotation), [0.0; 3])
+fn rotation(axis_angle: Vec3) -> Mat34 {
+    rigid(rodrigues(axis_angle), [0.0; 3])
 }
 
-/// The axis-angle that takes the direction of `from` to that of `to` on the shortest way.
+/// The axis-angle vector of the shortest rotation from the direction of `from` to that of `to`.
 fn shortest(from: Vec3, to: Vec3) -> Vec3 {
     let across = cross(from, to);
     let sine = length(across);
@@ -232,7 +239,7 @@ mod tests {
         }
     }
 
-    /// The average body with shanks `share` as long, on thighs that make up for it.
+    /// The average body with shanks of `share` their length and thighs that make up for it.
     fn short_shanks(share: f64) -> Skeleton {
         let mut body = average();
         for knee in [4, 5] {
@@ -301,7 +308,7 @@ mod tests {
         assert_eq!(own.as_ref(), Ok(&poses));
         for (before, after) in before.iter().zip(&moved) {
             let (before, after) = (body.world_transforms(before), body.world_transforms(after));
-            // Feet keep their directions, and everything but the legs its place.
+            // Feet keep their directions, and everything but the legs its position.
             for row in 0..3 {
                 for column in 0..3 {
                     for foot in [7, 8] {

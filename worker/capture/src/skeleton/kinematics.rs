@@ -6,9 +6,9 @@ use super::transform::{
 use super::{Bounds, Pose, Skeleton};
 
 impl Skeleton {
-    /// Every joint's frame in body space, where the root stands at its rest position:
-    /// `G_k = G_parent · [R_k | rest_k - rest_parent]`. A joint without an entry in
-    /// `rotations` is not turned; [`Skeleton::check_pose`] tells whether there are any.
+    /// Every joint's frame in body space, with the root at its rest position:
+    /// `G_k = G_parent · [R_k | rest_k - rest_parent]`. A joint without an entry in `rotations` is not
+    /// rotated; [`Skeleton::check_pose`] finds such poses.
     pub fn global_transforms(&self, rotations: &[Vec3]) -> Vec<Mat34> {
         let mut globals: Vec<Mat34> = Vec::with_capacity(self.joints());
         for joint in 0..self.joints() {
@@ -44,14 +44,14 @@ impl Skeleton {
         self.world_transforms(pose).iter().map(position).collect()
     }
 
-    /// Joint positions in the body frame, where the root stands at rest, metres.
+    /// Joint positions in the body frame, with the root at rest, metres.
     pub fn body_frame_joints(&self, pose: &Pose) -> Vec<Vec3> {
         let transforms = self.global_transforms(&pose.unrooted());
         transforms.iter().map(position).collect()
     }
 
-    /// From the body frame, in which the root has its rest position and is not turned, to
-    /// the world. A camera's extrinsics times this see the body frame.
+    /// The motion from the body frame, where the root is at its rest position without rotation, to the
+    /// world. A camera's extrinsics times this are its extrinsics in the body frame.
     pub fn body_to_world(&self, pose: &Pose) -> Mat34 {
         let root = self.root();
         let rotation = rodrigues(

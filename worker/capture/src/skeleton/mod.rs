@@ -1,7 +1,7 @@
 //! The joint tree of a subject: names, parents, rest positions.
 //!
-//! The skeleton is data that travels with a capture, never a constant: [`kinematics`] and
-//! [`retarget`] work on any tree whose parents come before their children.
+//! The skeleton is data that travels with a capture, never a constant. [`kinematics`] and [`retarget`]
+//! work on any tree in which parents come before their children.
 
 mod bounds;
 pub mod feet;
@@ -23,16 +23,16 @@ use yoto_proto::pose_track;
 
 /// Joints, each after its parent.
 ///
-/// Reading one checks it; one built by hand must have at least its root, lists of one length
-/// and parents before their children.
+/// A skeleton that is read is checked. One that is built by hand must have at least a root, lists of equal
+/// length, and parents before their children.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Unchecked")]
 pub struct Skeleton {
-    /// K names.
+    /// `[K]` names.
     pub names: Vec<String>,
-    /// K parents, each smaller than its child; the root, joint 0, has none.
+    /// `[K]` indices of parents, each smaller than its child's; the root, joint 0, has none.
     pub parents: Vec<Option<usize>>,
-    /// Rest (T-pose) positions, metres.
+    /// `[K, 3]` rest (T-pose) positions, metres.
     pub rest: Vec<Vec3>,
 }
 
@@ -87,7 +87,7 @@ pub enum SkeletonError {
         /// What stands as its parent.
         parent: i32,
     },
-    /// A rest position is not a number, or farther than any body reaches.
+    /// A rest position is not a number, or is farther away than any body reaches.
     #[error("skeleton.rest_joints[{0}]: not a position in metres")]
     BadRest(usize),
     /// A pose has another number of joints.
@@ -122,8 +122,8 @@ impl Skeleton {
     /// The checked skeleton of a pose track.
     ///
     /// # Errors
-    /// Lists of different lengths, a parent that does not come before its child, rest
-    /// positions that are not numbers.
+    /// Lists of different lengths, a parent that does not come before its child, or a rest position that is
+    /// not a number.
     pub fn from_track(track: &pose_track::Skeleton) -> Result<Self, SkeletonError> {
         let joints = track.parents.len();
         if joints == 0 || joints > pose_track::MAX_JOINTS {
@@ -163,7 +163,7 @@ impl Skeleton {
         })
     }
 
-    /// As a pose track carries it; [`Skeleton::from_track`] reads it back.
+    /// The skeleton of a pose track; [`Skeleton::from_track`] reads it back.
     pub fn to_track(&self) -> pose_track::Skeleton {
         pose_track::Skeleton {
             names: self.names.clone(),
@@ -176,7 +176,7 @@ impl Skeleton {
         }
     }
 
-    /// K.
+    /// The number of joints, K.
     pub fn joints(&self) -> usize {
         self.parents.len()
     }
@@ -184,7 +184,7 @@ impl Skeleton {
     /// The root's rest position, metres.
     ///
     /// # Panics
-    /// Without joints, which no checked skeleton is.
+    /// Without joints; a checked skeleton has at least one.
     pub fn root(&self) -> Vec3 {
         self.rest[0]
     }

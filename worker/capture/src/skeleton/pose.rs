@@ -1,21 +1,21 @@
-//! How a body stands, from wherever it comes: a request, a pose track, a motion.
+//! Poses of bodies, from a request, a pose track or a motion.
 
 use super::Vec3;
 use crate::view_error::{ViewError, finite, fixed};
 use serde::{Deserialize, Serialize};
 use yoto_proto::{pose_track, v1};
 
-/// How a body stands: what a [`super::Skeleton`] turns into joint transforms.
+/// A body's pose, from which a [`super::Skeleton`] computes joint transforms.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// `[K, 3]` axis-angle, radians, local to the parent; the root's first.
     pub rotations: Vec<[f32; 3]>,
-    /// The root joint stands at its rest position plus this, metres.
+    /// Translation of the root joint from its rest position, metres.
     pub translation: [f32; 3],
 }
 
 impl Pose {
-    /// All rotations zero: the rest pose of `joints` joints.
+    /// The rest pose of `joints` joints: all rotations are zero.
     pub fn rest(joints: usize) -> Self {
         Self {
             rotations: vec![[0.0; 3]; joints],
@@ -26,8 +26,8 @@ impl Pose {
     /// The pose of a request.
     ///
     /// # Errors
-    /// A number of rotations that is not a multiple of 3, a translation without 3 numbers,
-    /// values that are not numbers or out of range.
+    /// A number of rotation values that is not a multiple of 3, a translation without 3 values, or a value
+    /// that is not a number or out of range.
     pub fn from_proto(pose: &v1::BodyPose) -> Result<Self, ViewError> {
         let rotations: Vec<f64> = pose.rotations.iter().map(|&v| f64::from(v)).collect();
         let translation: Vec<f64> = pose.translation.iter().map(|&v| f64::from(v)).collect();
@@ -79,7 +79,7 @@ impl Pose {
         })
     }
 
-    /// [`Pose::rotations_f64`] in the body frame, where the root is not turned.
+    /// [`Pose::rotations_f64`] in the body frame, where the root has no rotation.
     pub fn unrooted(&self) -> Vec<Vec3> {
         let mut rotations = self.rotations_f64();
         if let Some(root) = rotations.first_mut() {
@@ -88,7 +88,7 @@ impl Pose {
         rotations
     }
 
-    /// The rotations in double precision, as kinematics computes with them.
+    /// The rotations in double precision, for kinematics.
     pub fn rotations_f64(&self) -> Vec<Vec3> {
         self.rotations.iter().map(|r| r.map(f64::from)).collect()
     }

@@ -1,10 +1,10 @@
-//! Other readings of an estimated pose: mistakes that estimators make, undone.
+//! Other readings of an estimated pose, each of which undoes a common mistake of estimators.
 //!
-//! From one camera, a body seen from the front and one seen from the back have the same outline;
-//! so have crossed arms with left and right exchanged. Where a track is lost, the frames around tell
-//! more than the estimate.
+//! In one camera, a body from the front and its mirror image from the back have the same outline, and so
+//! do limbs with left and right exchanged. Where an estimator loses track, the frames around tell more
+//! than its estimate.
 
-use super::transform::{Vec3, add, after, scale, sub};
+use super::transform::{Vec3, add, compose_axis_angle, scale, sub};
 use crate::camera::{Camera, Pose};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -14,7 +14,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reading {
-    /// As it was given.
+    /// As given.
     Given,
     /// Left and right arms exchanged.
     Arms,
@@ -24,7 +24,7 @@ pub enum Reading {
     Limbs,
     /// Mirrored in depth, with left and right exchanged.
     FrontToBack,
-    /// Between the poses of the nearest frames that fit.
+    /// Interpolated between the poses of the nearest frames that fit.
     Between,
 }
 
@@ -44,14 +44,14 @@ impl fmt::Display for Reading {
 /// A symmetric body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sides {
-    /// The joint on the other side; itself on the middle.
+    /// For each joint its counterpart on the other side; a joint on the middle is its own.
     other: Vec<usize>,
-    /// Whether a joint is of a leg: its nearest joint on the middle is the root.
+    /// Whether a joint belongs to a leg: its nearest ancestor on the middle is the root.
     leg: Vec<bool>,
 }
 
 impl Sides {
-    /// A body with the joints' `other` sides and `parents`, which come before their children.
+    /// A body with the joints' counterparts `other` and their `parents`, which come before their children.
     pub fn new(other: Vec<usize>, parents: &[Option<usize>]) -> Self {
         let mut leg = vec![false; other.len()];
         for (joint, parent) in parents.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Sides {
         Self { other, leg }
     }
 
-    /// `pose` with the joints exchanged that `wanted` says, except the root.
+    /// `pose` with the joints for which `wanted` is true exchanged with their counterparts, except the root.
     fn exchanged(&self, pose: &Pose, wanted: impl Fn(usize) -> bool) -> Pose {
         let rotations = (pose.rotations.iter().enumerate()).map(|(joint, own)| {
             if joint == 0 || !wanted(joint) {
@@ -78,18 +78,18 @@ impl Sides {
         }
     }
 
-    /// Other readings of `pose`, as `camera` sees it.
+    /// Other readings of `pose`, which is seen by `camera`.
     pub fn readings(&self, pose: &Pose, camera: &Camera) -> Vec<(Reading, Pose)> {
         let paired = |joint: usize| self.other[joint] != joint;
         let legs = |joint: usize| paired(joint) && self.leg[joint];
         let arms = |joint: usize| paired(joint) && !self.leg[joint];
         let mut turned = self.exchanged(pose, |_| true);
         if let Some(root) = turned.rotations.first_mut() {
-            // A mirror with the normal n is half a turn about n and a point reflection; so is that
-            // of the body's own sides, and both reflections cancel.
+            // A reflection with the normal n is half a turn about n and a point reflection. So is the
+            // reflection of the body's sides, and the two point reflections cancel.
             let [x, y, z, _] = camera.e[2];
-            let mirrored = after(scale([x, y, z], PI), root.map(f64::from));
-            *root = after(mirrored, [PI, 0.0, 0.0]).map(|v| v as f32);
+            let mirrored = compose_axis_angle(scale([x, y, z], PI), root.map(f64::from));
+            *root = compose_axis_angle(mirrored, [PI, 0.0, 0.0]).map(|v| v as f32);
         }
         vec![
             (Reading::Arms, self.exchanged(pose, arms)),
@@ -100,18 +100,18 @@ impl Sides {
     }
 }
 
-/// The pose at the share `at` of the way from `a` to `b`, each joint by the shortest turn.
-pub fn between(a: &Pose, b: &Pose, at: f64) -> Pose {
-    let turn = |(a, b): (&[f32; 3], &[f32; 3])| {
+/// The pose between `a` (`share` 0) and `b` (`share` 1), each joint by its shortest rotation.
+pub fn interpolate(a: &Pose, b: &Pose, share: f64) -> Pose {
+    let slerp = |(a, b): (&[f32; 3], &[f32; 3])| {
         let (a, b) = (a.map(f64::from), b.map(f64::from));
-        let way = after(scale(a, -1.0), b);
-        after(a, scale(way, at)).map(|v| v as f32)
+        let way = compose_axis_angle(scale(a, -1.0), b);
+        compose_axis_angle(a, scale(way, share)).map(|v| v as f32)
     };
-    let place = |pose: &Pose| -> Vec3 { pose.translation.map(f64::from) };
-    let way = scale(sub(place(b), place(a)), at);
+    let position = |pose: &Pose| -> Vec3 { pose.translation.map(f64::from) };
+    let way = scale(sub(position(b), position(a)), share);
     Pose {
-        rotations: a.rotations.iter().zip(&b.rotations).map(turn).collect(),
-        translation: add(place(a), way).map(|v| v as f32),
+        rotations: a.rotations.iter().zip(&b.rotations).map(slerp).collect(),
+        translation: add(position(a), way).map(|v| v as f32),
     }
 }
 
@@ -142,14 +142,14 @@ mod tests {
         let [x, y, z, _] = camera.e[2];
         let forward = [x, y, z];
         let mut moved: f64 = 0.0;
-        for (joint, place) in after.iter().enumerate() {
+        for (joint, position) in after.iter().enumerate() {
             let source = sub(before[sides.other[joint]], before[0]);
             let mirrored = sub(source, scale(forward, 2.0 * dot(source, forward)));
             assert!(
-                length(sub(sub(*place, after[0]), mirrored)) < 1e-4,
+                length(sub(sub(*position, after[0]), mirrored)) < 1e-4,
                 "{joint}"
             );
-            moved = moved.max(length(sub(*place, before[joint])));
+            moved = moved.max(length(sub(*position, before[joint])));
         }
         assert!(moved > 0.05, "{moved}");
         let again = &sides.readings(turned, &camera)[3].1;
@@ -181,10 +181,10 @@ mod tests {
         let (_, _, a, _) = body();
         let mut b = a.clone();
         b.translation[0] += 1.0;
-        b.rotations[4] = after([0.0, 0.4, 0.0], [0.0; 3]).map(|v| v as f32);
+        b.rotations[4] = compose_axis_angle([0.0, 0.4, 0.0], [0.0; 3]).map(|v| v as f32);
         let mut from = a.clone();
         from.rotations[4] = [0.0; 3];
-        let found = between(&from, &b, 0.25);
+        let found = interpolate(&from, &b, 0.25);
         assert!((found.rotations[4][1] - 0.1).abs() < 1e-6);
         assert!((found.translation[0] - a.translation[0] - 0.25).abs() < 1e-6);
         assert_eq!(found.rotations[5], a.rotations[5]);

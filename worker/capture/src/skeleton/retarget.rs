@@ -1,16 +1,16 @@
 //! One person's motion on another person's skeleton.
 
 use super::feet::Footing;
-use super::transform::after;
+use super::transform::compose_axis_angle;
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
 
-/// The motion `poses` of `driver`, at `seconds` each and in a world with the unit vector `up`, as `target`
-/// would make it: each pose as [`retarget`] has it, and on another body than the driver's with feet that
-/// rest where the driver's do, in place of sliding on legs of other proportions.
+/// The driver's motion on the body of `target`: each pose by [`retarget`], and on a body with other
+/// proportions with planted feet, which would slide otherwise. The `poses` are at the times `seconds`, in a
+/// world with the unit vector `up`.
 ///
 /// # Errors
-/// Those of [`retarget`], with the place of the pose.
+/// Those of [`retarget`], with the index of the pose.
 pub fn transfer(
     driver: &Skeleton,
     target: &Skeleton,
@@ -19,7 +19,8 @@ pub fn transfer(
     up: Vec3,
 ) -> Result<Vec<Pose>, (usize, SkeletonError)> {
     let moved = poses.iter().enumerate();
-    let moved = moved.map(|(at, pose)| retarget(driver, target, pose).map_err(|error| (at, error)));
+    let moved =
+        moved.map(|(index, pose)| retarget(driver, target, pose).map_err(|error| (index, error)));
     let mut moved = moved.collect::<Result<Vec<_>, _>>()?;
     if driver.rest != target.rest {
         Footing::of(driver, poses, seconds, up).plant(target, &mut moved, seconds);
@@ -27,12 +28,12 @@ pub fn transfer(
     Ok(moved)
 }
 
-/// `pose` of `driver`, as `target` would take it.
+/// The driver's `pose` on the body of `target`.
 ///
-/// Joints of the same name turn alike; those of the driver that the target lacks are folded into the
-/// next ones below, so that a hand goes where it goes although a collarbone is missing; joints of the
-/// target that the driver lacks stay at rest. The translation is scaled by the ratio of hip
-/// heights, so that feet which stood on the floor stand on it again and strides fit the legs.
+/// Joints of the same name have the same rotation. The rotation of a driver's joint that the target lacks is
+/// composed into the next joint below, so that a hand has the right direction although a collarbone is
+/// missing. Joints of the target that the driver lacks stay at rest. The translation is scaled by the ratio
+/// of hip heights, so that feet on the floor stay on it and strides fit the legs.
 ///
 /// # Errors
 /// The pose does not fit the driver, fewer than half of the smaller skeleton's joint names are shared, or
@@ -55,18 +56,18 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
         });
     }
     let ratio = target.hip_height()? / driver.hip_height()?;
-    let turn = |(joint, found): (usize, &Option<usize>)| {
+    let rotation = |(joint, found): (usize, &Option<usize>)| {
         found.map_or([0.0; 3], |found| {
             folded(driver, pose, found, above(target, joint, &matches))
         })
     };
     Ok(Pose {
-        rotations: matches.iter().enumerate().map(turn).collect(),
+        rotations: matches.iter().enumerate().map(rotation).collect(),
         translation: pose.translation.map(|v| (f64::from(v) * ratio) as f32),
     })
 }
 
-/// The driver's joint that moves the nearest joint above `joint` that anything moves.
+/// The driver's counterpart of the target's nearest ancestor of `joint` that has one.
 fn above(target: &Skeleton, joint: usize, matches: &[Option<usize>]) -> Option<usize> {
     let mut at = target.parents[joint];
     while let Some(joint) = at {
@@ -78,27 +79,27 @@ fn above(target: &Skeleton, joint: usize, matches: &[Option<usize>]) -> Option<u
     None
 }
 
-/// The rotation of the driver's `joint` against `above`, over all joints between them; its own where
-/// `above` is not above it.
+/// The rotation of the driver's `joint` relative to `above`, composed over all joints between them; the
+/// joint's own rotation if `above` is not its ancestor.
 fn folded(driver: &Skeleton, pose: &Pose, joint: usize, above: Option<usize>) -> [f32; 3] {
     let own = pose.rotations[joint];
-    let mut turn = own.map(f64::from);
+    let mut rotation = own.map(f64::from);
     let mut at = driver.parents[joint];
     if at == above {
         return own;
     }
     while let Some(between) = at.filter(|_| at != above) {
-        turn = after(pose.rotations[between].map(f64::from), turn);
+        rotation = compose_axis_angle(pose.rotations[between].map(f64::from), rotation);
         at = driver.parents[between];
     }
     if at == above {
-        turn.map(|v| v as f32)
+        rotation.map(|v| v as f32)
     } else {
         own
     }
 }
 
-/// Names of joints that `other` lacks, for people.
+/// Names of joints that `other` lacks, for an error.
 fn lacking(skeleton: &Skeleton, other: &Skeleton) -> String {
     const TOLD: usize = 4;
     let names = skeleton.names.iter();
@@ -115,8 +116,8 @@ fn lacking(skeleton: &Skeleton, other: &Skeleton) -> String {
 }
 
 impl Skeleton {
-    /// The checked skeleton of a motion. Without rest joints it has those of `body` by name, so that the motion
-    /// has the size of whoever takes it.
+    /// The checked skeleton of a motion. Without rest joints it takes those of `body` by name, so that the
+    /// motion has the size of that body.
     ///
     /// # Errors
     /// Those of [`Self::from_track`].
@@ -125,12 +126,12 @@ impl Skeleton {
             return Self::from_track(motion);
         }
         let root = body.rest.first().copied().unwrap_or_default();
-        let place = |name: &String| {
+        let rest = |name: &String| {
             let at = body.names.iter().position(|other| other == name);
             at.and_then(|at| body.rest.get(at)).copied().unwrap_or(root)
         };
         Self::from_track(&pose_track::Skeleton {
-            rest_joints: motion.names.iter().map(place).collect(),
+            rest_joints: motion.names.iter().map(rest).collect(),
             ..motion.clone()
         })
     }
@@ -194,9 +195,9 @@ mod tests {
             parents: kept.iter().map(|at| parent(*at)).collect(),
             rest: kept.iter().map(|at| driver.rest[*at]).collect(),
         };
-        let turn = |joint: usize| [0.3, -0.2, 0.1].map(|v| v * (1.0 + 0.1 * joint as f32));
+        let rotation = |joint: usize| [0.3, -0.2, 0.1].map(|v| v * (1.0 + 0.1 * joint as f32));
         let pose = Pose {
-            rotations: (0..driver.joints()).map(turn).collect(),
+            rotations: (0..driver.joints()).map(rotation).collect(),
             translation: [0.4, 0.1, 1.0],
         };
         let moved = retarget(&driver, &target, &pose).expect("21 names are shared");
@@ -206,7 +207,7 @@ mod tests {
         );
         for (at, joint) in kept.iter().enumerate() {
             for (one, other) in from[*joint].iter().zip(&to[at]) {
-                // Directions, not places: those depend on the bones between.
+                // Directions, not positions: those depend on the bones between.
                 let off = one.iter().zip(other).take(3);
                 let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(off < 1e-6, "{}: {off}", driver.names[*joint]);

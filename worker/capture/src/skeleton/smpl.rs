@@ -1,12 +1,12 @@
-//! The joint tree of SMPL, as the contract has it, and an average adult's body on it, for people of whom
-//! no skeleton is known.
+//! The joint tree of SMPL, as in the contract, and an average adult's rest joints on it, for people
+//! without a known skeleton.
 
 pub use yoto_proto::smpl::JOINTS;
 
 use super::Vec3;
 
 /// An average adult of [`AVERAGE_HEIGHT`] in T-pose: y up from the floor, facing +z, left hand at +x;
-/// metres. The proportions are those of the synthetic people of this crate.
+/// metres. The proportions are those of the synthetic people.
 pub const AVERAGE_REST: [Vec3; JOINTS.len()] = [
     [0.0, 0.95, 0.0],
     [0.085, 0.9, 0.0],
@@ -37,5 +37,5 @@ pub const AVERAGE_REST: [Vec3; JOINTS.len()] = [
 /// Height of the body with [`AVERAGE_REST`]'s joints, from the soles to the crown, metres.
 pub const AVERAGE_HEIGHT: f64 = 1.78;
 
-/// Height that is taken for a person of whom nothing tells it, metres.
+/// Assumed height of a person if nothing gives it, metres.
 pub const ASSUMED_HEIGHT: f64 = 1.72;

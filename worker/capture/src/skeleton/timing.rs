@@ -1,62 +1,64 @@
-//! Times of the poses of a motion. A capture numbers its frames after those of a film and may leave some out, so the
+//! Times of the poses of a motion. A capture has the frame numbers of a film and may leave frames out, so the
 //! intervals between its poses differ.
 
 use super::Pose;
-use super::readings::between;
+use super::readings::interpolate;
 
-/// Longest pause between two poses that are at equal times, seconds.
+/// Longest interval between two poses after resampling, seconds.
 const PAUSE: f64 = 1.0;
-/// Most poses at equal times for each pose that there is.
+/// Most resampled poses per given pose.
 const MOST: usize = 8;
 
-/// Seconds from the first of the frames with these `numbers`, of a film with `fps` frames per second, to each of
-/// them. A capture may store frames in another order than that of their numbers; these follow each other at the film's
-/// speed.
+/// The time of each frame after the first, seconds, from the frames' `numbers` in a film with `fps` frames per second.
+/// If the numbers don't ascend, the frames follow each other at the film's rate.
 pub fn seconds(numbers: &[u32], fps: f64) -> Vec<f64> {
     let first = numbers.first().copied().unwrap_or_default();
     let ascending = numbers.is_sorted_by(|a, b| a < b);
-    let passed = numbers.iter().enumerate().map(|(place, number)| {
+    let passed = numbers.iter().enumerate().map(|(index, number)| {
         let frames = match ascending {
             true => f64::from(number - first),
-            false => place as f64,
+            false => index as f64,
         };
         frames / fps
     });
     passed.collect()
 }
 
-/// Frames per second at which poses at these `seconds` move as fast as they do, on average; `None` for a single one.
+/// Mean rate of poses at these `seconds`, poses per second; `None` for a single one.
 pub fn mean_fps(seconds: &[f64]) -> Option<f64> {
     let passed = seconds.last()? - seconds.first()?;
     (passed > 0.0).then(|| (seconds.len() - 1) as f64 / passed)
 }
 
-/// The same motion with poses at equal times, and their number per second, of `poses` whose frames have the `numbers` in
-/// a film with `fps` frames per second. Those at equal times already are left alone. Otherwise all of them stay, and
-/// between them each joint turns the shortest way; where that would be more than [`MOST`] poses for each, fewer come in
-/// their place. A pause longer than [`PAUSE`] is a cut or frames that were left out, and lasts as long as that.
+/// `poses` resampled at equal intervals, and their rate per second. `numbers` are the frame numbers of the poses in a
+/// film with `fps` frames per second.
+///
+/// Poses that are at equal intervals already stay as they are. Otherwise the interval is the greatest that keeps all
+/// given poses, and between them each joint takes the shortest rotation. If that makes more than [`MOST`] poses per
+/// given pose, the interval is longer. A pause of more than [`PAUSE`] is a cut, or frames that were left out; it is
+/// shortened to [`PAUSE`].
 pub fn even(poses: Vec<Pose>, numbers: &[u32], fps: f64) -> (Vec<Pose>, f64) {
     let gaps = gaps(numbers, fps);
     let step = gaps.iter().fold(0, |step, gap| divisor(step, *gap));
     if gaps.iter().all(|gap| *gap == step) {
         return (poses, if step > 0 { fps / f64::from(step) } else { fps });
     }
-    // Frames of the film from the first pose to each.
+    // The time of each pose after the first, in frames of the film.
     let mut passed = 0;
-    let places = [0].into_iter().chain(gaps.iter().map(|gap| {
+    let times = [0].into_iter().chain(gaps.iter().map(|gap| {
         passed += u64::from(*gap);
         passed
     }));
-    let places: Vec<f64> = places.map(|place| place as f64).collect();
+    let times: Vec<f64> = times.map(|time| time as f64).collect();
     let whole = passed as f64;
     let steps = (passed / u64::from(step)).min((MOST * gaps.len()) as u64);
     let at = |number: u64| {
-        let place = whole * number as f64 / steps as f64;
-        let here = places.partition_point(|it| *it <= place).max(1) - 1;
-        match (poses.get(here + 1), places.get(here + 1)) {
-            (Some(next), Some(end)) if place > places[here] => {
-                let share = (place - places[here]) / (end - places[here]);
-                between(&poses[here], next, share)
+        let time = whole * number as f64 / steps as f64;
+        let here = times.partition_point(|it| *it <= time).max(1) - 1;
+        match (poses.get(here + 1), times.get(here + 1)) {
+            (Some(next), Some(end)) if time > times[here] => {
+                let share = (time - times[here]) / (end - times[here]);
+                interpolate(&poses[here], next, share)
             }
             _ => poses[here].clone(),
         }
@@ -64,7 +66,7 @@ pub fn even(poses: Vec<Pose>, numbers: &[u32], fps: f64) -> (Vec<Pose>, f64) {
     ((0..=steps).map(at).collect(), fps * steps as f64 / whole)
 }
 
-/// Frames of the film from each of the frames with these `numbers` to the next.
+/// Intervals between frames with these `numbers`, in frames of the film, at most [`PAUSE`] each.
 fn gaps(numbers: &[u32], fps: f64) -> Vec<u32> {
     let longest = (PAUSE * fps).round().max(1.0) as u32;
     let ascending = numbers.is_sorted_by(|a, b| a < b);
@@ -75,7 +77,7 @@ fn gaps(numbers: &[u32], fps: f64) -> Vec<u32> {
     numbers.windows(2).map(gap).collect()
 }
 
-/// The greatest number that divides both.
+/// The greatest common divisor.
 fn divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { divisor(b, a % b) }
 }
@@ -84,7 +86,7 @@ fn divisor(a: u32, b: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// Poses whose knee turns by a tenth per frame of the film.
+    /// Poses with a knee that rotates by 0.1 per frame of the film.
     fn poses(numbers: &[u32]) -> Vec<Pose> {
         let pose = |number: &u32| Pose {
             rotations: vec![[0.0; 3], [0.1 * *number as f32, 0.0, 0.0]],
@@ -128,8 +130,8 @@ mod tests {
             assert!((found.rotations[1][0] - all.rotations[1][0]).abs() < 1e-5);
             assert!((found.translation[0] - all.translation[0]).abs() < 1e-4);
         }
-        for (place, given) in [(0, 0), (1, 1), (4, 2), (6, 3)] {
-            assert_eq!(found[place], poses(&numbers)[given]);
+        for (index, given) in [(0, 0), (1, 1), (4, 2), (6, 3)] {
+            assert_eq!(found[index], poses(&numbers)[given]);
         }
     }
 

@@ -13,16 +13,16 @@ pub type Mat3 = [[f64; 3]; 3];
 /// A rigid motion `[R | t]`, row by row.
 pub type Mat34 = [[f64; 4]; 3];
 
-/// No rotation.
-pub const UNTURNED: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-/// No rotation, no translation.
+/// The rotation by no angle.
+pub const IDENTITY_ROTATION: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// The rigid motion that moves nothing.
 pub const IDENTITY: Mat34 = [
     [1.0, 0.0, 0.0, 0.0],
     [0.0, 1.0, 0.0, 0.0],
     [0.0, 0.0, 1.0, 0.0],
 ];
 
-/// Shortest vector that has a direction.
+/// Shortest vector that has a direction. Rounding decides the direction of a shorter one.
 const SHORTEST: f64 = 1e-9;
 
 /// `a + b`.
@@ -60,54 +60,60 @@ pub fn normalised(a: Vec3) -> Vec3 {
     DVec3::from(a).normalize_or_zero().into()
 }
 
-/// The rotation of an axis-angle vector.
+/// The rotation matrix of an axis-angle vector, by Rodrigues' formula: the exponential map of SO(3).
 pub fn rodrigues(r: Vec3) -> Mat3 {
     matrix(DQuat::from_scaled_axis(r.into()))
 }
 
-/// The axis-angle vector of a rotation, its angle from 0 to π.
-pub fn logarithm(m: &Mat3) -> Vec3 {
+/// The rotation matrix of a unit quaternion, real part first.
+pub fn from_quaternion([w, x, y, z]: [f64; 4]) -> Mat3 {
+    matrix(DQuat::from_xyzw(x, y, z, w))
+}
+
+/// The axis-angle vector of a rotation matrix, with an angle from 0 to π: the inverse of [`rodrigues`].
+pub fn log_map(m: &Mat3) -> Vec3 {
     shorter(DQuat::from_mat3(&DMat3::from_cols_array_2d(m).transpose()))
 }
 
-/// The axis-angle vector of the rotation by `first` and then by `then`, its angle from 0 to π.
-pub fn after(then: Vec3, first: Vec3) -> Vec3 {
+/// The axis-angle vector of the rotation by `first` and then by `then`, with an angle from 0 to π.
+pub fn compose_axis_angle(then: Vec3, first: Vec3) -> Vec3 {
     let [then, first] = [then, first].map(|r| DQuat::from_scaled_axis(r.into()));
     shorter(then * first)
 }
 
-/// The shortest rotation from the direction of `from` to that of `to`; half a turn about some axis
-/// across where they are opposite. `None` where either has no direction.
-pub fn between(from: Vec3, to: Vec3) -> Option<Mat3> {
+/// The shortest rotation from the direction of `from` to that of `to`. Between opposite directions it
+/// is half a turn about any perpendicular axis. `None` if either vector has no direction.
+pub fn rotation_between(from: Vec3, to: Vec3) -> Option<Mat3> {
     let direction = |v: Vec3| (length(v) > SHORTEST).then(|| DVec3::from(v).normalize());
     let (from, to) = (direction(from)?, direction(to)?);
     Some(matrix(DQuat::from_rotation_arc(from, to)))
 }
 
-/// Row by row.
+/// The rotation matrix of `q`, row by row.
 fn matrix(q: DQuat) -> Mat3 {
     DMat3::from_quat(q).transpose().to_cols_array_2d()
 }
 
-/// The axis-angle vector of `q`, of the two with this rotation the shorter one.
+/// The axis-angle vector of `q`, with an angle from 0 to π.
 fn shorter(q: DQuat) -> Vec3 {
+    // `q` and `-q` are the same rotation; the one with w ≥ 0 has the angle of at most π.
     let q = if q.w < 0.0 { -q } else { q };
     q.to_scaled_axis().into()
 }
 
-/// First `b`, then `a`.
-pub fn product(a: &Mat3, b: &Mat3) -> Mat3 {
-    let b = transposed(b);
+/// The matrix product `a · b`: the rotation by `b` and then by `a`.
+pub fn matmul(a: &Mat3, b: &Mat3) -> Mat3 {
+    let b = transpose(b);
     a.map(|row| b.map(|column| dot(row, column)))
 }
 
-/// The rotation that undoes `a`.
-pub fn transposed(a: &Mat3) -> Mat3 {
+/// The transpose of `a`, which is the inverse of a rotation.
+pub fn transpose(a: &Mat3) -> Mat3 {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
-/// `v` turned by `a`.
-pub fn turned(a: &Mat3, v: Vec3) -> Vec3 {
+/// The matrix-vector product `a · v`: `v` rotated by `a`.
+pub fn matvec(a: &Mat3, v: Vec3) -> Vec3 {
     a.map(|row| dot(row, v))
 }
 
@@ -119,7 +125,7 @@ pub fn rigid(rotation: Mat3, translation: Vec3) -> Mat34 {
     })
 }
 
-/// First `b`, then `a`.
+/// The motion `b` followed by `a`.
 pub fn compose(a: &Mat34, b: &Mat34) -> Mat34 {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
@@ -129,7 +135,7 @@ pub fn compose(a: &Mat34, b: &Mat34) -> Mat34 {
     })
 }
 
-/// The motion that undoes `m`.
+/// The inverse motion `[Rᵀ | -Rᵀ t]`, which is exact only where `R` is a rotation.
 pub fn inverse(m: &Mat34) -> Mat34 {
     std::array::from_fn(|i| {
         let t: f64 = (0..3).map(|k| m[k][i] * m[k][3]).sum();
@@ -142,12 +148,12 @@ pub fn apply(m: &Mat34, p: Vec3) -> Vec3 {
     std::array::from_fn(|i| m[i][0] * p[0] + m[i][1] * p[1] + m[i][2] * p[2] + m[i][3])
 }
 
-/// A direction turned by `m`; its translation plays no part.
+/// A direction rotated by `m`, without its translation.
 pub fn rotate(m: &Mat34, v: Vec3) -> Vec3 {
     std::array::from_fn(|i| m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2])
 }
 
-/// Where `m` puts the origin.
+/// The translation of `m`: the image of the origin.
 pub fn position(m: &Mat34) -> Vec3 {
     std::array::from_fn(|i| m[i][3])
 }
@@ -159,7 +165,7 @@ mod tests {
 
     #[test]
     fn logarithms_undo_rotations() {
-        for turn in [
+        for rotation in [
             [0.0; 3],
             [1e-5, 0.0, -2e-5],
             [0.3, -0.8, 0.5],
@@ -169,14 +175,17 @@ mod tests {
             [PI - 1e-9, 0.0, 0.0],
             [0.0, 0.0, PI],
         ] {
-            let found = logarithm(&rodrigues(turn));
-            assert!(length(sub(found, turn)) < 1e-9, "{turn:?}: {found:?}");
+            let found = log_map(&rodrigues(rotation));
+            assert!(
+                length(sub(found, rotation)) < 1e-9,
+                "{rotation:?}: {found:?}"
+            );
         }
         // Beyond half a turn, the logarithm is that of the shorter rotation.
-        let found = logarithm(&rodrigues([4.0, 0.0, 0.0]));
+        let found = log_map(&rodrigues([4.0, 0.0, 0.0]));
         assert!(length(sub(found, [4.0 - 2.0 * PI, 0.0, 0.0])) < 1e-12);
         // A turn too small for glam's logarithm is none.
-        assert_eq!(logarithm(&rodrigues([1e-9, 0.0, 0.0])), [0.0; 3]);
+        assert_eq!(log_map(&rodrigues([1e-9, 0.0, 0.0])), [0.0; 3]);
     }
 
     #[test]
@@ -188,15 +197,15 @@ mod tests {
             ([0.3, -0.2, 0.9], [0.3, -0.2, 0.9]),
             ([0.3, -0.2, 0.9], [-0.5, 1.4, 0.1]),
         ] {
-            let found = between(from, to).expect("directions");
-            let off = sub(turned(&found, normalised(from)), normalised(to));
+            let found = rotation_between(from, to).expect("directions");
+            let off = sub(matvec(&found, normalised(from)), normalised(to));
             assert!(length(off) < 1e-9, "{from:?} {to:?}");
-            let angle = length(logarithm(&found));
+            let angle = length(log_map(&found));
             let cosine = dot(normalised(from), normalised(to));
             assert!((angle.cos() - cosine).abs() < 1e-9, "{from:?} {to:?}");
         }
-        assert_eq!(between([0.0; 3], [1.0, 0.0, 0.0]), None);
-        assert_eq!(between([1.0, 0.0, 0.0], [0.0, 1e-12, 0.0]), None);
+        assert_eq!(rotation_between([0.0; 3], [1.0, 0.0, 0.0]), None);
+        assert_eq!(rotation_between([1.0, 0.0, 0.0], [0.0, 1e-12, 0.0]), None);
     }
 
     #[test]
@@ -211,7 +220,7 @@ mod tests {
                 &rigid(rodrigues(then), [0.0; 3]),
                 &rigid(rodrigues(first), [0.0; 3]),
             );
-            let one = rigid(rodrigues(after(then, first)), [0.0; 3]);
+            let one = rigid(rodrigues(compose_axis_angle(then, first)), [0.0; 3]);
             for probe in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, -0.4, 2.0]] {
                 assert!(length(sub(apply(&both, probe), apply(&one, probe))) < 1e-12);
             }

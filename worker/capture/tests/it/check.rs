@@ -1,5 +1,5 @@
-//! Deliberate errors on a made-up person, of whom everything is known: each is named, and
-//! what is right passes.
+//! Deliberate errors in the capture of a synthetic person: the check names each of them, and passes the
+//! capture without errors.
 
 use std::sync::OnceLock;
 use yoto_capture::FrameImage;
@@ -401,7 +401,7 @@ fn what_was_not_filmed_is_told_in_words() {
 
 #[test]
 fn any_skeleton_and_any_track_can_be_checked() {
-    // A lone joint, one frame, nobody in sight: no measure, no panic.
+    // A single joint, one frame, nobody visible: no measure, no panic.
     let (mut track, images) = film();
     track.frames.truncate(1);
     track.frames[0].pose.truncate(3);

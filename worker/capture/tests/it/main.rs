@@ -1,3 +1,3 @@
-//! What the check of a capture says of made-up people.
+//! The check of a capture, on synthetic people.
 
 mod check;

@@ -1,9 +1,9 @@
-//! Splats by place, for questions about those near a point.
+//! Splats in a grid, to find those near a point.
 
 use std::collections::HashMap;
 use yoto_avatar::render::SkinnedSplat;
 
-/// Width of a cell, metres: some splats wide.
+/// Width of a cell, metres: a few splats.
 const CELL: f32 = 0.03;
 
 /// A splat on the surface in the rest pose.
@@ -15,12 +15,12 @@ pub(super) struct Disc {
     pub deviations: [f32; 3],
     pub opacity: f32,
     pub colour: [f32; 3],
-    /// Joints and their shares.
+    /// Joints and their skinning weights.
     pub bones: [(u16, f32); 4],
 }
 
 impl Disc {
-    /// A splat in a `colour` of its own.
+    /// A splat with `colour`.
     fn new(splat: &SkinnedSplat, colour: [f32; 3]) -> Self {
         let [w, x, y, z] = splat.turn;
         Self {
@@ -68,7 +68,7 @@ pub(super) struct Cloud {
 }
 
 impl Cloud {
-    /// `splats`, each in the colour at its place in `colours`.
+    /// The cloud of `splats`; `colours` has the colour of each.
     pub fn new(splats: &[SkinnedSplat], colours: &[[f32; 3]]) -> Self {
         let discs: Vec<Disc> = splats
             .iter()
@@ -76,21 +76,21 @@ impl Cloud {
             .map(|(splat, colour)| Disc::new(splat, *colour))
             .collect();
         let mut cells: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
-        for (place, disc) in discs.iter().enumerate() {
-            cells.entry(cell(disc.mean)).or_default().push(place as u32);
+        for (index, disc) in discs.iter().enumerate() {
+            cells.entry(cell(disc.mean)).or_default().push(index as u32);
         }
         Self { discs, cells }
     }
 
-    /// Calls `take` with every splat whose middle is at most a cell's width from `point`, and with some
-    /// farther ones.
+    /// Calls `take` with every splat that has its mean at most a cell's width from `point`, and with some farther
+    /// ones.
     pub fn near(&self, point: [f32; 3], mut take: impl FnMut(&Disc)) {
         let [x, y, z] = cell(point);
         for i in x - 1..=x + 1 {
             for j in y - 1..=y + 1 {
                 for k in z - 1..=z + 1 {
-                    for place in self.cells.get(&[i, j, k]).into_iter().flatten() {
-                        take(&self.discs[*place as usize]);
+                    for index in self.cells.get(&[i, j, k]).into_iter().flatten() {
+                        take(&self.discs[*index as usize]);
                     }
                 }
             }
@@ -118,7 +118,7 @@ pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// `a` with length 1; zero stays zero.
+/// `a` with length 1; a zero vector stays zero.
 pub(super) fn unit(a: [f32; 3]) -> [f32; 3] {
     let length = dot(a, a).sqrt();
     if length > 0.0 {

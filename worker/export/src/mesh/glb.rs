@@ -11,7 +11,7 @@ use yoto_capture::skeleton::transform::{compose, position, sub};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_formats::glb::{Numbers, Target};
 
-/// A mesh that can't be written.
+/// Why a mesh can't be written.
 #[derive(Debug, thiserror::Error)]
 pub enum GlbError {
     /// A clip of another skeleton.
@@ -33,11 +33,11 @@ pub enum GlbError {
     Write(#[from] io::Error),
 }
 
-/// Writes a person called `name`, who stands on the origin and faces z in the mean of each clip. Colours are the
-/// texture's whatever the light (`KHR_materials_unlit`): it has the capture's light in it.
+/// Writes a person called `name`, who stands on the origin and faces z on average in each clip. The texture includes the
+/// capture's light, so it is shown without shading (`KHR_materials_unlit`).
 ///
 /// # Errors
-/// If a clip is not of `skeleton`, or writing fails.
+/// If a clip does not fit `skeleton`, or writing fails.
 pub fn write(
     to: &mut impl Write,
     name: &str,
@@ -51,7 +51,7 @@ pub fn write(
     }
     let mut numbers = Numbers::default();
     let bones = mesh.bones.iter();
-    // A joint without a share is written as joint 0, as glTF demands.
+    // glTF demands joint 0 for a joint without a weight.
     let joint = |(bone, share): (u16, f32)| if share > 0.0 { bone as u8 } else { 0 };
     let carriers: Vec<[u8; 4]> = bones.clone().map(|bones| bones.map(joint)).collect();
     let shares: Vec<[f32; 4]> = bones.map(|bones| bones.map(|(_, share)| share)).collect();
@@ -102,7 +102,7 @@ pub fn write(
             "extensions": { "KHR_materials_unlit": {} },
         }],
         "textures": [{ "source": 0, "sampler": 0 }],
-        // Linear, between sizes as well, and clamped.
+        // glTF's codes: linear, linear also between mip levels, and clamped to the edge.
         "samplers": [{ "magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071 }],
         "images": [{ "bufferView": texture, "mimeType": "image/png" }],
     });
@@ -112,16 +112,16 @@ pub fn write(
     Ok(numbers.write(scene, to)?)
 }
 
-/// The mesh's node, then the joints' in their order.
+/// The mesh's node, then the joints' nodes in their order.
 fn nodes(name: &str, skeleton: &Skeleton) -> Vec<Value> {
     let mut nodes = vec![json!({ "name": name, "mesh": 0, "skin": 0 })];
     for joint in 0..skeleton.joints() {
         let rest = skeleton.rest[joint];
-        let place = match skeleton.parents[joint] {
+        let offset = match skeleton.parents[joint] {
             Some(parent) => sub(rest, skeleton.rest[parent]),
             None => rest,
         };
-        let mut node = json!({ "name": skeleton.names[joint], "translation": place });
+        let mut node = json!({ "name": skeleton.names[joint], "translation": offset });
         let children = skeleton.parents.iter().enumerate();
         let children: Vec<usize> = children
             .filter(|(_, parent)| **parent == Some(joint))
@@ -135,7 +135,7 @@ fn nodes(name: &str, skeleton: &Skeleton) -> Vec<Value> {
     nodes
 }
 
-/// The turns of all joints and the path of the root, frame by frame.
+/// The rotations of all joints and the translation of the root, frame by frame.
 fn animation(
     numbers: &mut Numbers,
     clip: &Clip,
@@ -147,20 +147,22 @@ fn animation(
         .map(|frame| [(frame as f64 / clip.fps) as f32])
         .collect();
     let times = numbers.bounded(&times, Target::Other);
-    let mut turns = vec![Vec::new(); skeleton.joints()];
+    let mut rotations = vec![Vec::new(); skeleton.joints()];
     let mut path = Vec::new();
     for pose in &clip.poses {
         let joints = skeleton.world_transforms(pose);
         let Some(root) = joints.first() else { continue };
         let root = compose(&to, root);
         path.push(position(&root).map(|value| value as f32));
-        for (joint, (turns, turn)) in turns.iter_mut().zip(pose.rotations_f64()).enumerate() {
+        for (joint, (rotations, rotation)) in
+            rotations.iter_mut().zip(pose.rotations_f64()).enumerate()
+        {
             let matrix = match joint {
                 0 => root.map(|[a, b, c, _]| [a, b, c]),
-                _ => yoto_capture::skeleton::transform::rodrigues(turn),
+                _ => yoto_capture::skeleton::transform::rodrigues(rotation),
             };
             let [w, x, y, z] = quaternion(&matrix).map(|value| value as f32);
-            turns.push(upright(turns.last(), [x, y, z, w]));
+            rotations.push(upright(rotations.last(), [x, y, z, w]));
         }
     }
     let mut channels = Vec::new();
@@ -172,22 +174,26 @@ fn animation(
         samplers.push(json!({ "input": times, "output": output, "interpolation": "LINEAR" }));
     };
     add(0, "translation", numbers.rows(&path, Target::Other));
-    for (joint, turns) in turns.iter().enumerate() {
-        add(joint, "rotation", numbers.rows(turns, Target::Other));
+    for (joint, rotations) in rotations.iter().enumerate() {
+        add(joint, "rotation", numbers.rows(rotations, Target::Other));
     }
     Ok(json!({ "name": clip.name, "channels": channels, "samplers": samplers }))
 }
 
-/// The one of a quaternion and its negative that is nearer to the frame before, so that what lies between
-/// goes the short way round.
-fn upright(before: Option<&[f32; 4]>, turn: [f32; 4]) -> [f32; 4] {
+/// The one of a quaternion and its negative, which is the same rotation, that is nearer to the frame before, so that
+/// interpolation takes the short way.
+fn upright(before: Option<&[f32; 4]>, rotation: [f32; 4]) -> [f32; 4] {
     let side: f32 = before.map_or(1.0, |before| {
-        before.iter().zip(turn).map(|(a, b)| a * b).sum()
+        before.iter().zip(rotation).map(|(a, b)| a * b).sum()
     });
-    if side < 0.0 { turn.map(|q| -q) } else { turn }
+    if side < 0.0 {
+        rotation.map(|q| -q)
+    } else {
+        rotation
+    }
 }
 
-/// A shift as a matrix, column after column.
+/// A translation as a matrix, column after column.
 fn unmoved([x, y, z]: [f64; 3]) -> [f32; 16] {
     let [x, y, z] = [x, y, z].map(|value| value as f32);
     [
@@ -195,7 +201,7 @@ fn unmoved([x, y, z]: [f64; 3]) -> [f32; 16] {
     ]
 }
 
-/// The texture as a file.
+/// The texture as a PNG file.
 pub(super) fn png(mesh: &Mesh) -> Result<Vec<u8>, image::ImageError> {
     let mut file = Vec::new();
     PngEncoder::new_with_quality(&mut file, CompressionType::Best, FilterType::Adaptive)

@@ -1,4 +1,4 @@
-//! A person as a mesh: a closed surface, a texture, and the bones that carry it.
+//! A person as a skinned mesh: a closed surface, a texture, and skinning weights.
 
 mod cloud;
 pub mod glb;
@@ -15,7 +15,7 @@ use yoto_avatar::render::SkinnedSplats;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::SkeletonError;
 
-/// What a mesh may cost.
+/// Limits of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
     /// Most triangles.
@@ -40,31 +40,31 @@ pub struct Mesh {
     pub positions: Vec<[f32; 3]>,
     /// `[V, 3]`, unit vectors out of the body.
     pub normals: Vec<[f32; 3]>,
-    /// `[V, 2]`, shares of the texture's sides from its upper left corner.
+    /// `[V, 2]`, texture coordinates from 0 to 1 from the upper left corner.
     pub coordinates: Vec<[f32; 2]>,
-    /// `[V]`, four joints each and their shares, which sum to 1.
+    /// `[V]`, four joints each and their skinning weights, which sum to 1.
     pub bones: Vec<[(u16, f32); 4]>,
-    /// Corners, counter-clockwise from outside.
+    /// Indices of the corners, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Colours as a screen shows them, row by row, of a square.
+    /// sRGB colours of a square, row by row.
     pub texture: Vec<[u8; 3]>,
     /// Pixels along a side of the texture.
     pub side: u32,
 }
 
-/// A person that makes no mesh.
+/// Why a person has no mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
-    /// A pose for the light is of another skeleton.
+    /// A pose for the light does not fit the skeleton.
     #[error(transparent)]
     Pose(#[from] SkeletonError),
-    /// Nothing solid.
+    /// The splats enclose nothing.
     #[error("the splats enclose nothing, or lie metres apart: train the person for longer")]
     Nothing,
-    /// No place on the texture.
+    /// The surface does not fit on the texture.
     #[error("unwrapping the surface")]
     Unwrap(#[from] uvunwrap::Error),
-    /// Positions that the reduction can't read.
+    /// The reduction refuses the positions.
     #[error("reducing the surface")]
     Reduce(#[from] meshopt::Error),
 }
@@ -72,7 +72,7 @@ pub enum MeshError {
 /// The mesh of a `person`. Its texture has the mean light of `poses`, or that of the rest pose without any.
 ///
 /// # Errors
-/// If a pose is not of the person's skeleton, or the splats enclose nothing.
+/// If a pose does not fit the person's skeleton, or the splats enclose nothing.
 pub fn mesh(
     person: &SkinnedSplats,
     poses: &[Pose],
@@ -127,9 +127,9 @@ pub fn mesh(
     Ok(mesh)
 }
 
-/// The four bones with the largest shares in the splats around a point of the surface.
+/// The four bones with the largest skinning weights in the splats around a point of the surface.
 fn bones(cloud: &Cloud, point: [f32; 3]) -> [(u16, f32); 4] {
-    /// Standard deviation of a splat's say, metres: the distance between splats.
+    /// Standard deviation of a splat's influence, metres: about the distance between splats.
     const SPREAD: f32 = 0.01;
     let mut shares: Vec<(u16, f32)> = Vec::new();
     let mut nearest = (f32::INFINITY, [(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]);
@@ -152,7 +152,7 @@ fn bones(cloud: &Cloud, point: [f32; 3]) -> [(u16, f32); 4] {
     if sum < 1e-6 {
         return nearest.1;
     }
-    std::array::from_fn(|place| match shares.get(place) {
+    std::array::from_fn(|rank| match shares.get(rank) {
         Some((bone, share)) => (*bone, share / sum),
         None => (0, 0.0),
     })

@@ -1,11 +1,11 @@
-//! A mesh as an `.obj` file with its material and its texture beside it.
+//! A mesh as an `.obj` file, with files for its material and texture.
 
 use super::Mesh;
 use std::fmt::Write;
 
 /// The files of a mesh.
 pub struct ObjFiles {
-    /// `.obj`: positions, coordinates of the texture, normals and triangles.
+    /// `.obj`: positions, texture coordinates, normals and triangles.
     pub obj: String,
     /// `.mtl`: the material.
     pub mtl: String,
@@ -13,7 +13,7 @@ pub struct ObjFiles {
     pub texture: Vec<u8>,
 }
 
-/// The files of `mesh`, whose names are `stem` with the extensions.
+/// The files of `mesh`, named `stem` with their extensions.
 ///
 /// # Errors
 /// If the texture can't be written.
@@ -24,7 +24,7 @@ pub fn files(mesh: &Mesh, stem: &str) -> Result<ObjFiles, image::ImageError> {
         let _ = writeln!(obj, "v {x} {y} {z}");
     }
     for [u, v] in &mesh.coordinates {
-        // From the lower left corner.
+        // OBJ measures texture coordinates from the lower left corner.
         let _ = writeln!(obj, "vt {u} {}", 1.0 - v);
     }
     for [x, y, z] in &mesh.normals {
@@ -35,7 +35,7 @@ pub fn files(mesh: &Mesh, stem: &str) -> Result<ObjFiles, image::ImageError> {
         let [a, b, c] = triangle.map(|corner| corner + 1);
         let _ = writeln!(obj, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}");
     }
-    // The texture has light in it: neither diffuse shading nor highlights.
+    // The texture includes light, so the material has neither diffuse shading nor highlights.
     let mtl = format!("newmtl person\nillum 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd {stem}.png\n");
     Ok(ObjFiles {
         obj,

@@ -17,8 +17,8 @@ pub fn write(to: &mut impl Write, mesh: &Mesh) -> io::Result<()> {
          property uchar red\nproperty uchar green\nproperty uchar blue\n\
          element face {faces}\nproperty list uchar uint vertex_indices\nend_header\n"
     )?;
-    let places = mesh.positions.iter().zip(&mesh.normals);
-    for ((position, normal), at) in places.zip(&mesh.coordinates) {
+    let vertices = mesh.positions.iter().zip(&mesh.normals);
+    for ((position, normal), at) in vertices.zip(&mesh.coordinates) {
         for value in position.iter().chain(normal) {
             to.write_all(&value.to_le_bytes())?;
         }

@@ -7,20 +7,20 @@ use meshopt::{SimplifyOptions, VertexDataAdapter, simplify};
 
 /// Rounds of smoothing.
 const ROUNDS: usize = 10;
-/// Steps towards the neighbours' mean and back, which smooth without shrinking (Taubin, "A signal
-/// processing approach to fair surface design", 1995).
+/// Factors of the alternating steps towards the neighbours' mean and away from it, which smooth without shrinking
+/// (Taubin, "A signal processing approach to fair surface design", 1995).
 const STEPS: [f32; 2] = [0.5, -0.53];
-/// Largest error of the reduction where it leaves few enough triangles, metres.
+/// Largest error of the first attempt at a reduction, metres.
 const COARSEST: f32 = 0.01;
 
-/// `surface` without the grid's small steps.
+/// `surface` without the small steps of the grid.
 pub(super) fn smooth(mut surface: Surface) -> Surface {
     let count = surface.positions.len();
     for step in [STEPS; ROUNDS].as_flattened() {
         let mut sums = vec![[0.0f32; 3]; count];
         let mut neighbours = vec![0.0f32; count];
         for [a, b, c] in &surface.triangles {
-            // Each edge twice, once from either triangle.
+            // Both directions. An edge between two triangles counts twice, which doesn't change the mean.
             for (from, to) in [(a, b), (b, c), (c, a), (b, a), (c, b), (a, c)] {
                 let [from, to] = [*from as usize, *to as usize];
                 neighbours[from] += 1.0;
@@ -29,17 +29,20 @@ pub(super) fn smooth(mut surface: Surface) -> Surface {
                 }
             }
         }
-        for ((place, sum), number) in surface.positions.iter_mut().zip(sums).zip(neighbours) {
+        for ((position, sum), number) in surface.positions.iter_mut().zip(sums).zip(neighbours) {
             if number > 0.0 {
-                *place = std::array::from_fn(|a| place[a] + step * (sum[a] / number - place[a]));
+                *position =
+                    std::array::from_fn(|a| position[a] + step * (sum[a] / number - position[a]));
             }
         }
     }
     surface
 }
 
-/// `surface` with at most `triangles`, as closed as it was: within [`COARSEST`] of it if so many are enough for that,
-/// and otherwise as near as they allow. Holes and handles stay, and may need more.
+/// `surface` reduced to at most `triangles`, and closed if it was closed.
+///
+/// The result is within [`COARSEST`] of `surface` if that is possible with `triangles`, and otherwise as near as
+/// possible. Holes and handles are preserved, and may need more triangles.
 ///
 /// # Errors
 /// If the library refuses the positions.
@@ -59,23 +62,24 @@ pub(super) fn reduced(surface: Surface, triangles: usize) -> Result<Surface, mes
             indices = simplify(&indices, &vertices, wanted, error, options, None);
         }
     }
-    let mut places = vec![u32::MAX; surface.positions.len()];
+    // New index of each vertex; `u32::MAX` for vertices that no triangle uses so far.
+    let mut indices_of = vec![u32::MAX; surface.positions.len()];
     let mut reduced = Surface::default();
     for corners in indices.as_chunks::<3>().0 {
         let corners = corners.map(|corner| {
-            let place = &mut places[corner as usize];
-            if *place == u32::MAX {
-                *place = reduced.positions.len() as u32;
+            let index = &mut indices_of[corner as usize];
+            if *index == u32::MAX {
+                *index = reduced.positions.len() as u32;
                 reduced.positions.push(surface.positions[corner as usize]);
             }
-            *place
+            *index
         });
         reduced.triangles.push(corners);
     }
     Ok(reduced)
 }
 
-/// Unit normals of the vertices: means over their triangles by area.
+/// Unit normals of the vertices: means over their triangles, weighted by area.
 pub(super) fn normals(surface: &Surface) -> Vec<[f32; 3]> {
     let mut normals = vec![[0.0f32; 3]; surface.positions.len()];
     for triangle in &surface.triangles {
@@ -86,7 +90,7 @@ pub(super) fn normals(surface: &Surface) -> Vec<[f32; 3]> {
             *normal = std::array::from_fn(|i| normal[i] + area[i]);
         }
     }
-    // A vertex of triangles without area has none of its own.
+    // A vertex of triangles without area has no normal, and gets an arbitrary one.
     normals
         .into_iter()
         .map(|normal| {

@@ -1,4 +1,4 @@
-//! A mesh in one pose, for programs that know no bones.
+//! A mesh in one pose, for programs without bones.
 
 use super::Mesh;
 use super::cloud::unit;
@@ -7,10 +7,10 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{Mat34, apply, compose, rotate};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
-/// `mesh` with the bones of `skeleton` in `pose`, carried from the world by the rigid `to`.
+/// `mesh` with the bones of `skeleton` in `pose`, transformed from the world by the rigid `to`.
 ///
 /// # Errors
-/// If the pose is not of the skeleton.
+/// If the pose does not fit the skeleton.
 pub fn posed(
     mesh: &Mesh,
     skeleton: &Skeleton,
@@ -20,11 +20,12 @@ pub fn posed(
     skeleton.check_pose(pose)?;
     let bones = bones(skeleton, pose);
     let mut posed = mesh.clone();
-    let places = posed.positions.iter_mut().zip(&mut posed.normals);
-    for ((position, normal), shares) in places.zip(&mesh.bones) {
+    let vertices = posed.positions.iter_mut().zip(&mut posed.normals);
+    for ((position, normal), shares) in vertices.zip(&mesh.bones) {
         let transform = compose(to, &blend(shares, &bones));
         *position = apply(&transform, position.map(f64::from)).map(|v| v as f32);
-        // Shares of bones shear little: the normal of the sheared surface is near the sheared normal.
+        // A blend of bones shears only little, so the transformed normal is near the true one, which would need
+        // the inverse transpose.
         *normal = unit(rotate(&transform, normal.map(f64::from)).map(|v| v as f32));
     }
     Ok(posed)

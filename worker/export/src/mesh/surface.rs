@@ -1,6 +1,6 @@
-//! The closed surface that splats lie on: signed distances from their planes, weighted by nearness
-//! (implicit moving least squares; Kolluri, "Provably good moving least squares", 2005), on a grid, and the
-//! surface nets of their zeros.
+//! The closed surface through splats. Signed distances from their planes, weighted by proximity (implicit moving
+//! least squares; Kolluri, "Provably good moving least squares", 2005), are summed on a grid, and surface nets
+//! extract their zero set.
 
 use super::cloud::Cloud;
 use fast_surface_nets::ndshape::RuntimeShape;
@@ -11,17 +11,17 @@ use std::collections::VecDeque;
 const CELL: f32 = 0.006;
 /// Standard deviation of a plane's weight across it, and the least one along it, metres (docs/export.md).
 const SPREAD: f32 = 0.012;
-/// The largest one along it, metres.
+/// The greatest standard deviation of a plane's weight along it, metres.
 const WIDEST: f32 = 0.02;
-/// Standard deviations after which a plane says nothing.
+/// Reach of a plane, standard deviations.
 const REACH: f32 = 2.5;
-/// Standard deviations of a splat across it, from its plane out to where the surface is seen: splats have a
+/// Distance from a splat's plane to the visible surface, in standard deviations across the splat: splats have a
 /// thickness (docs/export.md).
 pub(super) const OUTWARD: f32 = 1.5;
-/// Weight from which planes are believed: that of one splat 1.5 standard deviations away.
+/// Least weight of planes that define a distance: that of one splat 1.5 standard deviations away.
 const BELIEVED: f32 = 0.3;
-/// Widest gap between planes that the surface closes, metres: skin that no frame shows. Wider ones join
-/// what is apart (docs/export.md).
+/// Widest gap between planes that the surface closes, metres: skin that no frame shows. Closing wider gaps would
+/// join separate parts (docs/export.md).
 const GAP: f32 = 0.024;
 /// Most cells of the grid: five times those of a tall person.
 const MOST: usize = 60_000_000;
@@ -44,7 +44,7 @@ struct Grid {
     values: Vec<f32>,
 }
 
-/// The surface of the largest solid that `cloud` encloses; without triangles if it encloses none or is
+/// The surface of the largest solid that `cloud` encloses. It has no triangles if the cloud encloses nothing or is
 /// larger than a room.
 pub(super) fn surface(cloud: &Cloud) -> Surface {
     let Some(mut grid) = Grid::around(cloud) else {
@@ -62,9 +62,9 @@ pub(super) fn surface(cloud: &Cloud) -> Surface {
         grid.sides.map(|side| side as u32 - 1),
         &mut nets,
     );
-    let place = |point: &[f32; 3]| std::array::from_fn(|a| grid.low[a] + CELL * point[a]);
+    let position = |point: &[f32; 3]| std::array::from_fn(|a| grid.low[a] + CELL * point[a]);
     Surface {
-        positions: nets.positions.iter().map(place).collect(),
+        positions: nets.positions.iter().map(position).collect(),
         triangles: nets.indices.as_chunks().0.to_vec(),
     }
 }
@@ -143,8 +143,8 @@ impl Grid {
         }
     }
 
-    /// Gives every cell a value. What a ball of the gap's width reaches from the border is outside; other
-    /// cells without a plane are on the side of the nearest cell that has one, so that legs stay apart and gaps are
+    /// Gives every cell a value. Cells that a ball of the gap's width reaches from the border are outside. Other
+    /// cells without a plane are on the side of the nearest cell with one, so that legs stay apart and gaps are
     /// closed. Bubbles inside are filled.
     fn close(&mut self) {
         let cells = (0.5 * GAP / CELL).ceil() as u32;
@@ -177,7 +177,7 @@ impl Grid {
         }
     }
 
-    /// Turns all solids but the largest into air.
+    /// Removes all solids except the largest.
     fn keep_largest(&mut self) {
         let mut seen = vec![false; self.values.len()];
         let mut solids: Vec<Vec<usize>> = Vec::new();
@@ -195,14 +195,15 @@ impl Grid {
         }
     }
 
-    /// The cells whose value fulfils `fit`.
+    /// The cells with a value that fulfils `fit`.
     fn cells(&self, fit: impl Fn(f32) -> bool) -> Vec<usize> {
         (0..self.values.len())
             .filter(|at| fit(self.values[*at]))
             .collect()
     }
 
-    /// The cells that a walk from `start` over `open` ones reaches.
+    /// The cells that can be reached from `start` over `open` cells: a flood fill with a queue, since recursion over
+    /// millions of cells would exhaust the stack.
     fn flood(&self, start: usize, open: impl Fn(usize) -> bool) -> Vec<usize> {
         if !open(start) {
             return Vec::new();
@@ -223,7 +224,7 @@ impl Grid {
         reached
     }
 
-    /// Steps from the nearest of `starts`, up to `most`; the largest number beyond that.
+    /// Steps of each cell from the nearest of `starts`; `u32::MAX` beyond `most`.
     fn distances(&self, starts: &[usize], most: u32) -> Vec<u32> {
         let mut distances = vec![u32::MAX; self.values.len()];
         let mut queue: VecDeque<usize> = starts.iter().copied().collect();
@@ -243,7 +244,7 @@ impl Grid {
         distances
     }
 
-    /// The six cells beside one, within the grid.
+    /// The up to six neighbours of a cell within the grid.
     fn neighbours(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let [x, y, z] = self.sides;
         let (i, j, k) = (at % x, at / x % y, at / (x * y));

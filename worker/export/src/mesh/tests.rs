@@ -8,11 +8,11 @@ use yoto_capture::skeleton::Skeleton;
 const RADIUS: f32 = 0.2;
 /// Standard deviation of a splat across the ball, metres.
 const THICKNESS: f32 = 0.002;
-/// Where half of the light is stopped.
+/// Radius at which half of the light is absorbed.
 const SEEN: f32 = RADIUS + surface::OUTWARD * THICKNESS;
 
-/// A ball of splats around [0, 1, 0], red above its middle and blue below, carried by one bone on either side of
-/// x = 0, without the splats that lie in the cap `hole` radians around x.
+/// A ball of splats around [0, 1, 0], red above its middle and blue below, with one bone on either side of x = 0,
+/// without the splats in the cap of `hole` radians around x.
 fn ball(hole: f32) -> SkinnedSplats {
     let count = 4000;
     // A Fibonacci lattice.
@@ -23,8 +23,8 @@ fn ball(hole: f32) -> SkinnedSplats {
         [across * angle.cos(), y, across * angle.sin()]
     };
     let splat = |n: [f32; 3]| {
-        // The turn from z to n.
-        let turn = match n[2] < -0.999 {
+        // The rotation from z to n.
+        let rotation = match n[2] < -0.999 {
             true => [0.0, 1.0, 0.0, 0.0],
             false => {
                 let w = ((1.0 + n[2]) / 2.0).sqrt();
@@ -35,7 +35,7 @@ fn ball(hole: f32) -> SkinnedSplats {
         let bone = u16::from(n[0] > 0.0);
         SkinnedSplat {
             mean: [RADIUS * n[0], 1.0 + RADIUS * n[1], RADIUS * n[2]],
-            turn,
+            turn: rotation,
             deviations: [0.006, 0.006, THICKNESS],
             opacity: 0.9,
             colour: [red, 0.5, blue],
@@ -60,14 +60,15 @@ fn ball(hole: f32) -> SkinnedSplats {
     }
 }
 
-/// How often each edge is walked in its direction less how often against it, by the places of its ends.
+/// For each edge, by the positions of its ends, the number of triangles along its direction minus the number against
+/// it.
 fn edges(mesh: &Mesh) -> HashMap<[[u32; 3]; 2], i32> {
     let mut edges = HashMap::new();
     for triangle in &mesh.triangles {
-        let place = triangle.map(|corner| mesh.positions[corner as usize].map(f32::to_bits));
+        let position = triangle.map(|corner| mesh.positions[corner as usize].map(f32::to_bits));
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            *edges.entry([place[a], place[b]]).or_insert(0) += 1;
-            *edges.entry([place[b], place[a]]).or_insert(0) -= 1;
+            *edges.entry([position[a], position[b]]).or_insert(0) += 1;
+            *edges.entry([position[b], position[a]]).or_insert(0) -= 1;
         }
     }
     edges
@@ -103,12 +104,15 @@ fn a_ball_of_splats_is_a_closed_ball_even_with_a_hole() {
             "{}",
             volume(&mesh) / exact
         );
-        for (place, normal) in mesh.positions.iter().zip(&mesh.normals) {
+        for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
             // Over the hole the lid is flat.
-            let lid = place[0] > SEEN * (1.6 * hole).cos() - 1e-3 && hole > 0.0;
-            let off = (from_middle(*place) - SEEN).abs();
-            assert!(off < if lid { 0.006 } else { 0.002 }, "{off} at {place:?}");
-            let outward = unit([place[0], place[1] - 1.0, place[2]]);
+            let lid = position[0] > SEEN * (1.6 * hole).cos() - 1e-3 && hole > 0.0;
+            let off = (from_middle(*position) - SEEN).abs();
+            assert!(
+                off < if lid { 0.006 } else { 0.002 },
+                "{off} at {position:?}"
+            );
+            let outward = unit([position[0], position[1] - 1.0, position[2]]);
             assert!(cloud::dot(outward, *normal) > if lid { 0.7 } else { 0.95 });
         }
     }
@@ -136,12 +140,12 @@ fn a_surface_with_few_triangles_stays_as_it_is() {
         triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
     };
     for wanted in [4, 1_000_000] {
-        let reduced = reduce::reduced(tetrahedron(), wanted).expect("finite places");
-        let places = |surface: &surface::Surface| -> Vec<_> {
+        let reduced = reduce::reduced(tetrahedron(), wanted).expect("finite positions");
+        let positions = |surface: &surface::Surface| -> Vec<_> {
             let corners = surface.triangles.as_flattened().iter();
             corners.map(|at| surface.positions[*at as usize]).collect()
         };
-        assert_eq!(places(&reduced), places(&tetrahedron()));
+        assert_eq!(positions(&reduced), positions(&tetrahedron()));
     }
 }
 
@@ -162,7 +166,7 @@ fn what_floats_beside_a_person_is_not_of_the_mesh() {
     let farthest = mesh
         .positions
         .iter()
-        .map(|place| from_middle(*place))
+        .map(|position| from_middle(*position))
         .fold(0.0, f32::max);
     assert!(farthest < SEEN + 0.01, "{farthest}");
 }
@@ -174,23 +178,23 @@ fn vertices_have_the_colours_and_the_bones_of_their_place() {
         texture: 256,
     };
     let mesh = mesh(&ball(0.0), &[], &options).expect("a mesh");
-    for (vertex, place) in mesh.positions.iter().enumerate() {
+    for (vertex, position) in mesh.positions.iter().enumerate() {
         let [u, v] = mesh.coordinates[vertex];
         let pixel = |share: f32| ((share * mesh.side as f32) as usize).min(mesh.side as usize - 1);
         let [red, green, blue] = mesh.texture[pixel(v) * mesh.side as usize + pixel(u)];
-        if (place[1] - 1.0).abs() > 0.03 {
-            let (more, less) = if place[1] > 1.0 {
+        if (position[1] - 1.0).abs() > 0.03 {
+            let (more, less) = if position[1] > 1.0 {
                 (red, blue)
             } else {
                 (blue, red)
             };
-            assert!(more > 195 && less < 35, "{place:?} {red} {blue}");
+            assert!(more > 195 && less < 35, "{position:?} {red} {blue}");
             assert!((120..=135).contains(&green));
         }
         let shares = mesh.bones[vertex];
         assert!((shares.iter().map(|(_, share)| share).sum::<f32>() - 1.0).abs() < 1e-5);
-        if place[0].abs() > 0.03 {
-            assert_eq!(shares[0].0, u16::from(place[0] > 0.0));
+        if position[0].abs() > 0.03 {
+            assert_eq!(shares[0].0, u16::from(position[0] > 0.0));
             assert!(shares[0].1 > 0.95);
         }
     }

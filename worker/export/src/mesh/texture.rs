@@ -1,29 +1,29 @@
-//! The texture of a mesh: what a ray from outside, along the surface's normal, sees of the splats.
+//! The texture of a mesh: the colours of the splats along rays from outside against the surface's normal.
 
 use super::Mesh;
 use super::cloud::{Cloud, cross, dot, minus, unit};
 use rayon::prelude::*;
 
-/// How far in front of the surface and behind it a splat may lie, metres.
+/// Largest distance of a splat in front of the surface or behind it, metres.
 const DEPTH: f32 = 0.02;
-/// Opacity that a ray must meet; where it meets less, wider splats are tried.
+/// Least opacity along a ray; below it, wider splats are tried.
 const SEEN: f32 = 0.3;
-/// Factors of the splats' widths.
+/// Factors on the splats' widths.
 const WIDER: [f32; 3] = [1.0, 2.0, 4.0];
 /// Smallest standard deviation along the surface, metres.
 const THINNEST: f32 = 1e-4;
-/// Pixels beyond a triangle's edge that it colours where no other triangle is: corners are sharp.
+/// Width beyond a triangle's edges that it colours if no other triangle does, pixels: sharp corners need it.
 const MARGIN: f32 = 1.0;
 
 /// A pixel of the texture that a triangle covers.
 struct Texel {
-    place: usize,
+    index: usize,
     point: [f32; 3],
     normal: [f32; 3],
 }
 
-/// The texture of `mesh`, `side` x `side` pixels. Pixels without a triangle or without splats near them have the
-/// colour of the nearest with both.
+/// The texture of `mesh`, `side` x `side` pixels. Pixels without a triangle or without splats nearby have the colour
+/// of the nearest pixel with both.
 pub(super) fn texture(cloud: &Cloud, mesh: &Mesh) -> Vec<[u8; 3]> {
     let side = mesh.side as usize;
     let texels = texels(mesh);
@@ -36,14 +36,14 @@ pub(super) fn texture(cloud: &Cloud, mesh: &Mesh) -> Vec<[u8; 3]> {
         .collect();
     let mut pixels: Vec<Option<[u8; 3]>> = vec![None; side * side];
     for (texel, colour) in texels.iter().zip(colours) {
-        pixels[texel.place] = colour;
+        pixels[texel.index] = colour;
     }
     spread(&mut pixels, side);
-    // A texture without any triangle has none to spread.
+    // A texture without any triangle stays black.
     pixels.into_iter().map(Option::unwrap_or_default).collect()
 }
 
-/// The pixels that triangles cover, each once: first those within them, then those at their edges.
+/// The pixels that triangles cover, each once: first the pixels inside triangles, then those at their edges.
 fn texels(mesh: &Mesh) -> Vec<Texel> {
     let side = mesh.side as usize;
     let mut taken = vec![false; side * side];
@@ -79,7 +79,7 @@ fn cover(
     };
     for row in range(1) {
         for column in range(0) {
-            let place = row * side + column;
+            let index = row * side + column;
             let pixel = [column as f32 + 0.5, row as f32 + 0.5];
             let parts = [
                 edge(at[1], at[2], pixel) / area,
@@ -96,17 +96,17 @@ fn cover(
                     (nearest - pixel[a]).powi(2)
                 })
                 .sum();
-            // Also not for a NaN, of a triangle with almost no area.
+            // False for NaN too, which a triangle of almost no area gives.
             let near = off <= margin * margin + 1e-6;
-            if taken[place] || !near {
+            if taken[index] || !near {
                 continue;
             }
-            taken[place] = true;
+            taken[index] = true;
             let mean = |rows: &[[f32; 3]]| -> [f32; 3] {
                 std::array::from_fn(|a| (0..3).map(|c| parts[c] * rows[corners[c]][a]).sum())
             };
             texels.push(Texel {
-                place,
+                index,
                 point: mean(&mesh.positions),
                 normal: unit(mean(&mesh.normals)),
             });
@@ -119,7 +119,7 @@ fn edge(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// What a ray against the normal sees, front to back; `None` if it meets almost nothing.
+/// The colour along a ray against the normal, composited front to back; `None` if the ray meets almost nothing.
 fn seen(cloud: &Cloud, texel: &Texel, wider: f32) -> Option<[f32; 3]> {
     let normal = texel.normal;
     // Two directions along the surface.
@@ -137,7 +137,7 @@ fn seen(cloud: &Cloud, texel: &Texel, wider: f32) -> Option<[f32; 3]> {
         if height.abs() > DEPTH || dot(disc.normal(), normal) < 0.0 {
             return;
         }
-        // The splat's shadow on the surface: covariance [xx, xy, yy].
+        // The splat's projection on the surface: its covariance [xx, xy, yy].
         let (mut xx, mut xy, mut yy) = (THINNEST * THINNEST, 0.0, THINNEST * THINNEST);
         for (axis, deviation) in disc.axes.iter().zip(disc.deviations) {
             let x = wider * deviation * dot(*axis, across);
@@ -163,8 +163,8 @@ fn seen(cloud: &Cloud, texel: &Texel, wider: f32) -> Option<[f32; 3]> {
     (met > SEEN).then(|| colour.map(|value| value / met))
 }
 
-/// Gives pixels without a colour that of the nearest one with, so that blending at the edges of charts does not
-/// show what lies between them.
+/// Gives pixels without a colour that of the nearest one with a colour, so that filtering at the edges of charts does
+/// not blend with the background.
 fn spread(pixels: &mut [Option<[u8; 3]>], side: usize) {
     let mut edge: Vec<usize> = (0..pixels.len())
         .filter(|at| pixels[*at].is_some())

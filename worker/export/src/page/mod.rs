@@ -1,7 +1,7 @@
-//! A page that plays a person in a browser: one file without a network, drawn by WebGL2.
+//! A page that plays a person in a browser: one file that needs no network, drawn by WebGL2.
 //!
-//! `page.html` has the shaders, which compute what `yoto_avatar`'s operation of splats does, and `player.js`
-//! poses the bones, sorts the splats and takes the user's input.
+//! `page.html` has the shaders, which compute the same as `yoto_ops`'s splat operation. `player.js` poses the bones,
+//! sorts the splats and handles the user's input.
 
 mod packed;
 
@@ -16,7 +16,7 @@ use yoto_capture::skeleton::SkeletonError;
 const PAGE: &str = include_str!("page.html");
 const PLAYER: &str = include_str!("player.js");
 
-/// What the player reads.
+/// The data for the player.
 #[derive(Serialize)]
 struct Person<'a> {
     joints: &'a [String],
@@ -33,7 +33,7 @@ struct Person<'a> {
     clips: Vec<PackedClip<'a>>,
 }
 
-/// Least and largest values of packed numbers.
+/// Ranges of packed numbers.
 #[derive(Serialize)]
 struct Ranges {
     /// Logarithms.
@@ -53,7 +53,7 @@ struct PackedClip<'a> {
 /// The page of a `person` called `title`, who moves as in `clips`, or stands in the rest pose without any.
 ///
 /// # Errors
-/// If a clip's pose is not of the person's skeleton.
+/// If a pose does not fit the person's skeleton.
 pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<String, SkeletonError> {
     let skeleton = &person.skeleton;
     let Packed {
@@ -88,7 +88,8 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         harmonics: STANDARD.encode(harmonics),
         clips: moves,
     };
-    // Strings and finite numbers always have a form in JSON; no tag can end the script in it.
+    // Strings and finite numbers always have a form in JSON. A `</script>` in a name would end the script, hence the
+    // escape.
     let data = serde_json::json!(data).to_string().replace('<', "\\u003c");
     Ok(PAGE
         .replace("{{title}}", &escaped(title))
@@ -96,8 +97,8 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         .replace("{{person}}", &data))
 }
 
-/// `text` for HTML.
-fn escaped(text: &str) -> String {
+/// `text` without characters that have a meaning in HTML or in a page template of `{name}` fields.
+pub fn escaped(text: &str) -> String {
     let mut escaped = String::new();
     for character in text.chars() {
         match character {
@@ -105,7 +106,7 @@ fn escaped(text: &str) -> String {
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
-            // Also none of the page's own places.
+            // Otherwise a title could contain one of the page's placeholders.
             '{' => escaped.push_str("&#123;"),
             other => escaped.push(other),
         }

@@ -1,21 +1,22 @@
-//! Splats in 36 bytes each, and 9 or 24 more where colours depend on the view. A 16-bit number of a metre-sized box is some hundredths of a millimetre exact.
+//! Splats in 36 bytes each, and 9 or 24 more for view-dependent colours. In a box of a few metres, 16 bits are exact to
+//! some hundredths of a millimetre.
 
 use yoto_avatar::render::SkinnedSplat;
 use yoto_ops::splat::harmonics::count;
 
 /// Range of the logarithms of standard deviations in metres: 1 µm to 7 m.
 pub(super) const DEVIATIONS: [f32; 2] = [-14.0, 2.0];
-/// Largest size of a coefficient of what a colour gains by the view.
+/// Largest absolute value of a coefficient of view-dependent colour.
 pub(super) const HARMONIC: f32 = 1.0;
 /// Range of colours without light.
 pub(super) const COLOURS: [f32; 2] = [-1.0, 3.0];
 
 /// Splats as bytes.
 pub(super) struct Packed {
-    /// Little-endian; of each splat 3 numbers for the mean, 4 for the turn, 3 for the deviations, one for
-    /// the opacity and 3 for the colour, of 16 bits each; then 4 joints and 4 shares of 8 bits.
+    /// Little-endian. For each splat: numbers of 16 bits, 3 for the mean, 4 for the rotation, 3 for the deviations, one
+    /// for the opacity and 3 for the colour; then 4 joints and 4 skinning weights of 8 bits.
     pub bytes: Vec<u8>,
-    /// `[N, K, 3]`: coefficients of the harmonics in 8 bits, of which 128 is 0.
+    /// `[N, K, 3]`: coefficients of the harmonics in 8 bits; 128 means 0.
     pub harmonics: Vec<u8>,
     /// Corners of the box of the means, metres.
     pub bounds: [[f32; 3]; 2],
@@ -26,7 +27,7 @@ pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
     let corner = |start: f32, choose: fn(f32, f32) -> f32| -> [f32; 3] {
         std::array::from_fn(|a| splats.iter().map(|splat| splat.mean[a]).fold(start, choose))
     };
-    // Of nobody, a box around nothing.
+    // Without splats the bounds would be infinite.
     let bounds = match splats.is_empty() {
         true => [[0.0; 3]; 2],
         false => [
@@ -60,7 +61,7 @@ pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
     }
 }
 
-/// `value` as a share of the range, of 65,535 parts.
+/// `value` as a share of the range, in parts of 65,535.
 fn whole(value: f32, [low, high]: [f32; 2]) -> u16 {
     let width = (high - low).max(f32::MIN_POSITIVE);
     (f32::from(u16::MAX) * ((value - low) / width).clamp(0.0, 1.0)).round() as u16

@@ -54,8 +54,8 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
         .decode(data["splats"].as_str().expect("text"))
         .expect("base64");
     assert_eq!(bytes.len(), 2 * 36);
-    let number = |splat: usize, place: usize| {
-        let at = 36 * splat + 2 * place;
+    let number = |splat: usize, field: usize| {
+        let at = 36 * splat + 2 * field;
         f32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]])) / 65535.0
     };
     assert_eq!([number(0, 0), number(1, 0)], [0.0, 1.0], "x in the box");

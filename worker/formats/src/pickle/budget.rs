@@ -1,4 +1,4 @@
-//! What may still come of a file: a few bytes of a pickle can stand for any amount of data.
+//! Limits of the data that a file may produce: a few bytes of a pickle can stand for any amount of data.
 
 use super::{MAX_EXPANDED, MAX_NUMBERS, MAX_UNPACKED, MAX_VALUES, PickleError};
 
@@ -34,7 +34,7 @@ impl Budget {
         take(&mut self.numbers, count)
     }
 
-    /// Takes `count` numbers beyond those that a tensor's storage has.
+    /// Takes `count` numbers that a tensor has beyond its storage's.
     pub(super) fn expanded(&mut self, count: usize) -> Result<(), PickleError> {
         take(&mut self.expanded, count)
     }

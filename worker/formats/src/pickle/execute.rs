@@ -85,29 +85,29 @@ impl Machine<'_> {
                 self.set(&items)?;
             }
             b'q' => {
-                let [place] = self.fixed::<1>()?;
-                self.remember(Some(u32::from(place)))?;
+                let [key] = self.fixed::<1>()?;
+                self.remember(Some(u32::from(key)))?;
             }
             b'r' => {
-                let place = u32::from_le_bytes(self.fixed()?);
-                self.remember(Some(place))?;
+                let key = u32::from_le_bytes(self.fixed()?);
+                self.remember(Some(key))?;
             }
             b'p' => {
-                let place = self.place()?;
-                self.remember(Some(place))?;
+                let key = self.memo_key()?;
+                self.remember(Some(key))?;
             }
             0x94 => self.remember(None)?,
             b'h' => {
-                let [place] = self.fixed::<1>()?;
-                self.recall(u32::from(place))?;
+                let [key] = self.fixed::<1>()?;
+                self.recall(u32::from(key))?;
             }
             b'j' => {
-                let place = u32::from_le_bytes(self.fixed()?);
-                self.recall(place)?;
+                let key = u32::from_le_bytes(self.fixed()?);
+                self.recall(key)?;
             }
             b'g' => {
-                let place = self.place()?;
-                self.recall(place)?;
+                let key = self.memo_key()?;
+                self.recall(key)?;
             }
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
@@ -154,8 +154,8 @@ impl Machine<'_> {
         self.push(Node::Global(format!("{module}.{name}").into()))
     }
 
-    /// Text (X, 0x8c, 0x8d), or bytes: Python 2's strings may be either and are kept as bytes
-    /// unless they are ASCII, which names are.
+    /// Text (X, 0x8c, 0x8d) or bytes. Python 2's strings may be either. They are kept as bytes unless they
+    /// are ASCII, as names are.
     fn string(&mut self, instruction: u8, length: usize) -> Result<(), PickleError> {
         let bytes = self.take(length)?;
         match instruction {
@@ -178,11 +178,12 @@ impl Machine<'_> {
         let [length] = self.fixed::<1>()?;
         let bytes = self.take(usize::from(length))?;
         let negative = bytes.last().is_some_and(|b| *b >= 0x80);
+        // Little-endian two's complement of any length: the sign fills the remaining bytes.
         let mut whole = [if negative { 0xff } else { 0 }; 8];
-        let place = whole
+        let low = whole
             .get_mut(..bytes.len())
             .ok_or(PickleError::Malformed("a number of over 64 bits"))?;
-        place.copy_from_slice(bytes);
+        low.copy_from_slice(bytes);
         self.push(Node::Number(i64::from_le_bytes(whole) as f64))
     }
 }

@@ -1,5 +1,5 @@
-//! Arrays in files of joblib: the pickle has a description of each, and its bytes follow the
-//! instruction that completes the description.
+//! Arrays in files of joblib: the pickle describes each array, and the array's bytes follow the instruction
+//! that completes the description.
 
 use super::PickleError;
 use super::machine::{Id, Machine, Node};
@@ -10,16 +10,18 @@ use crate::array::count;
 /// The class of the descriptions.
 pub(super) const WRAPPER: &str = "joblib.numpy_pickle.NumpyArrayWrapper";
 
-/// Most fields of a description: a few bytes of a file can refer to a dictionary of any size.
+/// Most fields of a description. Fields are searched one by one, and a few bytes of a file can refer to a
+/// dictionary of any size.
 const MAX_FIELDS: usize = 16;
 
-/// Whether a node is a description that waits for its fields.
+/// Whether a node is a description without its fields yet.
 pub(super) fn is_wrapper(node: &Node) -> bool {
     matches!(node, Node::Object(class, None) if **class == *WRAPPER)
 }
 
-/// The array whose description is `state`, from the bytes that follow.
+/// The array with the description `state`, from the bytes that follow.
 pub(super) fn array(machine: &mut Machine, state: Id) -> Result<Node, PickleError> {
+    // Bounds the recursion: an array of objects is a pickle, which may have arrays of objects.
     if machine.inner {
         return Err(PickleError::Malformed(
             "an array of joblib in a pickle in a pickle",
@@ -38,7 +40,7 @@ pub(super) fn array(machine: &mut Machine, state: Id) -> Result<Node, PickleErro
         "F" => true,
         _ => return Err(PickleError::Malformed("an array's order is not C or F")),
     };
-    // Absent before joblib 1.2, which began to align the numbers.
+    // Joblib aligns the numbers since version 1.2.
     if let Ok(Node::Number(_)) = field(machine, state, "numpy_array_alignment_bytes") {
         let [padding] = machine.fixed::<1>()?;
         machine.take(usize::from(padding))?;

@@ -1,5 +1,5 @@
-//! Files of `torch.save` before torch 1.6, which pickles of tensors still contain: five pickles
-//! and then the bytes of the storages.
+//! Files of `torch.save` before torch 1.6, which pickles of tensors still contain: five pickles, then the
+//! bytes of the storages.
 
 use super::PickleError;
 use super::machine::{Id, Machine, Node};
@@ -8,19 +8,19 @@ use crate::Value;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// The first pickle, a number of 80 bits, but for the two bytes of its protocol.
+/// The first pickle, a number of 80 bits, without the two bytes of its protocol.
 pub(crate) const MAGIC: &[u8] = b"\x8a\x0al\xfc\x9cF\xf9 j\xa8P\x19.";
 /// The second pickle.
 const VERSION: f64 = 1001.0;
 
-/// The value in a whole file.
+/// The value of a whole file.
 pub(crate) fn read(bytes: &[u8]) -> Result<Value, PickleError> {
     let mut machine = Machine::new(bytes);
     let (root, _) = run(&mut machine)?;
     machine.unfold(root)
 }
 
-/// Runs the pickles and finds the storages. Also returns the number of bytes of the pickles.
+/// Runs the pickles and finds the storages. Returns the value, and the number of bytes of the pickles.
 pub(super) fn run(machine: &mut Machine) -> Result<(Id, usize), PickleError> {
     let [first, _protocol] = machine.fixed::<2>()?;
     if first != 0x80 || machine.take(MAGIC.len())? != MAGIC {
@@ -32,7 +32,7 @@ pub(super) fn run(machine: &mut Machine) -> Result<(Id, usize), PickleError> {
             "an unknown version of torch's files",
         ));
     }
-    // Sizes of C's types and the byte order of the machine, which storages do not depend on.
+    // Sizes of C's types and the byte order of the machine; storages don't depend on them.
     machine.run_apart()?;
     machine.storages = Some(HashMap::new());
     let root = machine.run_apart()?;

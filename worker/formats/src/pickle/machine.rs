@@ -9,11 +9,11 @@ use std::collections::HashMap;
 use std::mem;
 use std::rc::Rc;
 
-/// Place of a node. Lists and dictionaries still grow after they are stored in the memo, so the
-/// stack holds places instead of values.
+/// Index of a node. Lists and dictionaries still grow after they are stored in the memo, so the stack
+/// holds indices instead of values. A file can make a list contain itself; indices make that harmless.
 pub(super) type Id = usize;
 
-/// A part of the result. Bytes are shared, since a few instructions can refer to the same
+/// A part of the result. Text and bytes are shared, since a few instructions can refer to the same
 /// megabytes a million times.
 #[derive(Clone, Debug)]
 pub(super) enum Node {
@@ -32,9 +32,9 @@ pub(super) enum Node {
         list: Id,
         axes: usize,
     },
-    /// An object of a class that is read as data, and its fields once they were given.
+    /// An object of a class that is read as data, and its fields, once they are known.
     Object(Rc<str>, Option<Id>),
-    /// The numbers that tensors of torch are views of.
+    /// A storage of numbers; tensors of torch are views of it.
     Storage(Rc<Stored>),
     Tensor(Tensor),
 }
@@ -46,13 +46,13 @@ pub(super) struct Machine<'a> {
     pub(super) stack: Vec<Id>,
     pub(super) marks: Vec<usize>,
     memo: HashMap<u32, Id>,
-    /// Bytes created from texts, and bytes of pickles inside this one, so far.
+    /// Bytes so far that calls have created, and of pickles inside this one.
     pub(super) encoded: Cell<usize>,
-    /// Whether this is part of another pickle, which then may hold no third.
+    /// Whether this is a pickle inside another. It must not contain a third one, which bounds the recursion.
     pub(super) inner: bool,
     /// Storages of torch by key. Without them, a reference to one is an unknown instruction.
     pub(super) storages: Option<HashMap<Rc<str>, Entry>>,
-    /// Whether the storages' numbers begin with their highest byte.
+    /// Whether the storages' numbers are big-endian.
     pub(super) big_endian: bool,
     /// Keys whose values are left out of the result.
     pub(super) without: &'a [&'a str],
@@ -61,17 +61,17 @@ pub(super) struct Machine<'a> {
 /// A storage that a file of torch refers to.
 #[derive(Debug)]
 pub(super) struct Entry {
-    /// Bytes that the storage is said to have.
+    /// Declared size of the storage, bytes.
     pub size: usize,
     /// The bytes, once they are found.
     pub data: Option<Data>,
 }
 
-/// An instruction found the stack too short.
+/// The stack is too short for an instruction.
 pub(super) const EMPTY: PickleError = PickleError::Malformed("an instruction without its operands");
 
 impl<'a> Machine<'a> {
-    /// Counts `bytes` that a call makes: one instruction of a few bytes may make many, again and again.
+    /// Counts `bytes` that a call creates: an instruction of a few bytes may create many, again and again.
     pub(super) fn spend(&self, bytes: usize) -> Result<(), PickleError> {
         self.encoded.set(self.encoded.get().saturating_add(bytes));
         if self.encoded.get() > MAX_ENCODED {
@@ -96,7 +96,9 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Runs to STOP. The top of the stack is then the value of the pickle.
+    /// Runs up to STOP, and returns the top of the stack: the value of the pickle.
+    ///
+    /// Every instruction takes at least a byte of the file, so this ends.
     pub fn run(&mut self) -> Result<Id, PickleError> {
         loop {
             let [instruction] = self.fixed::<1>()?;
@@ -107,7 +109,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Runs a whole pickle that begins here, with a stack and a memo of its own.
+    /// Runs a whole pickle that starts here, with a stack and a memo of its own.
     pub fn run_apart(&mut self) -> Result<Id, PickleError> {
         let stack = mem::take(&mut self.stack);
         let marks = mem::take(&mut self.marks);
@@ -117,17 +119,17 @@ impl<'a> Machine<'a> {
         result
     }
 
-    /// The node at a place.
+    /// The node with this index.
     pub fn node(&self, id: Id) -> Result<&Node, PickleError> {
         self.nodes
             .get(id)
-            .ok_or(PickleError::Malformed("an unknown place"))
+            .ok_or(PickleError::Malformed("an unknown node"))
     }
 
-    /// Replaces the node at a place.
+    /// Replaces the node with this index.
     pub fn replace(&mut self, id: Id, node: Node) {
-        if let Some(place) = self.nodes.get_mut(id) {
-            *place = node;
+        if let Some(old) = self.nodes.get_mut(id) {
+            *old = node;
         }
     }
 
@@ -139,7 +141,7 @@ impl<'a> Machine<'a> {
         Ok(bytes)
     }
 
-    /// As [`Self::take`], for a length inside an instruction.
+    /// The next `N` bytes of the file, as an array.
     pub fn fixed<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
         self.take(N)?.try_into().map_err(|_| PickleError::Truncated)
     }
@@ -173,6 +175,7 @@ impl<'a> Machine<'a> {
     /// Pops everything since the last MARK.
     pub fn since_mark(&mut self) -> Result<Vec<Id>, PickleError> {
         let mark = self.marks.pop().ok_or(EMPTY)?;
+        // A hostile file may pop below its mark; `split_off` would panic.
         if mark > self.stack.len() {
             return Err(EMPTY);
         }
@@ -208,17 +211,17 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Stores the top of the stack in the memo; `None` is the next number.
-    pub fn remember(&mut self, place: Option<u32>) -> Result<(), PickleError> {
+    /// Stores the top of the stack in the memo; `None` takes the next key.
+    pub fn remember(&mut self, key: Option<u32>) -> Result<(), PickleError> {
         let top = self.top()?;
-        let place = place.unwrap_or(self.memo.len() as u32);
-        self.memo.insert(place, top);
+        let key = key.unwrap_or(self.memo.len() as u32);
+        self.memo.insert(key, top);
         Ok(())
     }
 
-    /// Pushes an entry of the memo.
-    pub fn recall(&mut self, place: u32) -> Result<(), PickleError> {
-        let id = self.memo.get(&place).copied();
+    /// Pushes the memo's entry `key`.
+    pub fn recall(&mut self, key: u32) -> Result<(), PickleError> {
+        let id = self.memo.get(&key).copied();
         self.stack
             .push(id.ok_or(PickleError::Malformed("an unknown memo"))?);
         Ok(())

@@ -1,8 +1,9 @@
-//! Reads the data of a pickle and nothing else: numbers, texts, bytes, lists, dictionaries, numpy
-//! arrays, torch tensors, and the fields of scipy's sparse matrices and chumpy's variables. A pickle
-//! is a program that may call anything; this reader calls nothing. Where a file names a function, it
-//! accepts only the few that describe such data. Protocols 0 to 5, of Python 2 and 3; files of
-//! joblib, with and without compression.
+//! Reads only data from a pickle: numbers, texts, bytes, lists, dictionaries, numpy arrays, torch tensors, and
+//! the fields of scipy's sparse matrices and chumpy's variables.
+//!
+//! A pickle is a program that may call any function; this reader calls none. If a file names a function, it must be
+//! one of the few that describe such data. Protocols 0 to 5 of Python 2 and 3 are supported, and files of joblib, with
+//! and without compression.
 
 mod budget;
 mod execute;
@@ -23,14 +24,13 @@ use thiserror::Error;
 const MAX_DEPTH: usize = 32;
 /// Most parts of a file.
 const MAX_NODES: usize = 1 << 22;
-/// Most values of the unfolded result: shared parts count each time, long texts several times.
+/// Most values of the unfolded result. Shared parts count each time, and long texts several times.
 const MAX_VALUES: usize = 1 << 22;
-/// Most numbers in arrays of the unfolded result: shared arrays count each time.
+/// Most numbers in arrays of the unfolded result. Shared arrays count each time.
 const MAX_NUMBERS: usize = 1 << 26;
-/// Most bytes created from texts, which is how Python 3 writes bytes for Python 2, and in pickles
-/// inside a pickle.
+/// Most bytes created by calls, as Python 3 writes bytes for Python 2, and of pickles inside a pickle.
 const MAX_ENCODED: usize = 1 << 28;
-/// Most numbers that tensors have beyond those of their storages, by repeating them.
+/// Most numbers of tensors beyond those of their storages, by repetition.
 const MAX_EXPANDED: usize = 1 << 20;
 /// Most bytes that a compressed file may unpack to.
 const MAX_UNPACKED: u64 = 1 << 30;
@@ -40,10 +40,10 @@ const MAX_NAME: usize = 256;
 /// Why a pickle can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum PickleError {
-    /// The file stops before its STOP.
+    /// The file ends before its STOP instruction.
     #[error("the pickle ends too early")]
     Truncated,
-    /// An instruction that this reader lacks.
+    /// An unsupported instruction.
     #[error("the pickle has instruction 0x{0:02x}, which is not plain data")]
     Instruction(u8),
     /// A call that is not part of plain data.
@@ -52,10 +52,10 @@ pub enum PickleError {
     /// Instructions that contradict each other, or numbers of an unknown type.
     #[error("the pickle is malformed: {0}")]
     Malformed(&'static str),
-    /// More than any data of a capture or a body model can be.
+    /// More data than any capture or body model has.
     #[error("the pickle is nested too deeply or unfolds to too much")]
     TooLarge,
-    /// A compressed file of joblib, in a form other than zlib's and gzip's.
+    /// A file of joblib with a compression other than zlib or gzip.
     #[error("the pickle is compressed with {0}: write it again with zlib or without compression")]
     Compression(&'static str),
     /// The compressed data are invalid.
@@ -69,13 +69,13 @@ pub enum PickleError {
 /// The data in `bytes`: a pickle, or a file of joblib.
 ///
 /// # Errors
-/// When they are not a pickle of plain data, or unpack to over 1 GiB.
+/// If the bytes are not a pickle of plain data, or unpack to over 1 GiB.
 pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
     read_without(bytes, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for every value of a dictionary whose key is in `without`:
-/// meshes of thousands of vertices a frame need not be held by a reader of joints.
+/// As [`read`], with [`Value::Nothing`] for every dictionary value with a key in `without`, so that a reader of joints
+/// need not hold meshes with thousands of vertices per frame.
 ///
 /// # Errors
 /// As [`read`].
@@ -83,7 +83,7 @@ pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, PickleError
     read_within(bytes, without, &mut Budget::default())
 }
 
-/// As [`read_without`], for one of several pickles of a file, which share `budget`.
+/// As [`read_without`], for one of several pickles in a file, which share `budget`.
 ///
 /// # Errors
 /// As [`read`].

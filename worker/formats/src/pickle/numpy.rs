@@ -1,5 +1,4 @@
-//! Objects of numpy, scipy, chumpy and torch: pickles build them with a few calls, read here as
-//! data.
+//! Objects of numpy, scipy, chumpy and torch. Pickles build them with a few calls, which are read here as data.
 
 use super::machine::{Id, Machine, Node};
 use super::storage::{self, Data};
@@ -9,9 +8,9 @@ use crate::dtype::Dtype;
 use crate::{Array, Value};
 use std::rc::Rc;
 
-/// Libraries whose objects are kept as a class name with fields.
+/// Libraries with objects that are kept as a class name with fields.
 const DATA_CLASSES: [&str; 2] = ["scipy.sparse.", "chumpy."];
-/// Largest set: captures use lists, dictionaries and arrays.
+/// Largest set. Sets are copied, and captures use lists, dictionaries and arrays instead.
 const MAX_SET: usize = 1 << 10;
 
 /// Longest path, bytes and parts.
@@ -27,7 +26,7 @@ pub(super) struct RawArray {
 }
 
 impl RawArray {
-    /// Number of elements that its bytes can hold, without overflow: for limits.
+    /// Number of elements that fit in its bytes, for limits.
     pub fn len(&self) -> usize {
         self.data.len() / self.dtype.size().unwrap_or(1).max(1)
     }
@@ -37,7 +36,7 @@ impl RawArray {
         self.dtype.is_text()
     }
 
-    /// Its numbers or texts, in a file of `bytes`.
+    /// Its numbers or texts; `bytes` is the whole file.
     pub fn value(&self, bytes: &[u8]) -> Result<Value, PickleError> {
         let bytes = self.data.bytes(bytes);
         let fits = |found: usize| {
@@ -70,7 +69,8 @@ impl RawArray {
     }
 }
 
-/// The value of `function(arguments)`.
+/// The value of `function(arguments)`, for the few functions that describe data. Nothing is called: a name that is
+/// not listed here is an error.
 pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Node, PickleError> {
     let Node::Global(name) = machine.node(function)? else {
         return Err(PickleError::Malformed(
@@ -84,7 +84,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
         let id = arguments.get(at).copied();
         machine.node(id.ok_or(PickleError::Malformed("a call with too few arguments"))?)
     };
-    // numpy 2 moved its modules to numpy._core; Python 2 has other names for its own.
+    // numpy 2 moved its modules to numpy._core, and Python 2's own modules have other names.
     let known = name
         .replace("numpy._core.", "numpy.core.")
         .replace("__builtin__.", "builtins.")
@@ -117,7 +117,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
                 )),
             }
         }
-        // Bytes that Python 3 wrote for Python 2: each as the character with its number.
+        // Python 3 writes bytes for Python 2 as the characters with the same numbers.
         "_codecs.encode" => {
             let text = text(argument(0)?)?;
             machine.spend(text.len())?;
@@ -127,7 +127,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
             Ok(Node::Bytes(bytes.into()))
         }
         "builtins.bytes" if arguments.is_empty() => Ok(Node::Bytes(Rc::default())),
-        // A defaultdict's factory is not data.
+        // A defaultdict's argument is its factory, which is a function and not data.
         "collections.OrderedDict" | "collections.defaultdict" => Ok(Node::Dict(Vec::new())),
         "builtins.set" | "builtins.frozenset" | "builtins.list" | "builtins.tuple"
         | "torch.Size" => {
@@ -175,7 +175,7 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
     }
 }
 
-/// The text of a path in parts, the first of which may be the root.
+/// The text of a path from its parts; the first may be the root.
 fn path(machine: &Machine, parts: &[Id]) -> Result<Node, PickleError> {
     const LONG: PickleError = PickleError::Malformed("too long a path");
     if parts.len() > MAX_PATH {
@@ -251,7 +251,7 @@ pub(super) fn build(machine: &Machine, target: Id, state: Id) -> Result<Node, Pi
     }
 }
 
-/// The place of an array's elements in its state.
+/// The node of an array's elements in its state.
 fn list(state: &[Id]) -> Result<Id, PickleError> {
     state
         .get(4)
@@ -269,7 +269,7 @@ pub(super) fn text(node: &Node) -> Result<Rc<str>, PickleError> {
 fn bytes(node: &Node) -> Result<Rc<[u8]>, PickleError> {
     match node {
         Node::Bytes(bytes) => Ok(bytes.clone()),
-        // Bytes of Python 2 that are valid text.
+        // Python 2's bytes are kept as text if they are readable.
         Node::Text(text) => Ok(text.clone().into()),
         _ => Err(PickleError::Malformed("a value that is not bytes")),
     }

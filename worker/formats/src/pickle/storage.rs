@@ -1,4 +1,4 @@
-//! Tensors of torch: views, by offset and strides, of storages that lie elsewhere in the file.
+//! Tensors of torch: views, by offset and strides, of storages elsewhere in the file.
 
 use super::machine::{Entry, Id, Machine, Node};
 use super::numpy::text;
@@ -13,12 +13,12 @@ use std::rc::Rc;
 /// Most axes of a tensor.
 const MAX_AXES: usize = 8;
 
-/// Bytes of numbers, without a copy where they are part of the file.
+/// Bytes of numbers, not copied if they are part of the file.
 #[derive(Clone, Debug)]
 pub(super) enum Data {
-    /// Part of the file that is read.
+    /// A range of the file.
     File(Range<usize>),
-    /// Part of other bytes.
+    /// A range of other bytes.
     Held(Rc<[u8]>, Range<usize>),
 }
 
@@ -43,7 +43,7 @@ impl Data {
         }
     }
 
-    /// The bytes, in a file of `file`.
+    /// The bytes; `file` is the whole file.
     pub fn bytes<'a>(&'a self, file: &'a [u8]) -> &'a [u8] {
         match self {
             Self::File(range) => file.get(range.clone()),
@@ -53,17 +53,17 @@ impl Data {
     }
 }
 
-/// A storage as the pickle describes it.
+/// A storage, as described by the pickle.
 #[derive(Debug)]
 pub(super) struct Stored {
     dtype: Dtype,
-    /// Numbers in it.
+    /// Number of elements.
     count: usize,
-    place: Place,
+    location: Location,
 }
 
 #[derive(Debug)]
-enum Place {
+enum Location {
     Key(Rc<str>),
     Here(Data),
 }
@@ -83,17 +83,17 @@ impl Tensor {
         count(&self.size)
     }
 
-    /// Numbers in the storage.
+    /// Number of elements in the storage.
     pub fn stored(&self) -> usize {
         self.storage.count
     }
 
-    /// The numbers. Memory is that of [`Self::count`] numbers.
+    /// The numbers. It allocates memory for [`Self::count`] numbers, so the count must be checked before.
     pub fn array(&self, machine: &Machine) -> Result<Array, PickleError> {
         const MISSING: PickleError = PickleError::Malformed("the numbers of a tensor are missing");
-        let data = match &self.storage.place {
-            Place::Here(data) => data,
-            Place::Key(key) => {
+        let data = match &self.storage.location {
+            Location::Here(data) => data,
+            Location::Key(key) => {
                 let entry = machine.storages.as_ref().and_then(|all| all.get(key));
                 entry.and_then(|entry| entry.data.as_ref()).ok_or(MISSING)?
             }
@@ -122,7 +122,7 @@ impl Tensor {
     }
 }
 
-/// A tensor that reads nothing beyond its storage.
+/// A tensor, after a check that it reads nothing beyond its storage.
 pub(super) fn tensor(
     storage: &Node,
     offset: usize,
@@ -139,6 +139,7 @@ pub(super) fn tensor(
             "a tensor with more or fewer strides than axes",
         ));
     }
+    // Index of the last element that the tensor reads.
     let last = size
         .iter()
         .zip(&stride)
@@ -156,7 +157,7 @@ pub(super) fn tensor(
     }))
 }
 
-/// Lengths of axes, or strides.
+/// Lengths of axes or strides.
 pub(super) fn lengths(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
     let Node::List(items) = node else {
         return Err(PickleError::Malformed("a tensor's size is not a tuple"));
@@ -171,7 +172,7 @@ pub(super) fn lengths(machine: &Machine, node: &Node) -> Result<Vec<usize>, Pick
     items.collect()
 }
 
-/// A whole number from zero on.
+/// A whole number from 0 on. Below the bound, f64 is exact; the comparison also refuses NaN.
 pub(super) fn length(number: f64) -> Result<usize, PickleError> {
     if (0.0..1e12).contains(&number) && number.fract() == 0.0 {
         Ok(number as usize)
@@ -180,7 +181,7 @@ pub(super) fn length(number: f64) -> Result<usize, PickleError> {
     }
 }
 
-/// The storage that a persistent reference names:
+/// The storage of a persistent reference:
 /// `("storage", class, key, device, number of elements)`.
 pub(super) fn referred(machine: &mut Machine, reference: Id) -> Result<Node, PickleError> {
     const BAD: PickleError = PickleError::Malformed("a reference that is not to a storage");
@@ -219,11 +220,11 @@ pub(super) fn referred(machine: &mut Machine, reference: Id) -> Result<Node, Pic
     Ok(Node::Storage(Rc::new(Stored {
         dtype,
         count: elements,
-        place: Place::Key(key),
+        location: Location::Key(key),
     })))
 }
 
-/// The type of the elements of a class of storages.
+/// The element type of a class of storages.
 fn element(class: &Rc<str>) -> Result<Dtype, PickleError> {
     Ok(Dtype::new(match &**class {
         "torch.FloatStorage" => "f4",
@@ -240,8 +241,7 @@ fn element(class: &Rc<str>) -> Result<Dtype, PickleError> {
     }))
 }
 
-/// The storage in the bytes of a whole file of torch, which is how a pickle of anything else holds a
-/// tensor.
+/// The storage in the bytes of a whole torch file: other pickles contain tensors in this form.
 pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleError> {
     const BAD: PickleError = PickleError::Malformed("bytes of torch that are not a storage");
     if machine.inner {
@@ -249,7 +249,7 @@ pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleE
     }
     let mut part = Machine::new(bytes);
     part.inner = true;
-    // One account for the file and all files in it.
+    // The file and all files in it share one limit.
     part.encoded.set(machine.encoded.get());
     let (root, read) = legacy::run(&mut part)?;
     machine.encoded.set(part.encoded.get());
@@ -257,7 +257,7 @@ pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleE
     let Node::Storage(stored) = part.node(root)? else {
         return Err(BAD);
     };
-    let Place::Key(key) = &stored.place else {
+    let Location::Key(key) = &stored.location else {
         return Err(BAD);
     };
     let entry = part.storages.as_ref().and_then(|all| all.get(key));
@@ -267,12 +267,11 @@ pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleE
     Ok(Node::Storage(Rc::new(Stored {
         dtype: stored.dtype.clone(),
         count: stored.count,
-        place: Place::Here(Data::Held(bytes.clone(), range)),
+        location: Location::Here(Data::Held(bytes.clone(), range)),
     })))
 }
 
-/// The value of a pickle whose storages `find` gets by key; each must be of the size asked for,
-/// bytes.
+/// The value of a pickle. `find` gets its storages by key; each must have the requested size, bytes.
 pub(crate) fn read<E: From<PickleError>>(
     bytes: &[u8],
     big_endian: bool,

@@ -1,4 +1,4 @@
-//! Protocol 0, which Python 2 writes unless told otherwise: numbers and strings as lines of text.
+//! Protocol 0, the default of Python 2: numbers and strings as lines of text.
 
 use super::PickleError;
 use super::machine::{Machine, Node};
@@ -22,8 +22,8 @@ impl Machine<'_> {
         }
     }
 
-    /// A memo number, in digits.
-    pub(super) fn place(&mut self) -> Result<u32, PickleError> {
+    /// A key of the memo, in digits.
+    pub(super) fn memo_key(&mut self) -> Result<u32, PickleError> {
         let line = String::from_utf8_lossy(self.line()?);
         line.trim()
             .parse()
@@ -31,7 +31,7 @@ impl Machine<'_> {
     }
 }
 
-/// The bytes of a string in quotes, as Python 2's `repr` writes them.
+/// The bytes of a quoted string, as written by Python 2's `repr`.
 fn unquoted(line: &[u8]) -> Result<Vec<u8>, PickleError> {
     const BAD: PickleError = PickleError::Malformed("a string without its quotes");
     let line = line.trim_ascii();
@@ -67,7 +67,7 @@ fn unquoted(line: &[u8]) -> Result<Vec<u8>, PickleError> {
     Ok(bytes)
 }
 
-/// Text whose characters beyond Latin-1, backslashes and line ends are written as `\uXXXX`.
+/// Text with `\uXXXX` for characters beyond Latin-1, backslashes and line ends.
 fn unicode(line: &[u8]) -> String {
     let latin: String = line.iter().map(|byte| char::from(*byte)).collect();
     let mut text = String::with_capacity(latin.len());

@@ -9,18 +9,19 @@ use crate::Value;
 const TEXT: usize = 64;
 
 impl Machine<'_> {
-    /// The value of a node and all below it, but for the values of the keys in `self.without`.
+    /// The value of a node with everything below it, except the values of the keys in `self.without`.
     pub fn unfold(&self, root: Id) -> Result<Value, PickleError> {
         self.unfold_within(root, &mut Budget::default())
     }
 
-    /// As [`Self::unfold`], out of the file's `budget`.
+    /// As [`Self::unfold`], within the file's `budget`.
     pub fn unfold_within(&self, root: Id, budget: &mut Budget) -> Result<Value, PickleError> {
         self.value(root, MAX_DEPTH, budget)
     }
 
     fn value(&self, id: Id, depth: usize, left: &mut Budget) -> Result<Value, PickleError> {
         left.values(1)?;
+        // Bounds the recursion, also for a list that contains itself.
         let depth = depth.checked_sub(1).ok_or(PickleError::TooLarge)?;
         Ok(match self.node(id)? {
             Node::Number(value) => Value::Number(*value),
@@ -50,6 +51,7 @@ impl Machine<'_> {
             Node::Tensor(tensor) => {
                 let count = tensor.count().ok_or(PickleError::TooLarge)?;
                 left.numbers(count)?;
+                // A stride of 0 repeats a few stored numbers any number of times.
                 let beyond = count.saturating_sub(tensor.stored());
                 left.expanded(beyond)?;
                 Value::Array(tensor.array(self)?)
@@ -59,7 +61,7 @@ impl Machine<'_> {
                 Value::Bytes(bytes.to_vec())
             }
             Node::Objects { list, axes } => match (self.value(*list, depth, left)?, axes) {
-                // An array without axes is its only element: numpy saves dictionaries this way.
+                // An array without axes stands for its only element: numpy saves dictionaries in this way.
                 (Value::List(mut items), 0) => items.pop().unwrap_or(Value::Nothing),
                 (items, _) => items,
             },

@@ -5,9 +5,9 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use std::borrow::Cow;
 use std::io::Read;
 
-/// Length in digits that precedes the data in files of joblib before 0.10.
+/// Bytes of the length, in digits, before the data in files of joblib before 0.10.
 const OLD_LENGTH: usize = 19;
-/// First bytes of the forms that are not read.
+/// First bytes of compressed forms that are not supported.
 const OTHERS: [(&[u8], &str); 5] = [
     (b"BZh", "bz2"),
     (b"\x5d\x00", "lzma"),
@@ -16,8 +16,8 @@ const OTHERS: [(&[u8], &str); 5] = [
     (b"\x28\xb5\x2f\xfd", "zstd"),
 ];
 
-/// The pickle in `bytes`, unpacked to at most `limit` bytes. No pickle begins as the compressed forms
-/// do: their first or second byte is no instruction.
+/// The pickle in `bytes`, unpacked to at most `limit` bytes. No pickle starts like a compressed form, whose
+/// first or second byte is not an instruction.
 pub(super) fn unpacked(bytes: &[u8], limit: u64) -> Result<Cow<'_, [u8]>, PickleError> {
     if let Some((_, name)) = OTHERS.iter().find(|(first, _)| bytes.starts_with(first)) {
         return Err(PickleError::Compression(name));
@@ -27,7 +27,7 @@ pub(super) fn unpacked(bytes: &[u8], limit: u64) -> Result<Cow<'_, [u8]>, Pickle
         [0x1f, 0x8b, ..] => limited(MultiGzDecoder::new(bytes), limit),
         [b'Z', b'F', rest @ ..] => {
             let data = rest.get(OLD_LENGTH..).ok_or(PickleError::Truncated)?;
-            // Versions up to 0.8.4 in Python 2 wrote one space more.
+            // Versions up to 0.8.4 in Python 2 wrote one more space.
             limited(
                 ZlibDecoder::new(data.strip_prefix(b" ").unwrap_or(data)),
                 limit,

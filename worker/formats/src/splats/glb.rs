@@ -7,7 +7,7 @@ use std::io::{self, Write};
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
 
-/// Writes `splats`. Programs that do not know the extension show coloured points.
+/// Writes `splats`. Programs without the extension show coloured points.
 ///
 /// # Errors
 /// If writing fails, or the file has 4 GiB or more.
@@ -20,7 +20,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         numbers.rows(&rows, Target::Vertices)
     };
     let turns = rows(&|splat| {
-        let [w, x, y, z] = splat.turn;
+        let [w, x, y, z] = splat.rotation;
         [x, y, z, w]
     });
     let points = rows(&|splat| {
@@ -48,10 +48,10 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
         (named("SH_DEGREE_0_COEF_0")): colours,
     });
     for k in 0..harmonics(splats) {
-        let (degree, place) = if k < 3 { (1, k) } else { (2, k - 3) };
+        let (degree, index) = if k < 3 { (1, k) } else { (2, k - 3) };
         let rows: Vec<[f32; 3]> = splats.iter().map(|splat| splat.harmonics[k]).collect();
         let rows = numbers.rows(&rows, Target::Vertices);
-        attributes[named(&format!("SH_DEGREE_{degree}_COEF_{place}"))] = json!(rows);
+        attributes[named(&format!("SH_DEGREE_{degree}_COEF_{index}"))] = json!(rows);
     }
     let scene = json!({
         "extensionsUsed": [EXTENSION],
@@ -72,7 +72,7 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
     numbers.write(scene, to)
 }
 
-/// Light of a colour that a screen shows (IEC 61966-2-1), as glTF has colours of points.
+/// The linear value of an sRGB value (IEC 61966-2-1): glTF's colours of points are linear.
 fn linear(value: f32) -> f32 {
     match value.clamp(0.0, 1.0) {
         dark if dark <= 0.04045 => dark / 12.92,

@@ -1,8 +1,8 @@
 //! Files of Gaussian splats.
 //!
-//! - [`ply`]: as the program of 3D Gaussian splatting writes them; every viewer reads them.
-//! - [`spz`]: a sixteenth of the size, less where splats have harmonics.
-//! - [`glb`]: glTF, beside meshes and scenes.
+//! - [`ply`]: the format of the original 3D Gaussian splatting; every viewer reads it.
+//! - [`spz`]: a sixteenth of that size, or a larger share for splats with harmonics.
+//! - [`glb`]: glTF, with which splats can be part of scenes.
 
 pub mod glb;
 pub mod ply;
@@ -11,15 +11,15 @@ pub mod spz;
 /// A Gaussian in space, in metres, with x to the right, y up and z towards the viewer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
-    /// Its middle.
+    /// Mean.
     pub mean: [f32; 3],
-    /// Unit quaternion, real part first.
-    pub turn: [f32; 4],
-    /// Standard deviations along the turned axes.
+    /// Rotation as a unit quaternion, real part first.
+    pub rotation: [f32; 4],
+    /// Standard deviations along the rotated axes.
     pub deviations: [f32; 3],
-    /// 0 to 1, at the middle.
+    /// Opacity at the mean, 0 to 1.
     pub opacity: f32,
-    /// 0 to 1 each, as a screen shows them; without what the view adds.
+    /// sRGB colour, 0 to 1 each, without the view-dependent part.
     pub colour: [f32; 3],
     /// Coefficients of the spherical harmonics of degree 1 and 2 in the direction from the camera, with the signs and
     /// the order of 3D Gaussian splatting.
@@ -39,7 +39,7 @@ impl Gaussian {
     }
 }
 
-/// Number of harmonics of the degrees above 0 that any of `splats` has: 0, 3 or 8. Files have no more than that.
+/// Number of harmonics above degree 0 that a file of `splats` needs: 0, 3 or 8.
 fn harmonics(splats: &[Gaussian]) -> usize {
     let last = |splat: &Gaussian| splat.harmonics.iter().rposition(|it| *it != [0.0; 3]);
     match splats.iter().filter_map(last).max() {

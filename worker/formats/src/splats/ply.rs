@@ -1,17 +1,17 @@
-//! `.ply` files of Gaussian splats, as the program of 3D Gaussian splatting (Kerbl and others, 2023) writes
-//! them and every viewer of splats reads them.
+//! `.ply` files of Gaussian splats, in the format of the original 3D Gaussian splatting (Kerbl et al., 2023), which
+//! every viewer of splats reads.
 
 use super::{Gaussian, HARMONICS};
 use std::io::{self, Write};
 
 /// Harmonics of the degrees 1 to 3. Some readers refuse files without them.
 const REST: usize = 15;
-/// Signs of those of degree 1 and 2 after a half turn about x.
+/// Signs of the harmonics of degree 1 and 2 after half a turn about x.
 const SIGNS: [f32; HARMONICS] = [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0];
-/// Opacities are this far from 0 and 1, whose logits are infinite.
+/// Least distance of an opacity from 0 and 1, where the logit is infinite.
 const CLEAR: f32 = 1e-6;
 
-/// Writes `splats`. The file has x to the right, y down and z forward, as viewers expect of it.
+/// Writes `splats`. The file has x to the right, y down and z forward, as viewers expect.
 ///
 /// # Errors
 /// If writing fails.
@@ -36,13 +36,13 @@ pub fn write(to: &mut impl Write, splats: &[Gaussian]) -> io::Result<()> {
     let mut row = Vec::with_capacity(fields.len());
     for splat in splats {
         let [x, y, z] = splat.mean;
-        let [a, b, c, d] = splat.turn;
+        let [a, b, c, d] = splat.rotation;
         let opacity = splat.opacity.clamp(CLEAR, 1.0 - CLEAR);
         row.clear();
         row.extend([x, -y, -z]);
         row.extend([0.0; 3]);
         row.extend(splat.harmonic());
-        // Channel by channel.
+        // All coefficients of one channel, then of the next.
         for channel in 0..3 {
             let own = splat.harmonics.iter().zip(SIGNS);
             row.extend(own.map(|(harmonic, sign)| sign * harmonic[channel]));
@@ -68,7 +68,7 @@ mod tests {
     fn rows_have_every_field_in_its_place() {
         let splat = Gaussian {
             mean: [1.0, 2.0, 3.0],
-            turn: [0.5, 0.5, -0.5, 0.5],
+            rotation: [0.5, 0.5, -0.5, 0.5],
             deviations: [0.01, 0.02, 0.03],
             opacity: 0.9,
             colour: [0.5, 0.25, 1.0],
@@ -87,8 +87,8 @@ mod tests {
         assert_eq!(bytes.len() - start, 2 * 248);
         assert_eq!(4 * fields.len(), 248);
         let value = |name: &str| {
-            let place = fields.iter().position(|field| *field == name);
-            let at = start + 248 + 4 * place.expect("a field");
+            let index = fields.iter().position(|field| *field == name);
+            let at = start + 248 + 4 * index.expect("a field");
             f32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"))
         };
         assert_eq!(["x", "y", "z"].map(value), [1.0, -2.0, -3.0]);
@@ -99,7 +99,7 @@ mod tests {
             ["rot_0", "rot_1", "rot_2", "rot_3"].map(value),
             [-0.5, 0.5, -0.5, -0.5]
         );
-        // Green, of which the harmonics of y and z of degree 1, xy and xz change sign.
+        // Green. The harmonics of y and z in degree 1 and of xy and xz in degree 2 change sign.
         let green: [f32; 8] = std::array::from_fn(|k| value(&format!("f_rest_{}", 15 + k)));
         assert_eq!(green, [-1.0, -2.0, 3.0, -4.0, 5.0, 6.0, -7.0, 8.0]);
         assert_eq!(
@@ -113,7 +113,7 @@ mod tests {
         for opacity in [0.0, 1.0] {
             let splat = Gaussian {
                 mean: [0.0; 3],
-                turn: [1.0, 0.0, 0.0, 0.0],
+                rotation: [1.0, 0.0, 0.0, 0.0],
                 deviations: [0.01; 3],
                 opacity,
                 colour: [0.0; 3],

@@ -1,5 +1,5 @@
-//! `.spz` files: splats in 20 bytes each, and 9 or 24 more with colours that depend on the view, compressed
-//! (Niantic's `spz`, version 3).
+//! `.spz` files (Niantic's `spz`, version 3): splats in 20 bytes each, and 9 or 24 more for view-dependent colours,
+//! compressed.
 
 use super::{Gaussian, harmonics};
 use flate2::Compression;
@@ -11,15 +11,15 @@ use std::io::{self, Write};
 const MAGIC: u32 = 0x5053_474e;
 /// The first version with quaternions of four bytes.
 const VERSION: u32 = 3;
-/// Bits of a coordinate behind the point: 15 µm, and rooms of 256 m.
+/// Fractional bits of a coordinate: steps of 15 µm, in rooms of 256 m.
 const FRACTION: u8 = 16;
 /// Largest whole number of a coordinate, which has 24 bits.
 const FARTHEST: f32 = 8_388_607.0;
 /// Number of harmonics of degree 1.
 const FIRST: usize = 3;
-/// Units of a coefficient of degree 0, of 255.
+/// Scale of a coefficient of degree 0, in steps of 255.
 const COLOURS: f32 = 0.15;
-/// Largest whole number of the three small parts of a quaternion, which are at most √½.
+/// Largest stored value of the three small parts of a quaternion, which are at most √½.
 const PART: f32 = 511.0;
 
 /// Writes `splats`: y up, z towards the viewer.
@@ -64,7 +64,7 @@ pub fn write(to: impl Write, splats: &[Gaussian]) -> io::Result<()> {
         )?;
     }
     for splat in splats {
-        to.write_all(&smallest_three(splat.turn).to_le_bytes())?;
+        to.write_all(&smallest_three(splat.rotation).to_le_bytes())?;
     }
     for splat in splats {
         for (k, harmonic) in splat.harmonics[..harmonics].iter().enumerate() {
@@ -80,14 +80,14 @@ fn byte(value: f32) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
-/// A coefficient of -1 to 1 in the first `bits` of a byte, of which 128 is 0.
+/// A coefficient from -1 to 1 in the upper `bits` of a byte; 128 means 0.
 fn coarse(value: f32, bits: u32) -> u8 {
     let step = f32::from(1u8 << (8 - bits));
     byte(step * ((128.0 * value + 128.0) / step).round())
 }
 
-/// A unit quaternion without its largest part: the place of that part in 2 bits, then the sign and 9 bits
-/// of each other one, in the order x, y, z, w.
+/// A unit quaternion without its largest part, which follows from the others: its index in 2 bits, then a sign and 9 bits
+/// for each other part, in the order x, y, z, w.
 fn smallest_three([w, x, y, z]: [f32; 4]) -> u32 {
     let parts = [x, y, z, w];
     let larger = |best: usize, i: usize| {
@@ -101,7 +101,7 @@ fn smallest_three([w, x, y, z]: [f32; 4]) -> u32 {
     let mut packed = largest as u32;
     for (i, part) in parts.iter().enumerate().filter(|(i, _)| *i != largest) {
         debug_assert!(i < 4);
-        // The turn by the negative quaternion is the same.
+        // The negative quaternion is the same rotation, so the largest part can always be positive.
         let negative = (*part < 0.0) != (parts[largest] < 0.0);
         let size = (PART * part.abs() * SQRT_2).round().min(PART) as u32;
         packed = packed << 10 | u32::from(negative) << 9 | size;
@@ -115,7 +115,7 @@ mod tests {
     use flate2::read::GzDecoder;
     use std::io::Read;
 
-    /// As Niantic's reader unpacks it.
+    /// The quaternion, unpacked like in Niantic's reader.
     fn unpacked(mut packed: u32) -> [f32; 4] {
         let largest = (packed >> 30) as usize;
         let mut parts = [0.0f32; 4];
@@ -153,7 +153,7 @@ mod tests {
     fn harmonics_follow_as_far_as_any_splat_has_them() {
         let plain = Gaussian {
             mean: [0.0; 3],
-            turn: [1.0, 0.0, 0.0, 0.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
             deviations: [0.1; 3],
             opacity: 0.6,
             colour: [0.5; 3],
@@ -187,7 +187,7 @@ mod tests {
     fn parts_stand_in_their_order() {
         let splat = Gaussian {
             mean: [1.0, -2.0, 0.5],
-            turn: [1.0, 0.0, 0.0, 0.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
             deviations: [1.0, 0.1, 0.01],
             opacity: 0.6,
             colour: [0.5, 1.0, 0.0],

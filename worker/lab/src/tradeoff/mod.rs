@@ -1,29 +1,20 @@
 //! The trade-off of time and quality on given captures: the gain of longer training or a larger
 //! tier, and the cost of faster rendering.
 
-mod charts;
-mod rows;
 mod training;
 
 use crate::captures::{self, Recording, Split};
 use crate::display::Screen;
-use crate::report::SplitScores;
 use crate::training::pick_device;
 use anyhow::{Context, ensure};
-use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::tradeoff::{Axes, Curve, Machine, SweepError, SweepOptions, SweepView, sweep};
+use yoto_avatar::tradeoff::{Axes, Curve, SweepError, SweepOptions, SweepView, Tradeoff, sweep};
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::v1::Progress;
-
-pub use rows::summary;
-
-/// Version of `tradeoff.json` written by this program.
-const VERSION: u32 = 1;
 
 /// Settings of a measurement.
 #[derive(Debug, Clone)]
@@ -49,50 +40,6 @@ pub struct TradeoffOptions {
     pub lpips: Option<LpipsWeights>,
 }
 
-/// `tradeoff.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Tradeoff {
-    /// Version of this form.
-    pub version: u32,
-    /// Time of the measurement, seconds since 1970.
-    pub unix_seconds: u64,
-    /// The machine.
-    pub machine: Machine,
-    /// Names of the people.
-    pub people: Vec<String>,
-    /// Longest side of the pictures, pixels.
-    pub size: u32,
-    /// Trainings; empty if an existing model was measured.
-    pub training: Vec<Trained>,
-    /// Rendering, one curve per model: of each tier the longest-trained model.
-    pub rendering: Vec<Curve>,
-}
-
-/// Results of one tier with one budget.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Trained {
-    /// Quality tier.
-    pub tier: String,
-    /// Budget in seconds.
-    pub budget_seconds: f64,
-    /// Seconds of training, without evaluation.
-    pub train_seconds: f64,
-    /// Steps taken.
-    pub steps: u64,
-    /// Number of parameters.
-    pub parameters: u64,
-    /// Size of a checkpoint with optimiser state, bytes.
-    pub checkpoint_bytes: u64,
-    /// Peak resident memory of this process during the training, including captures, bytes;
-    /// absent if the system does not report it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub peak_memory_bytes: Option<u64>,
-    /// The objective.
-    pub objective: String,
-    /// Figures on held-out pictures.
-    pub scores: SplitScores,
-}
-
 /// Trains each tier with each budget, and sweeps over render settings of the longest trained.
 ///
 /// # Errors
@@ -110,7 +57,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         .duration_since(UNIX_EPOCH)
         .map_or(0, |since| since.as_secs());
     let machine = picked.machine();
-    let bench = training::Bench {
+    let session = training::Session {
         options,
         screen,
         protocol,
@@ -121,7 +68,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
     for tier in &options.tiers {
         let mut longest = None;
         for &seconds in &options.budgets {
-            let (trained, renderer) = bench
+            let (trained, renderer) = session
                 .train(tier, seconds)
                 .with_context(|| format!("tier {tier}, {seconds} s"))?;
             training.push(trained);
@@ -139,7 +86,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         }
     }
     Ok(Tradeoff {
-        version: VERSION,
+        version: Tradeoff::VERSION,
         unix_seconds,
         machine,
         people: recordings.iter().map(|it| it.name.clone()).collect(),
@@ -187,41 +134,4 @@ fn views(recordings: &[Recording], wanted: usize) -> Vec<SweepView> {
         views.collect::<Vec<_>>()
     };
     recordings.iter().enumerate().flat_map(of).collect()
-}
-
-impl Tradeoff {
-    /// The results for an existing model: rendering only.
-    pub fn of_model(name: &str, curve: Curve) -> Self {
-        Self {
-            version: VERSION,
-            unix_seconds: curve.unix_seconds,
-            machine: curve.machine.clone(),
-            people: vec![name.to_owned()],
-            size: curve.size,
-            training: Vec::new(),
-            rendering: vec![curve],
-        }
-    }
-
-    /// Writes `tradeoff.json`, `tradeoff.csv` and the plots into `folder`; the files' paths.
-    ///
-    /// # Errors
-    /// When a file can't be written.
-    pub fn write(&self, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-        std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-        let json = serde_json::to_vec_pretty(self).context("encoding the figures")?;
-        let mut paths = Vec::new();
-        for (name, bytes) in [
-            ("tradeoff.json", json),
-            ("tradeoff.csv", rows::csv(self).into_bytes()),
-        ] {
-            let path = folder.join(name);
-            std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
-            paths.push(path);
-        }
-        for (name, plot) in charts::all(self) {
-            paths.extend(crate::plot::write(&plot, folder, name)?);
-        }
-        Ok(paths)
-    }
 }

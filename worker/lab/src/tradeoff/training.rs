@@ -1,14 +1,14 @@
 //! Training and measurement of one tier with one budget.
 
-use super::{TradeoffOptions, Trained};
+use super::TradeoffOptions;
 use crate::captures::Recording;
 use crate::display::Screen;
-use crate::report::SplitScores;
 use crate::training::{self, checkpoint_bytes, lpips};
 use crate::{measure, memory};
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::evaluate::{Examiner, Protocol};
+use yoto_avatar::evaluate::{Examiner, Protocol, SplitScores};
 use yoto_avatar::render::Renderer;
+use yoto_avatar::tradeoff::Trained;
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_device::PickedDevice;
 
@@ -16,7 +16,7 @@ use yoto_device::PickedDevice;
 const VARIANT: &str = "yoto";
 
 /// State shared by all trainings.
-pub(super) struct Bench<'a> {
+pub(super) struct Session<'a> {
     pub options: &'a TradeoffOptions,
     pub screen: &'a dyn Screen,
     pub protocol: &'static Protocol,
@@ -24,7 +24,7 @@ pub(super) struct Bench<'a> {
     pub picked: &'a PickedDevice,
 }
 
-impl Bench<'_> {
+impl Session<'_> {
     /// Trains `tier` for `seconds`; returns the results and the model.
     pub(super) fn train(&self, tier: &str, seconds: f64) -> anyhow::Result<(Trained, Renderer)> {
         let config = ModelConfig::named(tier, VARIANT)?;
@@ -41,7 +41,7 @@ impl Bench<'_> {
         let options = training::options(budget, self.options.size, self.options.seed, weights);
         let mut trainer = Trainer::new(config, options, people.collect(), &self.picked.device)?;
         let mut display = self.screen.begin(&format!("training, {tier}, {seconds} s"));
-        training::to_the_end(&mut trainer, &mut *display)?;
+        training::train_to_the_end(&mut trainer, &mut *display)?;
         let peak_memory_bytes = counted.ok().and_then(|()| memory::peak());
         let progress = trainer.progress();
         let examiner = Examiner::new(

@@ -1,4 +1,4 @@
-//! Convolutions over all channels, as products of matrices.
+//! Convolutions over all channels, as matrix products.
 
 use super::window::{Side, picture};
 use super::{Made, Operation};
@@ -7,11 +7,11 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-/// Most output pixels in one product: their numbers stay in the processor's caches.
+/// Most output pixels per product, so that their numbers stay in the processor's caches.
 const BLOCK: usize = 256;
-/// Fewest, so that the weights are read for more than a few pixels.
+/// Fewest output pixels per product, so that the weights are not read for a few pixels only.
 const SMALLEST_BLOCK: usize = 32;
-/// Most numbers under a filter.
+/// Most numbers in one filter of an output channel.
 const MAX_DEPTH: usize = 1 << 16;
 
 #[derive(Debug)]
@@ -72,25 +72,26 @@ pub(super) fn conv(
 }
 
 impl Conv {
-    /// Whether each output pixel reads the one input pixel at its own place.
+    /// Whether each output pixel reads only the input pixel at the same position.
     fn is_pointwise(&self) -> bool {
         let plain = |side: &Side| side.filter == 1 && side.stride == 1;
         plain(&self.rows) && plain(&self.columns)
     }
 
-    /// The input's numbers under the filter, `[pixels, depth]`, for output pixels from `first`.
+    /// The input's numbers under the filter, `[pixels, depth]`, for the output pixels from `first` on; zeros in the
+    /// padding.
     fn patches(&self, input: &[f32], first: usize, pixels: usize) -> Vec<f32> {
         let channels = self.channels_in;
         let mut patches = vec![0.0; pixels * (self.weights.len() / self.channels_out)];
-        let mut places = patches.chunks_exact_mut(channels);
+        let mut slots = patches.chunks_exact_mut(channels);
         for pixel in first..first + pixels {
             let (y, x) = (pixel / self.columns.output, pixel % self.columns.output);
             for row in (0..self.rows.filter).map(|tap| self.rows.under(y, tap)) {
                 for column in (0..self.columns.filter).map(|tap| self.columns.under(x, tap)) {
-                    let place = places.next();
-                    if let (Some(row), Some(column), Some(place)) = (row, column, place) {
+                    let slot = slots.next();
+                    if let (Some(row), Some(column), Some(slot)) = (row, column, slot) {
                         let from = (row * self.columns.input + column) * channels;
-                        place.copy_from_slice(&input[from..from + channels]);
+                        slot.copy_from_slice(&input[from..from + channels]);
                     }
                 }
             }

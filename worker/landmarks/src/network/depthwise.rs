@@ -5,7 +5,7 @@ use super::{Made, Operation};
 use crate::tflite::{Activation, Window};
 use rayon::prelude::*;
 
-/// Channels worked on together, in the processor's wide registers.
+/// Channels that are computed together, in the processor's wide registers.
 const LANES: usize = 8;
 
 #[derive(Debug)]
@@ -20,7 +20,7 @@ struct Depthwise {
     range: [f32; 2],
 }
 
-/// Places of a filter, at most; those of BlazePose have 25. Each output pixel looks at all of them.
+/// Most taps of a filter, all of which each output pixel reads. BlazePose's filters have 25.
 const MAX_TAPS: usize = 1 << 10;
 
 /// A convolution of each channel with its own part of the filter `[1, rows, columns, channels]`.
@@ -43,7 +43,7 @@ pub(super) fn depthwise(
     }
     if filter_rows.saturating_mul(filter_columns) > MAX_TAPS {
         return Err(format!(
-            "a filter of {filter_rows}x{filter_columns} places: {MAX_TAPS} are allowed"
+            "a filter of {filter_rows}x{filter_columns} taps: {MAX_TAPS} are allowed"
         ));
     }
     let [rows, columns] = window.sides([height, width], [filter_rows, filter_columns])?;
@@ -60,8 +60,8 @@ pub(super) fn depthwise(
 }
 
 impl Depthwise {
-    /// One output pixel from what lies under each place of the filter: `taps` holds the places of
-    /// the first channel in the input and in the weights.
+    /// One output pixel. For each tap of the filter, `taps` has the indices of the first channel in the input and in the
+    /// weights.
     fn pixel(&self, input: &[f32], taps: &[(usize, usize)], out: &mut [f32]) {
         let [low, high] = self.range;
         let (wide, rest) = out.as_chunks_mut::<LANES>();

@@ -1,6 +1,5 @@
-//! Runs a model on the CPU: pictures stay `[height, width, channels]`, as TensorFlow Lite has
-//! them, so a convolution of 1 × 1 is a product of matrices and a depthwise one runs along
-//! neighbouring channels.
+//! Runs a model on the CPU. Pictures stay `[height, width, channels]`, as in TensorFlow Lite, so a 1 × 1 convolution is a
+//! matrix product, and a depthwise convolution works on neighbouring channels.
 
 mod conv;
 mod depthwise;
@@ -19,14 +18,14 @@ use std::fmt::Debug;
 
 /// A step with its weights and sizes.
 trait Operation: Debug + Send + Sync {
-    /// Computes all of `out` from `inputs`, whose lengths are those that it was made for.
+    /// Computes all of `out` from `inputs`, which have the lengths for which it was made.
     fn run(&self, inputs: &[&[f32]], out: &mut [f32]);
 }
 
-/// An operation and the shape of what it gives.
+/// An operation and the shape of its output.
 type Made = (Box<dyn Operation>, Vec<usize>);
 
-/// A step: which buffers it reads, which one it fills.
+/// A step: an operation, the buffers that it reads, and the one that it fills.
 #[derive(Debug)]
 struct Step {
     operation: Box<dyn Operation>,
@@ -46,25 +45,25 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    /// Reads a model in the form of TensorFlow Lite.
+    /// Reads a TensorFlow Lite model.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// A message for people.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, String> {
         plan::plan(Graph::read(bytes)?)
     }
 
-    /// Numbers that the model takes.
+    /// Number of input values.
     pub(crate) fn input_len(&self) -> usize {
         self.input.1
     }
 
-    /// Position of the one output whose shape is `shape`.
+    /// Index of the only output with the shape `shape`.
     pub(crate) fn output(&self, shape: &[usize]) -> Option<usize> {
         self.outputs.iter().position(|(found, _)| found == shape)
     }
 
-    /// The input's numbers, to be filled before [`run`](Self::run).
+    /// The input values, to be filled before [`run`](Self::run).
     pub(crate) fn input(&mut self) -> &mut [f32] {
         let (buffer, len) = self.input;
         &mut self.buffers[buffer][..len]
@@ -85,7 +84,7 @@ impl Network {
         }
     }
 
-    /// Numbers of the output at `position`, after [`run`](Self::run).
+    /// Values of the output with the index `position`, after [`run`](Self::run).
     pub(crate) fn result(&self, position: usize) -> &[f32] {
         let Some((shape, buffer)) = self.outputs.get(position) else {
             return &[];

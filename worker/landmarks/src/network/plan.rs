@@ -1,5 +1,5 @@
-//! From a graph to steps: sizes are worked out and checked, and values that are never needed at
-//! the same time share a buffer.
+//! Turns a graph into steps. Sizes are computed and checked, and values that are not needed at the same time share a
+//! buffer.
 
 use super::{Made, Network, Step, conv, depthwise, pointwise, pool, resize, shapes};
 use crate::tflite::{Constant, Graph, Kind, Operator};
@@ -7,7 +7,7 @@ use crate::tflite::{Constant, Graph, Kind, Operator};
 /// Most numbers that all buffers may hold: 256 MiB of them.
 const MAX_NUMBERS: usize = 1 << 26;
 
-/// Buffers with the steps up to which their values are needed.
+/// Buffers, with the step up to which each one's value is needed.
 #[derive(Default)]
 struct Buffers {
     lengths: Vec<usize>,
@@ -15,10 +15,10 @@ struct Buffers {
 }
 
 impl Buffers {
-    /// A buffer for `len` numbers that `step` writes and that are needed until step `until`.
+    /// A buffer for `len` numbers that `step` writes, and that are needed until step `until`.
     fn take(&mut self, len: usize, step: usize, until: usize) -> usize {
         let free = |at: &usize| self.needed_until[*at] < step;
-        // The one that fits best: the smallest that is large enough, or the largest.
+        // The best fit: the smallest buffer that is large enough, or else the largest.
         let best = (0..self.lengths.len()).filter(free).min_by_key(|&at| {
             let length = self.lengths[at];
             (length < len, length.abs_diff(len))
@@ -67,7 +67,8 @@ pub(super) fn plan(mut graph: Graph) -> Result<Network, String> {
             .iter()
             .filter_map(|&at| values[at].as_ref())
             .collect();
-        // Each step has weights of its own, even where several name the same ones.
+        // Each step copies its weights, so weights that several steps share count each time: otherwise a small file
+        // could fill the memory.
         let constants = operator
             .inputs
             .iter()
@@ -113,7 +114,7 @@ fn length(shape: &[usize]) -> Result<usize, String> {
         .ok_or_else(|| format!("the shape {shape:?} is not possible"))
 }
 
-/// The operation of `operator` for values of the shapes `given`; all other inputs are constants.
+/// The operation of `operator` for values with the shapes `given`; all other inputs are constants.
 fn make(
     operator: &Operator,
     given: &[&(Vec<usize>, usize)],

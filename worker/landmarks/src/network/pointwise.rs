@@ -1,4 +1,4 @@
-//! Operations on each number by itself.
+//! Elementwise operations.
 
 use super::{Made, Operation};
 use crate::tflite::Activation;
@@ -8,7 +8,7 @@ struct Add {
     range: [f32; 2],
 }
 
-/// The sums of two values of one shape.
+/// The sum of two values with the same shape.
 pub(super) fn add(a: &[usize], b: &[usize], activation: Activation) -> Result<Made, String> {
     if a != b {
         return Err(format!("{a:?} and {b:?} are added"));
@@ -29,7 +29,7 @@ impl Operation for Add {
 #[derive(Debug)]
 struct Logistic;
 
-/// Numbers from 0 to 1.
+/// The logistic function.
 pub(super) fn logistic(shape: &[usize]) -> Made {
     (Box::new(Logistic), shape.to_vec())
 }

@@ -1,4 +1,4 @@
-//! The largest of neighbours.
+//! Max pooling.
 
 use super::window::{Side, picture};
 use super::{Made, Operation};
@@ -11,7 +11,7 @@ struct MaxPool {
     channels: usize,
 }
 
-/// The largest number of each channel under a filter of (rows, columns).
+/// The maximum of each channel under a filter of (rows, columns).
 pub(super) fn max_pool(
     shape: &[usize],
     window: Window,

@@ -1,10 +1,10 @@
-//! Pictures at another size.
+//! Resizing of pictures.
 
 use super::window::picture;
 use super::{Made, Operation};
 use rayon::prelude::*;
 
-/// Along one side: the two neighbours of each output pixel and the second's share.
+/// For each output pixel along one side: its two neighbours in the input, and the weight of the second.
 type Neighbours = Vec<([usize; 2], f32)>;
 
 #[derive(Debug)]
@@ -15,7 +15,7 @@ struct Bilinear {
     channels: usize,
 }
 
-/// Between neighbours by their distances, at the size `[height, width]`.
+/// Bilinear interpolation to the size `[height, width]`.
 pub(super) fn bilinear(shape: &[usize], size: &[i32], half_pixels: bool) -> Result<Made, String> {
     let [height, width, channels] = picture(shape)?;
     let side = |at: usize| match size.get(at) {
@@ -35,13 +35,13 @@ pub(super) fn bilinear(shape: &[usize], size: &[i32], half_pixels: bool) -> Resu
 fn neighbours(from: usize, to: usize, half_pixels: bool) -> Neighbours {
     let scale = from as f32 / to as f32;
     let half = if half_pixels { 0.5 } else { 0.0 };
-    let place = |at: usize| {
-        let place = ((at as f32 + half) * scale - half).max(0.0);
-        let first = (place as usize).min(from - 1);
+    let position = |at: usize| {
+        let position = ((at as f32 + half) * scale - half).max(0.0);
+        let first = (position as usize).min(from - 1);
         let second = (first + 1).min(from - 1);
-        ([first, second], (place - first as f32).clamp(0.0, 1.0))
+        ([first, second], (position - first as f32).clamp(0.0, 1.0))
     };
-    (0..to).map(place).collect()
+    (0..to).map(position).collect()
 }
 
 impl Operation for Bilinear {

@@ -3,7 +3,7 @@
 use super::window::picture;
 use super::{Made, Operation};
 
-/// Most runs of an operation, each of which takes memory of its own.
+/// Most runs of an operation, as each takes memory.
 const MAX_RUNS: usize = 1 << 20;
 
 fn bounded(runs: usize) -> Result<(), String> {
@@ -16,7 +16,7 @@ fn bounded(runs: usize) -> Result<(), String> {
 /// Copies runs of numbers.
 #[derive(Debug)]
 struct Copies {
-    /// Input, first number in it, first number in the output, count.
+    /// Index of the input, offset in it, offset in the output, count.
     runs: Vec<[usize; 4]>,
 }
 
@@ -28,7 +28,7 @@ impl Operation for Copies {
     }
 }
 
-/// The same numbers in the shape `wanted`, of which one side may be -1: whatever is left.
+/// The same numbers in the shape `wanted`. One side may be -1, and follows from the others.
 pub(super) fn reshape(shape: &[usize], wanted: &[i32]) -> Result<Made, String> {
     let impossible = || format!("{shape:?} can't become {wanted:?}");
     let len: usize = shape.iter().product();
@@ -47,7 +47,7 @@ pub(super) fn reshape(shape: &[usize], wanted: &[i32]) -> Result<Made, String> {
     Ok((Box::new(Copies { runs }), sides))
 }
 
-/// Values side by side along `axis`.
+/// Concatenation of values along `axis`.
 pub(super) fn concatenation(shapes: &[&[usize]], axis: i32) -> Result<Made, String> {
     let first = *shapes.first().ok_or("nothing to join")?;
     let sides = first.len() as i32;
@@ -81,7 +81,7 @@ pub(super) fn concatenation(shapes: &[&[usize]], axis: i32) -> Result<Made, Stri
     Ok((Box::new(Copies { runs }), joined))
 }
 
-/// Blocks of channels as blocks of pixels.
+/// Rearrangement of channels into blocks of pixels.
 pub(super) fn depth_to_space(shape: &[usize], block: usize) -> Result<Made, String> {
     let [height, width, channels] = picture(shape)?;
     let per_pixel = channels / (block * block);
@@ -113,7 +113,7 @@ impl Operation for Pad {
     }
 }
 
-/// Zeros around a picture: `[4, 2]` numbers of them, before and after along each side.
+/// A picture padded with zeros; `zeros` is `[4, 2]`, their number before and after each axis.
 pub(super) fn pad(shape: &[usize], zeros: &[i32]) -> Result<Made, String> {
     let [height, width, channels] = picture(shape)?;
     let pairs = zeros.as_chunks::<2>().0;

@@ -1,4 +1,4 @@
-//! Small networks, read from their files and run.
+//! Small networks that are read from files and run.
 
 use super::Network;
 use crate::tflite::writer::{Does, Node, Values, computed, floats, ints, model};

@@ -1,4 +1,4 @@
-//! Sizes of pictures, and how filters move over them.
+//! Sizes of pictures, and the movement of filters over them.
 
 use crate::tflite::{Padding, Window};
 
@@ -12,7 +12,7 @@ pub(super) fn picture(shape: &[usize]) -> Result<[usize; 3], String> {
     }
 }
 
-/// Where a filter is laid along one side.
+/// The positions of a filter along one side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Side {
     /// Pixels of the input.
@@ -28,8 +28,7 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// The input's pixel under pixel `tap` of the filter for the output's pixel `at`; `None` in the
-    /// padding.
+    /// The input pixel under tap `tap` of the filter for the output pixel `at`; `None` in the padding.
     pub(super) fn under(&self, at: usize, tap: usize) -> Option<usize> {
         let from = at * self.stride + tap * self.dilation;
         from.checked_sub(self.before)
@@ -38,7 +37,7 @@ impl Side {
 }
 
 impl Window {
-    /// How `filter` is laid over `input` along both sides (rows, columns).
+    /// The positions of `filter` over `input` along both sides (rows, columns).
     pub(super) fn sides(self, input: [usize; 2], filter: [usize; 2]) -> Result<[Side; 2], String> {
         let side = |at: usize| {
             let (input, filter) = (input[at], filter[at]);

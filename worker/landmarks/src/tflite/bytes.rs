@@ -1,20 +1,20 @@
 //! Tables of a flatbuffer: every access is checked against the file's length.
 
-/// Numbers of a short list, at most: sides of a tensor, tensors of an operator or at a graph's ends.
+/// Most numbers in a short list: a tensor's shape, or the tensors of an operator or of a graph's inputs and outputs.
 const FEW: usize = 64;
 
-/// A place in a flatbuffer, with the whole file.
+/// A table in a flatbuffer: its offset, with the whole file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Table<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-/// Elements of a vector in a flatbuffer.
+/// A vector in a flatbuffer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vector<'a> {
     bytes: &'a [u8],
-    /// Where the first element is.
+    /// Offset of the first element.
     at: usize,
     len: usize,
 }
@@ -27,21 +27,20 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     read(bytes, at).map(u32::from_le_bytes)
 }
 
-/// The place that the offset at `at` points to.
+/// The target of the relative offset at `at`; `None` if it is outside the file.
 fn follow(bytes: &[u8], at: usize) -> Option<usize> {
     let to = at.checked_add(u32_at(bytes, at)? as usize)?;
     (to < bytes.len()).then_some(to)
 }
 
 impl<'a> Table<'a> {
-    /// The table that the file's first offset points to.
+    /// The root table, at the file's first offset.
     pub(super) fn root(bytes: &'a [u8]) -> Option<Self> {
         let at = follow(bytes, 0)?;
         Some(Self { bytes, at })
     }
 
-    /// Where field `number` is; `None` if the table leaves it at its default, or if the table
-    /// itself lies outside the file.
+    /// Offset of field `number`; `None` if the field has its default, or the table is outside the file.
     fn field(&self, number: usize) -> Option<usize> {
         let back = i64::from(read(self.bytes, self.at).map(i32::from_le_bytes)?);
         let vtable = usize::try_from(i64::try_from(self.at).ok()?.checked_sub(back)?).ok()?;
@@ -74,8 +73,7 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The vector of field `number`, whose elements have `width` bytes; `None` if it is absent or
-    /// reaches beyond the file.
+    /// The vector of field `number` with elements of `width` bytes; `None` if it is absent or reaches beyond the file.
     pub(super) fn vector(&self, number: usize, width: usize) -> Option<Vector<'a>> {
         let start = follow(self.bytes, self.field(number)?)?;
         let len = u32_at(self.bytes, start)? as usize;
@@ -87,8 +85,8 @@ impl<'a> Table<'a> {
         })
     }
 
-    /// The 32-bit numbers of field `number`, of which there are a few; none if it is absent. Tables may
-    /// share one long list, so that a short file would fill the memory.
+    /// The 32-bit numbers of field `number`, at most a few; empty if the field is absent. Many tables may share one long
+    /// list, so without a limit a short file could fill the memory.
     pub(super) fn i32s(&self, number: usize) -> Result<Vec<i32>, String> {
         let vector = self.vector(number, 4);
         match vector {

@@ -1,11 +1,11 @@
-//! Weights: 32 or 16 bits, dense or with their zeros left out.
+//! Weights of 32 or 16 bits, dense or sparse.
 
 use super::bytes::Table;
 
-/// Most numbers that the constants of a model may have: 256 MiB of them.
+/// Most numbers in the constants of a model: 256 MiB.
 const MAX_NUMBERS: usize = 1 << 26;
 
-/// The values of a tensor that is part of the model.
+/// The values of a constant tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Constant {
     Floats(Vec<f32>),
@@ -16,7 +16,7 @@ const FLOAT32: u8 = 0;
 const FLOAT16: u8 = 1;
 const INT32: u8 = 2;
 
-/// Reads constants, up to a total.
+/// Reads constants up to a total number of values, which it counts.
 #[derive(Debug)]
 pub(super) struct Budget(usize);
 
@@ -31,7 +31,7 @@ impl Budget {
         Ok(())
     }
 
-    /// The values of `tensor`, whose shape is `shape` and whose buffer is `data`.
+    /// The values of `tensor` with the shape `shape` and the buffer `data`.
     pub(super) fn read(
         &mut self,
         tensor: Table,
@@ -42,6 +42,7 @@ impl Budget {
             .iter()
             .try_fold(1usize, |count, side| count.checked_mul(*side))
             .ok_or("a shape is too large")?;
+        // Sparse values unfold to the whole shape, so the declared count is what takes memory.
         self.spend(count)?;
         let kind = tensor.u8(1).unwrap_or(FLOAT32);
         if let Some(sparsity) = tensor.table(6) {
@@ -83,7 +84,7 @@ fn floats(kind: u8, data: &[u8]) -> Result<Vec<f32>, String> {
     }
 }
 
-/// A number of 16 bits: 1 of sign, 5 of exponent, 10 of fraction.
+/// The value of an IEEE half: 1 bit of sign, 5 of exponent, 10 of fraction.
 fn half(bits: u16) -> f32 {
     let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
     let exponent = i32::from(bits >> 10 & 31);
@@ -96,7 +97,8 @@ fn half(bits: u16) -> f32 {
     }
 }
 
-/// Rows of the last dimension, each with the columns of its values other than 0.
+/// The dense values of a sparse tensor. Only the last dimension may be sparse: each of its rows has the columns of its
+/// values other than 0.
 fn sparse(
     sparsity: Table,
     shape: &[usize],
@@ -123,23 +125,23 @@ fn sparse(
     let last = last.ok_or_else(unsupported)?;
     let segments = indices(last, 2).ok_or_else(unsupported)?;
     let at_columns = indices(last, 4).ok_or_else(unsupported)?;
-    let broken = || "the places of sparse weights do not fit their shape".to_owned();
+    let broken = || "the indices of sparse weights do not fit their shape".to_owned();
     let mut dense = vec![0.0; count];
     if segments.len() != count / columns + 1 {
         return Err(broken());
     }
     for (row, ends) in dense.chunks_exact_mut(columns).zip(segments.windows(2)) {
         let range = ends[0]..ends[1];
-        let places = at_columns.get(range.clone()).ok_or_else(broken)?;
+        let row_columns = at_columns.get(range.clone()).ok_or_else(broken)?;
         let values = values.get(range).ok_or_else(broken)?;
-        for (&column, value) in places.iter().zip(values) {
+        for (&column, value) in row_columns.iter().zip(values) {
             *row.get_mut(column).ok_or_else(broken)? = *value;
         }
     }
     Ok(dense)
 }
 
-/// The vector of 8, 16 or 32-bit numbers whose type is in field `number`, and itself in the next.
+/// A vector of 8, 16 or 32-bit numbers: its type is in field `number`, the vector in the next.
 fn indices(dimension: Table, number: usize) -> Option<Vec<usize>> {
     let vector = dimension.table(number + 1)?;
     Some(match dimension.u8(number)? {

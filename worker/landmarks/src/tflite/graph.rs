@@ -10,25 +10,25 @@ const MAX_PARTS: usize = 1 << 14;
 /// A model: operators in the order in which they run.
 #[derive(Debug)]
 pub(crate) struct Graph {
-    /// Shape and, for weights, values.
+    /// Tensors with their shapes, and with values for weights.
     pub(crate) tensors: Vec<Tensor>,
     pub(crate) operators: Vec<Operator>,
-    /// Tensors that the caller gives.
+    /// Input tensors.
     pub(crate) inputs: Vec<usize>,
-    /// Tensors that the caller wants.
+    /// Output tensors.
     pub(crate) outputs: Vec<usize>,
 }
 
-/// Numbers that flow through a model, `[1, height, width, channels]` if they are a picture.
+/// A tensor of a model, `[1, height, width, channels]` if it is a picture.
 #[derive(Debug)]
 pub(crate) struct Tensor {
-    /// As the file says.
+    /// Shape in the file.
     pub(crate) shape: Vec<usize>,
-    /// The values, if they are part of the model.
+    /// The values of a constant.
     pub(crate) constant: Option<Constant>,
 }
 
-/// A step of a model. Every index is that of a tensor of the graph.
+/// A step of a model. Every index is a tensor's index in the graph.
 #[derive(Debug)]
 pub(crate) struct Operator {
     pub(crate) kind: Kind,
@@ -39,12 +39,10 @@ pub(crate) struct Operator {
 impl Graph {
     /// Reads the first graph of a model's file.
     ///
-    /// Weights that operators unpack count as constants themselves, so no
-    /// [`Kind::Unpack`] remains.
+    /// Weights that operators unpack are read as constants, so no [`Kind::Unpack`] remains.
     ///
     /// # Errors
-    /// What is wrong, in words: no model, an operator or a kind of weights that is not supported,
-    /// or places outside the file.
+    /// A message for people: no model, an unsupported operator or kind of weights, or offsets outside the file.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, String> {
         if bytes.get(4..8) != Some(b"TFL3") {
             return Err("is not a TensorFlow Lite model".into());
@@ -64,13 +62,13 @@ impl Graph {
             let at = usize::try_from(at).ok().filter(|at| *at < tensors.len());
             at.ok_or_else(|| "an operator names a tensor that is not there".to_owned())
         };
-        // Where each tensor's values are: for unpacked weights, where the packed ones are.
+        // The tensor with each tensor's values: for unpacked weights, the packed tensor.
         let mut at_source: Vec<usize> = (0..tensors.len()).collect();
         let mut operators = Vec::new();
         for (at, table) in tables(graph, 3)?.into_iter().enumerate() {
             let code = table.u32(0).unwrap_or(0) as usize;
             let code = codes.table(code).ok_or_else(cut)?;
-            // Codes above 126 have a field of their own.
+            // The first field has one byte; codes above 126 are in a field of their own.
             let code = i32::from(code.u8(0).unwrap_or(0)).max(code.i32(3).unwrap_or(0));
             let kind = kind::read(code, table.table(4))
                 .map_err(|message| format!("operator {at}: {message}"))?;
@@ -106,7 +104,7 @@ impl Graph {
     }
 }
 
-/// A vector of tables, of a length that a model may have.
+/// A vector of tables, after a check of its length.
 fn vector(table: Table<'_>, field: usize) -> Result<Vector<'_>, String> {
     let vector = table.vector(field, 4).ok_or("is damaged or cut short")?;
     if vector.len() > MAX_PARTS {

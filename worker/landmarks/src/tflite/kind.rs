@@ -2,7 +2,7 @@
 
 use super::bytes::Table;
 
-/// What an operator does.
+/// The kinds of operators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Add(Activation),
@@ -24,11 +24,11 @@ pub(crate) enum Kind {
     ResizeBilinear {
         half_pixels: bool,
     },
-    /// Weights of 16 bits or with their zeros left out, which are read as they are meant.
+    /// Conversion of 16-bit or sparse weights, which is done while reading.
     Unpack,
 }
 
-/// How a filter moves over a picture. Pairs are (rows, columns).
+/// The movement of a filter over a picture. Pairs are (rows, columns).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Window {
     pub(crate) padding: Padding,
@@ -36,28 +36,28 @@ pub(crate) struct Window {
     pub(crate) dilation: [usize; 2],
 }
 
-/// What a filter meets at the border.
+/// The padding at the border of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Padding {
-    /// Zeros, so many that the output has a pixel per stride.
+    /// Zeros, so that the output has one pixel per stride.
     Same,
-    /// Nothing: the filter stays inside.
+    /// None: the filter stays inside the picture.
     Valid,
 }
 
-/// What is done to each value of an operator's output.
+/// The activation function of an operator's output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Activation {
     #[default]
     None,
-    /// Not below 0.
+    /// `max(x, 0)`.
     Relu,
-    /// From 0 to 6.
+    /// `min(max(x, 0), 6)`.
     Relu6,
 }
 
 impl Activation {
-    /// The range that values are clamped to.
+    /// The range to which values are clamped.
     pub(crate) fn range(self) -> [f32; 2] {
         match self {
             Self::None => [f32::NEG_INFINITY, f32::INFINITY],

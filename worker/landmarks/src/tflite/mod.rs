@@ -1,5 +1,4 @@
-//! Reader of TensorFlow Lite models: flatbuffers with float weights of 32 or 16 bits, dense or
-//! sparse.
+//! Reader of TensorFlow Lite models: flatbuffers with float weights of 32 or 16 bits, dense or sparse.
 //!
 //! ```text
 //! bytes (tables of a flatbuffer) → constants (weights as f32) ┐

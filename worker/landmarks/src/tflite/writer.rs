@@ -47,7 +47,7 @@ pub(crate) fn ints(shape: &[i32], values: &[i32]) -> Values {
     Values(shape.to_vec(), 2, bytes.collect(), Node::Absent)
 }
 
-/// The file of a model that takes the first tensor and gives the last.
+/// The file of a model with the first tensor as input and the last as output.
 pub(crate) fn model(tensors: &[Values], operators: &[Does]) -> Vec<u8> {
     let buffers = tensors
         .iter()
@@ -100,16 +100,16 @@ fn patch(out: &mut [u8], from: usize, to: usize) {
     out[from..from + 4].copy_from_slice(&((to - from) as u32).to_le_bytes());
 }
 
-/// Appends `node`; where it is.
+/// Appends `node` and returns its offset.
 fn write(out: &mut Vec<u8>, node: &Node) -> usize {
     let at = out.len();
     match node {
         Node::Table(fields) => {
             out.extend((4 + 2 * fields.len() as u16).to_le_bytes());
             out.extend((4 + 4 * fields.len() as u16).to_le_bytes());
-            for (place, field) in (1..).zip(fields) {
+            for (slot, field) in (1..).zip(fields) {
                 let absent = matches!(field, Node::Absent);
-                out.extend((if absent { 0u16 } else { 4 * place }).to_le_bytes());
+                out.extend((if absent { 0u16 } else { 4 * slot }).to_le_bytes());
             }
             let table = out.len();
             out.extend(((table - at) as i32).to_le_bytes());
@@ -121,10 +121,10 @@ fn write(out: &mut Vec<u8>, node: &Node) -> usize {
                 };
                 out.extend(value.to_le_bytes());
             }
-            for (place, field) in (1..).zip(fields) {
+            for (slot, field) in (1..).zip(fields) {
                 if !matches!(field, Node::Absent | Node::U8(_) | Node::I32(_)) {
                     let to = write(out, field);
-                    patch(out, table + 4 * place, to);
+                    patch(out, table + 4 * slot, to);
                 }
             }
             return table;
@@ -140,9 +140,9 @@ fn write(out: &mut Vec<u8>, node: &Node) -> usize {
         Node::Tables(tables) => {
             out.extend((tables.len() as u32).to_le_bytes());
             out.extend(vec![0; 4 * tables.len()]);
-            for (place, table) in tables.iter().enumerate() {
+            for (slot, table) in tables.iter().enumerate() {
                 let to = write(out, table);
-                patch(out, at + 4 + 4 * place, to);
+                patch(out, at + 4 + 4 * slot, to);
             }
         }
         Node::Absent | Node::U8(_) | Node::I32(_) => (),

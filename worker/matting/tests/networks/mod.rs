@@ -1,4 +1,4 @@
-//! Tiny networks as ONNX files, in the forms of public matting models: what is bright is the person.
+//! Tiny networks as ONNX files, in the forms of public matting models, for which bright pixels are the person.
 
 use rten_onnx::onnx::{
     AttributeProto, AttributeType, DataType, Dimension, GraphProto, ModelProto, NodeProto,

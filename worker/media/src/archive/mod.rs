@@ -1,8 +1,8 @@
 //! Unpacks archives into plain files.
 //!
 //! Entries are written under numbers, never under their own names, so that no name can lead
-//! outside; the names are only checked and kept in a list. Declared sizes are compared with the
-//! limits before unpacking, and actual sizes during it.
+//! outside the folder. The names are only checked and kept in a list. Declared sizes are compared with
+//! the limits before unpacking, and actual sizes during it.
 
 mod name;
 mod tar;
@@ -43,9 +43,9 @@ impl<'a> Unpacker<'a> {
     /// The entries of the archive at `path`, by their names in it.
     ///
     /// # Errors
-    /// A fault, with the entry's name as its field: not an archive, cut short, encrypted;
-    /// names that are not UTF-8, lead outside the archive, or are repeated; links and devices; more
-    /// entries or bytes than allowed.
+    /// A fault, with the entry's name as its field, if the file is not an archive, is cut short or
+    /// encrypted; if a name is not UTF-8, leads outside the archive, or is repeated; for links and devices;
+    /// and for more entries or bytes than allowed.
     pub fn unpack(&mut self, path: &Path) -> Result<Files, MediaError> {
         let mut file = File::open(path).map_err(MediaError::io(path))?;
         let size = file.metadata().map_err(MediaError::io(path))?.len();
@@ -130,6 +130,7 @@ impl Sink<'_, '_> {
                 }
             };
             let bytes = count as u64;
+            // The declared size may be a lie, so the bytes that really come out are counted as well.
             if bytes > self.budget {
                 return Err(self.bomb(name).into());
             }

@@ -5,11 +5,11 @@ use crate::Fault;
 /// Longest name, bytes.
 const MAX_BYTES: usize = 400;
 
-/// The entry's name, if it names a place inside its archive. `None` for folders, and for files
-/// that file managers add.
+/// The entry's name, if it is a path inside its archive. `None` for folders, and for files that file
+/// managers add.
 ///
 /// # Errors
-/// `BAD_NAME` when it is not UTF-8 or too long, `UNSAFE_PATH` when it leads outside.
+/// `BAD_NAME` if it is not UTF-8, too long, or has control characters; `UNSAFE_PATH` if it leads outside.
 pub(super) fn checked(raw: &[u8]) -> Result<Option<String>, Fault> {
     let shown = || -> String { String::from_utf8_lossy(raw).chars().take(80).collect() };
     let refuse = |code, message: &str| Err(Fault::new(code, message).in_field(shown()));

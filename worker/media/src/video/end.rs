@@ -5,11 +5,11 @@ use crate::{Limits, MediaError, sniff};
 use std::path::Path;
 use yoto_proto::media_plan::VideoEnd;
 
-/// Where the MP4 or MOV at `path` ends, of any codec, without decoding it. `None` for other
-/// containers, whose headers don't count their frames, and for what is no video.
+/// The end of the MP4 or MOV at `path`, with any codec, without decoding it. `None` for other
+/// containers, as their headers don't count frames, and for files that are not videos.
 ///
 /// # Errors
-/// A file that can't be read, and headers at fault.
+/// If the file can't be read, or its headers are invalid.
 pub fn end(path: &Path, limits: &Limits) -> Result<Option<VideoEnd>, MediaError> {
     if !matches!(sniffed(path)?, sniff::Kind::Mp4) {
         return Ok(None);

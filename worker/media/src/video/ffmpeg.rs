@@ -14,7 +14,7 @@ pub const VARIABLE: &str = "YOTO_FFMPEG";
 /// Containers that may be opened.
 const FORMATS: &str =
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,h264,hevc,ogg,flv,asf,mxf";
-/// Kept bytes of its standard error.
+/// Bytes kept of its standard error.
 const COMPLAINTS: u64 = 16 << 10;
 
 /// The program, if there is one.
@@ -74,7 +74,8 @@ impl Ffmpeg {
         let complaints = child.stderr.take().map(|stderr| {
             std::thread::spawn(move || {
                 let (mut text, mut stderr) = (Vec::new(), BufReader::new(stderr));
-                // A failure to read its standard error is not reported.
+                // The pipe is read to its end even past the kept part: a program that can't write its
+                // complaints would block. A failure to read them is not reported.
                 let _ = (&mut stderr).take(COMPLAINTS).read_to_end(&mut text);
                 let _ = std::io::copy(&mut stderr, &mut std::io::sink());
                 String::from_utf8_lossy(&text).into_owned()
@@ -93,6 +94,7 @@ impl Ffmpeg {
 }
 
 fn command(program: &Path, path: &Path, level: &str) -> Command {
+    // The prefix keeps a path with a colon from being read as a protocol.
     let mut input = std::ffi::OsString::from("file:");
     input.push(path);
     let mut command = Command::new(program);

@@ -15,7 +15,7 @@ const START_CODE: [u8; 4] = [0, 0, 0, 1];
 
 /// The reason to use another decoder.
 pub(super) enum Refusal {
-    /// The bundled decoder does not support this; the message ends "… is not decoded in-process".
+    /// The bundled decoder does not support the stream. The caller's message ends "… is not decoded in-process".
     Unsupported(String),
     /// The file is at fault.
     Bad(Fault),
@@ -33,9 +33,9 @@ pub(super) struct H264 {
     coding: Coding,
     limits: Limits,
     pub(super) size: (u64, u64),
-    /// Packets given to the decoder.
+    /// Number of packets given to the decoder.
     fed: usize,
-    /// Frames decoded.
+    /// Number of decoded frames.
     out: usize,
     /// Frames flushed at the end; `None` for skipped frames.
     tail: VecDeque<Result<Picture, Fault>>,
@@ -132,12 +132,12 @@ impl H264 {
             };
             self.out += 1;
             if !hidden {
-                return Ok(decoded.map(|picture| self.track.turn.apply(picture)));
+                return Ok(decoded.map(|picture| self.track.orientation.apply(picture)));
             }
         }
     }
 
-    /// The decoder's next frame: outer `None` at the end, inner `None` when not converted.
+    /// The decoder's next frame: outer `None` at the end, inner `None` for a skipped frame.
     fn decode(&mut self, skip: bool) -> Result<Option<Option<Picture>>, MediaError> {
         while self.fed < self.track.packets.len() {
             let packet = self.packet()?;
@@ -192,6 +192,7 @@ impl H264 {
             .unwrap_or_default();
         let shown = self.track.rank.get(self.fed).copied().unwrap_or(self.fed);
         let at = |fault: Fault| fault.in_frame(shown.saturating_sub(self.track.hidden));
+        // The sample table's size is untrusted: it is compared before it is allocated.
         if size > self.limits.file_bytes {
             let message = format!("a coded frame of {size} bytes");
             return Err(at(Fault::new("TOO_LARGE", message)).into());
@@ -211,6 +212,7 @@ impl H264 {
             let unit = rest
                 .split_at_checked(self.length_size)
                 .and_then(|(length, tail)| {
+                    // At most 4 bytes (`parameter_sets`), so the sum can't overflow.
                     let length = length
                         .iter()
                         .fold(0usize, |sum, &byte| sum << 8 | usize::from(byte));
@@ -231,6 +233,7 @@ impl H264 {
 
 fn convert(yuv: &DecodedYUV<'_>, coding: Coding, declared: (u64, u64)) -> Result<Picture, Fault> {
     let ((width, height), (sy, su, sv)) = (yuv.dimensions(), yuv.strides());
+    // A stream may change its parameter sets midway; only the first ones were checked against the limits.
     if (width as u64, height as u64) != declared {
         let message = format!(
             "H.264: a frame of {width}x{height} pixels in a video of {}x{}",

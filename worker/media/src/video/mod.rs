@@ -10,7 +10,7 @@ mod yuv;
 pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
 
-use crate::{Fault, Limits, MediaError, Picture, Turn, sniff};
+use crate::{Fault, Limits, MediaError, Orientation, Picture, sniff};
 use ffmpeg::FfmpegVideo;
 use h264::{H264, Refusal};
 use std::fs::File;
@@ -34,8 +34,8 @@ impl Video {
     /// kind of video; `ffmpeg` has to decode the file once more for them.
     ///
     /// # Errors
-    /// When the file is not a video, is cut short, or declares too much; when it needs `ffmpeg`
-    /// and there is none.
+    /// If the file is not a video, is cut short, or declares too much, or if it needs `ffmpeg` and there
+    /// is none.
     pub fn open(
         path: &Path,
         limits: &Limits,
@@ -80,7 +80,7 @@ impl Video {
         }
     }
 
-    /// Time of each frame, rising, seconds from the first.
+    /// Time of each frame, ascending, seconds from the first.
     pub fn times(&self) -> &[f64] {
         match &self.by {
             By::H264(stream) => &stream.track().times,
@@ -93,11 +93,11 @@ impl Video {
         match &self.by {
             By::H264(stream) => {
                 let (width, height) = stream.size;
-                let turned = match stream.track().turn {
-                    Turn::None => "",
-                    Turn::Right => ", turned right",
-                    Turn::Half => ", turned half round",
-                    Turn::Left => ", turned left",
+                let turned = match stream.track().orientation {
+                    Orientation::AsStored => "",
+                    Orientation::Clockwise => ", turned right",
+                    Orientation::Half => ", turned half round",
+                    Orientation::CounterClockwise => ", turned left",
                 };
                 let frames = stream.track().times.len();
                 format!("H.264, {width}x{height}, {frames} frames{turned}")
@@ -110,7 +110,7 @@ impl Video {
     /// the frame is decoded, since later frames depend on it, but not converted and not returned.
     ///
     /// # Errors
-    /// A frame that can't be decoded, with its number.
+    /// If a frame can't be decoded, with its number.
     pub fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
         match &mut self.by {
             By::H264(stream) => stream.next(skip),

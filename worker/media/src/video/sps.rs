@@ -21,8 +21,10 @@ pub(super) struct Sps {
 const HIGH: [u64; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135];
 
 impl Sps {
-    /// Reads the unit `nal`, with its type in the first byte. `None` when it is cut short or
-    /// invalid.
+    /// Reads the unit `nal`, with its type in the first byte. `None` if it is cut short or invalid.
+    ///
+    /// Most fields are read only to get past them: the format has no offsets. Every read checks the end
+    /// of the bytes, and all sizes are computed with checks, since the bytes are untrusted.
     pub(super) fn read(nal: &[u8]) -> Option<Self> {
         let bytes = unescaped(nal.get(1..)?);
         let mut bits = Bits {
@@ -55,6 +57,7 @@ impl Sps {
                 bits.flag()?;
                 bits.signed()?;
                 bits.signed()?;
+                // The standard allows 255; without a bound, a hostile count would keep the loop busy.
                 for _ in 0..bits.unsigned()?.min(256) {
                     bits.signed()?;
                 }
@@ -81,7 +84,7 @@ impl Sps {
         } else {
             (false, 2)
         };
-        // A crop counts chroma samples, which monochrome and separate planes lack.
+        // Crops are in units of chroma samples, or of luma samples for monochrome and separate planes.
         let sampled = if separate { 0 } else { chroma_format };
         let unit_x = if matches!(sampled, 1 | 2) { 2 } else { 1 };
         let unit_y = if sampled == 1 { 2 } else { 1 } * if interlaced { 2 } else { 1 };
@@ -102,7 +105,7 @@ impl Sps {
     }
 }
 
-/// Removes the byte 3 after two zeros, which prevents start codes in the content.
+/// Removes the emulation prevention: the byte 3 after two zeros, which keeps start codes out of the content.
 fn unescaped(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut zeros = 0;
@@ -137,11 +140,12 @@ impl Bits<'_> {
         Some(value)
     }
 
-    /// Exponential Golomb code.
+    /// An exponential Golomb code, `ue(v)` in the standard.
     fn unsigned(&mut self) -> Option<u64> {
         let mut zeros = 0;
         while !self.flag()? {
             zeros += 1;
+            // Valid codes have at most 32 zeros; more would overflow the shift below.
             if zeros > 32 {
                 return None;
             }
@@ -169,7 +173,7 @@ impl Bits<'_> {
         Some(())
     }
 
-    /// The start of the usability information, as far as colour.
+    /// Range and matrix of colours: the start of the video usability information (E.1.1).
     fn colour(&mut self) -> Option<(bool, u64)> {
         if self.flag()? && self.take(8)? == 255 {
             self.take(32)?;

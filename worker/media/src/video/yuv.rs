@@ -11,8 +11,8 @@ pub(super) struct Coding {
 }
 
 impl Coding {
-    /// For H.273's number of a matrix. 2, "not specified", is read as Rec. 601, the usual
-    /// default of encoders. `None` for codings that are not luma and two differences.
+    /// The coding for H.273's number of a matrix. 2, "not specified", means Rec. 601, the usual default of
+    /// encoders. `None` for codings that are not luma and two colour differences.
     pub(super) fn new(matrix: u64, full_range: bool) -> Option<Self> {
         let weights = match matrix {
             1 => (0.2126, 0.0722),
@@ -42,9 +42,8 @@ pub(super) struct Planes<'a> {
 /// 16.16 fixed point.
 const ONE: f32 = 65536.0;
 
-/// RGB by linear interpolation of the colour planes, whose samples are on every other
-/// column and between every two rows (H.264's usual siting, E-1). `None` when a plane is
-/// smaller than the picture.
+/// RGB by linear interpolation of the chroma planes. Their samples are on every other column and between
+/// every two rows (H.264's usual siting, figure E-1). `None` if a plane is smaller than the picture.
 pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
     let Planes { width, height, .. } = planes;
     let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
@@ -57,7 +56,7 @@ pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
     let green = 1.0 - red - blue;
     let fixed = |value: f32| (value * ONE).round() as i32;
     let luma = fixed(luma_scale);
-    // Interpolated differences are eight times as large.
+    // The interpolation weights, 3 + 1 down and 1 + 1 across, leave differences eight times as large.
     let chroma = |value: f32| fixed(value * chroma_scale / 8.0);
     let to_red = chroma(2.0 * (1.0 - red));
     let to_blue = chroma(2.0 * (1.0 - blue));

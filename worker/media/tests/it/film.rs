@@ -1,4 +1,4 @@
-//! Films that are written can be read again, in their colours.
+//! Films can be read again after writing, in their colours.
 
 use yoto_media::Limits;
 use yoto_media::film::{Film, FilmError};
@@ -10,7 +10,7 @@ const FRAMES: usize = 40;
 fn picture(width: usize, height: usize, frame: usize) -> Vec<u8> {
     let pixel = |at: usize| {
         let (row, column) = (at / width, at % width);
-        let inside = |place: usize| (frame..frame + 16).contains(&place);
+        let inside = |position: usize| (frame..frame + 16).contains(&position);
         match inside(row) && inside(column) {
             true => [250, 250, 250],
             false => [
@@ -36,9 +36,9 @@ fn a_film_comes_back_in_its_colours_and_at_its_speed() {
         }
         film.finish().expect("writes");
         let bytes = std::fs::read(&path).expect("a file");
-        let place = |name: &[u8]| bytes.windows(4).position(|part| part == name);
+        let offset = |name: &[u8]| bytes.windows(4).position(|part| part == name);
         assert!(
-            place(b"moov") < place(b"mdat"),
+            offset(b"moov") < offset(b"mdat"),
             "players wait for the whole file"
         );
 

@@ -1,4 +1,4 @@
-//! Films and pictures of real encoders, in and out.
+//! Reading and writing the files of real encoders.
 
 mod film;
 mod video;

@@ -1,7 +1,7 @@
-//! What the benchmarks share: numbers without a pattern, and times that hardly depend on the load of
+//! What the benchmarks share: pseudo-random numbers, and times that hardly depend on the load of
 //! the machine.
 
-// Each benchmark is a program of its own and uses a part of this module.
+// Each benchmark is a separate program and uses a part of this module.
 #![allow(dead_code)]
 
 use cpu_time::ThreadTime;

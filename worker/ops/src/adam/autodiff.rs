@@ -1,4 +1,4 @@
-//! The Adam update on a differentiating backend: nothing is learned through it.
+//! The Adam update on a differentiating backend: no gradients flow through it.
 
 use super::{AdamOps, AdamRates};
 use crate::autodiff::constants;

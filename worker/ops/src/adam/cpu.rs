@@ -16,7 +16,7 @@ impl AdamOps for Flex {
         rates: AdamRates,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         let grad = grad.to_contiguous();
-        // The given handles are dropped here: while two are held, a write copies the numbers.
+        // The original handles are dropped here: a write copies the numbers while a second handle exists.
         let contiguous = |tensor: FloatTensor<Self>| tensor.to_contiguous();
         let [mut param, mut moment_1, mut moment_2] = [param, moment_1, moment_2].map(contiguous);
         // `storage_mut` copies first when another tensor still shares the memory.
@@ -55,6 +55,7 @@ pub fn update(
         .zip(moment_2.par_chunks_mut(BLOCK));
     blocks.for_each(|(((param, grad), moment_1), moment_2)| {
         for (((p, g), m), v) in param.iter_mut().zip(grad).zip(moment_1).zip(moment_2) {
+            // m ← β₁ m + (1 − β₁) g, v ← β₂ v + (1 − β₂) g², p ← p − η m / (√v + ε)
             *m = rates.beta_1 * *m + (1.0 - rates.beta_1) * g;
             *v = rates.beta_2 * *v + (1.0 - rates.beta_2) * g * g;
             *p -= rates.rate * *m / (v.sqrt() + rates.epsilon);

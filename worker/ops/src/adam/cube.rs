@@ -33,7 +33,7 @@ fn update(
     let numbers = param.meta.num_elements();
     if numbers > 0 {
         let (count, dim) = each(&client, numbers);
-        step::launch(
+        adam_step::launch(
             &client,
             count,
             dim,
@@ -60,9 +60,10 @@ fn own(tensor: CubeTensor) -> CubeTensor {
     }
 }
 
+/// m ← β₁ m + (1 − β₁) g, v ← β₂ v + (1 − β₂) g², p ← p − η m / (√v + ε). A thread per number.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn step(
+fn adam_step(
     param: &mut [f32],
     grad: &[f32],
     moment_1: &mut [f32],

@@ -1,5 +1,5 @@
-//! One Adam update in one pass over memory. Burn's own takes about ten, which on tables of
-//! a million numbers costs more than the rest of the step.
+//! An Adam update (Kingma and Ba, arXiv 1412.6980, algorithm 1) in one pass over memory. Burn's own takes about
+//! ten passes, which on tables of a million numbers costs more than the rest of the step.
 
 mod autodiff;
 pub mod cpu;
@@ -25,7 +25,7 @@ pub struct AdamRates {
 }
 
 impl AdamRates {
-    /// Scalars of update number `time`, counted from 1.
+    /// The scalars of the update at the step `time`, counted from 1.
     pub fn new(learning_rate: f64, beta_1: f64, beta_2: f64, epsilon: f64, time: usize) -> Self {
         let time = time.min(i32::MAX as usize) as i32;
         let root = (1.0 - beta_2.powi(time)).sqrt();
@@ -39,7 +39,7 @@ impl AdamRates {
     }
 }
 
-/// The Adam update as a backend implements it. Call [`update`] instead: it chooses the form for
+/// The Adam update as a backend implements it. Call [`update`] instead, which chooses the form for
 /// the tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait AdamOps: Backend {
@@ -56,8 +56,7 @@ pub trait AdamOps: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
-/// Parameter and both moments after the update, of the same shapes. All four tensors have as
-/// many numbers.
+/// The parameter and both moments after the update. All four tensors have the same shape.
 pub fn update<const D: usize>(
     param: Tensor<D>,
     grad: Tensor<D>,

@@ -1,5 +1,5 @@
-//! The softmax over bones on CPU threads: blocks of nodes, whose columns are read row by row, in
-//! loops for which the compiler uses wide instructions.
+//! The softmax over bones on CPU threads: blocks of nodes whose columns are read row by row, in loops
+//! that the compiler vectorizes.
 
 use super::BoneSoftmaxOps;
 use crate::flex::tensor;
@@ -35,7 +35,7 @@ impl BoneSoftmaxOps for Flex {
 /// If the sizes differ or are not a multiple of `nodes`.
 pub fn forward(logits: &[f32], log_prior: &[f32], nodes: usize) -> Vec<f32> {
     by_blocks(logits, log_prior, nodes, |from, output| {
-        Form::best().run(Shares { from, output });
+        Form::best().run(Softmax { from, output });
     })
 }
 
@@ -45,11 +45,11 @@ pub fn forward(logits: &[f32], log_prior: &[f32], nodes: usize) -> Vec<f32> {
 /// If the sizes differ or are not a multiple of `nodes`.
 pub fn backward(weights: &[f32], grad: &[f32], nodes: usize) -> Vec<f32> {
     by_blocks(weights, grad, nodes, |from, output| {
-        Form::best().run(ToLogits { from, output });
+        Form::best().run(SoftmaxBackward { from, output });
     })
 }
 
-/// The same nodes of all rows of two inputs.
+/// A block of nodes of all rows of two inputs.
 struct Inputs<'a> {
     pair: [&'a [f32]; 2],
     nodes: usize,
@@ -99,17 +99,18 @@ fn by_blocks(
 }
 
 /// Writes the softmax of the sum of both inputs.
-struct Shares<'a, 'b> {
+struct Softmax<'a, 'b> {
     from: Inputs<'a>,
     output: &'a mut [&'b mut [f32]],
 }
 
-impl Work for Shares<'_, '_> {
+impl Work for Softmax<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<const FMA: bool>(self) {
         let count = self.output.first().map_or(0, |row| row.len());
+        // wₖ = exp(xₖ − max x) / Σ exp(xⱼ − max x) with x = logits + log prior
         let mut largest = [f32::NEG_INFINITY; BLOCK];
         let largest = &mut largest[..count];
         for (row, output) in self.output.iter_mut().enumerate() {
@@ -141,13 +142,13 @@ impl Work for Shares<'_, '_> {
     }
 }
 
-/// Writes w (g − Σ w g) for weights w and the gradient g to them.
-struct ToLogits<'a, 'b> {
+/// Writes the gradient to the logits, wₖ (gₖ − Σ wⱼ gⱼ), for weights w and the gradient g to them.
+struct SoftmaxBackward<'a, 'b> {
     from: Inputs<'a>,
     output: &'a mut [&'b mut [f32]],
 }
 
-impl Work for ToLogits<'_, '_> {
+impl Work for SoftmaxBackward<'_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -170,14 +171,15 @@ impl Work for ToLogits<'_, '_> {
     }
 }
 
-/// e^x for x ≤ 0, to two units in the last place; 0 below −87, where results would be subnormal,
-/// and NaN for NaN. The polynomial is that of Cephes' `expf`.
+/// eˣ for x ≤ 0, to two units in the last place; 0 below −87, where results would be subnormal,
+/// and NaN for NaN. The polynomial is that of `expf` in Cephes.
 #[inline(always)]
 fn exp_of_negative<const FMA: bool>(x: f32) -> f32 {
     /// Adding it rounds numbers of less than 2²² to whole ones, in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
     const LN_2_LOW: f32 = -2.121_944_4e-4;
+    // eˣ = 2ⁿ eʳ with r = x − n ln 2; ln 2 in two parts keeps r exact
     let shifted = multiply_add::<FMA>(x, std::f32::consts::LOG2_E, ROUND);
     let whole = shifted - ROUND;
     let r = multiply_add::<FMA>(whole, -LN_2_HIGH, x);

@@ -1,6 +1,6 @@
-//! The motion weights at each node of a grid: the softmax over bones of logits that are added to
-//! the logarithm of a prior. Burn's softmax over the first of two axes reads memory column by
-//! column, which took as long as the rest of a training step (docs/performance.md).
+//! The motion weights at each node of a grid: softmax over bones of logits + log prior (HumanNeRF, arXiv
+//! 2201.04127, whose prior is a Gaussian around each bone). Burn's softmax over the first of two
+//! axes reads memory column by column, which took as long as the rest of a training step (docs/performance.md).
 
 mod autodiff;
 pub mod cpu;
@@ -10,7 +10,7 @@ use super::on_cpu;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// The softmax as a backend implements it; other devices have the reference. Call
+/// The softmax as a backend implements it; other devices run the reference. Call
 /// [`bone_softmax`] instead.
 #[backend_extension(Autodiff, Flex)]
 pub trait BoneSoftmaxOps: Backend {
@@ -23,8 +23,8 @@ pub trait BoneSoftmaxOps: Backend {
     ) -> FloatTensor<Self>;
 }
 
-/// `logits` `[K + 1, V]` and `log_prior` `[K + 1, V]`, in which −∞ is a weight of 0 → weights
-/// `[K + 1, V]`, which sum to 1 at each of the V nodes. Gradients flow to the logits.
+/// `logits` `[K + 1, V]` and `log_prior` `[K + 1, V]` → weights `[K + 1, V]`, which sum to 1 at each of the V nodes.
+/// A `log_prior` of −∞ gives a weight of 0. Gradients flow to the logits.
 pub fn bone_softmax(logits: Tensor<2>, log_prior: Tensor<2>) -> Tensor<2> {
     if on_cpu(&logits.device()) {
         Tensor::from_dispatch(Dispatch::bone_softmax(

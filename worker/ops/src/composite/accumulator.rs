@@ -8,14 +8,14 @@ pub fn opacity(density: f32, step: f32, likelihood: f32) -> f32 {
     (1.0 - (-density * step).exp()) * likelihood
 }
 
-/// Share of the light that passes a sample of opacity `alpha`. In two sums: 1 + 1e-10 is 1 in
-/// f32.
+/// Share of the light that passes a sample of opacity `alpha`, 1 − α + 1e-10. The sums must be in this
+/// order: 1 + 1e-10 is 1 in f32.
 #[inline(always)]
 pub(super) fn transmitted(alpha: f32) -> f32 {
     1.0 - alpha + OPAQUE
 }
 
-/// The sums over a ray's samples, near to far, over black.
+/// The sums over the samples of a ray, near to far, over black.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayAccumulator {
     /// Σ T α c.
@@ -24,7 +24,7 @@ pub struct RayAccumulator {
     pub alpha: f32,
     /// Σ T α z, metres.
     pub depth: f32,
-    /// T: the share of the light that passes all samples so far.
+    /// T, the transmittance: the share of the light that passes all samples so far.
     pub transmittance: f32,
 }
 
@@ -41,6 +41,7 @@ impl RayAccumulator {
     /// is in metres.
     #[inline(always)]
     pub fn add(&mut self, rgb: &[f32], alpha: f32, depth: f32) {
+        // C += T α c, then T ← T (1 − α) (YOTO, eq. 9)
         let weight = self.transmittance * alpha;
         for (sum, channel) in self.rgb.iter_mut().zip(rgb) {
             *sum += weight * channel;

@@ -1,5 +1,5 @@
-//! Gradients of compositing. They flow to colours, densities and likelihoods; where the samples
-//! are is given.
+//! Gradients of compositing. They flow to colours, densities and likelihoods, not to the positions of the
+//! samples.
 
 use super::{CompositeOps, RaySamples};
 use crate::autodiff::{Saved, constants, record};

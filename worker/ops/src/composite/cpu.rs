@@ -1,9 +1,8 @@
 //! Compositing on CPU threads, ray by ray.
 //!
-//! The backward pass needs no division by 1 − α, which can be 0. From far to near, it carries the
-//! value B that the samples behind would add per unit of light, B ← α v + (1 − α) B; the gradient
-//! to a sample's α is T (v − B), where v is the product of the output's gradient and the sample's
-//! colour, opacity and depth.
+//! The backward pass needs no division by 1 − α, which can be 0. With v the inner product of the output's gradient
+//! and a sample's (colour, 1, depth), L = Σ T α v. From far to near, the backward pass keeps the value B that the
+//! samples behind would add per unit of light, B ← α v + (1 − α) B; the gradient to a sample's α is T (v − B).
 
 use super::accumulator::{RayAccumulator, opacity, transmitted};
 use super::{CompositeOps, RaySamples};
@@ -58,6 +57,9 @@ impl CompositeOps for Flex {
 }
 
 /// Checks that there are values for all samples.
+///
+/// # Panics
+/// If not.
 fn check(rgb: &[f32], density: &[f32], likelihood: &[f32], samples: &RaySamples) {
     let n = samples.starts[samples.rays()];
     let lengths = [
@@ -151,37 +153,41 @@ pub fn backward(
         .into_par_iter()
         .for_each(|(rays, to_rgb, to_density, to_likelihood)| {
             let offset = samples.starts[rays.start];
-            // Transmittance before each sample, and exp(−σ δ) of the sample.
-            let mut passed: Vec<[f32; 2]> = Vec::new();
+            // Transmittance T before each sample, and exp(−σ δ).
+            let mut steps: Vec<[f32; 2]> = Vec::new();
             for ray in rays {
                 let (start, end) = (samples.starts[ray], samples.starts[ray + 1]);
                 let g = &grad[5 * ray..5 * ray + 5];
-                passed.clear();
+                steps.clear();
                 let mut transmittance = 1f32;
                 for i in start..end {
                     if transmittance < samples.min_transmittance {
                         break;
                     }
-                    let left = (-density[i] * samples.steps[i]).exp();
-                    passed.push([transmittance, left]);
-                    transmittance *= transmitted((1.0 - left) * likelihood[i]);
+                    let passed = (-density[i] * samples.steps[i]).exp();
+                    steps.push([transmittance, passed]);
+                    transmittance *= transmitted((1.0 - passed) * likelihood[i]);
                 }
                 let mut behind = 0f32;
-                for (i, [transmittance, left]) in (start..start + passed.len()).zip(&passed).rev() {
-                    let alpha = (1.0 - left) * likelihood[i];
+                for (i, [transmittance, passed]) in (start..start + steps.len()).zip(&steps).rev() {
+                    let alpha = (1.0 - passed) * likelihood[i];
                     let colour = &rgb[3 * i..3 * i + 3];
                     let value = g[0] * colour[0]
                         + g[1] * colour[1]
                         + g[2] * colour[2]
                         + g[3]
                         + g[4] * samples.depths[i];
+                    // ∂L/∂α = T (v − B)
                     let to_alpha = transmittance * (value - behind);
                     let at = i - offset;
+                    // ∂L/∂c = T α ∂L/∂C
                     for (to, g) in to_rgb[3 * at..3 * at + 3].iter_mut().zip(g) {
                         *to = g * transmittance * alpha;
                     }
-                    to_density[at] = to_alpha * likelihood[i] * samples.steps[i] * left;
-                    to_likelihood[at] = to_alpha * (1.0 - left);
+                    // α = (1 − exp(−σ δ)) m: ∂α/∂σ = m δ exp(−σ δ), ∂α/∂m = 1 − exp(−σ δ)
+                    to_density[at] = to_alpha * likelihood[i] * samples.steps[i] * passed;
+                    to_likelihood[at] = to_alpha * (1.0 - passed);
+                    // B ← α v + (1 − α) B
                     behind = alpha * value + transmitted(alpha) * behind;
                 }
             }

@@ -1,5 +1,5 @@
-//! Compositing on a GPU: a thread walks a ray front to back, and for gradients back again, as
-//! `cpu` does.
+//! Compositing on a GPU: a thread per ray walks it front to back, and for gradients back again, with the
+//! equations of `cpu`.
 
 use super::{CompositeOps, OPAQUE, RaySamples};
 use crate::cube::tensors::{each, empty, rows, upload, zeros};
@@ -107,13 +107,14 @@ fn steps_and_depths(samples: &RaySamples) -> Vec<f32> {
     pairs.flat_map(|(step, depth)| [*step, *depth]).collect()
 }
 
-/// Share of the light that passes a sample of opacity `alpha`. In two sums: 1 + 1e-10 is 1 in
-/// f32.
+/// Share of the light that passes a sample of opacity `alpha`, 1 − α + 1e-10. The sums must be in this
+/// order: 1 + 1e-10 is 1 in f32.
 #[cube]
 fn transmitted(alpha: f32) -> f32 {
     (1.0 - alpha) + OPAQUE
 }
 
+/// Writes `[R, 5]` as in [`super::composite`]. `lengths` `[n, 2]` are steps and depths.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn composite_ray(
@@ -138,6 +139,7 @@ fn composite_ray(
     let mut opacity = 0.0f32;
     let mut depth = 0.0f32;
     while i < end {
+        // α = (1 − exp(−σ δ)) m, C += T α c, T ← T (1 − α) (YOTO, eq. 9)
         let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
         let weight = transmittance * alpha;
         red += weight * rgb[3 * i];
@@ -158,6 +160,7 @@ fn composite_ray(
     output[5 * ray + 4] = depth;
 }
 
+/// Writes the gradients to the inputs of [`composite_ray`], from `grad` `[R, 5]`.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn composite_ray_backward(
@@ -184,18 +187,18 @@ fn composite_ray_backward(
     let to_opacity = grad[5 * ray + 3];
     let to_depth = grad[5 * ray + 4];
 
-    // Front to back. The transmittance before a sample waits in its density's gradient.
+    // Front to back. The transmittance before a sample is kept in the gradient to its density.
     let mut transmittance = 1.0f32;
     let mut stop = start;
-    let mut open = true;
+    let mut visible = true;
     for i in start..end {
         to_density[i] = transmittance;
-        if open {
+        if visible {
             stop = i + 1;
             let alpha = (1.0 - f32::exp(-density[i] * lengths[2 * i])) * likelihood[i];
             transmittance *= transmitted(alpha);
             if transmittance < min_transmittance {
-                open = false;
+                visible = false;
             }
         } else {
             to_rgb[3 * i] = 0.0;
@@ -206,25 +209,28 @@ fn composite_ray_backward(
         }
     }
 
-    // Back to front, with the value that the samples behind would add per unit of light.
+    // Back to front, with the value B that the samples behind would add per unit of light.
     let mut behind = 0.0f32;
     for k in 0..stop - start {
         let i = stop - 1 - k;
         let before = to_density[i];
-        let left = f32::exp(-density[i] * lengths[2 * i]);
-        let alpha = (1.0 - left) * likelihood[i];
+        let passed = f32::exp(-density[i] * lengths[2 * i]);
+        let alpha = (1.0 - passed) * likelihood[i];
         let value = red * rgb[3 * i]
             + green * rgb[3 * i + 1]
             + blue * rgb[3 * i + 2]
             + to_opacity
             + to_depth * lengths[2 * i + 1];
+        // ∂L/∂α = T (v − B), ∂L/∂c = T α ∂L/∂C
         let to_alpha = before * (value - behind);
         let weight = before * alpha;
         to_rgb[3 * i] = red * weight;
         to_rgb[3 * i + 1] = green * weight;
         to_rgb[3 * i + 2] = blue * weight;
-        to_density[i] = to_alpha * likelihood[i] * lengths[2 * i] * left;
-        to_likelihood[i] = to_alpha * (1.0 - left);
+        // ∂α/∂σ = m δ exp(−σ δ), ∂α/∂m = 1 − exp(−σ δ)
+        to_density[i] = to_alpha * likelihood[i] * lengths[2 * i] * passed;
+        to_likelihood[i] = to_alpha * (1.0 - passed);
+        // B ← α v + (1 − α) B
         behind = alpha * value + transmitted(alpha) * behind;
     }
 }

@@ -1,9 +1,9 @@
-//! Volume rendering (YOTO, eq. 9) of samples that are listed ray by ray, near to far:
-//! α = (1 − exp(−σ δ)) m, C = Σ T α c, and T the product of 1 − α over the samples before.
+//! Volume rendering (YOTO, eq. 9; HumanNeRF, arXiv 2201.04127) of samples that are listed ray by ray, near to far:
+//! C = Σ T α c with α = (1 − exp(−σ δ)) m, and T the product of 1 − α over the samples in front.
 //!
-//! A ray may end early: once its transmittance is under a bound, later samples have a weight and
+//! A ray may end early: once its transmittance is below a bound, later samples have a weight and
 //! gradients of exactly zero, so that the backward passes of the networks can leave them out.
-//! Colour and opacity are then wrong by at most the bound.
+//! The error of colour and opacity is then at most the bound.
 
 mod accumulator;
 mod autodiff;
@@ -21,22 +21,22 @@ use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use std::sync::Arc;
 
-/// Added to 1 − α (HumanNeRF): transmittance stays over 0 behind an opaque sample, so that hidden
-/// samples still get gradients, too small to show.
+/// Added to 1 − α (as in HumanNeRF): transmittance stays above 0 behind an opaque sample, so that hidden
+/// samples still get gradients. They are too small to be seen in a picture.
 pub const OPAQUE: f32 = 1e-10;
 
 /// Positions of the samples of R rays, n in total.
 #[derive(Clone, Debug)]
 pub struct RaySamples {
-    /// `[R + 1]`: the samples of ray r are numbers `starts[r]..starts[r + 1]`, near to far.
+    /// `[R + 1]`: ray r has the samples `starts[r]..starts[r + 1]`, near to far.
     pub starts: Arc<[usize]>,
     /// `[n]` step lengths, metres.
     pub steps: Arc<[f32]>,
     /// `[n]` distances from the camera along its axis, metres.
     pub depths: Arc<[f32]>,
-    /// Samples that a smaller share of the light reaches have weight 0; 0 keeps all.
+    /// Samples behind a smaller transmittance have weight 0; 0 keeps all samples.
     pub min_transmittance: f32,
-    /// Choice of the samples that gradients flow to, on the CPU; `None`: all of them. A GPU runs
+    /// Choice of the samples that gradients flow to, on the CPU; `None` for all samples. A GPU runs
     /// all rows of its networks at once and would gain nothing.
     pub subsampling: Option<GradientSubsampling>,
 }
@@ -45,7 +45,7 @@ impl RaySamples {
     /// Number of rays R.
     ///
     /// # Panics
-    /// If `starts` is empty: even of no rays it holds one number.
+    /// If `starts` is empty: for no rays, it must still have one number.
     pub fn rays(&self) -> usize {
         assert!(
             !self.starts.is_empty(),
@@ -55,7 +55,7 @@ impl RaySamples {
     }
 }
 
-/// Compositing as a backend implements it. Call [`composite`] instead: it chooses
+/// Compositing as a backend implements it. Call [`composite`] instead, which chooses
 /// the form for the tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait CompositeOps: Backend {

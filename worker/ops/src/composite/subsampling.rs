@@ -1,7 +1,7 @@
 //! Choice of the samples that a step learns from when all of them would take too long.
 //!
-//! The gradients of most samples are close to zero: of empty space that is known to be empty, and
-//! of hidden samples. The networks' backward pass takes as long for these as for any other. A
+//! The gradients of most samples are close to zero, namely in space that is known to be empty and of hidden
+//! samples. The networks' backward pass takes as long for these as for any other sample. A
 //! sample is therefore kept with a probability that rises with the size of its gradient, and the
 //! gradient of a kept sample is divided by that probability, so that the expected gradient of
 //! every parameter is unchanged (Russian roulette, Arvo and Kirk 1990). The price is variance.
@@ -13,8 +13,8 @@ use super::cpu::Gradients;
 pub struct GradientSubsampling {
     /// Expected share of the samples with a gradient that is kept; 1 or more keeps all.
     pub share: f32,
-    /// Density per unit of the density field's output, 1/m: the size of a gradient to a density
-    /// is that of the gradient to this output.
+    /// Density per unit of the density field's output, 1/m. The size of a gradient to a density
+    /// is measured at this output.
     pub density_scale: f32,
     /// Seed of the choice; different in each step.
     pub seed: u64,
@@ -27,8 +27,8 @@ const FLOOR: f32 = 1e-2;
 const HALVINGS: u32 = 20;
 
 impl GradientSubsampling {
-    /// Sets the gradients of the samples that are left out to 0 and scales the others up. `rgb`
-    /// `[n, 3]`, `density` `[n]` and `likelihood` `[n]` are the values that the gradients are to.
+    /// Sets the gradients of the samples that are left out to 0 and scales the others up. `to` are the gradients to
+    /// `rgb` `[n, 3]`, `density` `[n]` and `likelihood` `[n]`.
     pub(super) fn apply(
         &self,
         rgb: &[f32],
@@ -43,7 +43,8 @@ impl GradientSubsampling {
             .map(|i| {
                 let channels = 3 * i..3 * i + 3;
                 let colour = rgb[channels.clone()].iter().zip(&to.rgb[channels]);
-                // Through a sigmoid; through a softplus; through a sum of softmax weights.
+                // The gradient before the activation: a sigmoid c' = c (1 − c), a softplus, and a sum of softmax
+                // weights.
                 let colour: f32 = colour.map(|(c, g)| (g * c * (1.0 - c)).powi(2)).sum();
                 let density = to.density[i] * self.slope(density[i]);
                 let likelihood = to.likelihood[i] * likelihood[i];
@@ -76,8 +77,8 @@ impl GradientSubsampling {
     }
 }
 
-/// The size from which on samples are always kept, such that the expected share of the samples of
-/// any size over 0 that are kept is `share`.
+/// The size from which on samples are always kept, chosen so that the expected share of kept samples is `share`
+/// among the samples whose size is above 0.
 fn bound(sizes: &[f32], share: f32) -> f32 {
     let finite = || sizes.iter().copied().filter(|s| s.is_finite() && *s > 0.0);
     let wanted = f64::from(share) * finite().count() as f64;
@@ -162,7 +163,7 @@ mod tests {
         }
         let share = kept as f64 / (DRAWS as usize * SAMPLES) as f64;
         assert!((share - 0.1).abs() < 2e-3, "{share}");
-        // Of a sum over samples, the draws' mean is near; of one sample it may be far.
+        // The mean over the draws is close for a sum over samples, and may be far off for one sample.
         let groups = sums
             .chunks(SAMPLES / 8)
             .zip(whole.density.chunks(SAMPLES / 8));

@@ -1,5 +1,5 @@
-//! Sums that many threads add to. The order of the additions is not fixed, so that the last
-//! bits of a gradient differ from run to run; the CPU forms repeat bit for bit.
+//! Atomic sums that many threads add to. The order of the additions is not fixed, so that the last
+//! bits of a gradient differ from run to run; the CPU forms are reproducible bit for bit.
 
 use cubecl::features::AtomicUsage;
 use cubecl::ir::{FloatKind, Type};
@@ -14,12 +14,12 @@ pub(crate) trait AddFloat: Send + Sync + 'static {
     fn add(sum: &mut Atomic<Self::Bound>, value: f32);
 }
 
-/// By the device's own atomic addition of floats.
+/// The device's own atomic addition of floats.
 #[derive(CubeType)]
 pub(crate) struct Native;
 
-/// By comparing and exchanging the float's bits until no other thread interferes: for devices
-/// without atomic additions of floats (SwiftShader, older mobile GPUs).
+/// Compare-and-exchange of the float's bits until no other thread interferes, for devices without atomic additions
+/// of floats (SwiftShader, older mobile GPUs).
 #[derive(CubeType)]
 pub(crate) struct Exchanging;
 

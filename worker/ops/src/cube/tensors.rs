@@ -18,7 +18,7 @@ pub(crate) fn rows(tensor: CubeTensor) -> CubeTensor {
 
 /// A new tensor of undefined numbers on the device of `beside`.
 pub(crate) fn empty(beside: &CubeTensor, shape: Shape) -> CubeTensor {
-    // As one row, since rows of more than one may be padded.
+    // As one row: several rows may be padded.
     let flat = Shape::new([shape.num_elements()]);
     let (client, device) = (beside.client.clone(), beside.device.clone());
     shaped(empty_device_dtype(client, device, flat, DType::F32), shape)

@@ -1,9 +1,9 @@
 //! The transposed convolution on CPU threads, around the matrix products of the Flex backend, which
 //! read transposed factors without a copy.
 //!
-//! The product of kernels and volume has, for each output channel, kernel node and input voxel, the
-//! contribution of that voxel through that node. Folding adds up the contributions to each output
-//! voxel; unfolding is its transpose.
+//! The product of kernels and volume has the contribution of each input voxel through each kernel node to each
+//! output channel. Folding (col2im) sums the contributions to each output voxel; unfolding (im2col) is its
+//! transpose.
 
 use super::{DeconvOps, KERNEL, NODES, PADDING, STRIDE};
 use crate::flex::tensor;
@@ -74,7 +74,7 @@ fn fold(columns: &[f32], side: usize) -> Vec<f32> {
             for (node, column) in columns.chunks_exact(voxels).enumerate() {
                 let nodes = axes(node);
                 each_row(nodes, side, |from, to| {
-                    let (inputs, first) = landing(nodes[2], side);
+                    let (inputs, first) = contributing(nodes[2], side);
                     let outputs = output[to..to + doubled][first..].iter_mut().step_by(STRIDE);
                     for (output, value) in outputs.zip(&column[from..from + side][inputs]) {
                         *output += value;
@@ -98,7 +98,7 @@ fn unfold(output: &[f32], side: usize) -> Vec<f32> {
             for (node, column) in columns.chunks_exact_mut(voxels).enumerate() {
                 let nodes = axes(node);
                 each_row(nodes, side, |from, to| {
-                    let (inputs, first) = landing(nodes[2], side);
+                    let (inputs, first) = contributing(nodes[2], side);
                     let outputs = output[to..to + doubled][first..].iter().step_by(STRIDE);
                     for (value, output) in column[from..from + side][inputs].iter_mut().zip(outputs)
                     {
@@ -121,7 +121,7 @@ fn axes(node: usize) -> [usize; 3] {
 
 /// The inputs along an axis of `side` that contribute through kernel node `node` to voxels inside
 /// the output, and the first of these voxels.
-fn landing(node: usize, side: usize) -> (Range<usize>, usize) {
+fn contributing(node: usize, side: usize) -> (Range<usize>, usize) {
     // Input i contributes to 2i + node − 1, which must be in 0 .. 2·side.
     let first = usize::from(node < PADDING);
     let last = (STRIDE * side + PADDING - node).div_ceil(STRIDE).min(side);
@@ -132,9 +132,9 @@ fn landing(node: usize, side: usize) -> (Range<usize>, usize) {
 /// of that row and of the output's row.
 fn each_row(nodes: [usize; 3], side: usize, mut work: impl FnMut(usize, usize)) {
     let doubled = STRIDE * side;
-    let (inputs, first_z) = landing(nodes[0], side);
+    let (inputs, first_z) = contributing(nodes[0], side);
     for (to_z, z) in (first_z..).step_by(STRIDE).zip(inputs) {
-        let (inputs, first_y) = landing(nodes[1], side);
+        let (inputs, first_y) = contributing(nodes[1], side);
         for (to_y, y) in (first_y..).step_by(STRIDE).zip(inputs) {
             work((z * side + y) * side, (to_z * doubled + to_y) * doubled);
         }
@@ -146,14 +146,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inputs_land_inside() {
-        // Of a single voxel, only the two middle nodes of the kernel contribute.
-        let found: Vec<_> = (0..KERNEL).map(|node| landing(node, 1)).collect();
+    fn contributions_are_inside_the_output() {
+        // With a single voxel, only the two middle nodes of the kernel contribute.
+        let found: Vec<_> = (0..KERNEL).map(|node| contributing(node, 1)).collect();
         assert_eq!(found[1], (0..1, 0));
         assert_eq!(found[2], (0..1, 1));
         assert!(found[0].0.is_empty() && found[3].0.is_empty());
-        // Of three, the outer nodes lose one each.
-        let found: Vec<_> = (0..KERNEL).map(|node| landing(node, 3)).collect();
+        // With three, the outer nodes lose one voxel each.
+        let found: Vec<_> = (0..KERNEL).map(|node| contributing(node, 3)).collect();
         assert_eq!(found, [(1..3, 1), (0..3, 0), (0..3, 1), (0..2, 2)]);
     }
 }

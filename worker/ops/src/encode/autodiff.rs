@@ -8,7 +8,7 @@ use burn::backend::{
 
 #[derive(Clone, Debug)]
 struct SavedFrequencies<B: Backend> {
-    /// The result: the slope of a sine is its cosine.
+    /// The result, which has the derivatives: that of a sine is its cosine.
     encoded: FloatTensor<B>,
     bands: Bands,
 }

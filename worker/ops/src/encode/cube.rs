@@ -1,4 +1,4 @@
-//! The encoding on a GPU: a thread for each coordinate and band.
+//! The encoding on a GPU: a thread per coordinate and band.
 
 use super::{Bands, EncodeOps};
 use crate::cube::tensors::{each, empty, rows, upload};
@@ -21,15 +21,15 @@ impl EncodeOps for CubeBackend {
     }
 }
 
-/// Quarter turns per radian.
+/// Multiples of π/2 per radian.
 const QUARTERS: f32 = std::f32::consts::FRAC_2_PI;
-/// A quarter turn in three parts (Cephes), of which the first two have so few bits that products
-/// with [`LARGEST`] · [`QUARTERS`] quarters are exact.
+/// π/2 in three parts (Cephes). The first two have so few significant bits that their products with multiples up to
+/// [`LARGEST`] · [`QUARTERS`] are exact.
 const HIGH: f32 = 1.570_312_5;
 const MIDDLE: f32 = 4.837_513e-4;
 const LOW: f32 = 7.549_79e-8;
-/// Angles over this, radians, go to the driver's functions: up to it the reduced angle has an
-/// error of 1e-7.
+/// Larger angles, radians, are left to the driver's functions; up to this one, the error of the reduced angle is
+/// 1e-7.
 const LARGEST: f32 = 8192.0;
 
 /// `[N, 2 C bands]` as in [`super::frequencies`].
@@ -41,7 +41,7 @@ fn forward(points: CubeTensor, bands: &Bands) -> CubeTensor {
     let threads = points.meta.num_elements() * bands.count;
     if threads > 0 {
         let (count, dim) = each(&client, threads);
-        turn::launch(
+        encode_points::launch(
             &client,
             count,
             dim,
@@ -64,7 +64,7 @@ fn backward(encoded: CubeTensor, grad: CubeTensor, bands: &Bands) -> CubeTensor 
     let client = encoded.client.clone();
     if threads > 0 {
         let (count, dim) = each(&client, threads);
-        slope::launch(
+        points_backward::launch(
             &client,
             count,
             dim,
@@ -78,7 +78,7 @@ fn backward(encoded: CubeTensor, grad: CubeTensor, bands: &Bands) -> CubeTensor 
     to_points
 }
 
-/// Radians per metre and weight of each band, one after the other.
+/// Angular frequency, radians per metre, and weight of each band, one after the other.
 fn numbers(bands: &Bands) -> Vec<f32> {
     bands
         .each()
@@ -87,15 +87,15 @@ fn numbers(bands: &Bands) -> Vec<f32> {
 }
 
 #[derive(CubeType, Clone, Copy)]
-struct Turned {
+struct SinCos {
     sine: f32,
     cosine: f32,
 }
 
-/// Sine and cosine of an angle in radians, with errors of at most 2e-7: a multiple of a quarter
-/// turn is subtracted, and polynomials are evaluated at the rest.
+/// Sine and cosine of an angle in radians, with errors of at most 2e-7: a multiple of π/2 is subtracted, and
+/// polynomials are evaluated at the rest (Cody and Waite's reduction).
 #[cube]
-fn turned(angle: f32) -> Turned {
+fn sin_cos(angle: f32) -> SinCos {
     let quarters = f32::round(angle * QUARTERS);
     let r = angle - quarters * HIGH - quarters * MIDDLE - quarters * LOW;
     let s = r * r;
@@ -103,28 +103,34 @@ fn turned(angle: f32) -> Turned {
     let sine = r - r * s * (1.666_665_5e-1 - s * (8.332_161e-3 - s * 1.951_529_6e-4));
     let cosine = 1.0 - s * (0.5 - s * (4.166_664_6e-2 - s * (1.388_731_6e-3 - s * 2.443_315_7e-5)));
     let quarter = i32::cast_from(quarters) & 3;
-    let mut turned = Turned { sine, cosine };
+    let mut sin_cos = SinCos { sine, cosine };
     if quarter == 1 {
-        turned.sine = cosine;
-        turned.cosine = -sine;
+        sin_cos.sine = cosine;
+        sin_cos.cosine = -sine;
     }
     if quarter == 2 {
-        turned.sine = -sine;
-        turned.cosine = -cosine;
+        sin_cos.sine = -sine;
+        sin_cos.cosine = -cosine;
     }
     if quarter == 3 {
-        turned.sine = -cosine;
-        turned.cosine = sine;
+        sin_cos.sine = -cosine;
+        sin_cos.cosine = sine;
     }
     if f32::abs(angle) > LARGEST {
-        turned.sine = f32::sin(angle);
-        turned.cosine = f32::cos(angle);
+        sin_cos.sine = f32::sin(angle);
+        sin_cos.cosine = f32::cos(angle);
     }
-    turned
+    sin_cos
 }
 
+/// Writes sin(ω x) w and cos(ω x) w of each coordinate x and band (ω, w).
 #[cube(launch)]
-fn turn(points: &[f32], bands: &[f32], encoded: &mut [f32], #[comptime] coordinates: usize) {
+fn encode_points(
+    points: &[f32],
+    bands: &[f32],
+    encoded: &mut [f32],
+    #[comptime] coordinates: usize,
+) {
     let count = bands.len() / 2;
     if ABSOLUTE_POS >= points.len() * count {
         terminate!();
@@ -132,15 +138,16 @@ fn turn(points: &[f32], bands: &[f32], encoded: &mut [f32], #[comptime] coordina
     let band = ABSOLUTE_POS / coordinates % count;
     let i = ABSOLUTE_POS / (coordinates * count);
     let c = ABSOLUTE_POS % coordinates;
-    let turned = turned(points[i * coordinates + c] * bands[2 * band]);
+    let sin_cos = sin_cos(points[i * coordinates + c] * bands[2 * band]);
     let weight = bands[2 * band + 1];
     let to = 2 * coordinates * (i * count + band) + c;
-    encoded[to] = turned.sine * weight;
-    encoded[to + coordinates] = turned.cosine * weight;
+    encoded[to] = sin_cos.sine * weight;
+    encoded[to + coordinates] = sin_cos.cosine * weight;
 }
 
+/// Writes the gradient to the points: Σ ω (∂L/∂sin cos(ω x) − ∂L/∂cos sin(ω x)) w over the bands.
 #[cube(launch)]
-fn slope(
+fn points_backward(
     encoded: &[f32],
     grad: &[f32],
     bands: &[f32],

@@ -1,4 +1,4 @@
-//! Frequency encodings γ of points.
+//! Frequency (positional) encodings γ of points (NeRF, arXiv 2003.08934, eq. 4).
 
 #[cfg(feature = "gpu")]
 mod autodiff;
@@ -15,9 +15,9 @@ use burn::tensor::Tensor;
 pub struct Bands {
     /// Number of bands.
     pub count: usize,
-    /// Radians per metre of the first band; each further one has twice as many.
+    /// Angular frequency of the first band, radians per metre; each further band doubles it.
     pub unit: f32,
-    /// Weight of each band; bands past its end have weight 0. Without a window all have weight 1.
+    /// Weight of each band; bands past the end of the list have weight 0. `None`: all bands have weight 1.
     pub window: Option<Vec<f32>>,
 }
 
@@ -31,7 +31,7 @@ impl Bands {
         }
     }
 
-    /// Radians per metre and weight of each band.
+    /// Angular frequency, radians per metre, and weight of each band.
     pub fn each(&self) -> impl Iterator<Item = (f32, f32)> {
         let weight = |band| match &self.window {
             Some(window) => window.get(band).copied().unwrap_or(0.0),
@@ -41,7 +41,7 @@ impl Bands {
     }
 }
 
-/// The encoding as a backend implements it; CPUs have the reference. Call [`frequencies`] instead.
+/// The encoding as a backend implements it; CPUs run the reference. Call [`frequencies`] instead.
 #[cfg(feature = "gpu")]
 #[backend_extension(Autodiff, Cube, Fusion)]
 pub trait EncodeOps: Backend {
@@ -61,9 +61,9 @@ pub trait EncodeOps: Backend {
     ) -> FloatTensor<Self>;
 }
 
-/// sin and cos of `points` `[N, C]` times each band's radians, times its weight, band by band: sin
-/// of all coordinates, then cos → `[N, 2 C bands]`. A GPU computes its sines by a polynomial:
-/// Vulkan guarantees an error of 2⁻¹¹ between −π and π and nothing beyond, where high bands are.
+/// w sin(ω x) and w cos(ω x) of `points` `[N, C]` for each band's angular frequency ω and weight w, band by band: sin
+/// of all coordinates, then cos → `[N, 2 C bands]`. A GPU computes sines by a polynomial: Vulkan guarantees an error
+/// of 2⁻¹¹ between −π and π and nothing beyond, where the angles of high bands are.
 pub fn frequencies(points: Tensor<2>, bands: &Bands) -> Tensor<2> {
     #[cfg(feature = "gpu")]
     if super::on_gpu(&points.device()) {

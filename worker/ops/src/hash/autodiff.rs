@@ -1,5 +1,5 @@
-//! Gradients of the hash grid. They flow to the table and to the points, and are not computed for
-//! points that do not need any.
+//! Gradients of the hash grid. They flow to the table and to the points; those to the points are computed
+//! only if they are needed.
 
 use super::{HashGrid, HashOps};
 use crate::autodiff::{Saved, constants, record};

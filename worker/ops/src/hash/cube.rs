@@ -1,5 +1,5 @@
-//! The hash grid on a GPU: a thread for each point and level, neighbours in a wave being
-//! neighbours in the list of points, so that they often read the same rows.
+//! The hash grid on a GPU: a thread per point and level. Neighbouring threads have neighbouring points, so
+//! that they often read the same rows.
 
 use super::{HashGrid, HashOps};
 use crate::cube::adding::{AddFloat, Bound, launch_adding};
@@ -37,7 +37,7 @@ fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTensor
     let threads = points.meta.shape()[0] * grid.levels.len();
     if threads > 0 {
         let (count, dim) = each(&client, threads);
-        look_up::launch(
+        encode_points::launch(
             &client,
             count,
             dim,
@@ -45,7 +45,7 @@ fn forward(table: CubeTensor, points: CubeTensor, grid: &HashGrid) -> CubeTensor
             points.into_buffer_arg(),
             upload(&client, &levels(grid)),
             output.clone().into_buffer_arg(),
-            cube_of(grid),
+            bounds(grid),
             grid.features,
         );
     }
@@ -72,7 +72,7 @@ fn backward(
     if n > 0 && !grid.levels.is_empty() {
         let (count, dim) = each(&client, n * grid.levels.len());
         launch_adding!(
-            spread,
+            table_backward,
             &client,
             count,
             dim,
@@ -80,12 +80,12 @@ fn backward(
             grad.clone().into_buffer_arg(),
             upload(&client, &levels(grid)),
             to_table.clone().into_buffer_arg(),
-            cube_of(grid),
+            bounds(grid),
             grid.features,
         );
         if needs_points_grad {
             let (count, dim) = each(&client, n);
-            slope::launch(
+            points_backward::launch(
                 &client,
                 count,
                 dim,
@@ -94,7 +94,7 @@ fn backward(
                 grad.into_buffer_arg(),
                 upload(&client, &levels(grid)),
                 to_points.clone().into_buffer_arg(),
-                cube_of(grid),
+                bounds(grid),
                 grid.features,
             );
         }
@@ -102,7 +102,7 @@ fn backward(
     (to_table, to_points)
 }
 
-/// Numbers per level in the kernels' list: cells, first row, rows, 1 if it is dense.
+/// Numbers per level in the kernels' buffer: cells per axis, first row, rows, and 1 if it is dense.
 const LEVEL: usize = 4;
 
 fn levels(grid: &HashGrid) -> Vec<u32> {
@@ -117,13 +117,13 @@ fn levels(grid: &HashGrid) -> Vec<u32> {
     numbers.collect()
 }
 
-fn cube_of(grid: &HashGrid) -> CoverLaunch {
-    CoverLaunch::new(grid.min[0], grid.min[1], grid.min[2], grid.side)
+fn bounds(grid: &HashGrid) -> BoundsLaunch {
+    BoundsLaunch::new(grid.min[0], grid.min[1], grid.min[2], grid.side)
 }
 
 /// The cube that the grid covers, metres.
 #[derive(CubeType, CubeLaunch)]
-struct Cover {
+struct Bounds {
     min_x: f32,
     min_y: f32,
     min_z: f32,
@@ -159,10 +159,11 @@ fn axis(x: f32, min: f32, side: f32, cells: u32) -> Axis {
     }
 }
 
-/// Row of a node, from the table's first: `Level::row` in 32-bit arithmetic.
+/// Row of a node in the whole table: `Level::row` in 32-bit arithmetic.
 #[cube]
 fn row(levels: &[u32], level: usize, x: u32, y: u32, z: u32) -> usize {
     let at = LEVEL * level;
+    // h = x ⊕ π₂ y ⊕ π₃ z mod T (Instant NGP, eq. 4)
     let mut row = (x ^ (y * 2_654_435_761u32) ^ (z * 805_459_861u32)) & (levels[at + 2] - 1);
     if levels[at + 3] == 1 {
         let n = levels[at] + 1;
@@ -171,29 +172,30 @@ fn row(levels: &[u32], level: usize, x: u32, y: u32, z: u32) -> usize {
     (levels[at + 1] + row) as usize
 }
 
-/// Share of a node along an axis: `part` for the upper one, the rest for the lower one.
+/// Linear weight of a node along an axis: `part` for the upper one, 1 − `part` for the lower one.
 #[cube]
-fn share(part: f32, upper: u32) -> f32 {
-    let mut share = 1.0 - part;
+fn weight(part: f32, upper: u32) -> f32 {
+    let mut weight = 1.0 - part;
     if upper == 1 {
-        share = part;
+        weight = part;
     }
-    share
+    weight
 }
 
-/// Derivative of the share with respect to `part`.
+/// Derivative of the weight with respect to `part`: ±1.
 #[cube]
-fn sign(upper: u32) -> f32 {
+fn weight_derivative(upper: u32) -> f32 {
     2.0 * f32::cast_from(upper) - 1.0
 }
 
+/// Writes the features of each point at each level, Σ wₖ table[rowₖ] over the corners k of its cell.
 #[cube(launch)]
-fn look_up(
+fn encode_points(
     table: &[f32],
     points: &[f32],
     levels: &[u32],
     output: &mut [f32],
-    cover: &Cover,
+    bounds: &Bounds,
     #[comptime] features: usize,
 ) {
     let count = levels.len() / LEVEL;
@@ -204,9 +206,9 @@ fn look_up(
     let level = ABSOLUTE_POS / n;
     let i = ABSOLUTE_POS % n;
     let cells = levels[LEVEL * level];
-    let x = axis(points[3 * i], cover.min_x, cover.side, cells);
-    let y = axis(points[3 * i + 1], cover.min_y, cover.side, cells);
-    let z = axis(points[3 * i + 2], cover.min_z, cover.side, cells);
+    let x = axis(points[3 * i], bounds.min_x, bounds.side, cells);
+    let y = axis(points[3 * i + 1], bounds.min_y, bounds.side, cells);
+    let z = axis(points[3 * i + 2], bounds.min_z, bounds.side, cells);
     let mut sums = Array::<f32>::new(features);
     #[unroll]
     for f in 0..features {
@@ -216,7 +218,7 @@ fn look_up(
         let bx = corner & 1;
         let by = (corner >> 1) & 1;
         let bz = corner >> 2;
-        let part = share(x.part, bx) * share(y.part, by) * share(z.part, bz);
+        let part = weight(x.part, bx) * weight(y.part, by) * weight(z.part, bz);
         let at = row(levels, level, x.low + bx, y.low + by, z.low + bz) * features;
         #[unroll]
         for f in 0..features {
@@ -230,13 +232,14 @@ fn look_up(
     }
 }
 
+/// Adds the gradient to the table: ∂L/∂table[rowₖ] += wₖ ∂L/∂feature. A thread per point and level.
 #[cube(launch)]
-fn spread<A: AddFloat>(
+fn table_backward<A: AddFloat>(
     points: &[f32],
     grad: &[f32],
     levels: &[u32],
     to_table: &mut [Atomic<Bound<A>>],
-    cover: &Cover,
+    bounds: &Bounds,
     #[comptime] features: usize,
 ) {
     let count = levels.len() / LEVEL;
@@ -255,14 +258,14 @@ fn spread<A: AddFloat>(
     }
     if has_grad {
         let cells = levels[LEVEL * level];
-        let x = axis(points[3 * i], cover.min_x, cover.side, cells);
-        let y = axis(points[3 * i + 1], cover.min_y, cover.side, cells);
-        let z = axis(points[3 * i + 2], cover.min_z, cover.side, cells);
+        let x = axis(points[3 * i], bounds.min_x, bounds.side, cells);
+        let y = axis(points[3 * i + 1], bounds.min_y, bounds.side, cells);
+        let z = axis(points[3 * i + 2], bounds.min_z, bounds.side, cells);
         for corner in 0..8u32 {
             let bx = corner & 1;
             let by = (corner >> 1) & 1;
             let bz = corner >> 2;
-            let part = share(x.part, bx) * share(y.part, by) * share(z.part, bz);
+            let part = weight(x.part, bx) * weight(y.part, by) * weight(z.part, bz);
             let at = row(levels, level, x.low + bx, y.low + by, z.low + bz) * features;
             #[unroll]
             for f in 0..features {
@@ -272,14 +275,15 @@ fn spread<A: AddFloat>(
     }
 }
 
+/// Writes the gradient to the points: Σ ∂L/∂feature · table[rowₖ] ∇wₖ over levels and corners. A thread per point.
 #[cube(launch)]
-fn slope(
+fn points_backward(
     table: &[f32],
     points: &[f32],
     grad: &[f32],
     levels: &[u32],
     to_points: &mut [f32],
-    cover: &Cover,
+    bounds: &Bounds,
     #[comptime] features: usize,
 ) {
     let count = levels.len() / LEVEL;
@@ -299,9 +303,9 @@ fn slope(
         }
         if has_grad {
             let cells = levels[LEVEL * level];
-            let x = axis(points[3 * i], cover.min_x, cover.side, cells);
-            let y = axis(points[3 * i + 1], cover.min_y, cover.side, cells);
-            let z = axis(points[3 * i + 2], cover.min_z, cover.side, cells);
+            let x = axis(points[3 * i], bounds.min_x, bounds.side, cells);
+            let y = axis(points[3 * i + 1], bounds.min_y, bounds.side, cells);
+            let z = axis(points[3 * i + 2], bounds.min_z, bounds.side, cells);
             for corner in 0..8u32 {
                 let bx = corner & 1;
                 let by = (corner >> 1) & 1;
@@ -312,10 +316,10 @@ fn slope(
                 for f in 0..features {
                     dot += grad[from + f] * table[at + f];
                 }
-                let (u, v, w) = (share(x.part, bx), share(y.part, by), share(z.part, bz));
-                to_x += dot * sign(bx) * v * w * x.slope;
-                to_y += dot * u * sign(by) * w * y.slope;
-                to_z += dot * u * v * sign(bz) * z.slope;
+                let (u, v, w) = (weight(x.part, bx), weight(y.part, by), weight(z.part, bz));
+                to_x += dot * weight_derivative(bx) * v * w * x.slope;
+                to_y += dot * u * weight_derivative(by) * w * y.slope;
+                to_z += dot * u * v * weight_derivative(bz) * z.slope;
             }
         }
     }

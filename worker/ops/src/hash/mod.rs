@@ -1,6 +1,6 @@
-//! Multiresolution hash grid (Müller et al., Instant NGP, 2022): a point's features are
-//! trilinear look-ups in tables of growing resolution. Detail is stored by place, so that the
-//! network behind the grid can be small.
+//! Multiresolution hash grid (Müller and others, Instant NGP, arXiv 2201.05989): the features of a point are
+//! trilinear look-ups in tables of growing resolution. Detail is stored by position, so that the network behind the
+//! grid can be small.
 
 mod autodiff;
 pub mod cpu;
@@ -12,10 +12,10 @@ use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// Factors of y and z in the hash of a node (Instant NGP's).
+/// Factors π₂ and π₃ of y and z in the hash of a node (Instant NGP, eq. 4; π₁ = 1).
 pub const PRIMES: [u32; 2] = [2_654_435_761, 805_459_861];
 
-/// Position of a level's entries in the table, and how a node's entry is found.
+/// The rows of a level in the table, and how the row of a node is found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Cells per axis.
@@ -24,7 +24,7 @@ pub struct Level {
     pub offset: usize,
     /// Rows of the level.
     pub rows: usize,
-    /// Whether every node has a row of its own, numbered x first; otherwise rows are hashed.
+    /// Whether every node has a row of its own, x fastest; otherwise nodes are hashed to rows.
     pub dense: bool,
 }
 
@@ -42,8 +42,8 @@ pub struct HashGrid {
 }
 
 impl HashGrid {
-    /// `levels` levels, the first with `base` cells per axis and each further one `growth` times
-    /// finer, of at most `2^log2_rows` rows each.
+    /// A grid of `levels` levels with at most `2^log2_rows` rows each. The first level has `base` cells per axis,
+    /// each further one `growth` times more.
     pub fn new(
         levels: usize,
         base: usize,
@@ -62,7 +62,7 @@ impl HashGrid {
         }
     }
 
-    /// The same cells, with levels of at most `2^log2_rows` rows.
+    /// A grid of the same cells whose levels have at most `2^log2_rows` rows.
     pub fn within(&self, log2_rows: u32) -> Self {
         Self {
             levels: lay_out(self.levels.iter().map(|level| level.cells), log2_rows),
@@ -75,13 +75,13 @@ impl HashGrid {
         self.levels.iter().map(|level| level.rows).sum()
     }
 
-    /// Numbers that encode a point: `L F`.
+    /// Numbers per encoded point: `L F`.
     pub fn width(&self) -> usize {
         self.levels.len() * self.features
     }
 }
 
-/// Levels with these numbers of cells, one after the other in the table.
+/// Levels with these numbers of cells per axis, one after the other in the table.
 fn lay_out(cells: impl Iterator<Item = u32>, log2_rows: u32) -> Vec<Level> {
     let most = 1usize << log2_rows;
     let mut offset = 0;
@@ -101,20 +101,21 @@ fn lay_out(cells: impl Iterator<Item = u32>, log2_rows: u32) -> Vec<Level> {
 }
 
 impl Level {
-    /// Row of a node, relative to the level's first.
+    /// Row of a node, relative to the first row of the level.
     #[inline(always)]
     pub fn row(&self, [x, y, z]: [u32; 3]) -> usize {
         if self.dense {
             let n = self.cells + 1;
             ((z * n + y) * n + x) as usize
         } else {
+            // h = x ⊕ π₂ y ⊕ π₃ z mod T (eq. 4); T is a power of two
             let hash = x ^ y.wrapping_mul(PRIMES[0]) ^ z.wrapping_mul(PRIMES[1]);
             hash as usize & (self.rows - 1)
         }
     }
 }
 
-/// The hash grid as a backend implements it. Call [`encode`] instead: it chooses the form for the
+/// The hash grid as a backend implements it. Call [`encode`] instead, which chooses the form for the
 /// tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait HashOps: Backend {
@@ -126,7 +127,7 @@ pub trait HashOps: Backend {
         grid: HashGrid,
     ) -> FloatTensor<Self>;
     /// Gradients of [`encode`] to the table and, if `needs_points_grad`, to the points, from
-    /// `grad` `[N, L F]`; the latter has no rows otherwise.
+    /// `grad` `[N, L F]`; otherwise the latter has no rows.
     #[fusion(meta = |table, points, _, _, needs_points_grad| {
         let mut to_points = points.clone();
         to_points.shape = points_gradient_shape(&points.shape, *needs_points_grad);
@@ -147,7 +148,7 @@ fn output_shape(points: &burn::tensor::Shape, grid: &HashGrid) -> burn::tensor::
     burn::tensor::Shape::new([points[0], grid.width()])
 }
 
-/// Shape of the gradient to `points` of this shape: without rows if none is needed.
+/// Shape of the gradient to `points` of this shape: without rows if it is not needed.
 #[cfg(feature = "gpu")]
 fn points_gradient_shape(
     points: &burn::tensor::Shape,
@@ -156,7 +157,7 @@ fn points_gradient_shape(
     burn::tensor::Shape::new([if needs_points_grad { points[0] } else { 0 }, 3])
 }
 
-/// Features of points: `table` `[rows, F]`, `points` `[N, 3]` metres → `[N, L F]`, coarsest
+/// Features of points: `table` `[rows, F]`, `points` `[N, 3]` in metres → `[N, L F]`, coarsest
 /// level first. A point outside the cube has the features of the nearest point in it. Gradients
 /// flow to both.
 pub fn encode(table: Tensor<2>, points: Tensor<2>, grid: &HashGrid) -> Tensor<2> {

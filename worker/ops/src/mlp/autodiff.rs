@@ -1,5 +1,5 @@
-//! Gradients of a network. They flow to the parameters and to the input, and are not computed for
-//! an input that does not need any.
+//! Gradients of a network. They flow to the parameters and to the input; those to the input are computed only if
+//! they are needed.
 
 use super::{MlpOps, MlpPlan};
 use crate::autodiff::{Saved, constants, record};

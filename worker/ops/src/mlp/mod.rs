@@ -1,6 +1,6 @@
-//! A whole ReLU network as one operation: encoding, layers, skip, output. On a CPU a tile of
+//! A whole multilayer perceptron with ReLU as one operation: encoding, layers, skip, output. On a CPU a tile of
 //! rows goes through all of it without leaving the cache; layer by layer, each bias, ReLU and
-//! mask is a pass over memory that costs more than its arithmetic.
+//! mask would be a pass over memory that costs more than its arithmetic.
 
 mod autodiff;
 pub mod cpu;
@@ -14,20 +14,20 @@ use crate::Precision;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::{Device, Tensor};
 
-/// Whether networks can run in `precision` on `device`. Where they cannot, they would silently run
-/// slower, or in another precision, than configured.
+/// Whether networks can run in `precision` on `device`. Elsewhere, they would silently run slower than configured,
+/// or in another precision.
 pub fn supports(precision: Precision, device: &Device) -> bool {
     precision == Precision::F32 || on_cpu(device)
 }
 
-/// A network as a backend implements it; other devices have the reference. Call [`mlp`] instead.
+/// A network as a backend implements it; other devices run the reference. Call [`mlp`] instead.
 #[backend_extension(Autodiff, Flex)]
 pub trait MlpOps: Backend {
     /// Forward of [`mlp`].
     fn mlp(params: FloatTensor<Self>, input: FloatTensor<Self>, plan: MlpPlan)
     -> FloatTensor<Self>;
     /// Gradients of [`mlp`] to the parameters and, if `needs_input_grad`, to the input, from
-    /// `grad` `[N, plan.output]`; the latter has no rows otherwise.
+    /// `grad` `[N, plan.output]`; otherwise the latter has no rows.
     fn mlp_backward(
         params: FloatTensor<Self>,
         input: FloatTensor<Self>,
@@ -37,9 +37,9 @@ pub trait MlpOps: Backend {
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
 }
 
-/// The network of `plan` with the flat parameters `params` `[plan.parameters()]`, at `input`
-/// `[N, plan.input.given()]` → `[N, plan.output]`. Gradients flow to both. Products are
-/// computed in the plan's precision; sums, biases and the result are f32.
+/// The result `[N, plan.output]` of the network `plan` with the flat parameters `params` `[plan.parameters()]` for
+/// `input` `[N, plan.input.given()]`. Gradients flow to both. The factors of products have the plan's precision;
+/// sums, biases and the result are f32.
 pub fn mlp(params: Tensor<1>, input: Tensor<2>, plan: &MlpPlan) -> Tensor<2> {
     if on_cpu(&input.device()) {
         Tensor::from_dispatch(Dispatch::mlp(

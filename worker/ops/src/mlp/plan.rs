@@ -15,7 +15,7 @@ pub enum Input {
     Frequencies {
         /// Bands of the encoding.
         bands: Bands,
-        /// Whether the point itself stands before its encoding.
+        /// Whether the input has the point itself before its encoding.
         raw: bool,
     },
 }
@@ -29,7 +29,7 @@ impl Input {
         }
     }
 
-    /// Numbers per row of the operation's input.
+    /// Numbers per row of the operation's input, before the encoding.
     pub fn given(&self) -> usize {
         match self {
             Self::Features { width } => *width,
@@ -43,7 +43,7 @@ impl Input {
 pub struct Hidden {
     /// Width of its result.
     pub width: usize,
-    /// Whether its input is the result of the layer before and the network's input.
+    /// Whether its input is the result of the layer before, concatenated with the network's input.
     pub skip: bool,
 }
 
@@ -62,7 +62,7 @@ pub struct MlpPlan {
 
 /// A part of a layer's weight.
 pub struct Part {
-    /// Whether its factor is the network's input, and not the result of the layer before.
+    /// Whether it is multiplied with the network's input; otherwise with the result of the layer before.
     pub input: bool,
     /// Rows.
     pub width: usize,

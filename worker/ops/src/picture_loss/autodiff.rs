@@ -1,4 +1,4 @@
-//! Gradients of the comparison. They flow to the picture.
+//! Gradients of the loss. They flow to the picture, and are computed in the forward pass.
 
 use super::{PictureLossOps, Target};
 use crate::autodiff::{Saved, constants, record};
@@ -8,9 +8,9 @@ use burn::backend::{
 };
 
 #[derive(Clone, Debug)]
-struct SavedSlope<B: Backend>(FloatTensor<B>);
+struct SavedGradient<B: Backend>(FloatTensor<B>);
 
-impl<B: PictureLossOps> Saved<B, 1> for SavedSlope<B> {
+impl<B: PictureLossOps> Saved<B, 1> for SavedGradient<B> {
     fn gradients(self, grad: FloatTensor<B>, _: [bool; 1]) -> [FloatTensor<B>; 1] {
         [B::picture_loss_backward(self.0, grad)]
     }
@@ -23,23 +23,23 @@ impl<B: PictureLossOps, C: CheckpointStrategy> PictureLossOps for Autodiff<B, C>
     ) -> (FloatTensor<Self>, FloatTensor<Self>) {
         let mut kept = None;
         let terms = record::<B, C, _, _>([picture], |[picture]| {
-            let (terms, slope) = B::picture_loss(picture, target);
-            kept = Some(slope.clone());
-            (terms, SavedSlope(slope))
+            let (terms, gradient) = B::picture_loss(picture, target);
+            kept = Some(gradient.clone());
+            (terms, SavedGradient(gradient))
         });
-        let slope = kept.expect("record runs the forward pass");
+        let gradient = kept.expect("record runs the forward pass");
         (
             terms,
-            <Autodiff<B, C> as AutodiffBackend>::from_inner(slope),
+            <Autodiff<B, C> as AutodiffBackend>::from_inner(gradient),
         )
     }
 
     fn picture_loss_backward(
-        slope: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
         grad: FloatTensor<Self>,
     ) -> FloatTensor<Self> {
-        let [to_picture] = constants::<B, C, _, _>([slope, grad], |[slope, grad]| {
-            [B::picture_loss_backward(slope, grad)]
+        let [to_picture] = constants::<B, C, _, _>([gradient, grad], |[gradient, grad]| {
+            [B::picture_loss_backward(gradient, grad)]
         });
         to_picture
     }

@@ -1,7 +1,7 @@
-//! The comparison on a GPU. The window's means are computed by rows, then by columns; so there are two
-//! passes up to the similarity of each pixel, and two for its slope.
+//! The loss on a GPU. The means under the window are computed by rows, then by columns, so that there are two
+//! passes for the SSIM of each pixel and two for its gradient.
 
-use super::window::{HALF, TAPS, taps};
+use super::window::{RADIUS, TAPS, taps};
 use super::{C1, C2, PictureLossOps, Target};
 use crate::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::cube::tensors::{each, empty, rows, upload, zeros};
@@ -12,12 +12,13 @@ use burn_cubecl::tensor::CubeTensor;
 use cubecl::calculate_cube_count_elemwise;
 use cubecl::prelude::*;
 
-/// Threads of a group, which sum before they add to the sums of all. Every Vulkan device runs as many.
+/// Threads per group, of which every Vulkan device runs this many. A group sums before it adds to the sums of all
+/// groups.
 const GROUP: usize = 64;
-/// Means that similarity needs: of the picture, the truth, their squares and their product.
+/// Means that SSIM needs: of the picture a, the truth b, a², b² and a b.
 const MEANS: usize = 5;
-/// Slopes of similarity: to the mean, the mean square and the mean product.
-const SLOPES: usize = 3;
+/// Gradients of SSIM: to the means of a, a² and a b.
+const GRADIENTS: usize = 3;
 
 impl PictureLossOps for CubeBackend {
     fn picture_loss(
@@ -28,18 +29,18 @@ impl PictureLossOps for CubeBackend {
     }
 
     fn picture_loss_backward(
-        slope: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
         grad: FloatTensor<Self>,
     ) -> FloatTensor<Self> {
-        let (slope, grad) = (rows(slope), rows(grad));
-        let output = empty(&slope, slope.meta.shape().clone());
+        let (gradient, grad) = (rows(gradient), rows(grad));
+        let output = empty(&gradient, gradient.meta.shape().clone());
         let client = output.client.clone();
         let (count, dim) = each(&client, output.meta.num_elements());
         scale::launch(
             &client,
             count,
             dim,
-            slope.into_buffer_arg(),
+            gradient.into_buffer_arg(),
             grad.into_buffer_arg(),
             output.clone().into_buffer_arg(),
         );
@@ -47,7 +48,7 @@ impl PictureLossOps for CubeBackend {
     }
 }
 
-/// The numbers of [`super::picture_loss`], and the slope of the first to the picture `[H W, 4]`.
+/// The numbers of [`super::picture_loss`], and the gradient of the first with respect to the picture `[H W, 4]`.
 fn compare(picture: &CubeTensor, target: &Target) -> (CubeTensor, CubeTensor) {
     let [width, height] = target.size();
     let (area, pixels) = (width * height, target.width * target.height);
@@ -73,7 +74,7 @@ fn compare(picture: &CubeTensor, target: &Target) -> (CubeTensor, CubeTensor) {
         by_rows.clone().into_buffer_arg(),
         region(target),
     );
-    let slopes = maps(SLOPES);
+    let gradients = maps(GRADIENTS);
     let (count, dim) = groups(3 * area);
     launch_adding!(
         similarity,
@@ -82,40 +83,40 @@ fn compare(picture: &CubeTensor, target: &Target) -> (CubeTensor, CubeTensor) {
         dim,
         by_rows.into_buffer_arg(),
         window(),
-        slopes.clone().into_buffer_arg(),
+        gradients.clone().into_buffer_arg(),
         sums.clone().into_buffer_arg(),
         region(target),
     );
-    let slopes_by_rows = maps(SLOPES);
+    let gradients_by_rows = maps(GRADIENTS);
     let (count, dim) = each(&client, 3 * area);
-    slopes_of_rows::launch(
+    gradients_of_rows::launch(
         &client,
         count,
         dim,
-        slopes.into_buffer_arg(),
+        gradients.into_buffer_arg(),
         window(),
-        slopes_by_rows.clone().into_buffer_arg(),
+        gradients_by_rows.clone().into_buffer_arg(),
         region(target),
     );
-    let slope = empty(picture, Shape::new([pixels, 4]));
+    let gradient = empty(picture, Shape::new([pixels, 4]));
     let (count, dim) = groups(pixels);
     launch_adding!(
-        slope_of_picture,
+        gradient_of_picture,
         &client,
         count,
         dim,
         picture.clone().into_buffer_arg(),
         truth(),
         upload(&client, &words(&target.mask)),
-        slopes_by_rows.into_buffer_arg(),
+        gradients_by_rows.into_buffer_arg(),
         window(),
-        slope.clone().into_buffer_arg(),
+        gradient.clone().into_buffer_arg(),
         sums.clone().into_buffer_arg(),
         region(target),
         weights(target),
     );
     let terms = empty(picture, Shape::new([4]));
-    weigh::launch(
+    weighted_terms::launch(
         &client,
         CubeCount::new_single(),
         CubeDim::new_1d(1),
@@ -124,21 +125,21 @@ fn compare(picture: &CubeTensor, target: &Target) -> (CubeTensor, CubeTensor) {
         region(target),
         weights(target),
     );
-    (terms, slope)
+    (terms, gradient)
 }
 
-/// Bytes, four in a number, the first one lowest.
+/// Bytes packed into words of four, the first byte lowest.
 fn words(bytes: &[u8]) -> Vec<u32> {
     let word = |part: &[u8]| {
         let bytes = part.iter().enumerate();
-        bytes.fold(0, |word, (place, byte)| {
-            word | u32::from(*byte) << (8 * place)
+        bytes.fold(0, |word, (index, byte)| {
+            word | u32::from(*byte) << (8 * index)
         })
     };
     bytes.chunks(4).map(word).collect()
 }
 
-/// Byte number `i` of [`words`], as a part of 255.
+/// The byte with index `i` of [`words`], divided by 255.
 #[cube]
 fn byte(words: &[u32], i: usize) -> f32 {
     let shift = 8 * (i % 4) as u32;
@@ -163,33 +164,33 @@ fn region(target: &Target) -> RegionLaunch {
     RegionLaunch::new(left, top, width, height, target.width as u32)
 }
 
-/// As [`super::Weights`].
+/// [`super::Weights`] in a kernel.
 #[derive(CubeType, CubeLaunch)]
-struct Shares {
+struct TermWeights {
     absolute: f32,
     ssim: f32,
     mask: f32,
 }
 
-fn weights(target: &Target) -> SharesLaunch {
+fn weights(target: &Target) -> TermWeightsLaunch {
     let weights = target.weights;
-    SharesLaunch::new(weights.absolute, weights.ssim, weights.mask)
+    TermWeightsLaunch::new(weights.absolute, weights.ssim, weights.mask)
 }
 
-/// Number of the region's pixels.
+/// Number of pixels of the region.
 #[cube]
 fn area(region: &Region) -> usize {
     usize::cast_from(region.width * region.height)
 }
 
-/// Number in the whole picture of the pixel in column `x` and row `y` of the region.
+/// Index in the whole picture of the pixel in column `x` and row `y` of the region.
 #[cube]
 fn pixel(x: u32, y: u32, region: &Region) -> usize {
     usize::cast_from((region.top + y) * region.across + region.left + x)
 }
 
-/// The means under the window of the row of a pixel, `[5, 3, A]`, a thread for each channel and pixel.
-/// Outside of the region is black.
+/// Writes the means under the window along the row of each pixel, `[5, 3, A]`. A thread per channel and pixel.
+/// Outside of the region, pictures are black.
 #[cube(launch)]
 fn means_of_rows(
     picture: &[f32],
@@ -213,7 +214,7 @@ fn means_of_rows(
     }
     for tap in 0..TAPS as u32 {
         // Wraps around left of the region.
-        let column = x + tap - HALF as u32;
+        let column = x + tap - RADIUS as u32;
         if column < region.width {
             let pixel = pixel(column, y, region);
             let a = picture[4 * pixel + channel];
@@ -232,7 +233,7 @@ fn means_of_rows(
     }
 }
 
-/// The mean under the window of a column of the map that begins at `map`.
+/// The mean under the window along a column of the map that begins at `map`.
 #[cube]
 fn mean_of_column(
     maps: &[f32],
@@ -245,7 +246,7 @@ fn mean_of_column(
     let mut sum = 0.0f32;
     for tap in 0..TAPS as u32 {
         // Wraps around above the region.
-        let row = y + tap - HALF as u32;
+        let row = y + tap - RADIUS as u32;
         if row < region.height {
             sum += window[tap as usize] * maps[map + (row * region.width + x) as usize];
         }
@@ -253,7 +254,7 @@ fn mean_of_column(
     sum
 }
 
-/// Adds the sum over the group of `value` to `sum`.
+/// Adds the sum of `value` over the group to `sum`.
 #[cube]
 fn add_of_group<A: AddFloat>(value: f32, sum: &mut Atomic<Bound<A>>) {
     let unit = UNIT_POS as usize;
@@ -269,18 +270,19 @@ fn add_of_group<A: AddFloat>(value: f32, sum: &mut Atomic<Bound<A>>) {
     }
 }
 
-/// The slopes of SSIM at a pixel to its means, `[3, 3, A]`, and 1 − SSIM added to `sums[1]`.
+/// Writes the gradients of SSIM at each pixel to its means, `[3, 3, A]`, and adds 1 − SSIM to `sums[1]`. The
+/// equations are those of `similarity` in `cpu`.
 #[cube(launch)]
 fn similarity<A: AddFloat>(
     means: &[f32],
     window: &[f32],
-    slopes: &mut [f32],
+    gradients: &mut [f32],
     sums: &mut [Atomic<Bound<A>>],
     region: &Region,
 ) {
     let area = area(region);
     let thread = ABSOLUTE_POS;
-    let mut unlike = 0.0f32;
+    let mut dissimilarity = 0.0f32;
     if thread < 3 * area {
         let channel = thread / area;
         let x = (thread % area) as u32 % region.width;
@@ -292,24 +294,26 @@ fn similarity<A: AddFloat>(
         }
         let a = mean[0usize];
         let b = mean[1usize];
-        let even = (mean[2usize] - a * a) + (mean[3usize] - b * b) + C2;
-        let together = mean[4usize] - a * b;
-        let bright = (2.0 * a * b + C1) / (a * a + b * b + C1);
-        let structure = (2.0 * together + C2) / even;
-        unlike = 1.0 - bright * structure;
-        let to_together = 2.0 * bright / even;
-        let to_spread = -bright * structure / even;
-        let to_bright = 2.0 * (b - bright * a) / (a * a + b * b + C1);
-        slopes[thread] = structure * to_bright - 2.0 * a * to_spread - b * to_together;
-        slopes[3 * area + thread] = to_spread;
-        slopes[6 * area + thread] = to_together;
+        let variances = (mean[2usize] - a * a) + (mean[3usize] - b * b) + C2;
+        let covariance = mean[4usize] - a * b;
+        // SSIM = l s with l = (2 μₐ μ_b + C₁) / (μₐ² + μ_b² + C₁), s = (2 σₐ_b + C₂) / (σₐ² + σ_b² + C₂)
+        let luminance = (2.0 * a * b + C1) / (a * a + b * b + C1);
+        let structure = (2.0 * covariance + C2) / variances;
+        dissimilarity = 1.0 - luminance * structure;
+        // ∂SSIM/∂σₐ_b, ∂SSIM/∂σₐ², ∂l/∂μₐ
+        let to_covariance = 2.0 * luminance / variances;
+        let to_variance = -luminance * structure / variances;
+        let to_luminance = 2.0 * (b - luminance * a) / (a * a + b * b + C1);
+        gradients[thread] = structure * to_luminance - 2.0 * a * to_variance - b * to_covariance;
+        gradients[3 * area + thread] = to_variance;
+        gradients[6 * area + thread] = to_covariance;
     }
-    add_of_group::<A>(unlike, &mut sums[1]);
+    add_of_group::<A>(dissimilarity, &mut sums[1]);
 }
 
-/// Maps `[3, 3, A]` under the window of each pixel's row.
+/// Writes the means of the maps `[3, 3, A]` under the window along each pixel's row.
 #[cube(launch)]
-fn slopes_of_rows(maps: &[f32], window: &[f32], output: &mut [f32], region: &Region) {
+fn gradients_of_rows(maps: &[f32], window: &[f32], output: &mut [f32], region: &Region) {
     let area = area(region);
     let thread = ABSOLUTE_POS;
     if thread >= 3 * area {
@@ -317,12 +321,12 @@ fn slopes_of_rows(maps: &[f32], window: &[f32], output: &mut [f32], region: &Reg
     }
     let x = (thread % area) as u32 % region.width;
     #[unroll]
-    for m in 0..SLOPES {
+    for m in 0..GRADIENTS {
         let first = m * 3 * area + thread - x as usize;
         let mut sum = 0.0f32;
         for tap in 0..TAPS as u32 {
             // Wraps around left of the region.
-            let column = x + tap - HALF as u32;
+            let column = x + tap - RADIUS as u32;
             if column < region.width {
                 sum += window[tap as usize] * maps[first + column as usize];
             }
@@ -331,26 +335,26 @@ fn slopes_of_rows(maps: &[f32], window: &[f32], output: &mut [f32], region: &Reg
     }
 }
 
-/// The slope of the weighted loss `[H W, 4]`, a thread for each pixel of the picture; absolute
-/// differences added to `sums[0]`, those between opacity and mask to `sums[2]`.
+/// Writes the gradient of the weighted loss `[H W, 4]`, and adds absolute differences to `sums[0]` and those between
+/// opacity and mask to `sums[2]`. A thread per pixel of the picture.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn slope_of_picture<A: AddFloat>(
+fn gradient_of_picture<A: AddFloat>(
     picture: &[f32],
     truth: &[u32],
     mask: &[u32],
     maps: &[f32],
     window: &[f32],
-    slope: &mut [f32],
+    gradient: &mut [f32],
     sums: &mut [Atomic<Bound<A>>],
     region: &Region,
-    weights: &Shares,
+    weights: &TermWeights,
 ) {
     let area = area(region);
     let at = ABSOLUTE_POS;
     let mut absolute = 0.0f32;
-    let mut off_mask = 0.0f32;
-    if at < slope.len() / 4 {
+    let mut mask_error = 0.0f32;
+    if at < gradient.len() / 4 {
         let share = 1.0 / (3.0 * f32::cast_from(area));
         // Wraps around left of the region and above it.
         let x = at as u32 % region.across - region.left;
@@ -364,48 +368,50 @@ fn slope_of_picture<A: AddFloat>(
                 let by_mean = mean_of_column(maps, map, x, y, window, region);
                 let by_square = mean_of_column(maps, map + 3 * area, x, y, window, region);
                 let by_product = mean_of_column(maps, map + 6 * area, x, y, window, region);
-                let off = a - b;
-                // The derivative of |off|, 0 where it has none.
+                let difference = a - b;
+                // The derivative of |d|, and 0 at d = 0.
                 let mut sign = 0.0f32;
-                if off > 0.0 {
+                if difference > 0.0 {
                     sign = 1.0;
-                } else if off < 0.0 {
+                } else if difference < 0.0 {
                     sign = -1.0f32;
                 }
-                absolute += f32::abs(off);
+                absolute += f32::abs(difference);
                 let to_similarity = by_mean + 2.0 * a * by_square + b * by_product;
                 to = share * (weights.absolute * sign - weights.ssim * to_similarity);
             }
-            slope[4 * at + c] = to;
+            gradient[4 * at + c] = to;
         }
+        // w (α − m)² with w = |2 m − 1|
         let coverage = byte(mask, at);
-        let trust = f32::abs(2.0 * coverage - 1.0);
-        let off = picture[4 * at + 3] - coverage;
-        off_mask = trust * off * off;
-        slope[4 * at + 3] = weights.mask * 2.0 * trust * off / f32::cast_from(area);
+        let confidence = f32::abs(2.0 * coverage - 1.0);
+        let difference = picture[4 * at + 3] - coverage;
+        mask_error = confidence * difference * difference;
+        gradient[4 * at + 3] = weights.mask * 2.0 * confidence * difference / f32::cast_from(area);
     }
     add_of_group::<A>(absolute, &mut sums[0]);
-    add_of_group::<A>(off_mask, &mut sums[2]);
+    add_of_group::<A>(mask_error, &mut sums[2]);
 }
 
-/// The numbers of [`super::picture_loss`] from the sums over all pixels.
+/// Writes the numbers of [`super::picture_loss`] from the sums over all pixels.
 #[cube(launch)]
-fn weigh(sums: &[f32], terms: &mut [f32], region: &Region, weights: &Shares) {
+fn weighted_terms(sums: &[f32], terms: &mut [f32], region: &Region, weights: &TermWeights) {
     let area = f32::cast_from(area(region));
     let absolute = sums[0] / (3.0 * area);
-    let unlike = sums[1] / (3.0 * area);
-    let off_mask = sums[2] / area;
-    terms[0] = weights.absolute * absolute + weights.ssim * unlike + weights.mask * off_mask;
+    let dissimilarity = sums[1] / (3.0 * area);
+    let mask_error = sums[2] / area;
+    terms[0] =
+        weights.absolute * absolute + weights.ssim * dissimilarity + weights.mask * mask_error;
     terms[1] = absolute;
-    terms[2] = unlike;
-    terms[3] = off_mask;
+    terms[2] = dissimilarity;
+    terms[3] = mask_error;
 }
 
-/// `slope` times the first of the numbers `grad`.
+/// Writes `gradient` times `grad[0]`.
 #[cube(launch)]
-fn scale(slope: &[f32], grad: &[f32], output: &mut [f32]) {
+fn scale(gradient: &[f32], grad: &[f32], output: &mut [f32]) {
     if ABSOLUTE_POS >= output.len() {
         terminate!();
     }
-    output[ABSOLUTE_POS] = slope[ABSOLUTE_POS] * grad[0];
+    output[ABSOLUTE_POS] = gradient[ABSOLUTE_POS] * grad[0];
 }

@@ -1,7 +1,7 @@
-//! Difference between a picture and a frame with its mask: the mean absolute difference of colours and
-//! 1 − SSIM, as in 3D Gaussian splatting (arXiv 2308.04079, eq. 7), and the mean squared difference
-//! between opacity and mask. Whole pictures have a hundred times the pixels of a step's patches, for
-//! which Burn's operations would take most of the step.
+//! Loss of a picture against a frame and its mask: the mean absolute difference of colours and 1 − SSIM, as in 3D
+//! Gaussian splatting (arXiv 2308.04079, eq. 7), and the mean squared difference between opacity and mask. SSIM is
+//! that of Wang and others (2004, eq. 13) with a Gaussian window. A whole picture has a hundred times the pixels of
+//! a step's patches; Burn's operations on it would take most of the step.
 
 mod autodiff;
 pub mod cpu;
@@ -15,11 +15,11 @@ use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use std::sync::Arc;
 
-/// Constants of SSIM for colours in [0, 1].
+/// Constants of SSIM for colours in [0, 1], (K₁ L)² and (K₂ L)² with L = 1.
 const C1: f32 = 0.01 * 0.01;
 const C2: f32 = 0.03 * 0.03;
 
-/// What a picture should show.
+/// The frame that a picture is compared with.
 #[derive(Clone, Debug)]
 pub struct Target {
     /// Width, pixels.
@@ -28,7 +28,7 @@ pub struct Target {
     pub height: usize,
     /// `[H, W, 3]`, over black.
     pub rgb: Arc<[u8]>,
-    /// `[H, W]`, coverage of the person.
+    /// `[H, W]`, coverage by the person.
     pub mask: Arc<[u8]>,
     /// Columns and rows in which colours are compared: first column, first row, one past the last
     /// column, one past the last row. Opacity is compared everywhere.
@@ -40,12 +40,13 @@ pub struct Target {
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// Of the mean absolute difference.
+    /// Weight of the mean absolute difference.
     pub absolute: f32,
-    /// Of 1 − SSIM.
+    /// Weight of 1 − SSIM.
     pub ssim: f32,
-    /// Of the squared difference between opacity and mask, summed over the picture and divided by
-    /// the pixels of the region. A pixel counts by how far its coverage is from a half.
+    /// Weight of the squared difference between opacity and mask, summed over the picture and divided by
+    /// the number of pixels of the region. Each pixel is weighted by |2 m − 1|, the distance of its coverage m from
+    /// a half.
     pub mask: f32,
 }
 
@@ -64,7 +65,7 @@ impl Target {
     }
 
     /// # Panics
-    /// If the sizes do not belong together.
+    /// If the sizes do not match.
     fn check(&self) {
         let [x0, y0, x1, y1] = self.region;
         let area = self.width * self.height;
@@ -86,7 +87,7 @@ impl Target {
     }
 }
 
-/// The comparison as a backend implements it. Call [`picture_loss`] instead: it chooses the form for
+/// The loss as a backend implements it. Call [`picture_loss`] instead, which chooses the form for
 /// the tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait PictureLossOps: Backend {
@@ -96,15 +97,15 @@ pub trait PictureLossOps: Backend {
         picture: FloatTensor<Self>,
         target: Target,
     ) -> (FloatTensor<Self>, FloatTensor<Self>);
-    /// The first of the numbers `grad` `[4]` times `slope` `[H W, 4]`.
-    #[fusion(dtype = slope, shape = slope)]
+    /// The first of the numbers `grad` `[4]` times `gradient` `[H W, 4]`.
+    #[fusion(dtype = gradient, shape = gradient)]
     fn picture_loss_backward(
-        slope: FloatTensor<Self>,
+        gradient: FloatTensor<Self>,
         grad: FloatTensor<Self>,
     ) -> FloatTensor<Self>;
 }
 
-/// What the result of [`picture_loss`] looks like, of a picture that looks like this.
+/// Shape and type of the result of [`picture_loss`] for a picture of this shape and type.
 #[cfg(feature = "gpu")]
 fn terms(
     picture: &burn::backend::fusion::custom::TensorSpec,
@@ -117,7 +118,7 @@ fn terms(
 /// `picture` `[H W, 4]` of colours and opacity. Gradients flow from the sum alone.
 ///
 /// # Panics
-/// If the sizes do not belong together.
+/// If the sizes do not match.
 pub fn picture_loss(picture: Tensor<2>, target: &Target) -> Tensor<1> {
     target.check();
     assert_eq!(picture.dims(), [target.width * target.height, 4]);

@@ -1,4 +1,4 @@
-//! The comparison in Burn's own tensor operations: the window as products with banded matrices.
+//! The loss in Burn's own tensor operations; the window is a product with banded matrices.
 
 use super::window::{TAPS, taps};
 use super::{C1, C2, Target};
@@ -38,12 +38,13 @@ pub fn picture_loss(picture: Tensor<2>, target: &Target) -> Tensor<1> {
     let blur = |image: Tensor<3>| down.clone().matmul(image).matmul(across.clone());
     let (a, b) = (blur(seen.clone()), blur(truth.clone()));
     let (aa, bb, ab) = (a.clone() * a.clone(), b.clone() * b.clone(), a * b);
-    let spread = blur(seen.clone() * seen.clone()) - aa.clone();
-    let true_spread = blur(truth.clone() * truth.clone()) - bb.clone();
-    let together = blur(seen.clone() * truth.clone()) - ab.clone();
-    let bright = (ab * 2.0 + C1) / (aa + bb + C1);
-    let structure = (together * 2.0 + C2) / (spread + true_spread + C2);
-    let unlike = (bright * structure).mean().neg() + 1.0;
+    let variance = blur(seen.clone() * seen.clone()) - aa.clone();
+    let true_variance = blur(truth.clone() * truth.clone()) - bb.clone();
+    let covariance = blur(seen.clone() * truth.clone()) - ab.clone();
+    // SSIM = (2 μₐ μ_b + C₁) (2 σₐ_b + C₂) / ((μₐ² + μ_b² + C₁) (σₐ² + σ_b² + C₂))
+    let luminance = (ab * 2.0 + C1) / (aa + bb + C1);
+    let structure = (covariance * 2.0 + C2) / (variance + true_variance + C2);
+    let dissimilarity = (luminance * structure).mean().neg() + 1.0;
     let absolute = (seen - truth).abs().mean();
 
     let column = |of: &dyn Fn(f32) -> f32| {
@@ -54,13 +55,13 @@ pub fn picture_loss(picture: Tensor<2>, target: &Target) -> Tensor<1> {
             .collect();
         floats(values, [target.width * target.height, 1])
     };
-    let off = picture.narrow(1, 3, 1) - column(&|m| m);
-    let trust = column(&|m| (2.0 * m - 1.0).abs());
-    let off_mask = (off.clone() * off * trust).sum() / area as f32;
+    let difference = picture.narrow(1, 3, 1) - column(&|m| m);
+    let confidence = column(&|m| (2.0 * m - 1.0).abs());
+    let mask_error = (difference.clone() * difference * confidence).sum() / area as f32;
     let weights = target.weights;
     let total = absolute.clone() * weights.absolute
-        + unlike.clone() * weights.ssim
-        + off_mask.clone() * weights.mask;
-    let terms = [absolute, unlike, off_mask].map(Tensor::detach);
+        + dissimilarity.clone() * weights.ssim
+        + mask_error.clone() * weights.mask;
+    let terms = [absolute, dissimilarity, mask_error].map(Tensor::detach);
     Tensor::cat([vec![total], terms.to_vec()].concat(), 0)
 }

@@ -1,6 +1,6 @@
 //! Gradients of splatting. They flow to everything but the camera.
 
-use super::{Sight, SplatOps};
+use super::{SplatOps, View};
 use crate::autodiff::{Saved, constants, record};
 use burn::backend::{
     Autodiff, Backend, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
@@ -12,7 +12,7 @@ struct SavedSplat<B: Backend> {
     rows: FloatTensor<B>,
     light: FloatTensor<B>,
     picture: FloatTensor<B>,
-    sight: Sight,
+    view: View,
 }
 
 impl<B: SplatOps> Saved<B, 3> for SavedSplat<B> {
@@ -22,9 +22,9 @@ impl<B: SplatOps> Saved<B, 3> for SavedSplat<B> {
             rows,
             light,
             picture,
-            sight,
+            view,
         } = self;
-        B::splat_backward(transforms, rows, light, picture, grad, sight).into()
+        B::splat_backward(transforms, rows, light, picture, grad, view).into()
     }
 }
 
@@ -33,21 +33,21 @@ impl<B: SplatOps, C: CheckpointStrategy> SplatOps for Autodiff<B, C> {
         transforms: FloatTensor<Self>,
         rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> FloatTensor<Self> {
         record::<B, C, _, _>([transforms, rows, light], |[transforms, rows, light]| {
             let picture = B::splat(
                 transforms.clone(),
                 rows.clone(),
                 light.clone(),
-                sight.clone(),
+                view.clone(),
             );
             let saved = SavedSplat {
                 transforms,
                 rows,
                 light,
                 picture: picture.clone(),
-                sight,
+                view,
             };
             (picture, saved)
         })
@@ -59,12 +59,12 @@ impl<B: SplatOps, C: CheckpointStrategy> SplatOps for Autodiff<B, C> {
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         constants::<B, C, _, _>(
             [transforms, rows, light, picture, grad],
             |[transforms, rows, light, picture, grad]| {
-                B::splat_backward(transforms, rows, light, picture, grad, sight).into()
+                B::splat_backward(transforms, rows, light, picture, grad, view).into()
             },
         )
         .into()

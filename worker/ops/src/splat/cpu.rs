@@ -1,11 +1,13 @@
-//! Splatting on CPU threads: splats in parallel, then tiles in parallel. Gradients are summed in the
-//! order of the tiles, whatever the number of threads.
+//! Splatting on CPU threads: projection in parallel over splats, rasterization in parallel over tiles.
+//! Gradients are summed in the order of the tiles, whatever the number of threads.
 
-use super::flat::{Flat, FlatGradient, Splat, SplatGradient, flatten, unflatten};
 use super::light::LIGHTS;
-use super::raster::{Blend, Tile, Unblend};
+use super::projected::{
+    Projected, ProjectedGradient, Splat, SplatGradient, project, project_backward,
+};
+use super::rasterize::{RasterizeTile, RasterizeTileBackward, Tile};
 use super::tiles::{AREA, SIDE, Tiles};
-use super::{ROW, Sight, SplatOps};
+use super::{ROW, SplatOps, View};
 use crate::flex::tensor;
 use crate::form::{Form, Work};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
@@ -14,18 +16,18 @@ use rayon::prelude::*;
 /// Splats per task.
 const BLOCK: usize = 256;
 
-/// Splats in host memory.
+/// Splats as slices of host memory.
 #[derive(Clone, Copy, Debug)]
-pub struct Numbers<'a> {
+pub struct SplatSlices<'a> {
     /// `[N, 12]` canonical to posed body.
     pub transforms: &'a [f32],
-    /// `[N, 14]`: place, turn, scales, opacity and colour ([`super::Splats`]).
+    /// `[N, 14]`: mean, rotation, scales, opacity and colour ([`super::Splats`]).
     pub rows: &'a [f32],
-    /// `[3, 8]`.
+    /// `[3, 8]` ([`super::light`]).
     pub light: &'a [f32],
 }
 
-impl<'a> Numbers<'a> {
+impl<'a> SplatSlices<'a> {
     fn count(&self) -> usize {
         self.rows.len() / ROW
     }
@@ -35,7 +37,7 @@ impl<'a> Numbers<'a> {
         Splat {
             transform: &self.transforms.as_chunks().0[i],
             mean: std::array::from_fn(|a| row[a]),
-            turn: std::array::from_fn(|a| row[3 + a]),
+            rotation: std::array::from_fn(|a| row[3 + a]),
             scale: std::array::from_fn(|a| row[7 + a]),
             opacity: row[10],
             colour: std::array::from_fn(|a| row[11 + a]),
@@ -46,57 +48,57 @@ impl<'a> Numbers<'a> {
         std::array::from_fn(|c| std::array::from_fn(|k| self.light[c * LIGHTS + k]))
     }
 
-    pub(super) fn flats(&self, sight: &Sight) -> Vec<Flat> {
+    pub(super) fn projected(&self, view: &View) -> Vec<Projected> {
         let light = self.light();
         let splats = (0..self.count()).into_par_iter().with_min_len(BLOCK);
         splats
             .map(|i| {
-                Form::best().run(Flatten {
+                Form::best().run(Project {
                     splat: self.splat(i),
                     light: &light,
-                    sight,
+                    view,
                 })
             })
             .collect()
     }
 }
 
-/// [`flatten`] of a splat.
-struct Flatten<'a> {
+/// [`project`] of a splat.
+struct Project<'a> {
     splat: Splat<'a>,
     light: &'a [[f32; LIGHTS]; 3],
-    sight: &'a Sight,
+    view: &'a View,
 }
 
-impl Work for Flatten<'_> {
-    type Output = Flat;
+impl Work for Project<'_> {
+    type Output = Projected;
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> Flat {
-        flatten(&self.splat, self.light, self.sight)
+    fn run<const FMA: bool>(self) -> Projected {
+        project(&self.splat, self.light, self.view)
     }
 }
 
-/// [`unflatten`] of a splat.
-pub(super) struct Unflatten<'a> {
+/// [`project_backward`] of a splat.
+pub(super) struct ProjectBackward<'a> {
     pub splat: Splat<'a>,
     pub light: &'a [[f32; LIGHTS]; 3],
-    pub sight: &'a Sight,
-    pub to: &'a FlatGradient,
+    pub view: &'a View,
+    pub to: &'a ProjectedGradient,
 }
 
-impl Work for Unflatten<'_> {
+impl Work for ProjectBackward<'_> {
     type Output = SplatGradient;
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> SplatGradient {
-        unflatten(&self.splat, self.light, self.sight, self.to)
+        project_backward(&self.splat, self.light, self.view, self.to)
     }
 }
 
 /// A picture with depth.
 #[derive(Clone, Debug)]
-pub struct Drawn {
+pub struct Rendered {
     /// `[H, W, 3]`, over black.
     pub rgb: Vec<f32>,
     /// `[H, W]` opacity.
@@ -105,42 +107,43 @@ pub struct Drawn {
     pub depth: Vec<f32>,
 }
 
-/// The picture of all `people`'s splats, each with the same camera in the frame of their body; `None`
-/// if there is nobody. Whoever is nearer hides the others.
+/// One picture of the splats of all `people`, each with the same camera in the frame of their body; `None`
+/// if there is nobody. Nearer splats hide those behind, also of other people.
 ///
 /// # Panics
 /// If the cameras differ in size.
-pub fn draw(people: &[(Numbers<'_>, &Sight)]) -> Option<Drawn> {
-    let (_, sight) = people.first()?;
-    let size = (sight.width, sight.height);
-    assert!(people.iter().all(|(_, it)| (it.width, it.height) == size));
-    let flats = people.iter().map(|(numbers, sight)| numbers.flats(sight));
-    let flats: Vec<Flat> = flats.reduce(|mut all, more| {
+pub fn render(people: &[(SplatSlices<'_>, &View)]) -> Option<Rendered> {
+    let (_, view) = people.first()?;
+    let size = (view.width, view.height);
+    let sizes = people.iter().map(|(_, view)| (view.width, view.height));
+    assert!(sizes.into_iter().all(|other| other == size));
+    let projected = people.iter().map(|(slices, view)| slices.projected(view));
+    let projected: Vec<Projected> = projected.reduce(|mut all, more| {
         all.extend(more);
         all
     })?;
-    Some(blend(&flats, sight).drawn(sight))
+    Some(rasterize(&projected, view).rendered(view))
 }
 
-/// The tiles of a picture.
-struct Blended {
+/// A picture as tiles.
+struct Rasterized {
     across: usize,
     tiles: Vec<Tile>,
 }
 
-impl Blended {
+impl Rasterized {
     /// The whole picture, over black.
-    fn drawn(&self, sight: &Sight) -> Drawn {
-        let area = sight.width * sight.height;
-        let mut drawn = Drawn {
+    fn rendered(&self, view: &View) -> Rendered {
+        let area = view.width * view.height;
+        let mut rendered = Rendered {
             rgb: vec![0.0; 3 * area],
             alpha: vec![0.0; area],
             depth: vec![0.0; area],
         };
-        let width = sight.width.max(1);
-        let rgb = drawn.rgb.par_chunks_mut(3 * width);
-        let others = drawn.alpha.par_chunks_mut(width);
-        let rows = rgb.zip(others.zip(drawn.depth.par_chunks_mut(width)));
+        let width = view.width.max(1);
+        let rgb = rendered.rgb.par_chunks_mut(3 * width);
+        let others = rendered.alpha.par_chunks_mut(width);
+        let rows = rgb.zip(others.zip(rendered.depth.par_chunks_mut(width)));
         rows.enumerate().for_each(|(y, (rgb, (alpha, depth)))| {
             let pixels = rgb.as_chunks_mut::<3>().0.iter_mut();
             let pixels = pixels.zip(alpha.iter_mut().zip(depth));
@@ -151,17 +154,17 @@ impl Blended {
                 (*alpha, *depth) = (tile[3][i], tile[4][i]);
             }
         });
-        drawn
+        rendered
     }
 
-    /// `[H, W, C]`: C numbers of each pixel.
+    /// `[H, W, C]`: the C numbers that `of` takes from each pixel of a tile.
     fn pixels<const C: usize>(
         &self,
-        sight: &Sight,
+        view: &View,
         of: impl Fn(&Tile, usize) -> [f32; C] + Sync,
     ) -> Vec<f32> {
-        let mut pixels = vec![0f32; C * sight.width * sight.height];
-        let rows = pixels.par_chunks_mut((C * sight.width).max(1)).enumerate();
+        let mut pixels = vec![0f32; C * view.width * view.height];
+        let rows = pixels.par_chunks_mut((C * view.width).max(1)).enumerate();
         rows.for_each(|(y, row)| {
             for (x, pixel) in row.as_chunks_mut::<C>().0.iter_mut().enumerate() {
                 let tile = &self.tiles[y / SIDE * self.across + x / SIDE];
@@ -172,18 +175,18 @@ impl Blended {
     }
 }
 
-fn blend(flats: &[Flat], sight: &Sight) -> Blended {
-    let tiles = Tiles::new(flats, sight.width, sight.height);
+fn rasterize(projected: &[Projected], view: &View) -> Rasterized {
+    let tiles = Tiles::new(projected, view.width, view.height);
     let mut blended = vec![[[0f32; AREA]; 5]; tiles.count()];
     blended.par_iter_mut().enumerate().for_each(|(tile, out)| {
-        Form::best().run(Blend {
-            flats,
+        Form::best().run(RasterizeTile {
+            projected,
             entries: tiles.of(tile),
             corner: tiles.corner(tile),
             out,
         });
     });
-    Blended {
+    Rasterized {
         across: tiles.across,
         tiles: blended,
     }
@@ -196,45 +199,46 @@ struct Gradients {
     light: Vec<f32>,
 }
 
-/// From the `picture` `[H W, 4]` and the gradient to it.
-fn backward(numbers: &Numbers<'_>, picture: &[f32], grad: &[f32], sight: &Sight) -> Gradients {
-    let flats = numbers.flats(sight);
-    let to_flats = unblend(&flats, picture, grad, sight);
-    let light = numbers.light();
-    let found: Vec<_> = (0..numbers.count())
+/// Gradients from the `picture` `[H W, 4]` and the gradient to it.
+fn backward(slices: &SplatSlices<'_>, picture: &[f32], grad: &[f32], view: &View) -> Gradients {
+    let projected = slices.projected(view);
+    let to_projected = rasterize_backward(&projected, picture, grad, view);
+    let light = slices.light();
+    let gradients: Vec<_> = (0..slices.count())
         .into_par_iter()
         .with_min_len(BLOCK)
         .map(|i| {
-            let seen = flats[i].opacity > 0.0;
-            let splat = numbers.splat(i);
+            let seen = projected[i].opacity > 0.0;
+            let splat = slices.splat(i);
             seen.then(|| {
-                Form::best().run(Unflatten {
+                Form::best().run(ProjectBackward {
                     splat,
                     light: &light,
-                    sight,
-                    to: &to_flats[i],
+                    view,
+                    to: &to_projected[i],
                 })
             })
         })
         .collect();
-    let n = numbers.count();
+    let n = slices.count();
     let mut all = Gradients {
         transforms: vec![0.0; 12 * n],
         rows: vec![0.0; ROW * n],
         light: Vec::new(),
     };
+    // In f64: every splat adds to the light.
     let mut to_light = [[0f64; LIGHTS]; 3];
-    for (i, found) in found.iter().enumerate() {
-        let Some(found) = found else { continue };
-        all.transforms[12 * i..][..12].copy_from_slice(&found.transform);
+    for (i, gradient) in gradients.iter().enumerate() {
+        let Some(gradient) = gradient else { continue };
+        all.transforms[12 * i..][..12].copy_from_slice(&gradient.transform);
         let row = &mut all.rows[ROW * i..][..ROW];
-        row[..3].copy_from_slice(&found.mean);
-        row[3..7].copy_from_slice(&found.turn);
-        row[7..10].copy_from_slice(&found.scale);
-        row[10] = found.opacity;
-        row[11..].copy_from_slice(&found.colour);
+        row[..3].copy_from_slice(&gradient.mean);
+        row[3..7].copy_from_slice(&gradient.rotation);
+        row[7..10].copy_from_slice(&gradient.scale);
+        row[10] = gradient.opacity;
+        row[11..].copy_from_slice(&gradient.colour);
         let sums = to_light.as_flattened_mut().iter_mut();
-        for (sum, term) in sums.zip(found.light.as_flattened()) {
+        for (sum, term) in sums.zip(gradient.light.as_flattened()) {
             *sum += f64::from(*term);
         }
     }
@@ -242,11 +246,16 @@ fn backward(numbers: &Numbers<'_>, picture: &[f32], grad: &[f32], sight: &Sight)
     all
 }
 
-/// Gradients to the splats in the picture.
-fn unblend(flats: &[Flat], picture: &[f32], grad: &[f32], sight: &Sight) -> Vec<FlatGradient> {
-    let tiles = Tiles::new(flats, sight.width, sight.height);
+/// Gradients to the projected splats, from the `picture` `[H W, 4]` and the gradient to it.
+fn rasterize_backward(
+    projected: &[Projected],
+    picture: &[f32],
+    grad: &[f32],
+    view: &View,
+) -> Vec<ProjectedGradient> {
+    let tiles = Tiles::new(projected, view.width, view.height);
     let (picture, grad) = (picture.as_chunks::<4>().0, grad.as_chunks::<4>().0);
-    let mut by_entry = vec![FlatGradient::default(); tiles.entries.len()];
+    let mut by_entry = vec![ProjectedGradient::default(); tiles.entries.len()];
     let mut parts = Vec::with_capacity(tiles.count());
     let mut rest = by_entry.as_mut_slice();
     for tile in 0..tiles.count() {
@@ -259,16 +268,16 @@ fn unblend(flats: &[Flat], picture: &[f32], grad: &[f32], sight: &Sight) -> Vec<
         let (mut to, mut dot) = ([[0f32; AREA]; 4], [0f32; AREA]);
         for i in 0..AREA {
             let (x, y) = (corner[0] + i % SIDE, corner[1] + i / SIDE);
-            if x < sight.width && y < sight.height {
-                let pixel = y * sight.width + x;
+            if x < view.width && y < view.height {
+                let pixel = y * view.width + x;
                 for c in 0..4 {
                     to[c][i] = grad[pixel][c];
                     dot[i] += grad[pixel][c] * picture[pixel][c];
                 }
             }
         }
-        Form::best().run(Unblend {
-            flats,
+        Form::best().run(RasterizeTileBackward {
+            projected,
             entries: tiles.of(tile),
             corner,
             grad: &to,
@@ -276,11 +285,11 @@ fn unblend(flats: &[Flat], picture: &[f32], grad: &[f32], sight: &Sight) -> Vec<
             out,
         });
     });
-    let mut to_flats = vec![FlatGradient::default(); flats.len()];
+    let mut to_projected = vec![ProjectedGradient::default(); projected.len()];
     for (entry, gradient) in tiles.entries.iter().zip(&by_entry) {
-        to_flats[*entry as usize].add(gradient);
+        to_projected[*entry as usize].add(gradient);
     }
-    to_flats
+    to_projected
 }
 
 impl SplatOps for Flex {
@@ -288,14 +297,14 @@ impl SplatOps for Flex {
         transforms: FloatTensor<Self>,
         rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> FloatTensor<Self> {
         let inputs = [transforms, rows, light].map(|tensor| tensor.to_contiguous());
-        let drawn = blend(&numbers(&inputs).flats(&sight), &sight);
-        let pixels = drawn.pixels(&sight, |tile, i| {
+        let tiles = rasterize(&slices(&inputs).projected(&view), &view);
+        let pixels = tiles.pixels(&view, |tile, i| {
             std::array::from_fn::<_, 4, _>(|c| tile[c][i])
         });
-        tensor(pixels, [sight.width * sight.height, 4])
+        tensor(pixels, [view.width * view.height, 4])
     }
 
     fn splat_backward(
@@ -304,12 +313,12 @@ impl SplatOps for Flex {
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         let n = rows.shape()[0];
         let inputs = [transforms, rows, light].map(|tensor| tensor.to_contiguous());
         let [picture, grad] = [picture, grad].map(|tensor| tensor.to_contiguous());
-        let to = backward(&numbers(&inputs), picture.storage(), grad.storage(), &sight);
+        let to = backward(&slices(&inputs), picture.storage(), grad.storage(), &view);
         (
             tensor(to.transforms, [n, 12]),
             tensor(to.rows, [n, ROW]),
@@ -318,10 +327,10 @@ impl SplatOps for Flex {
     }
 }
 
-/// The inputs of an operation, contiguous and in its order.
-fn numbers(inputs: &[FloatTensor<Flex>; 3]) -> Numbers<'_> {
+/// The contiguous inputs of the operation, in its order, as slices.
+fn slices(inputs: &[FloatTensor<Flex>; 3]) -> SplatSlices<'_> {
     let [transforms, rows, light] = inputs;
-    Numbers {
+    SplatSlices {
         transforms: transforms.storage(),
         rows: rows.storage(),
         light: light.storage(),

@@ -1,11 +1,11 @@
-//! Colours that depend on where they are seen from: a splat's colour plus Σ cₖ Yₖ(v), of the unit direction v from
-//! the camera to the splat, in the frame of the splat in the canonical pose, and the real spherical harmonics Yₖ
-//! of the first and second degree with the signs and the order of 3D Gaussian splatting (`utils/sh_utils.py` there).
-//! That frame is the one of files: a person in the rest pose has the same coefficients there.
+//! View-dependent colours: a splat's colour plus Σ cₖ Yₖ(v), where v is the unit direction from the camera to the
+//! splat in the canonical frame, and Yₖ are the real spherical harmonics of degree 1 and 2 with the signs and the
+//! order of 3D Gaussian splatting (`utils/sh_utils.py` there). Files have the same frame: there, a person in the
+//! rest pose has the same coefficients.
 //!
-//! Directions have no gradients: a splat should move to where it is seen, not to where its colour suits.
+//! No gradients flow to directions: a splat should move to where it is seen, not to where its colour fits.
 
-use super::{ROW, Sight, Splats};
+use super::{ROW, Splats, View};
 use burn::tensor::Tensor;
 use rayon::prelude::*;
 
@@ -15,7 +15,7 @@ pub const HARMONICS: usize = 8;
 /// Splats per task.
 const BLOCK: usize = 1024;
 
-/// The factors of [`terms`].
+/// Normalisation factors of [`terms`].
 const FACTORS: [f32; HARMONICS] = [
     -0.488_602_5,
     0.488_602_5,
@@ -32,12 +32,12 @@ pub const fn count(degree: usize) -> usize {
     (degree + 1) * (degree + 1) - 1
 }
 
-/// The degree that `count` harmonics from degree 1 up reach.
+/// The highest degree of `count` harmonics from degree 1 up.
 pub const fn degree(count: usize) -> usize {
     (count + 1).isqrt() - 1
 }
 
-/// The harmonics of degree 1 and 2 in the unit direction.
+/// The harmonics Yₖ of degree 1 and 2 at a unit direction.
 #[inline(always)]
 pub fn terms([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
     let plain = [
@@ -53,7 +53,7 @@ pub fn terms([x, y, z]: [f32; 3]) -> [f32; HARMONICS] {
     std::array::from_fn(|k| FACTORS[k] * plain[k])
 }
 
-impl Sight {
+impl View {
     /// The camera's centre in the frame of the body, −Eᵀ t, metres.
     fn centre(&self) -> [f32; 3] {
         std::array::from_fn(|c| -(0..3).map(|r| self.e[r][c] * self.e[r][3]).sum::<f32>())
@@ -61,8 +61,8 @@ impl Sight {
 }
 
 impl Splats {
-    /// With the colours that a camera sees, which no longer depend on the view.
-    pub fn seen_from(mut self, sight: &Sight) -> Self {
+    /// The splats with the colours that the camera of `view` sees, which no longer depend on the view.
+    pub fn with_view_colours(mut self, view: &View) -> Self {
         let Some(harmonics) = self.harmonics.take() else {
             return self;
         };
@@ -70,20 +70,21 @@ impl Splats {
         let t = self.transforms.clone().detach();
         let entry = |r: usize, c: usize| t.clone().narrow(1, 4 * r + c, 1);
         let mean = self.means.clone().detach();
-        let eye = sight.centre();
-        let view: [Tensor<2>; 3] = std::array::from_fn(|r| {
+        let eye = view.centre();
+        // v = Aᵀ (A μ + t − eye), normalised
+        let direction: [Tensor<2>; 3] = std::array::from_fn(|r| {
             let along = |c: usize| entry(r, c) * mean.clone().narrow(1, c, 1);
             along(0) + along(1) + along(2) + entry(r, 3) - eye[r]
         });
         let [x, y, z]: [Tensor<2>; 3] = std::array::from_fn(|c| {
-            let along = |r: usize| entry(r, c) * view[r].clone();
+            let along = |r: usize| entry(r, c) * direction[r].clone();
             along(0) + along(1) + along(2)
         });
         let square = |v: &Tensor<2>| v.clone() * v.clone();
         let length = (square(&x) + square(&y) + square(&z))
             .sqrt()
             .clamp_min(f32::MIN_POSITIVE);
-        // Splats without a place are not drawn; nor should they learn.
+        // Splats at means that are not finite are not rendered and must not get gradients of NaN.
         let [x, y, z] = [x, y, z].map(|v| {
             let part = v / length.clone();
             part.clone().mask_fill(part.is_nan(), 0.0)
@@ -106,24 +107,26 @@ impl Splats {
     }
 }
 
-/// Adds to the colours in `rows` `[N, 14]` what the camera sees of `harmonics` `[N, K, 3]`: [`Splats::seen_from`] in
-/// host memory. `transforms` `[N, 12]`.
-pub fn add_seen(rows: &mut [f32], harmonics: &[f32], transforms: &[f32], sight: &Sight) {
+/// Adds the view-dependent colours of `harmonics` `[N, K, 3]` to the colours in `rows` `[N, 14]`: the counterpart
+/// of [`Splats::with_view_colours`] in host memory. `transforms` has shape `[N, 12]`.
+pub fn add_view_colours(rows: &mut [f32], harmonics: &[f32], transforms: &[f32], view: &View) {
     let rows = rows.as_chunks_mut::<ROW>().0;
     let numbers = harmonics.len() / rows.len().max(1);
-    let eye = sight.centre();
+    let eye = view.centre();
     let splats = rows.par_iter_mut().with_min_len(BLOCK);
     let splats = splats.zip(harmonics.par_chunks_exact(numbers.max(1)));
     let splats = splats.zip(transforms.as_chunks::<12>().0);
     splats.for_each(|((row, harmonics), t)| {
-        let view: [f32; 3] = std::array::from_fn(|r| {
+        // v = Aᵀ (A μ + t − eye), normalised
+        let direction: [f32; 3] = std::array::from_fn(|r| {
             t[4 * r] * row[0] + t[4 * r + 1] * row[1] + t[4 * r + 2] * row[2] + t[4 * r + 3]
                 - eye[r]
         });
-        let turned: [f32; 3] =
-            std::array::from_fn(|c| t[c] * view[0] + t[4 + c] * view[1] + t[8 + c] * view[2]);
-        let length = turned.iter().map(|v| v * v).sum::<f32>().sqrt();
-        let terms = terms(turned.map(|v| v / length.max(f32::MIN_POSITIVE)));
+        let canonical: [f32; 3] = std::array::from_fn(|c| {
+            t[c] * direction[0] + t[4 + c] * direction[1] + t[8 + c] * direction[2]
+        });
+        let length = canonical.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let terms = terms(canonical.map(|v| v / length.max(f32::MIN_POSITIVE)));
         for (term, own) in terms.iter().zip(harmonics.as_chunks::<3>().0) {
             for c in 0..3 {
                 row[11 + c] += term * own[c];
@@ -164,9 +167,9 @@ mod tests {
         assert_eq!([0, 3, 8].map(degree), [0, 1, 2]);
     }
 
-    /// The camera stands 2 m before a splat that its bone has turned by a quarter about y, from z to x.
+    /// The camera stands 2 m from a splat that its bone has rotated by 90° about y, from z to x.
     #[test]
-    fn colours_turn_with_the_bones() {
+    fn view_colours_rotate_with_the_bones() {
         let device = Device::flex();
         let matrix = |values: &[f32], columns: usize| {
             let shape = [values.len() / columns, columns];
@@ -180,7 +183,7 @@ mod tests {
         let splats = Splats {
             transforms: matrix(&transform, 12),
             means: matrix(&[0.1, 0.0, 0.0], 3),
-            turns: matrix(&[1.0, 0.0, 0.0, 0.0], 4),
+            rotations: matrix(&[1.0, 0.0, 0.0, 0.0], 4),
             scales: matrix(&[-3.0; 3], 3),
             opacities: Tensor::zeros([1], &device),
             colours: matrix(&[0.5; 3], 3),
@@ -188,7 +191,7 @@ mod tests {
             light: Tensor::zeros([3, LIGHTS], &device),
         };
         // The splat is at (0.3, 0, −0.1); the camera at (−1.7, 0, −0.1) looks along x.
-        let sight = Sight {
+        let view = View {
             width: 8,
             height: 8,
             k: [[8.0, 0.0, 4.0], [0.0, 8.0, 4.0]],
@@ -203,9 +206,9 @@ mod tests {
         let along = terms([0.0, 0.0, 1.0]);
         let wanted = [0.5, 0.5 + along[1], 0.5 + 2.0 * along[7]];
         let mut rows: Vec<f32> = splats.rows().try_into_vec_as().expect("f32");
-        add_seen(&mut rows, &own, &transform, &sight);
+        add_view_colours(&mut rows, &own, &transform, &view);
         let seen: Vec<f32> = splats
-            .seen_from(&sight)
+            .with_view_colours(&view)
             .colours
             .try_into_vec_as()
             .expect("f32");

@@ -1,55 +1,60 @@
-//! Pictures of Gaussians on a posed body's surface (3D Gaussian splatting, Kerbl and others,
-//! arXiv 2308.04079): each is carried to its place by a transform of its own, projected, and blended
-//! near to far.
+//! Pictures of Gaussians on the surface of a posed body (3D Gaussian splatting, Kerbl and others,
+//! arXiv 2308.04079). Each splat has a transform of its own, which poses it; posed splats are projected, sorted
+//! into tiles, and rasterized near to far.
 //!
-//! A splat's covariance in the picture is J A R S Sᵀ Rᵀ Aᵀ Jᵀ + [`LOW_PASS`], of the projection's
-//! Jacobian J, the linear part A of its transform, its turn R and its scales S. Its opacity at a pixel
-//! centre at distance d is o exp(−dᵀ Σ⁻¹ d / 2), at most [`MOST`] and none below [`LEAST`]. Its colour
-//! is multiplied by the light on its third axis, the surface's normal ([`light`]).
+//! A splat's covariance in the picture is Σ' = J W Σ Wᵀ Jᵀ + [`LOW_PASS`] I with Σ = R S Sᵀ Rᵀ, where J is the
+//! Jacobian of the projection, W = E A the camera's rotation times the linear part of the splat's transform, R
+//! its rotation and S its scales. Its opacity at a pixel whose centre is at the offset d is
+//! α = o exp(−dᵀ Σ'⁻¹ d / 2), at most [`MAX_ALPHA`], and 0 below [`MIN_ALPHA`]. Its colour is multiplied by the
+//! light on its third axis, the normal of the surface ([`light`]).
+//!
+//! The forward pass is [`cpu`]'s `project`, then `rasterize`; the backward pass `rasterize_backward`, then
+//! `project_backward`. On a GPU, kernels have the same names.
 
 mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
-mod flat;
 pub mod harmonics;
 pub mod light;
 pub mod probe;
-mod raster;
+mod projected;
+mod rasterize;
 pub mod reference;
 mod tiles;
 
-pub use cpu::{Drawn, draw};
+pub use cpu::{Rendered, render};
 
 use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 use light::LIGHTS;
 
-/// Variance that a pixel's area adds to a splat's, square pixels: about the 1/12 of a square.
+/// Variance that is added to a splat's along both axes of the picture, for the area of a pixel, pixels²: about the
+/// 1/12 of a unit square. 3DGS adds 0.3.
 pub const LOW_PASS: f32 = 0.1;
-/// Largest opacity of a splat at a pixel (3DGS), so that what is behind still has gradients.
-pub const MOST: f32 = 0.99;
-/// Smallest opacity of a splat at a pixel (3DGS): a step of 8-bit colour.
-pub const LEAST: f32 = 1.0 / 255.0;
-/// Nearest distance from the camera, metres.
+/// Largest opacity α of a splat at a pixel (as in 3DGS), so that what is behind it still has gradients.
+pub const MAX_ALPHA: f32 = 0.99;
+/// Smallest opacity α of a splat at a pixel (as in 3DGS), below which it is 0: a step of 8-bit colour.
+pub const MIN_ALPHA: f32 = 1.0 / 255.0;
+/// Near plane: smallest z in the camera's frame, metres.
 pub const NEAR: f32 = 0.05;
 
-/// Numbers of a splat: place, turn, scales, opacity and colour.
+/// Numbers per splat: mean (3), rotation (4), scales (3), opacity (1) and colour (3).
 pub const ROW: usize = 14;
 
 /// A camera in the frame of the body.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sight {
+pub struct View {
     /// Width of the picture, pixels.
     pub width: usize,
     /// Height of the picture, pixels.
     pub height: usize,
-    /// Intrinsics, pixels: `[[fx, skew, cx], [0, fy, cy]]`, pixel centres at +0.5.
+    /// Intrinsics K, pixels: `[[fx, skew, cx], [0, fy, cy]]`, pixel centres at +0.5.
     pub k: [[f32; 3]; 2],
-    /// Body frame to camera, row-major 3x4, metres.
+    /// Extrinsics E: body frame to camera, row-major 3x4, metres.
     pub e: [[f32; 4]; 3],
-    /// Turn from the body frame to the world, in which light has a direction.
+    /// Rotation from the body frame to the world, in which light has a direction.
     pub world: [[f32; 3]; 3],
 }
 
@@ -58,33 +63,33 @@ pub struct Sight {
 pub struct Splats {
     /// `[N, 12]` canonical to posed body, row-major 3x4.
     pub transforms: Tensor<2>,
-    /// `[N, 3]` canonical places, metres.
+    /// `[N, 3]` canonical means, metres.
     pub means: Tensor<2>,
-    /// `[N, 4]` canonical turns as quaternions, real part first, of any length but 0.
-    pub turns: Tensor<2>,
-    /// `[N, 3]` logarithms of the standard deviations along the turned axes, metres.
+    /// `[N, 4]` canonical rotations: quaternions, real part first, of any length but 0.
+    pub rotations: Tensor<2>,
+    /// `[N, 3]` logarithms of the standard deviations along the rotated axes, metres.
     pub scales: Tensor<2>,
     /// `[N]` logits of the opacities.
     pub opacities: Tensor<1>,
     /// `[N, 3]` colours without light.
     pub colours: Tensor<2>,
-    /// `[N, 3 K]`: what the colours gain by the view, by harmonic and channel ([`harmonics`]); absent if they do
-    /// not depend on it.
+    /// `[N, 3 K]` coefficients of the view-dependent colour, by harmonic and channel ([`harmonics`]); `None` if
+    /// colours do not depend on the view.
     pub harmonics: Option<Tensor<2>>,
     /// `[3, 8]` light of each colour channel ([`light`]).
     pub light: Tensor<2>,
 }
 
 impl Splats {
-    /// Checks that the shapes belong together.
+    /// Checks that the shapes match.
     ///
     /// # Panics
-    /// If they do not.
+    /// If they do not match.
     fn check(&self) {
         let [n, _] = self.means.dims();
         assert_eq!(self.transforms.dims(), [n, 12]);
         assert_eq!(self.means.dims(), [n, 3]);
-        assert_eq!(self.turns.dims(), [n, 4]);
+        assert_eq!(self.rotations.dims(), [n, 4]);
         assert_eq!(self.scales.dims(), [n, 3]);
         assert_eq!(self.opacities.dims(), [n]);
         assert_eq!(self.colours.dims(), [n, 3]);
@@ -95,31 +100,31 @@ impl Splats {
         }
     }
 
-    /// `[N, 14]`: place, turn, scales, opacity and colour of each, as the operation takes them, without what colours
-    /// gain by the view.
+    /// `[N, 14]`: mean, rotation, scales, opacity and colour of each splat, without the view-dependent colour.
     pub fn rows(&self) -> Tensor<2> {
         let [n, _] = self.means.dims();
         let opacities = self.opacities.clone().reshape([n, 1]);
-        let parts = [&self.means, &self.turns, &self.scales].map(Tensor::clone);
+        let parts = [&self.means, &self.rotations, &self.scales].map(Tensor::clone);
         let parts = parts.into_iter().chain([opacities, self.colours.clone()]);
         Tensor::cat(parts.collect(), 1)
     }
 }
 
-/// Splatting as a backend implements it. Call [`splat`] instead: it chooses the form for the tensors'
-/// device.
+/// Splatting as a backend implements it. Call [`splat`] instead, which chooses the form for the device of
+/// the tensors.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait SplatOps: Backend {
-    /// Forward of [`splat`], from the transforms `[N, 12]`, the splats' rows `[N, 14]` and the light
+    /// Forward of [`splat`], from the transforms `[N, 12]`, the rows `[N, 14]` of the splats and the light
     /// `[3, 8]`.
-    #[fusion(dtype = rows, shape = output_shape(sight))]
+    #[fusion(dtype = rows, shape = output_shape(view))]
     fn splat(
         transforms: FloatTensor<Self>,
         rows: FloatTensor<Self>,
         light: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> FloatTensor<Self>;
-    /// Gradients of [`splat`] to its inputs, from its result and the gradient to it.
+    /// Gradients of [`splat`] to its three inputs, from its result `picture` and the gradient to it, both
+    /// `[H W, 4]`.
     #[fusion(meta = |transforms, rows, light, _, _, _| {
         (transforms.clone(), rows.clone(), light.clone())
     })]
@@ -129,32 +134,33 @@ pub trait SplatOps: Backend {
         light: FloatTensor<Self>,
         picture: FloatTensor<Self>,
         grad: FloatTensor<Self>,
-        sight: Sight,
+        view: View,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
 
 /// Shape of the result of [`splat`].
 #[cfg(feature = "gpu")]
-fn output_shape(sight: &Sight) -> burn::tensor::Shape {
-    burn::tensor::Shape::new([sight.width * sight.height, 4])
+fn output_shape(view: &View) -> burn::tensor::Shape {
+    burn::tensor::Shape::new([view.width * view.height, 4])
 }
 
-/// The picture `[H W, 4]` of `splats`: colour over black, and opacity. Gradients flow to all tensors.
+/// The picture `[H W, 4]` of `splats`: colour over black, and opacity. Gradients flow to all tensors of
+/// `splats`.
 ///
 /// # Panics
-/// If the shapes do not belong together.
-pub fn splat(splats: Splats, sight: &Sight) -> Tensor<2> {
+/// If the shapes do not match.
+pub fn splat(splats: Splats, view: &View) -> Tensor<2> {
     splats.check();
-    let splats = splats.seen_from(sight);
+    let splats = splats.with_view_colours(view);
     if has_own_form(&splats.means.device()) {
         let rows = splats.rows();
         Tensor::from_dispatch(Dispatch::splat(
             splats.transforms.into_dispatch(),
             rows.into_dispatch(),
             splats.light.into_dispatch(),
-            sight.clone(),
+            view.clone(),
         ))
     } else {
-        reference::splat(splats, sight)
+        reference::splat(splats, view)
     }
 }

@@ -1,34 +1,35 @@
-//! Single pixels of a picture, and how each changes with the transforms of its splats.
+//! Single pixels of a picture, and their gradients to the transforms of the splats.
 
-use super::cpu::{Numbers, Unflatten};
-use super::flat::{Flat, FlatGradient};
+use super::cpu::{ProjectBackward, SplatSlices};
 use super::light::LIGHTS;
-use super::raster::OPAQUE;
+use super::projected::{Projected, ProjectedGradient};
+use super::rasterize::OPAQUE;
 use super::tiles::{SIDE, Tiles};
-use super::{LEAST, MOST, Sight};
+use super::{MAX_ALPHA, MIN_ALPHA, View};
 use crate::form::Form;
 
-/// A picture that is asked pixel by pixel.
+/// A picture of which single pixels are computed.
 pub struct Probe<'a> {
-    numbers: Numbers<'a>,
+    slices: SplatSlices<'a>,
     light: [[f32; LIGHTS]; 3],
-    sight: &'a Sight,
-    flats: Vec<Flat>,
+    view: &'a View,
+    projected: Vec<Projected>,
     tiles: Tiles,
 }
 
 /// A splat at a pixel.
 struct Layer {
+    /// Index of the splat.
     splat: usize,
     /// From its centre to the pixel's, pixels.
     offset: [f32; 2],
     alpha: f32,
     /// Transmittance in front of it.
-    through: f32,
+    transmittance: f32,
 }
 
-/// The gradient of a pixel to the transform of a splat.
-pub struct SplatPull {
+/// The gradient of a pixel to the transform of one splat.
+pub struct TransformGradient {
     /// Index of the splat.
     pub splat: usize,
     /// Row-major 3x4.
@@ -37,33 +38,34 @@ pub struct SplatPull {
 
 impl<'a> Probe<'a> {
     /// The picture of splats.
-    pub fn new(numbers: Numbers<'a>, sight: &'a Sight) -> Self {
-        let flats = numbers.flats(sight);
+    pub fn new(slices: SplatSlices<'a>, view: &'a View) -> Self {
+        let projected = slices.projected(view);
         Self {
-            light: numbers.light(),
-            tiles: Tiles::new(&flats, sight.width, sight.height),
-            numbers,
-            sight,
-            flats,
+            light: slices.light(),
+            tiles: Tiles::new(&projected, view.width, view.height),
+            slices,
+            view,
+            projected,
         }
     }
 
     /// Number of splats.
     pub fn splats(&self) -> usize {
-        self.flats.len()
+        self.projected.len()
     }
 
-    /// The canonical place of a splat, metres.
-    pub fn place(&self, splat: usize) -> [f32; 3] {
-        self.numbers.splat(splat).mean
+    /// The canonical mean of a splat, metres.
+    pub fn mean(&self, splat: usize) -> [f32; 3] {
+        self.slices.splat(splat).mean
     }
 
-    /// Red, green, blue over black and opacity of the pixel with the number `pixel`.
+    /// Red, green and blue over black, and opacity, of a pixel. Pixels are numbered row by row.
     pub fn pixel(&self, pixel: usize) -> [f32; 4] {
         let mut sum = [0f32; 4];
         for layer in self.layers(pixel) {
-            let weight = layer.through * layer.alpha;
-            let [r, g, b] = self.flats[layer.splat].colour;
+            // C = Σ T α c
+            let weight = layer.transmittance * layer.alpha;
+            let [r, g, b] = self.projected[layer.splat].colour;
             for (sum, value) in sum.iter_mut().zip([r, g, b, 1.0]) {
                 *sum += weight * value;
             }
@@ -71,91 +73,94 @@ impl<'a> Probe<'a> {
         sum
     }
 
-    /// Depth, metres, opacity and colour of each splat at a pixel, near to far.
-    pub fn met(&self, pixel: usize) -> impl Iterator<Item = (f32, f32, [f32; 3])> {
+    /// Depth in metres, opacity α and colour of each splat at a pixel, near to far.
+    pub fn splats_at(&self, pixel: usize) -> impl Iterator<Item = (f32, f32, [f32; 3])> {
         self.layers(pixel).into_iter().map(move |layer| {
-            let flat = &self.flats[layer.splat];
-            (flat.depth, layer.alpha, flat.colour)
+            let projected = &self.projected[layer.splat];
+            (projected.depth, layer.alpha, projected.colour)
         })
     }
 
-    /// The splats at a pixel, and the part of it that each has.
-    pub fn parts(&self, pixel: usize) -> Vec<(usize, f32)> {
+    /// The splats at a pixel, near to far, and the weight T α of each.
+    pub fn weights_at(&self, pixel: usize) -> Vec<(usize, f32)> {
         let layers = self.layers(pixel).into_iter();
         layers
-            .map(|layer| (layer.splat, layer.through * layer.alpha))
+            .map(|layer| (layer.splat, layer.transmittance * layer.alpha))
             .collect()
     }
 
-    /// The sum of a pixel's red, green, blue and opacity times `weights`, and its gradients.
-    pub fn pulls(&self, pixel: usize, weights: [f32; 4]) -> (f32, Vec<SplatPull>) {
+    /// The sum of red, green, blue and opacity of a pixel times `weights`, and the gradients of that sum to the
+    /// transforms of the splats at the pixel.
+    pub fn gradients(&self, pixel: usize, weights: [f32; 4]) -> (f32, Vec<TransformGradient>) {
         let layers = self.layers(pixel);
         let [red, green, blue, opacity] = weights;
+        // As in rasterize_backward: v = ∂L/∂C · (c, 1).
         let own = |layer: &Layer| {
-            let [r, g, b] = self.flats[layer.splat].colour;
+            let [r, g, b] = self.projected[layer.splat].colour;
             red * r + green * g + blue * b + opacity
         };
-        let weight = |layer: &Layer| layer.through * layer.alpha;
-        let value = layers.iter().map(|it| weight(it) * own(it)).sum();
+        let weight = |layer: &Layer| layer.transmittance * layer.alpha;
+        let value = layers.iter().map(|layer| weight(layer) * own(layer)).sum();
         let mut behind: f32 = value;
-        let pulls = layers.iter().map(|layer| {
+        let gradients = layers.iter().map(|layer| {
             let (own, weight) = (own(layer), weight(layer));
             behind -= weight * own;
-            // Where opacity is cut off, it does not change.
-            let to_power = if layer.alpha < MOST {
-                layer.alpha * (layer.through * own - behind / (1.0 - layer.alpha))
+            // ∂L/∂p = α (T v − B / (1 − α)) with B = Σ T α v of the splats behind; 0 where α is clamped
+            let to_power = if layer.alpha < MAX_ALPHA {
+                layer.alpha * (layer.transmittance * own - behind / (1.0 - layer.alpha))
             } else {
                 0.0
             };
             let [dx, dy] = layer.offset;
             let (px, py) = (to_power * dx, to_power * dy);
-            let [xx, xy, yy] = self.flats[layer.splat].conic;
-            let to = FlatGradient {
-                // The exponent is −(xx dx² + 2 xy dx dy + yy dy²) / 2.
+            let [xx, xy, yy] = self.projected[layer.splat].conic;
+            let to = ProjectedGradient {
+                // p = −(xx dx² + 2 xy dx dy + yy dy²) / 2 with d = pixel − centre
                 centre: [xx * px + xy * py, xy * px + yy * py],
                 conic: [-0.5 * px * dx, -px * dy, -0.5 * py * dy],
                 opacity: 0.0,
                 colour: [red, green, blue].map(|by| weight * by),
             };
-            SplatPull {
+            TransformGradient {
                 splat: layer.splat,
                 to_transform: Form::best()
-                    .run(Unflatten {
-                        splat: self.numbers.splat(layer.splat),
+                    .run(ProjectBackward {
+                        splat: self.slices.splat(layer.splat),
                         light: &self.light,
-                        sight: self.sight,
+                        view: self.view,
                         to: &to,
                     })
                     .transform,
             }
         });
-        let pulls = pulls.collect();
-        (value, pulls)
+        let gradients = gradients.collect();
+        (value, gradients)
     }
 
     /// The splats at a pixel, near to far.
     fn layers(&self, pixel: usize) -> Vec<Layer> {
-        let (x, y) = (pixel % self.sight.width, pixel / self.sight.width);
-        let mut through = 1.0;
+        let (x, y) = (pixel % self.view.width, pixel / self.view.width);
+        let mut transmittance = 1.0;
         let mut layers = Vec::new();
         for entry in self.tiles.of(y / SIDE * self.tiles.across + x / SIDE) {
             let splat = *entry as usize;
-            let flat = &self.flats[splat];
+            let projected = &self.projected[splat];
             let [dx, dy] = [x, y].map(|v| v as f32 + 0.5);
-            let [dx, dy] = [dx - flat.centre[0], dy - flat.centre[1]];
-            let [xx, xy, yy] = flat.conic;
+            let [dx, dy] = [dx - projected.centre[0], dy - projected.centre[1]];
+            let [xx, xy, yy] = projected.conic;
+            // α = min(o exp(−dᵀ Σ'⁻¹ d / 2), MAX_ALPHA)
             let power = -0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy);
-            let alpha = (flat.opacity * power.min(0.0).exp()).min(MOST);
-            if alpha >= LEAST {
+            let alpha = (projected.opacity * power.min(0.0).exp()).min(MAX_ALPHA);
+            if alpha >= MIN_ALPHA {
                 layers.push(Layer {
                     splat,
                     offset: [dx, dy],
                     alpha,
-                    through,
+                    transmittance,
                 });
-                through *= 1.0 - alpha;
+                transmittance *= 1.0 - alpha;
             }
-            if through < OPAQUE {
+            if transmittance < OPAQUE {
                 break;
             }
         }

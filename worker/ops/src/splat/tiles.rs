@@ -1,6 +1,6 @@
 //! The splats of each tile of the picture, near to far.
 
-use super::flat::Flat;
+use super::projected::Projected;
 use rayon::prelude::*;
 
 /// Side of a tile, pixels.
@@ -14,24 +14,24 @@ pub(super) struct Tiles {
     pub across: usize,
     /// `[T + 1]`: the splats of tile t are entries `starts[t]..starts[t + 1]`.
     pub starts: Vec<usize>,
-    /// Numbers of the splats, near to far in each tile.
+    /// Indices of the splats, near to far in each tile.
     pub entries: Vec<u32>,
 }
 
 impl Tiles {
     /// The tiles of a picture of `width` x `height` pixels.
-    pub fn new(flats: &[Flat], width: usize, height: usize) -> Self {
+    pub fn new(projected: &[Projected], width: usize, height: usize) -> Self {
         let (across, down) = Self::sides(width, height);
-        // Depths are positive, so their bits have their order; the number settles ties.
+        // Depths are positive, so their bits have the same order; the index settles ties.
         let mut order: Vec<(u32, u32)> = (0..)
-            .zip(flats)
-            .filter(|(_, flat)| flat.opacity > 0.0)
-            .map(|(number, flat)| (flat.depth.to_bits(), number))
+            .zip(projected)
+            .filter(|(_, splat)| splat.opacity > 0.0)
+            .map(|(index, splat)| (splat.depth.to_bits(), index))
             .collect();
         order.par_sort_unstable();
         let mut starts = vec![0usize; across * down + 1];
-        for (_, number) in &order {
-            for tile in touched(&flats[*number as usize], across, down) {
+        for (_, index) in &order {
+            for tile in overlapped(&projected[*index as usize], across, down) {
                 starts[tile + 1] += 1;
             }
         }
@@ -40,9 +40,9 @@ impl Tiles {
         }
         let mut next = starts.clone();
         let mut entries = vec![0u32; starts[across * down]];
-        for (_, number) in &order {
-            for tile in touched(&flats[*number as usize], across, down) {
-                entries[next[tile]] = *number;
+        for (_, index) in &order {
+            for tile in overlapped(&projected[*index as usize], across, down) {
+                entries[next[tile]] = *index;
                 next[tile] += 1;
             }
         }
@@ -74,12 +74,12 @@ impl Tiles {
     }
 }
 
-/// The tiles that the rectangle around a splat touches.
-fn touched(flat: &Flat, across: usize, down: usize) -> impl Iterator<Item = usize> {
+/// The tiles that the rectangle around a splat overlaps.
+fn overlapped(splat: &Projected, across: usize, down: usize) -> impl Iterator<Item = usize> {
     let range = |a: usize, count: usize| {
-        let first = ((flat.centre[a] - flat.reach[a]) / SIDE as f32).floor();
-        let last = ((flat.centre[a] + flat.reach[a]) / SIDE as f32).floor();
-        // Comparisons are false for a NaN, which touches nothing.
+        let first = ((splat.centre[a] - splat.extent[a]) / SIDE as f32).floor();
+        let last = ((splat.centre[a] + splat.extent[a]) / SIDE as f32).floor();
+        // Comparisons are false for a NaN, which overlaps nothing.
         if first < count as f32 && last >= 0.0 {
             first.max(0.0) as usize..(last as usize).saturating_add(1).min(count)
         } else {

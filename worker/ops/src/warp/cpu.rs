@@ -2,11 +2,11 @@
 //!
 //! The forward pass runs over blocks of points. The backward pass has two parts: over points, to
 //! find the bones that have a weight there and the gradient to each weight; then over bones, whose
-//! volumes are disjoint, so that no thread adds to another's memory and the order of the sums does
-//! not depend on the number of threads. Points without a gradient take no part.
+//! weight volumes are disjoint, so that no thread adds to the memory of another and the order of the sums
+//! does not depend on the number of threads. Points whose gradient is 0 are left out.
 
 use super::grid::{Cell, Support, supports};
-use super::visits::{BLOCK, Block};
+use super::point_block::{BLOCK, PointBlock};
 use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::flex::tensor;
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
@@ -55,7 +55,10 @@ impl WarpOps for Flex {
     }
 }
 
-/// Checks that there is a volume for every bone, and whole points.
+/// Checks that every bone has a weight volume and that points have three coordinates.
+///
+/// # Panics
+/// If not.
 fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
     let voxels = grid.voxels();
     assert!(
@@ -77,18 +80,23 @@ fn check(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) {
 /// # Panics
 /// If the sizes do not match the grid.
 pub fn forward(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
-    let mut output = unlimited(weights, transforms, points, grid);
+    let mut output = forward_unclamped(weights, transforms, points, grid);
     for out in output.as_chunks_mut::<4>().0 {
         out[3] = out[3].clamp(0.0, 1.0);
     }
     output
 }
 
-/// The same with the plain sum of the weights, which can exceed 1, in the last column.
+/// [`forward`] with the sum of the weights in the last column as it is: it can exceed 1.
 ///
 /// # Panics
 /// If the sizes do not match the grid.
-pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &WarpGrid) -> Vec<f32> {
+pub fn forward_unclamped(
+    weights: &[f32],
+    transforms: &[f32],
+    points: &[f32],
+    grid: &WarpGrid,
+) -> Vec<f32> {
     check(weights, transforms, points, grid);
     let sides = grid.sides();
     let voxels = grid.voxels();
@@ -101,15 +109,16 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
         .0
         .par_chunks_mut(BLOCK)
         .zip(points.par_chunks(BLOCK))
-        .for_each_init(Block::new, |block, (output, points)| {
+        .for_each_init(PointBlock::new, |block, (output, points)| {
             block.fill(points.iter());
             for ((bone, volume), support) in transforms
                 .chunks_exact(12)
                 .zip(weights.chunks_exact(voxels))
                 .zip(&supports)
             {
-                block.visit(bone, support, |i, p| {
+                block.for_each_in_support(bone, support, |i, p| {
                     if let Some(cell) = Cell::of(p, min, scale, sides) {
+                        // wₖ = Wₖ(pₖ); Σ wₖ pₖ and Σ wₖ
                         let w = cell.sample(volume, sides);
                         let out = &mut output[i];
                         for a in 0..3 {
@@ -120,6 +129,7 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
                 });
             }
             for out in output {
+                // c = Σ wₖ pₖ / max(Σ wₖ, ε)
                 let divisor = out[3].max(MIN_WEIGHT_SUM);
                 for value in &mut out[..3] {
                     *value /= divisor;
@@ -129,21 +139,21 @@ pub fn unlimited(weights: &[f32], transforms: &[f32], points: &[f32], grid: &War
     output
 }
 
-/// A point where a bone has a weight.
-pub(super) struct Visit {
+/// A bone that has a weight at a point.
+pub(super) struct Influence {
     pub point: u32,
-    /// The point as the bone carries it, canonical metres.
+    /// The point that the bone transforms it to, pₖ, canonical metres.
     pub at: [f32; 3],
-    /// Share of the bone in the canonical point.
-    pub share: f32,
-    /// Gradient to the bone's weight.
+    /// Normalised weight of the bone in the canonical point, wₖ / Σ w.
+    pub weight: f32,
+    /// Gradient to the bone's weight wₖ.
     pub to_weight: f32,
 }
 
-/// The visits of a block of points, bone by bone.
-pub(super) struct Visits {
-    pub all: Vec<Visit>,
-    /// `[bones + 1]`: the visits of bone k are numbers `starts[k]..starts[k + 1]`.
+/// The influences of a block of points, bone by bone.
+pub(super) struct Influences {
+    pub all: Vec<Influence>,
+    /// `[bones + 1]`: the influences of bone k are numbers `starts[k]..starts[k + 1]`.
     pub starts: Vec<usize>,
 }
 
@@ -158,7 +168,7 @@ pub fn backward(
     grad: &[f32],
     grid: &WarpGrid,
 ) -> (Vec<f32>, Vec<f32>) {
-    let blocks = all_visits(weights, transforms, points, grad, grid);
+    let blocks = all_influences(weights, transforms, points, grad, grid);
     let sides = grid.sides();
     let voxels = grid.voxels();
     let bones = transforms.len() / 12;
@@ -174,13 +184,18 @@ pub fn backward(
         .for_each(|(bone, (to_volume, to_transform))| {
             let volume = &weights[bone * voxels..(bone + 1) * voxels];
             for block in &blocks {
-                for visit in &block.all[block.starts[bone]..block.starts[bone + 1]] {
-                    let cell = Cell::of(visit.at, min, scale, sides)
-                        .expect("a visit was made in a cell of the grid");
-                    let (x, g) = (&points[visit.point as usize], &grad[visit.point as usize]);
-                    let slope = cell.spread(volume, to_volume, visit.to_weight, sides);
+                for influence in &block.all[block.starts[bone]..block.starts[bone + 1]] {
+                    let cell = Cell::of(influence.at, min, scale, sides)
+                        .expect("an influence was made in a cell of the grid");
+                    let (x, g) = (
+                        &points[influence.point as usize],
+                        &grad[influence.point as usize],
+                    );
+                    let slope = cell.spread(volume, to_volume, influence.to_weight, sides);
+                    // ∂L/∂pₖ = wₖ / s ∂L/∂c + ∂L/∂wₖ ∇Wₖ(pₖ); pₖ = Rₖ x + tₖ: ∂L/∂Rₖ = ∂L/∂pₖ xᵀ, ∂L/∂tₖ = ∂L/∂pₖ
                     for a in 0..3 {
-                        let to_p = visit.share * g[a] + visit.to_weight * slope[a] * scale[a];
+                        let to_p =
+                            influence.weight * g[a] + influence.to_weight * slope[a] * scale[a];
                         for (c, to) in to_transform[4 * a..4 * a + 3].iter_mut().enumerate() {
                             *to += to_p * x[c];
                         }
@@ -192,17 +207,17 @@ pub fn backward(
     (to_weights, to_transforms)
 }
 
-/// The visits of all points with a gradient, block by block.
+/// The influences of all points with a gradient, block by block.
 ///
 /// # Panics
 /// If the sizes do not match the grid or each other.
-pub(super) fn all_visits(
+pub(super) fn all_influences(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
     grad: &[f32],
     grid: &WarpGrid,
-) -> Vec<Visits> {
+) -> Vec<Influences> {
     check(weights, transforms, points, grid);
     assert_eq!(grad.len() / 4, points.len() / 3, "rows of the gradient");
     let supports = supports(weights, transforms.len() / 12, grid);
@@ -212,18 +227,18 @@ pub(super) fn all_visits(
         .collect();
     active
         .par_chunks(BLOCK)
-        .map_init(Block::new, |block, active| {
-            visits(
+        .map_init(PointBlock::new, |block, active| {
+            influences(
                 block, weights, transforms, points, grad, grid, &supports, active,
             )
         })
         .collect()
 }
 
-/// The visits of the points numbered `active`, at most a block of them.
+/// The influences at the points with the indices `active`, at most a block of them.
 #[allow(clippy::too_many_arguments)]
-fn visits(
-    block: &mut Block,
+fn influences(
+    block: &mut PointBlock,
     weights: &[f32],
     transforms: &[f32],
     points: &[[f32; 3]],
@@ -231,15 +246,15 @@ fn visits(
     grid: &WarpGrid,
     supports: &[Support],
     active: &[u32],
-) -> Visits {
+) -> Influences {
     let sides = grid.sides();
     let voxels = grid.voxels();
     let (min, scale) = (grid.min, grid.scale());
-    let mut found = Visits {
+    let mut found = Influences {
         all: Vec::with_capacity(4 * active.len()),
         starts: vec![0],
     };
-    // Sum of the weights and the weighted sum of the carried points.
+    // Σ wₖ pₖ and Σ wₖ of each point.
     let mut sums = vec![[0f32; 4]; active.len()];
     block.fill(active.iter().map(|i| &points[*i as usize]));
     for ((bone, volume), support) in transforms
@@ -247,18 +262,18 @@ fn visits(
         .zip(weights.chunks_exact(voxels))
         .zip(supports)
     {
-        block.visit(bone, support, |i, at| {
+        block.for_each_in_support(bone, support, |i, at| {
             if let Some(cell) = Cell::of(at, min, scale, sides) {
                 let w = cell.sample(volume, sides);
                 for a in 0..3 {
                     sums[i][a] += w * at[a];
                 }
                 sums[i][3] += w;
-                found.all.push(Visit {
-                    // Its number in the block, until the sums are known.
+                found.all.push(Influence {
+                    // The index in the block, until the sums are known.
                     point: i as u32,
                     at,
-                    share: w,
+                    weight: w,
                     to_weight: 0.0,
                 });
             }
@@ -266,10 +281,12 @@ fn visits(
         found.starts.push(found.all.len());
     }
     let dot = |g: &[f32; 4], p: &[f32]| g[0] * p[0] + g[1] * p[1] + g[2] * p[2];
-    for visit in &mut found.all {
-        let i = visit.point as usize;
+    for influence in &mut found.all {
+        let i = influence.point as usize;
         let (g, sum) = (&grad[active[i] as usize], sums[i][3]);
         let divisor = sum.max(MIN_WEIGHT_SUM);
+        // c = Σ wₖ pₖ / s with s = max(Σ wₖ, ε): ∂L/∂wₖ = ∂L/∂c · pₖ / s + ∂L/∂s, where
+        // ∂L/∂s = −∂L/∂c · c / s, or 0 where ε bounds s; and ∂L/∂m of the likelihood m = clamp(Σ wₖ, 0, 1)
         let mean = dot(g, &sums[i][..3]) / divisor;
         let mut to_sum = if sum > MIN_WEIGHT_SUM {
             -mean / divisor
@@ -279,9 +296,9 @@ fn visits(
         if (0.0..=1.0).contains(&sum) {
             to_sum += g[3];
         }
-        visit.point = active[i];
-        visit.share /= divisor;
-        visit.to_weight = dot(g, &visit.at) / divisor + to_sum;
+        influence.point = active[i];
+        influence.weight /= divisor;
+        influence.to_weight = dot(g, &influence.at) / divisor + to_sum;
     }
     found
 }

@@ -1,8 +1,8 @@
-//! The warp on a GPU. Forward, there is a thread for each point; backward, a group of threads for
-//! each bone and run of points, so that the twelve sums of a bone's transform are computed in the
-//! group before they are added to those of other groups.
+//! The warp on a GPU. Forward, there is a thread per point; backward, a group of threads per bone and run of
+//! points, so that the twelve sums of a bone's transform are computed in the group before they are added to
+//! those of other groups.
 
-use super::lattice::{Lattice, lattice, place, tap, voxels};
+use super::cube_grid::{Lattice, lattice, tap, transformed_point, voxels};
 use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::cube::tensors::{each, empty, rows, zeros};
@@ -13,7 +13,7 @@ use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 use cubecl::server::Handle;
 
-/// Threads per group of the backward pass. Every Vulkan device runs 128; they share 6 KiB.
+/// Threads per group of the backward pass. Every Vulkan device runs 128; they weight 6 KiB.
 const GROUP: usize = 128;
 /// Points that a group sums over for its bone: enough that few groups add to the same sums.
 const RUN: usize = 1024;
@@ -53,7 +53,7 @@ fn forward(
     if n > 0 {
         let supports = Supports::find(&weights, &transforms, grid);
         let (count, dim) = each(&client, n);
-        carry_and_mix::launch(
+        warp_points::launch(
             &client,
             count,
             dim,
@@ -84,9 +84,9 @@ fn backward(
     let (n, bones) = (points.meta.shape()[0], transforms.meta.shape()[0]);
     if n > 0 {
         let supports = Supports::find(&weights, &transforms, grid);
-        let mixed = empty(&points, Shape::new([n, 2]));
+        let blend_terms = empty(&points, Shape::new([n, 2]));
         let (count, dim) = each(&client, n);
-        mixing::launch(
+        blend_backward::launch(
             &client,
             count,
             dim,
@@ -95,11 +95,11 @@ fn backward(
             points.clone().into_buffer_arg(),
             supports.argument(),
             grad.clone().into_buffer_arg(),
-            mixed.clone().into_buffer_arg(),
+            blend_terms.clone().into_buffer_arg(),
             lattice(grid),
         );
         launch_adding!(
-            spread,
+            bones_backward,
             &client,
             CubeCount::new_2d(n.div_ceil(RUN) as u32, bones as u32),
             CubeDim::new_1d(GROUP as u32),
@@ -108,7 +108,7 @@ fn backward(
             points.into_buffer_arg(),
             supports.argument(),
             grad.into_buffer_arg(),
-            mixed.into_buffer_arg(),
+            blend_terms.into_buffer_arg(),
             to_weights.clone().into_buffer_arg(),
             to_transforms.clone().into_buffer_arg(),
             lattice(grid),
@@ -128,7 +128,7 @@ impl Supports {
     fn find(weights: &CubeTensor, transforms: &CubeTensor, grid: &WarpGrid) -> Self {
         let bones = transforms.meta.shape()[0];
         let [across, down, deep] = grid.nodes;
-        // Of a bone without weights: no node is between.
+        // An empty range for bones without weights.
         let nothing = [across as u32, down as u32, deep as u32, 0, 0, 0].repeat(bones);
         let client = &weights.client;
         let supports = Self {
@@ -158,7 +158,7 @@ impl Supports {
     }
 }
 
-/// A thread for each line of nodes along x.
+/// Finds the [`Supports`]. A thread per line of nodes along x.
 #[cube(launch)]
 fn find_supports(
     weights: &[f32],
@@ -198,9 +198,10 @@ fn find_supports(
     }
 }
 
+/// Writes `[N, 4]` as in [`super::warp`]. A thread per point.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn carry_and_mix(
+fn warp_points(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
@@ -212,17 +213,18 @@ fn carry_and_mix(
     if i >= points.len() / 3 {
         terminate!();
     }
-    let mixed = mix(weights, transforms, points, supports, i, lattice);
-    let divisor = max(mixed.sum, MIN_WEIGHT_SUM);
-    output[4 * i] = mixed.x / divisor;
-    output[4 * i + 1] = mixed.y / divisor;
-    output[4 * i + 2] = mixed.z / divisor;
-    output[4 * i + 3] = clamp(mixed.sum, 0.0, 1.0);
+    let sums = blend_sums(weights, transforms, points, supports, i, lattice);
+    // c = Σ wₖ pₖ / max(Σ wₖ, ε), m = clamp(Σ wₖ, 0, 1)
+    let divisor = max(sums.sum, MIN_WEIGHT_SUM);
+    output[4 * i] = sums.x / divisor;
+    output[4 * i + 1] = sums.y / divisor;
+    output[4 * i + 2] = sums.z / divisor;
+    output[4 * i + 3] = clamp(sums.sum, 0.0, 1.0);
 }
 
-/// Sums over the bones at a point.
+/// Σ wₖ pₖ and Σ wₖ over the bones k at a point.
 #[derive(CubeType, Clone, Copy)]
-struct Mixed {
+struct BlendSums {
     /// Σ w p.
     x: f32,
     y: f32,
@@ -232,45 +234,45 @@ struct Mixed {
 }
 
 #[cube]
-fn mix(
+fn blend_sums(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
     supports: &[u32],
     i: usize,
     lattice: &Lattice,
-) -> Mixed {
+) -> BlendSums {
     let voxels = voxels(lattice);
     let mut x = 0.0f32;
     let mut y = 0.0f32;
     let mut z = 0.0f32;
     let mut sum = 0.0f32;
     for bone in 0..transforms.len() / 12 {
-        let place = place(transforms, points, supports, bone, i, lattice);
-        if place.inside {
+        let point = transformed_point(transforms, points, supports, bone, i, lattice);
+        if point.inside {
             let volume = bone * voxels;
             let mut w = 0.0f32;
             for corner in 0..8u32 {
-                let tap = tap(&place, corner, lattice);
+                let tap = tap(&point, corner, lattice);
                 if tap.inside {
                     w += tap.u * tap.v * tap.w * weights[volume + tap.node];
                 }
             }
-            x += w * place.x;
-            y += w * place.y;
-            z += w * place.z;
+            x += w * point.x;
+            y += w * point.y;
+            z += w * point.z;
             sum += w;
         }
     }
-    Mixed { x, y, z, sum }
+    BlendSums { x, y, z, sum }
 }
 
-/// The part of a point's gradient that involves all bones, `[N, 2]`: 1 / divisor, and the gradient
-/// to every bone's weight through the sum. Both are 0 where the gradient to the result is exactly
+/// Writes the part of a point's gradient that all bones share, `[N, 2]`: 1 / s with s = max(Σ wₖ, ε), and the
+/// gradient to every weight through the sums s and m. Both are 0 where the gradient to the result is exactly
 /// zero.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn mixing(
+fn blend_backward(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
@@ -287,15 +289,16 @@ fn mixing(
     let gy = grad[4 * i + 1];
     let gz = grad[4 * i + 2];
     let gm = grad[4 * i + 3];
+    // c = Σ wₖ pₖ / s: ∂L/∂s = −∂L/∂c · c / s; m = clamp(Σ wₖ, 0, 1)
     let mut inverse = 0.0f32;
     let mut to_sum = 0.0f32;
     if gx != 0.0 || gy != 0.0 || gz != 0.0 || gm != 0.0 {
-        let mixed = mix(weights, transforms, points, supports, i, lattice);
-        inverse = 1.0 / max(mixed.sum, MIN_WEIGHT_SUM);
-        if mixed.sum > MIN_WEIGHT_SUM {
-            to_sum = -(gx * mixed.x + gy * mixed.y + gz * mixed.z) * inverse * inverse;
+        let sums = blend_sums(weights, transforms, points, supports, i, lattice);
+        inverse = 1.0 / max(sums.sum, MIN_WEIGHT_SUM);
+        if sums.sum > MIN_WEIGHT_SUM {
+            to_sum = -(gx * sums.x + gy * sums.y + gz * sums.z) * inverse * inverse;
         }
-        if mixed.sum >= 0.0 && mixed.sum <= 1.0 {
+        if sums.sum >= 0.0 && sums.sum <= 1.0 {
             to_sum += gm;
         }
     }
@@ -303,16 +306,16 @@ fn mixing(
     output[2 * i + 1] = to_sum;
 }
 
-/// A group of threads for each run of points (x) and bone (y).
+/// Adds the gradients to weights and transforms. A group of threads per run of points (x) and bone (y).
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn spread<A: AddFloat>(
+fn bones_backward<A: AddFloat>(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
     supports: &[u32],
     grad: &[f32],
-    mixed: &[f32],
+    blend_terms: &[f32],
     to_weights: &mut [Atomic<Bound<A>>],
     to_transforms: &mut [Atomic<Bound<A>>],
     lattice: &Lattice,
@@ -331,22 +334,23 @@ fn spread<A: AddFloat>(
         let i = first + step * GROUP + unit;
         let mut inverse = 0.0f32;
         if i < n {
-            inverse = mixed[2 * i];
+            inverse = blend_terms[2 * i];
         }
         if inverse != 0.0 {
-            let place = place(transforms, points, supports, bone, i, lattice);
-            if place.inside {
+            let point = transformed_point(transforms, points, supports, bone, i, lattice);
+            if point.inside {
                 let gx = grad[4 * i];
                 let gy = grad[4 * i + 1];
                 let gz = grad[4 * i + 2];
+                // ∂L/∂wₖ = ∂L/∂c · pₖ / s + ∂L/∂s + ∂L/∂m
                 let to_weight =
-                    (gx * place.x + gy * place.y + gz * place.z) * inverse + mixed[2 * i + 1];
+                    (gx * point.x + gy * point.y + gz * point.z) * inverse + blend_terms[2 * i + 1];
                 let mut w = 0.0f32;
                 let mut slope_x = 0.0f32;
                 let mut slope_y = 0.0f32;
                 let mut slope_z = 0.0f32;
                 for corner in 0..8u32 {
-                    let tap = tap(&place, corner, lattice);
+                    let tap = tap(&point, corner, lattice);
                     if tap.inside {
                         let value = weights[volume + tap.node];
                         w += tap.u * tap.v * tap.w * value;
@@ -359,10 +363,11 @@ fn spread<A: AddFloat>(
                         );
                     }
                 }
-                let share = w * inverse;
-                let to_x = share * gx + to_weight * slope_x * lattice.scale_x;
-                let to_y = share * gy + to_weight * slope_y * lattice.scale_y;
-                let to_z = share * gz + to_weight * slope_z * lattice.scale_z;
+                let weight = w * inverse;
+                // ∂L/∂pₖ = wₖ / s ∂L/∂c + ∂L/∂wₖ ∇Wₖ(pₖ); pₖ = Rₖ x + tₖ: ∂L/∂Rₖ = ∂L/∂pₖ xᵀ, ∂L/∂tₖ = ∂L/∂pₖ
+                let to_x = weight * gx + to_weight * slope_x * lattice.scale_x;
+                let to_y = weight * gy + to_weight * slope_y * lattice.scale_y;
+                let to_z = weight * gz + to_weight * slope_z * lattice.scale_z;
                 #[unroll]
                 for c in 0..3usize {
                     let at = points[3 * i + c];

@@ -1,5 +1,5 @@
-//! The grid of motion weights: its box, the cells that points lie in, and the part of the box where
-//! a bone has weights.
+//! The grid of motion weights: its box, the cells of points, and the support of a bone, the part of the box where
+//! it has weights.
 
 use rayon::prelude::*;
 
@@ -12,8 +12,8 @@ pub struct WarpGrid {
     pub max: [f32; 3],
     /// Nodes along x, y and z, at least 2 each.
     pub nodes: [usize; 3],
-    /// Cells where a bone's weights are all at most this may be left out: its effect there is too
-    /// small to matter. 0 leaves out nothing.
+    /// Cells where all weights of a bone are at most this value may be left out: the bone's effect there is
+    /// negligible. 0 leaves out nothing.
     pub floor: f32,
 }
 
@@ -28,7 +28,7 @@ impl WarpGrid {
         self.nodes.iter().product()
     }
 
-    /// [`Self::nodes`] as signed numbers, which cells outside the box have too.
+    /// [`Self::nodes`] as signed integers, as the indices of cells outside the box are.
     pub(super) fn sides(&self) -> [i32; 3] {
         self.nodes.map(|count| count as i32)
     }
@@ -44,7 +44,7 @@ pub(super) struct Support {
 impl Support {
     #[inline(always)]
     pub fn contains(&self, p: [f32; 3]) -> bool {
-        // Also false for a NaN.
+        // Comparisons are false for a NaN.
         (0..3).all(|a| p[a] > self.min[a] && p[a] < self.max[a])
     }
 }
@@ -60,7 +60,7 @@ pub(super) fn supports(weights: &[f32], bones: usize, grid: &WarpGrid) -> Vec<Su
         .map(|volume| {
             let (mut low, mut high) = (grid.nodes, [0usize; 3]);
             for (row, line) in volume.chunks_exact(across).enumerate() {
-                // Most lines are empty, and this loop compiles to wide instructions.
+                // Most lines are empty, and the compiler vectorizes this loop.
                 if !line.iter().fold(false, |any, w| any | (*w > grid.floor)) {
                     continue;
                 }
@@ -111,8 +111,8 @@ impl Cell {
         Some(Self { low, part })
     }
 
-    /// Calls `visit` for those of the eight nodes that are inside the box, with the node's index,
-    /// its share and the derivatives of the share with respect to the offset along x, y, z.
+    /// Calls `visit` for each of the eight nodes that is inside the box, with the node's index,
+    /// its trilinear weight and the derivatives of that weight with respect to the offset along x, y, z.
     #[inline(always)]
     pub fn taps(&self, sides: [i32; 3], mut visit: impl FnMut(usize, f32, [f32; 3])) {
         for corner in 0..8 {
@@ -121,6 +121,7 @@ impl Cell {
             if (0..3).any(|a| node[a] < 0 || node[a] >= sides[a]) {
                 continue;
             }
+            // The weight is u₀ u₁ u₂ with uₐ = part or 1 − part, whose derivative is ±1.
             let u: [f32; 3] = std::array::from_fn(|a| {
                 if bit[a] == 1 {
                     self.part[a]
@@ -149,8 +150,8 @@ impl Cell {
         inside.then(|| (k as usize * slab + j as usize * row + i as usize, row, slab))
     }
 
-    /// Adds `to_value` to the nodes of the cell in proportion to their shares, and returns the
-    /// volume's derivatives with respect to the offset along x, y, z.
+    /// Adds `to_value` to the nodes of the cell in proportion to their trilinear weights, and returns the
+    /// derivatives of the volume with respect to the offset along x, y, z.
     #[inline(always)]
     pub fn spread(
         &self,
@@ -192,7 +193,7 @@ impl Cell {
         slope
     }
 
-    /// The volume's derivatives with respect to the offset along x, y, z.
+    /// The derivatives of the volume with respect to the offset along x, y, z.
     pub fn slope(&self, volume: &[f32], sides: [i32; 3]) -> [f32; 3] {
         let mut slope = [0f32; 3];
         self.taps(sides, |index, _, by_offset| {
@@ -209,6 +210,7 @@ impl Cell {
         if let Some((first, row, slab)) = self.inner(sides) {
             let cell = &volume[first..][..slab + row + 2];
             let [x, y, z] = self.part;
+            // Linear interpolation along x, then y, then z.
             let line = |o: usize| cell[o] + x * (cell[o + 1] - cell[o]);
             let plane = |o: usize| line(o) + y * (line(o + row) - line(o));
             return plane(0) + z * (plane(slab) - plane(0));

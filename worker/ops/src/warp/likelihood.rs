@@ -1,9 +1,8 @@
 //! Canonical points and foreground likelihoods of samples along rays, without gradients. They decide
 //! which samples are evaluated at all.
 //!
-//! A bone's support is a box in canonical space, and a ray carried there by the bone is still a
-//! ray. One slab test therefore finds the few samples of a ray that are in a bone's support, and
-//! not every bone has to carry every sample.
+//! The support of a bone is a box in canonical space, and a ray that the bone transforms is still a ray. One slab
+//! test therefore finds the few samples of a ray that are in the support, and only these are transformed.
 
 use super::grid::{Cell, Support, supports};
 use super::{MIN_WEIGHT_SUM, WarpGrid};
@@ -30,7 +29,7 @@ pub struct Segment {
 /// [`super::warp`].
 ///
 /// # Panics
-/// If `depths` are not equally many on each segment.
+/// If the number of `depths` is not a multiple of the number of segments.
 pub fn along_rays(
     weights: &[f32],
     transforms: &[f32],
@@ -44,12 +43,12 @@ pub fn along_rays(
     blocks.concat()
 }
 
-/// The same for a block of rays at a time: the results of `finish` in the order of the rays, which
-/// gets the number of a block's first ray and the block's samples. Most samples are usually zeros:
+/// [`along_rays`] for a block of rays at a time: the results of `finish` in the order of the rays. `finish`
+/// gets the index of the block's first ray and the block's samples. Most samples are usually zeros, since
 /// no bone has a weight there.
 ///
 /// # Panics
-/// If `depths` are not equally many on each segment.
+/// If the number of `depths` is not a multiple of the number of segments.
 pub fn along_rays_with<T: Send>(
     weights: &[f32],
     transforms: &[f32],
@@ -88,12 +87,12 @@ pub fn along_rays_with<T: Send>(
                 .chunks_exact_mut(per_ray)
                 .zip(depths.chunks_exact(per_ray));
             for ((warped, depths), segment) in rays.zip(segments) {
-                let turn = |v: [f32; 3], r: usize| {
+                let rotate = |v: [f32; 3], r: usize| {
                     bone[4 * r] * v[0] + bone[4 * r + 1] * v[1] + bone[4 * r + 2] * v[2]
                 };
                 let origin: [f32; 3] =
-                    std::array::from_fn(|r| turn(segment.origin, r) + bone[4 * r + 3]);
-                let direction: [f32; 3] = std::array::from_fn(|r| turn(segment.direction, r));
+                    std::array::from_fn(|r| rotate(segment.origin, r) + bone[4 * r + 3]);
+                let direction: [f32; 3] = std::array::from_fn(|r| rotate(segment.direction, r));
                 let Some((from, to)) = inside(support, origin, direction, segment) else {
                     continue;
                 };
@@ -136,7 +135,7 @@ pub fn along_rays_with<T: Send>(
         .collect()
 }
 
-/// The part of a segment inside a support.
+/// The part of a segment inside a support, by slabs; `None` if it is empty.
 fn inside(
     support: &Support,
     origin: [f32; 3],

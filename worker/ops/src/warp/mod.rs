@@ -1,21 +1,21 @@
-//! Warp by inverse linear blend skinning (YOTO, eq. 1): each bone carries a point of the posed
-//! body into the canonical box and looks its own motion weight up there; the weighted mean of
-//! the carried points is the canonical point, the sum of the weights is the foreground
-//! likelihood.
+//! Warp by inverse linear blend skinning (YOTO, eq. 1, after HumanNeRF, arXiv 2201.04127): each bone transforms
+//! a point of the posed body into the canonical box and looks its own motion weight up there. The weighted mean of
+//! the transformed points is the canonical point, and the sum of the weights is the foreground likelihood:
+//! c = Σ wₖ pₖ / Σ wₖ and m = Σ wₖ, with pₖ = Rₖ x + tₖ and wₖ = Wₖ(pₖ).
 
 mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
+#[cfg(feature = "gpu")]
+mod cube_grid;
 mod grid;
 pub mod inverse;
-#[cfg(feature = "gpu")]
-mod lattice;
 pub mod likelihood;
-pub mod pulls;
+mod point_block;
+pub mod point_gradients;
 pub mod reference;
 pub mod skin;
-mod visits;
 
 pub use grid::WarpGrid;
 
@@ -23,10 +23,10 @@ use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// Lower bound of the sum of weights that the canonical point is divided by (HumanNeRF's 1e-4).
+/// Lower bound of Σ wₖ where it divides the canonical point (1e-4 as in HumanNeRF).
 pub const MIN_WEIGHT_SUM: f32 = 1e-4;
 
-/// The warp as a backend implements it. Call [`warp`] instead: it chooses the form for the
+/// The warp as a backend implements it. Call [`warp`] instead, which chooses the form for the
 /// tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait WarpOps: Backend {

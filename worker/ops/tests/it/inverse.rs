@@ -31,7 +31,7 @@ fn weights() -> Vec<f32> {
     weights
 }
 
-/// Posed to canonical: rigid turns about z, more for each bone.
+/// Posed to canonical: rigid rotations about z, larger for each further bone.
 fn transforms() -> Vec<f32> {
     (0..BONES)
         .flat_map(|bone| {
@@ -47,7 +47,7 @@ fn transforms() -> Vec<f32> {
 /// Forward skinning of a canonical point, written out.
 fn skinned(weights: &[f32], transforms: &[f32], c: [f32; 3]) -> [f64; 3] {
     let (grid, voxels) = (grid(), NODES.iter().product::<usize>());
-    let place: Vec<(usize, f64)> = (0..3)
+    let offsets: Vec<(usize, f64)> = (0..3)
         .map(|a| {
             let cell = f64::from((c[a] - grid.min[a]) * grid.scale()[a]);
             let low = (cell as usize).min(NODES[a] - 2);
@@ -61,11 +61,11 @@ fn skinned(weights: &[f32], transforms: &[f32], c: [f32; 3]) -> [f64; 3] {
                 for a in (0..3).rev() {
                     let high = corner >> a & 1;
                     share *= if high == 1 {
-                        place[a].1
+                        offsets[a].1
                     } else {
-                        1.0 - place[a].1
+                        1.0 - offsets[a].1
                     };
-                    index = index * NODES[a] + place[a].0 + high;
+                    index = index * NODES[a] + offsets[a].0 + high;
                 }
                 share * f64::from(weights[bone * voxels + index])
             })
@@ -159,7 +159,7 @@ fn points_and_gradients_equal_the_reference() {
         .collect();
     let shift = Tensor::<2>::from_data(TensorData::new(outside, [count, 3]), &device);
     let points = points + shift;
-    let otherwise = (points.clone() * 0.5).require_grad();
+    let fallback = (points.clone() * 0.5).require_grad();
 
     type Form =
         fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, &WarpGrid, usize) -> Tensor<2>;
@@ -171,7 +171,7 @@ fn points_and_gradients_equal_the_reference() {
             transforms.clone(),
             points.clone(),
             near,
-            otherwise.clone(),
+            fallback.clone(),
             &grid(),
             // Enough that the reference, whose gradients run through all steps, converges.
             25,
@@ -181,11 +181,11 @@ fn points_and_gradients_equal_the_reference() {
             values(found),
             values(weights.grad(&grads).expect("tracked")),
             values(transforms.grad(&grads).expect("tracked")),
-            values(otherwise.grad(&grads).expect("tracked")),
+            values(fallback.grad(&grads).expect("tracked")),
         ]
     };
     let (ours, reference) = (run(unpose), run(reference::unpose));
-    for (part, (a, b)) in ["points", "weights", "transforms", "otherwise"]
+    for (part, (a, b)) in ["points", "weights", "transforms", "fallback"]
         .iter()
         .zip(ours.iter().zip(&reference))
     {

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use yoto_ops::warp::WarpGrid;
 use yoto_ops::warp::skin::{reference, skin};
 
-/// Two bones, of which the second is turned by 0.7 about z and moved.
+/// Two bones, the second of which is rotated by 0.7 rad about z and shifted.
 const TRANSFORMS: [f32; 24] = [
     1.0,
     0.0,
@@ -73,7 +73,7 @@ fn forward_skinning_equals_the_reference_inside_and_outside_of_the_box() {
 }
 
 #[test]
-fn a_point_without_weights_goes_with_the_first_bone() {
+fn a_point_without_weights_moves_with_the_first_bone() {
     let device = Device::flex();
     let weights = Tensor::<2>::zeros([3, 140], &device);
     let transforms = Tensor::<1>::from_floats(TRANSFORMS, &device).reshape([2, 12]);

@@ -2,11 +2,11 @@ use crate::{numbers, relative_error, values};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use yoto_ops::splat::{Sight, Splats, reference, splat};
+use yoto_ops::splat::{Splats, View, reference, splat};
 
-/// A camera two metres from the body, turned a little, with a skew; its picture has parts of tiles.
-pub fn sight() -> Sight {
-    Sight {
+/// A camera two metres from the body, rotated a little, with a skew; its picture ends inside tiles.
+pub fn view() -> View {
+    View {
         width: 37,
         height: 29,
         k: [[60.0, 1.5, 18.0], [0.0, 58.0, 15.0]],
@@ -29,7 +29,7 @@ pub fn splats(count: usize, opacities: [f32; 2], device: &Device) -> Splats {
     Splats {
         transforms: track(draw(12, -0.2, 0.2) + plain),
         means: track(draw(3, -0.5, 0.5)),
-        turns: track(draw(4, -1.0, 1.0) + 0.3),
+        rotations: track(draw(4, -1.0, 1.0) + 0.3),
         scales: track(draw(3, -4.0, -2.0)),
         opacities: draw(1, opacities[0], opacities[1])
             .reshape([count])
@@ -41,17 +41,12 @@ pub fn splats(count: usize, opacities: [f32; 2], device: &Device) -> Splats {
     }
 }
 
-type Form = fn(Splats, &Sight) -> Tensor<2>;
+type Form = fn(Splats, &View) -> Tensor<2>;
 
 /// The picture, and the gradients of a sum over it to all inputs.
-fn run(
-    form: Form,
-    splats: &Splats,
-    sight: &Sight,
-    device: &Device,
-) -> Vec<(&'static str, Vec<f32>)> {
+fn run(form: Form, splats: &Splats, view: &View, device: &Device) -> Vec<(&'static str, Vec<f32>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(77);
-    let picture = form(splats.clone(), sight);
+    let picture = form(splats.clone(), view);
     let towards = numbers(&mut rng, picture.dims(), -1.0, 1.0, device);
     let grads = (picture.clone() * towards).sum().backward();
     let gradient = |tensor: &Tensor<2>| values(tensor.grad(&grads).expect("tracked"));
@@ -59,7 +54,7 @@ fn run(
         ("picture", values(picture)),
         ("transforms", gradient(&splats.transforms)),
         ("means", gradient(&splats.means)),
-        ("turns", gradient(&splats.turns)),
+        ("rotations", gradient(&splats.rotations)),
         ("scales", gradient(&splats.scales)),
         (
             "opacities",
@@ -75,8 +70,8 @@ fn run(
 }
 
 fn assert_equals_the_reference(splats: &Splats, device: &Device, bound: f32) {
-    let ours = run(splat, splats, &sight(), device);
-    let theirs = run(reference::splat, splats, &sight(), device);
+    let ours = run(splat, splats, &view(), device);
+    let theirs = run(reference::splat, splats, &view(), device);
     for ((name, ours), (_, theirs)) in ours.iter().zip(&theirs) {
         let error = relative_error(ours, theirs);
         assert!(error < bound, "{name}: {error:e}");
@@ -84,7 +79,7 @@ fn assert_equals_the_reference(splats: &Splats, device: &Device, bound: f32) {
 }
 
 #[test]
-fn tiles_equal_the_reference_for_clear_and_dense_splats() {
+fn tiles_equal_the_reference_for_transparent_and_opaque_splats() {
     let device = Device::flex().autodiff();
     for (count, opacities) in [(1, [-1.0, 1.0]), (40, [-6.0, 6.0])] {
         assert_equals_the_reference(&splats(count, opacities, &device), &device, 2e-4);
@@ -92,7 +87,7 @@ fn tiles_equal_the_reference_for_clear_and_dense_splats() {
 }
 
 #[test]
-fn what_hides_behind_many_opaque_splats_is_left_out_unseen() {
+fn splats_behind_many_opaque_ones_may_be_left_out() {
     let device = Device::flex().autodiff();
     let mut many = splats(120, [2.0, 6.0], &device);
     let large = Tensor::<2>::full([120, 3], -1.5, &device);
@@ -101,12 +96,12 @@ fn what_hides_behind_many_opaque_splats_is_left_out_unseen() {
 }
 
 #[test]
-fn splats_behind_the_camera_or_not_finite_neither_show_nor_learn() {
+fn splats_behind_the_camera_or_not_finite_are_neither_seen_nor_learned() {
     let device = Device::flex().autodiff();
     let mut some = splats(3, [3.0, 4.0], &device);
-    let places = vec![0.0f32, 0.0, -5.0, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0];
-    some.means = Tensor::from_data(TensorData::new(places, [3, 3]), &device).require_grad();
-    let found = run(splat, &some, &sight(), &device);
+    let means = vec![0.0f32, 0.0, -5.0, f32::NAN, 0.0, 0.0, 0.0, 0.0, 0.0];
+    some.means = Tensor::from_data(TensorData::new(means, [3, 3]), &device).require_grad();
+    let found = run(splat, &some, &view(), &device);
     for (name, values) in &found {
         assert!(values.iter().all(|v| v.is_finite()), "{name}");
     }
@@ -120,10 +115,10 @@ fn a_picture_without_pixels_has_no_result() {
     let device = Device::flex().autodiff();
     let some = splats(3, [3.0, 4.0], &device);
     for (width, height) in [(0, 29), (37, 0)] {
-        let none = Sight {
+        let none = View {
             width,
             height,
-            ..sight()
+            ..view()
         };
         let found = run(splat, &some, &none, &device);
         assert!(found[0].1.is_empty());
@@ -139,7 +134,7 @@ fn gradients_do_not_depend_on_the_number_of_threads() {
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("threads")
-            .install(|| run(splat, &some, &sight(), &device))
+            .install(|| run(splat, &some, &view(), &device))
     };
     assert_eq!(with(1), with(4));
 }

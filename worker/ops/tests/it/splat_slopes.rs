@@ -1,24 +1,24 @@
-//! Gradients of splatting against slopes in double precision: each number of each splat is moved a little, and the
-//! picture is computed by the formula, one pixel after the other, without tensors and without the operation's
-//! own derivatives.
+//! Gradients of splatting against finite differences in double precision: each parameter of each splat is moved a
+//! little, and the picture is computed by the equations, one pixel after the other, without tensors and without the
+//! derivatives of the operation.
 
-use super::splat::{sight, splats};
+use super::splat::{splats, view};
 use crate::{numbers, values};
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use yoto_ops::splat::{LEAST, LOW_PASS, MOST, Sight, splat};
+use yoto_ops::splat::{LOW_PASS, MAX_ALPHA, MIN_ALPHA, View, splat};
 
-/// Half of a move.
+/// Half of the difference between two values of a parameter.
 const STEP: f64 = 1e-6;
-/// Largest difference, as a share of the largest slope of the same input: the operation has single precision.
+/// Largest error, relative to the largest slope of the same input: the operation has single precision.
 const BOUND: f64 = 1e-4;
-/// Numbers of a splat: transform, mean, turn, scales, opacity, colour. What colours gain by the view is made of Burn's
-/// own operations.
+/// Numbers per splat: transform, mean, rotation, scales, opacity, colour. View-dependent colours are not among them:
+/// Burn's own operations compute them.
 const PARTS: [(&str, usize); 6] = [
     ("transforms", 12),
     ("means", 3),
-    ("turns", 4),
+    ("rotations", 4),
     ("scales", 3),
     ("opacities", 1),
     ("colours", 3),
@@ -32,8 +32,8 @@ fn dot(a: V3, b: V3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// A splat in the picture.
-struct Flat {
+/// A projected splat.
+struct Projected {
     depth: f64,
     at: [f64; 2],
     /// xx, xy, yy.
@@ -42,22 +42,22 @@ struct Flat {
     colour: V3,
 }
 
-/// The splat with the numbers `row`.
-fn flat(row: &[f64], light: &[f64], sight: &Sight) -> Flat {
+/// The projection of the splat with the numbers `row`.
+fn project(row: &[f64], light: &[f64], view: &View) -> Projected {
     let (t, rest) = row.split_at(12);
     let linear = |r: usize| -> V3 { [t[4 * r], t[4 * r + 1], t[4 * r + 2]] };
     let mean = [rest[0], rest[1], rest[2]];
     let to_camera = |v: V3, shift: f64| -> V3 {
         std::array::from_fn(|r| {
-            let [a, b, c, d] = sight.e[r].map(f64::from);
+            let [a, b, c, d] = view.e[r].map(f64::from);
             dot([a, b, c], v) + shift * d
         })
     };
     let body = std::array::from_fn(|r| dot(linear(r), mean) + t[4 * r + 3]);
     let [x, y, depth] = to_camera(body, 1.0);
-    let turn = &rest[3..7];
-    let length = turn.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let [w, i, j, k] = [0, 1, 2, 3].map(|at| turn[at] / length);
+    let rotation = &rest[3..7];
+    let length = rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let [w, i, j, k] = [0, 1, 2, 3].map(|at| rotation[at] / length);
     let axes = [
         [
             1.0 - 2.0 * (j * j + k * k),
@@ -76,7 +76,7 @@ fn flat(row: &[f64], light: &[f64], sight: &Sight) -> Flat {
         ],
     ];
     let in_body = |axis: V3| -> V3 { std::array::from_fn(|r| dot(linear(r), axis)) };
-    let [[fx, skew, cx], [_, fy, cy]] = sight.k.map(|row| row.map(f64::from));
+    let [[fx, skew, cx], [_, fy, cy]] = view.k.map(|row| row.map(f64::from));
     // The three axes in the picture, pixels.
     let arms = [0, 1, 2].map(|axis: usize| {
         let [a, b, c] = to_camera(in_body(axes[axis]), 0.0);
@@ -90,7 +90,7 @@ fn flat(row: &[f64], light: &[f64], sight: &Sight) -> Flat {
     let normal = in_body(axes[2]);
     let long = dot(normal, normal).sqrt();
     let [nx, ny, nz]: V3 =
-        std::array::from_fn(|r| dot(sight.world[r].map(f64::from), normal) / long);
+        std::array::from_fn(|r| dot(view.world[r].map(f64::from), normal) / long);
     let terms = [
         nx,
         ny,
@@ -102,7 +102,7 @@ fn flat(row: &[f64], light: &[f64], sight: &Sight) -> Flat {
         3.0 * nz * nz - 1.0,
     ];
     let lit = |c: usize| 1.0 + (0..8).map(|at| light[8 * c + at] * terms[at]).sum::<f64>();
-    Flat {
+    Projected {
         depth,
         at: [(fx * x + skew * y) / depth + cx, fy * y / depth + cy],
         covariance: [sum(0, 0) + low_pass, sum(0, 1), sum(1, 1) + low_pass],
@@ -112,26 +112,26 @@ fn flat(row: &[f64], light: &[f64], sight: &Sight) -> Flat {
 }
 
 /// The sum over the picture of `towards`, `[H W, 4]`.
-fn sum(rows: &[f64], light: &[f64], sight: &Sight, towards: &[f32]) -> f64 {
-    let flats = rows.chunks(ROW).map(|row| flat(row, light, sight));
-    let mut flats: Vec<Flat> = flats.collect();
-    flats.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+fn sum(rows: &[f64], light: &[f64], view: &View, towards: &[f32]) -> f64 {
+    let projected = rows.chunks(ROW).map(|row| project(row, light, view));
+    let mut projected: Vec<Projected> = projected.collect();
+    projected.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let mut sum = 0.0;
     for (pixel, towards) in towards.as_chunks::<4>().0.iter().enumerate() {
-        let place = [pixel % sight.width, pixel / sight.width].map(|v| v as f64 + 0.5);
-        let (mut through, mut seen) = (1.0, [0.0; 4]);
-        for splat in &flats {
-            let [dx, dy] = [0, 1].map(|axis| place[axis] - splat.at[axis]);
+        let centre = [pixel % view.width, pixel / view.width].map(|v| v as f64 + 0.5);
+        let (mut transmittance, mut seen) = (1.0, [0.0; 4]);
+        for splat in &projected {
+            let [dx, dy] = [0, 1].map(|axis| centre[axis] - splat.at[axis]);
             let [xx, xy, yy] = splat.covariance;
             let power = (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy);
-            let alpha = (splat.opacity * (-0.5 * power).exp()).min(f64::from(MOST));
-            if alpha < f64::from(LEAST) {
+            let alpha = (splat.opacity * (-0.5 * power).exp()).min(f64::from(MAX_ALPHA));
+            if alpha < f64::from(MIN_ALPHA) {
                 continue;
             }
             for (c, colour) in splat.colour.into_iter().chain([1.0]).enumerate() {
-                seen[c] += through * alpha * colour;
+                seen[c] += transmittance * alpha * colour;
             }
-            through *= 1.0 - alpha;
+            transmittance *= 1.0 - alpha;
         }
         sum += (0..4).map(|c| f64::from(towards[c]) * seen[c]).sum::<f64>();
     }
@@ -141,9 +141,9 @@ fn sum(rows: &[f64], light: &[f64], sight: &Sight, towards: &[f32]) -> f64 {
 #[test]
 fn gradients_are_slopes_in_double_precision() {
     let device = Device::flex().autodiff();
-    let (sight, mut some) = (sight(), splats(9, [-2.0, 3.0], &device));
+    let (view, mut some) = (view(), splats(9, [-2.0, 3.0], &device));
     some.harmonics = None;
-    let picture = splat(some.clone(), &sight);
+    let picture = splat(some.clone(), &view);
     let mut rng = ChaCha8Rng::seed_from_u64(78);
     let weights = numbers(&mut rng, picture.dims(), -1.0, 1.0, &device);
     let towards = values(weights.clone());
@@ -156,7 +156,7 @@ fn gradients_are_slopes_in_double_precision() {
     let parts = [
         of(&some.transforms),
         of(&some.means),
-        of(&some.turns),
+        of(&some.rotations),
         of(&some.scales),
         (values(some.opacities.clone()), opacities),
         of(&some.colours),
@@ -184,22 +184,22 @@ fn gradients_are_slopes_in_double_precision() {
 
     let mut first = 0;
     for ((name, columns), (_, gradient)) in PARTS.iter().zip(&parts) {
-        let places = (0..9).flat_map(|splat| (0..*columns).map(move |c| splat * ROW + first + c));
-        let slopes = places.map(|place| {
+        let indices = (0..9).flat_map(|splat| (0..*columns).map(move |c| splat * ROW + first + c));
+        let slopes = indices.map(|index| {
             slope(&mut |by| {
                 let mut moved = rows.clone();
-                moved[place] += by;
-                sum(&moved, &light, &sight, &towards)
+                moved[index] += by;
+                sum(&moved, &light, &view, &towards)
             })
         });
         check(name, &slopes.collect::<Vec<_>>(), gradient);
         first += columns;
     }
-    let slopes = (0..light.len()).map(|place| {
+    let slopes = (0..light.len()).map(|index| {
         slope(&mut |by| {
             let mut moved = light.clone();
-            moved[place] += by;
-            sum(&rows, &moved, &sight, &towards)
+            moved[index] += by;
+            sum(&rows, &moved, &view, &towards)
         })
     });
     check("light", &slopes.collect::<Vec<_>>(), &of(&some.light).1);

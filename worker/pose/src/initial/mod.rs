@@ -1,12 +1,12 @@
-//! A first guess at every frame, near enough for the search to find the way from there.
+//! A first guess of every frame, close enough for the search to converge.
 //!
-//! Where the detector guesses depths, [`figure`] reads the stance off its points in space.
-//! Elsewhere [`turns`] tries several ways to face and takes those that fit each other.
-//! [`place`] puts a stance before the camera.
+//! If the detector guesses depths, [`figure`] reads the stance from its points in space. Otherwise
+//! [`headings`] tries several headings and takes those that fit each other. [`position`] finds the body's
+//! position in front of the camera.
 
 mod figure;
-mod place;
-mod turns;
+mod headings;
+mod position;
 
 use crate::flips::{has_jumps, steadiest};
 use crate::parameters::{Shared, Stance};
@@ -14,26 +14,26 @@ use crate::problem::{Observed, Problem};
 use crate::solve::improve_frame;
 use rayon::prelude::*;
 
-/// Steps that mend each frame's first guess by itself.
+/// Steps that improve the first guess of a single frame.
 const STEPS: usize = 6;
 
-/// The stance of a frame that its points in space tell.
+/// The stance of a frame from its points in space.
 pub(crate) fn read(problem: &Problem, seen: &Observed, shared: &Shared) -> Stance {
     with_cost(problem, seen, shared).0
 }
 
-/// The same, and what it costs.
+/// The stance of a frame from its points in space, and its cost.
 fn with_cost(problem: &Problem, seen: &Observed, shared: &Shared) -> (Stance, f64) {
     let rotations = figure::rotations(problem, seen);
-    let stance = place::placed(problem, seen, shared, rotations);
+    let stance = position::positioned(problem, seen, shared, rotations);
     improve_frame(problem, seen, &stance, shared, STEPS)
 }
 
-/// A stance for every frame, and in how many of them the detector took the body the wrong way round,
-/// which is mended in `problem`.
+/// A stance for every frame, and the number of frames in which the detector mistook back for front; these
+/// are corrected in `problem`.
 pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, usize) {
     if !problem.has_space() {
-        return (turns::stances(problem, shared), 0);
+        return (headings::stances(problem, shared), 0);
     }
     let read = |seen: &Observed| with_cost(problem, seen, shared);
     let stances: Vec<(Stance, f64)> = problem.frames.par_iter().map(read).collect();
@@ -42,8 +42,8 @@ pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, u
         let stances = stances.into_iter().map(|(stance, _)| stance);
         return (stances.collect(), 0);
     }
-    // What a detector says of a body that it takes the wrong way round: the points of the other side, or
-    // the body that looks the same and faces the other way.
+    // A detector that mistakes back for front reports the points of the other side, or the body that looks
+    // the same and faces the other way.
     let mirror = problem.markers.mirror.clone();
     let others = [Observed::relabelled, Observed::turned_round].map(|other| {
         let frames = problem.frames.par_iter();

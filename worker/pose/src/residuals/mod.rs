@@ -1,7 +1,8 @@
-//! Residuals: what is unlikely about a guess, in standard deviations, with derivatives.
+//! Residuals: the deviations of a guess from the observations and priors, in standard deviations, with
+//! derivatives.
 //!
-//! One file per kind. Those of one frame fill a table of [`Rows`]; [`smooth`] couples three
-//! frames, [`shared`] concerns what all frames share.
+//! There is one file per kind. The residuals of one frame fill a table of [`Rows`]. [`smooth`] couples three
+//! frames, and [`shared`] has the priors of the unknowns that all frames share.
 
 pub(crate) mod habit;
 pub(crate) mod picture;
@@ -17,14 +18,14 @@ use crate::joints::UNKNOWNS;
 use crate::parameters::{Shared, Stance};
 use crate::problem::{Observed, Problem};
 
-/// Which derivatives a table has.
+/// The derivatives in a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Columns {
-    /// None: only the cost is wanted.
+    /// None, only the cost.
     Cost,
-    /// By the frame's unknowns.
+    /// Derivatives by the frame's unknowns.
     Frame,
-    /// By the frame's, then by `n` shared unknowns.
+    /// Derivatives by the frame's unknowns, then by this number of shared unknowns.
     All(usize),
 }
 
@@ -38,7 +39,7 @@ pub(crate) struct Rows {
     pub slopes: Vec<f64>,
     /// `[rows]`.
     pub values: Vec<f64>,
-    /// The sum of what the residuals cost.
+    /// The sum of the residuals' costs.
     pub cost: f64,
 }
 
@@ -57,7 +58,7 @@ impl Rows {
         }
     }
 
-    /// Whether anything but the cost is wanted.
+    /// Whether the table has derivatives.
     pub fn has_slopes(&self) -> bool {
         self.columns != Columns::Cost
     }
@@ -67,7 +68,7 @@ impl Rows {
         matches!(self.columns, Columns::All(_))
     }
 
-    /// Adds a residual that is already scaled by its weight.
+    /// Adds a residual that is already scaled by its weight, without its cost.
     pub fn push(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
         if !self.has_slopes() {
             return;
@@ -80,16 +81,16 @@ impl Rows {
         }
     }
 
-    /// Adds a squared residual's cost and returns the factor of its rows. Geman and McClure's
-    /// function: residuals far beyond `bound` standard deviations cost `bound²` at most and pull
-    /// no more.
+    /// Adds the cost of a squared residual r² and returns the factor of its rows, by Geman and McClure's
+    /// function `r² / (1 + r² / bound²)`. A residual far beyond `bound` standard deviations costs `bound²`
+    /// at most and has no more influence.
     pub fn robust(&mut self, squared: f64, bound: f64) -> f64 {
         let shrink = 1.0 / (1.0 + squared / (bound * bound));
         self.cost += squared * shrink;
         shrink
     }
 
-    /// Adds a residual without a bound.
+    /// Adds a residual with its squared cost, without a bound.
     pub fn plain(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
         self.cost += value * value;
         self.push(value, slopes);

@@ -1,4 +1,4 @@
-//! Where key points appear in the picture.
+//! Residuals of key points in the picture.
 
 use super::Rows;
 use crate::forward::Posed;
@@ -6,12 +6,13 @@ use crate::joints::UNKNOWNS;
 use crate::parameters::{FOCAL, Shared};
 use crate::problem::{Observed, Problem};
 
-/// Nearest place before the camera, metres.
+/// Least depth of a point, metres.
 const NEAREST: f64 = 0.1;
-/// Errors of key points beyond this many standard deviations are mistakes.
+/// Errors of key points beyond this number of standard deviations are mistakes of the detector.
 const BOUND: f64 = 4.0;
 
-/// Adds two residuals a seen point. A point behind the camera costs infinitely much.
+/// Adds two residuals per detection. A point behind the camera has an infinite cost, so that the search
+/// never accepts a step there.
 pub(crate) fn add(
     rows: &mut Rows,
     problem: &Problem,
@@ -20,8 +21,8 @@ pub(crate) fn add(
     shared: &Shared,
 ) {
     let focal = shared.focal();
-    for seen in &observed.seen {
-        let Some(marker) = problem.markers.markers.get(seen.marker) else {
+    for detection in &observed.detections {
+        let Some(marker) = problem.markers.markers.get(detection.marker) else {
             continue;
         };
         let at = posed.marker(marker, shared);
@@ -30,10 +31,10 @@ pub(crate) fn add(
             rows.cost = f64::INFINITY;
             return;
         }
-        let weight = seen.confidence / problem.pixels;
+        let weight = detection.confidence / problem.pixels;
         let off = [
-            weight * (focal * x / z - seen.at[0]),
-            weight * (focal * y / z - seen.at[1]),
+            weight * (focal * x / z - detection.pixel[0]),
+            weight * (focal * y / z - detection.pixel[1]),
         ];
         let factor = rows.robust(off[0] * off[0] + off[1] * off[1], BOUND);
         if !rows.has_slopes() {

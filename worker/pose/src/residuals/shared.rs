@@ -1,35 +1,35 @@
-//! What is likely of bodies, cameras and detectors before any frame is seen.
+//! Priors of body, camera and detector.
 
-use crate::parameters::{DOWN, FOCAL, LEAN, PLACES, ROLL, Shared};
+use crate::parameters::{ATTACHMENTS, DOWN, FOCAL, LEAN, ROLL, Shared};
 use crate::problem::Problem;
 use crate::skeleton::{GROUP_SPREAD, GROUPS};
 
 /// Standard deviation of an unknown focal length's logarithm.
 const FOCAL_SPREAD: f64 = 0.15;
-/// Least and most focal length by the longer side.
+/// Least and greatest focal length, as multiples of the longer side.
 const FOCAL_RANGE: [f64; 2] = [0.6, 3.0];
-/// Standard deviation of the logarithm beyond them.
+/// Standard deviation of the logarithm beyond this range.
 const FOCAL_STOP: f64 = 0.02;
-/// How far a detector's space leans, radians.
+/// Standard deviation of the lean of a detector's space, radians.
 const LEAN_SPREAD: f64 = 0.2;
-/// How far cameras look up or down, radians.
+/// Standard deviation of the camera's pitch, radians.
 const DOWN_SPREAD: f64 = 0.14;
-/// Weight of what is likely of tilts: how a body foreshortens tells them only as far as its
-/// proportions are average, in every frame alike.
+/// Weight of the pitch's prior. Foreshortening shows the pitch only as far as the body's proportions are
+/// average, and this error is the same in every frame, so many frames don't make it more certain.
 const TILT: f64 = 16.0;
-/// How far cameras are turned about their line of sight, radians.
+/// Standard deviation of the camera's roll, radians.
 const ROLL_SPREAD: f64 = 0.05;
 
-/// Weight of what is likely of markers' places. Errors of detectors are much the same from frame to frame
-/// and from pose to pose: many frames are not as many witnesses.
+/// Weight of the prior of markers' offsets. A detector's errors are similar in all frames and poses, so many
+/// frames are not independent observations.
 const BODY: f64 = 4.0;
-/// As [`BODY`], of lengths.
+/// Weight of the prior of bone lengths, for the same reason.
 const LENGTHS: f64 = 2.0;
 
-/// A residual of one shared unknown: which, its value, and its derivative by that unknown.
+/// A residual of one shared unknown: the unknown's index, the residual, and its derivative.
 pub(crate) type SharedRow = (usize, f64, f64);
 
-/// The residuals of `shared`; unknowns that are held have none.
+/// The residuals of the shared unknowns; fixed ones have none.
 pub(crate) fn rows(problem: &Problem, shared: &Shared) -> Vec<SharedRow> {
     let mut rows = Vec::new();
     let mut add = |at: usize, usual: f64, spread: f64| {
@@ -41,10 +41,10 @@ pub(crate) fn rows(problem: &Problem, shared: &Shared) -> Vec<SharedRow> {
     add(LEAN, 0.0, LEAN_SPREAD);
     add(DOWN, 0.0, DOWN_SPREAD / TILT);
     add(ROLL, 0.0, ROLL_SPREAD);
-    for (place, known) in problem.markers.places.iter().enumerate() {
+    for (attachment, known) in problem.markers.attachments.iter().enumerate() {
         for axis in 0..3 {
             if known.spread[axis] > 0.0 {
-                let at = PLACES + 3 * place + axis;
+                let at = ATTACHMENTS + 3 * attachment + axis;
                 add(at, known.offset[axis], known.spread[axis] / BODY);
             }
         }
@@ -60,12 +60,16 @@ pub(crate) fn rows(problem: &Problem, shared: &Shared) -> Vec<SharedRow> {
     rows
 }
 
-/// Whether each shared unknown is held at its value.
+/// For each shared unknown, whether it is fixed at its value.
 pub(crate) fn held(problem: &Problem, unknowns: usize) -> Vec<bool> {
     let mut held = vec![false; unknowns];
     held[FOCAL] = problem.focal_known;
-    let spreads = problem.markers.places.iter().flat_map(|place| place.spread);
-    for (hold, spread) in held.iter_mut().skip(PLACES).zip(spreads) {
+    let spreads = problem
+        .markers
+        .attachments
+        .iter()
+        .flat_map(|attachment| attachment.spread);
+    for (hold, spread) in held.iter_mut().skip(ATTACHMENTS).zip(spreads) {
         *hold = spread <= 0.0;
     }
     held

@@ -1,55 +1,57 @@
-//! Bodies have mass: joints and the root change their speed slowly.
+//! Residuals of accelerations. Bodies have mass, so joints and the root change their speed slowly.
 
-use crate::joints::{ACTIVE, PLACE, habit_of};
+use crate::joints::{ACTIVE, ROOT_POSITION, habit_of};
 use crate::parameters::Stance;
-use crate::rotation::{logarithm, logarithm_derivative, product, transposed};
+use crate::rotation::{log_map, log_map_derivative, matmul, transpose};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{Mat3, dot, scale, sub};
 
-/// The root's turning, rad/s².
+/// Standard deviation of the root's angular acceleration, rad/s².
 const ROOT_TURN: f64 = 15.0;
-/// The root's movement, m/s².
+/// Standard deviation of the root's acceleration, m/s².
 const ROOT_MOVE: f64 = 4.0;
 
-/// How an acceleration's residual depends on three frames.
+/// The residual of an acceleration, and its dependence on three frames.
 #[derive(Clone, Debug)]
-pub(crate) struct Bend {
+pub(crate) struct Acceleration {
     /// The first of three unknowns in each frame.
     pub column: usize,
     pub value: Vec3,
-    /// Derivatives by the three unknowns of the frame before, the frame itself and the one
-    /// after.
+    /// Derivatives by the three unknowns in the frame before, the frame itself and the frame after.
     pub slopes: [Mat3; 3],
 }
 
-/// The accelerations at the middle one of three frames at `times` seconds: joints by standard
-/// deviations of their habit, then the root's place.
-pub(crate) fn bends(stances: [&Stance; 3], times: [f64; 3]) -> impl Iterator<Item = Bend> {
+/// The accelerations at the middle of three frames at `times` seconds, in standard deviations: those of the
+/// joints' rotations, then that of the root's position.
+pub(crate) fn accelerations(
+    stances: [&Stance; 3],
+    times: [f64; 3],
+) -> impl Iterator<Item = Acceleration> {
     let [before, now, after] = stances;
     let spans = [times[1] - times[0], times[2] - times[1]];
     let rate = 2.0 / (spans[0] + spans[1]);
-    let turns = ACTIVE.into_iter().enumerate().map(move |(at, joint)| {
+    let rotations = ACTIVE.into_iter().enumerate().map(move |(at, joint)| {
         let spread = if joint == 0 {
             ROOT_TURN
         } else {
             habit_of(joint).jerk
         };
-        let turn = |a: &Stance, b: &Stance| {
-            logarithm(&product(
-                &transposed(&a.rotations[joint]),
+        let rotation = |a: &Stance, b: &Stance| {
+            log_map(&matmul(
+                &transpose(&a.rotations[joint]),
                 &b.rotations[joint],
             ))
         };
-        let (first, second) = (turn(before, now), turn(now, after));
-        let (by_first, by_second) = (logarithm_derivative(first), logarithm_derivative(second));
+        let (first, second) = (rotation(before, now), rotation(now, after));
+        let (by_first, by_second) = (log_map_derivative(first), log_map_derivative(second));
         let (one, two) = (rate / spread / spans[0], rate / spread / spans[1]);
-        Bend {
+        Acceleration {
             column: 3 * at,
             value: sub(scale(second, two), scale(first, one)),
             slopes: [
-                scaled(&transposed(&by_first), one),
+                scaled(&transpose(&by_first), one),
                 sum(
-                    &scaled(&transposed(&by_second), -two),
+                    &scaled(&transpose(&by_second), -two),
                     &scaled(&by_first, -one),
                 ),
                 scaled(&by_second, two),
@@ -58,18 +60,18 @@ pub(crate) fn bends(stances: [&Stance; 3], times: [f64; 3]) -> impl Iterator<Ite
     });
     let (one, two) = (rate / ROOT_MOVE / spans[0], rate / ROOT_MOVE / spans[1]);
     let (first, second) = (sub(now.root, before.root), sub(after.root, now.root));
-    let place = Bend {
-        column: PLACE,
+    let root = Acceleration {
+        column: ROOT_POSITION,
         value: sub(scale(second, two), scale(first, one)),
-        slopes: [one, -one - two, two].map(|by| scaled(&crate::rotation::UNTURNED, by)),
+        slopes: [one, -one - two, two].map(|by| scaled(&crate::rotation::IDENTITY_ROTATION, by)),
     };
-    turns.chain(std::iter::once(place))
+    rotations.chain(std::iter::once(root))
 }
 
-/// What the accelerations at a frame cost.
+/// The cost of the accelerations at a frame.
 pub(crate) fn cost(stances: [&Stance; 3], times: [f64; 3]) -> f64 {
-    bends(stances, times)
-        .map(|bend| dot(bend.value, bend.value))
+    accelerations(stances, times)
+        .map(|acceleration| dot(acceleration.value, acceleration.value))
         .sum()
 }
 

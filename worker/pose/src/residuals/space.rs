@@ -1,24 +1,24 @@
-//! Directions between points as a detector guesses them in space.
+//! Residuals of the directions between a detector's points in space.
 //!
-//! Directions tell nothing of size, and so hold whatever body the detector had in mind. Detectors
-//! guess how far a person leans towards the camera from little: one lean for all frames is free.
+//! Directions don't depend on size, so they are valid whatever body size the detector assumes. A detector's
+//! guess of a person's lean towards the camera is poor, so one lean for all frames is unknown.
 
 use super::Rows;
 use crate::forward::Posed;
 use crate::joints::UNKNOWNS;
 use crate::parameters::{LEAN, Shared};
 use crate::problem::{Observed, Problem};
-use crate::rotation::turned;
+use crate::rotation::matvec;
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{cross, dot, length, rodrigues, scale, sub};
 
-/// Error of a point in space across a direction, metres.
+/// Error of a point in space perpendicular to a direction, metres.
 const ERROR: f64 = 0.07;
-/// Errors of directions beyond this many standard deviations are mistakes.
+/// Errors of directions beyond this number of standard deviations are mistakes of the detector.
 const BOUND: f64 = 2.5;
 const X: Vec3 = [1.0, 0.0, 0.0];
 
-/// Adds three residuals a direction.
+/// Adds three residuals per direction.
 pub(crate) fn add(
     rows: &mut Rows,
     problem: &Problem,
@@ -37,7 +37,7 @@ pub(crate) fn add(
         let (a, b) = (posed.marker(from, shared), posed.marker(to, shared));
         let way = sub(b, a);
         let distance = length(way).max(1e-6);
-        let (unit, wanted) = (scale(way, 1.0 / distance), turned(&lean, direction.towards));
+        let (unit, wanted) = (scale(way, 1.0 / distance), matvec(&lean, direction.towards));
         let weight = direction.length / ERROR;
         let off = scale(sub(unit, wanted), weight);
         let factor = rows.robust(dot(off, off), BOUND);
@@ -47,7 +47,7 @@ pub(crate) fn add(
         let (width, has_shared) = (rows.width, rows.has_shared());
         let ends = posed.marker_slopes(to, b, UNKNOWNS, width);
         let starts = posed.marker_slopes(from, a, UNKNOWNS, width);
-        let turns: Vec<Vec3> = ends
+        let slopes_of_unit: Vec<Vec3> = ends
             .iter()
             .zip(&starts)
             .map(|(end, start)| {
@@ -61,7 +61,7 @@ pub(crate) fn add(
         let leaning = cross(X, wanted);
         for axis in 0..3 {
             rows.push(factor * off[axis], |row| {
-                for (out, by) in row.iter_mut().zip(&turns) {
+                for (out, by) in row.iter_mut().zip(&slopes_of_unit) {
                     *out = by[axis];
                 }
                 if has_shared && let Some(out) = row.get_mut(UNKNOWNS + LEAN) {

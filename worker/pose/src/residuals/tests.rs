@@ -1,23 +1,23 @@
-//! Derivatives against differences.
+//! Derivatives compared with finite differences.
 
 use super::{Columns, frame, smooth};
 use crate::fit::FitOptions;
 use crate::joints::UNKNOWNS;
-use crate::parameters::{PLACES, Shared, Stance};
+use crate::parameters::{ATTACHMENTS, Shared, Stance};
 use crate::problem::Problem;
-use crate::rotation::UNTURNED;
+use crate::rotation::IDENTITY_ROTATION;
 use crate::skeleton::COUNT;
 use crate::{FrameKeyPoints, KeyPointSet, KeyPoints};
 use yoto_capture::skeleton::transform::rodrigues;
 
-/// Numbers that look random between -1 and 1.
+/// Pseudorandom numbers between -1 and 1.
 fn wave(at: usize) -> f64 {
     (at as f64 * 12.9898).sin()
 }
 
 fn stance(seed: usize) -> Stance {
     let mut stance = Stance {
-        rotations: [UNTURNED; COUNT],
+        rotations: [IDENTITY_ROTATION; COUNT],
         root: [0.1, -0.2, 3.0],
     };
     for (joint, rotation) in stance.rotations.iter_mut().enumerate() {
@@ -48,13 +48,12 @@ fn problem() -> Problem {
     Problem::new(&points, &FitOptions::default())
 }
 
-/// The slope of the cost is twice the sum of slopes times residuals, by the weights of robust
-/// ones as much as by the residuals.
+/// The gradient of the cost is 2 Jᵀ r, for robust residuals too.
 #[test]
 fn slopes_of_the_cost_agree_with_differences() {
     let problem = problem();
     let mut shared = Shared::average(&problem.markers, 700.0);
-    for (at, value) in shared.values.iter_mut().enumerate().take(PLACES) {
+    for (at, value) in shared.values.iter_mut().enumerate().take(ATTACHMENTS) {
         *value += 0.05 * wave(at);
     }
     let stance = stance(0);
@@ -94,15 +93,15 @@ fn slopes_of_accelerations_agree_with_differences() {
     let times = [0.0, 0.04, 0.1];
     let of = |stances: &[Stance; 3]| {
         let [a, b, c] = stances;
-        smooth::bends([a, b, c], times).collect::<Vec<_>>()
+        smooth::accelerations([a, b, c], times).collect::<Vec<_>>()
     };
-    for (at, bend) in of(&stances).iter().enumerate() {
-        for (frame, slopes) in bend.slopes.iter().enumerate() {
+    for (at, acceleration) in of(&stances).iter().enumerate() {
+        for (frame, slopes) in acceleration.slopes.iter().enumerate() {
             for axis in 0..3 {
                 let value = |by: f64| {
                     let mut moved = stances.clone();
                     let mut step = vec![0.0; UNKNOWNS];
-                    step[bend.column + axis] = by;
+                    step[acceleration.column + axis] = by;
                     moved[frame] = stances[frame].moved(&step);
                     of(&moved)[at].value
                 };

@@ -1,4 +1,5 @@
-//! People stand upright on the whole: feet under the head along gravity, which all frames share.
+//! Residuals of uprightness. People stand upright on average: their feet are below the head along gravity,
+//! which all frames share.
 
 use super::Rows;
 use crate::forward::Posed;
@@ -7,14 +8,14 @@ use crate::parameters::{DOWN, ROLL, Shared};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{add as plus, dot, length, scale, sub};
 
-/// How far one frame's body leans, radians, standard deviation.
+/// Standard deviation of a body's lean in one frame, radians.
 const SWAY: f64 = 0.15;
-/// Bodies that lean further, in standard deviations, do not stand.
+/// Largest lean of a standing body, in standard deviations.
 const BOUND: f64 = 2.0;
 const NECK: usize = 12;
 const ANKLES: [usize; 2] = [7, 8];
 
-/// Where up is for a camera that looks down by `down` and is turned by `roll`, with derivatives
+/// The up direction in the axes of a camera with the pitch `down` and the roll `roll`, and its derivatives
 /// by both.
 pub(crate) fn up(down: f64, roll: f64) -> [Vec3; 3] {
     let ((s, c), (sr, cr)) = (down.sin_cos(), roll.sin_cos());
@@ -25,7 +26,7 @@ pub(crate) fn up(down: f64, roll: f64) -> [Vec3; 3] {
     ]
 }
 
-/// The way from the middle of the ankles to the neck.
+/// The vector from the middle of the ankles to the neck.
 pub(crate) fn body(posed: &Posed) -> Vec3 {
     let [left, right] = ANKLES.map(|ankle| posed.joints[ankle]);
     sub(posed.joints[NECK], scale(plus(left, right), 0.5))
@@ -45,7 +46,7 @@ pub(crate) fn add(rows: &mut Rows, posed: &Posed, shared: &Shared) {
     let (width, has_shared) = (rows.width, rows.has_shared());
     let slopes = |joint: usize| posed.slopes(joint, posed.joints[joint], UNKNOWNS, width);
     let (neck, [left, right]) = (slopes(NECK), ANKLES.map(slopes));
-    let turns: Vec<Vec3> = neck
+    let slopes_of_unit: Vec<Vec3> = neck
         .iter()
         .zip(left.iter().zip(&right))
         .map(|(top, (l, r))| {
@@ -55,7 +56,7 @@ pub(crate) fn add(rows: &mut Rows, posed: &Posed, shared: &Shared) {
         .collect();
     for axis in 0..3 {
         rows.push(factor * SWAY * off[axis], |row| {
-            for (out, by) in row.iter_mut().zip(&turns) {
+            for (out, by) in row.iter_mut().zip(&slopes_of_unit) {
                 *out = by[axis];
             }
             if has_shared {

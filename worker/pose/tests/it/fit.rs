@@ -1,10 +1,10 @@
-//! Fits of made-up people, whose true joints are known, and of what can't be fitted.
+//! Fits of synthetic people with known joints, and key points that can't be fitted.
 
 use crate::people::{Clip, Errors, camera, clip, error, joints};
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPointSet, KeyPoints, PoseError, fit};
 use yoto_synthetic::SyntheticPerson;
 
-/// What detectors get wrong: half a hundredth of the body's height, and 40 mm in space.
+/// Errors of a typical detector: half a hundredth of the body's height, and 40 mm in space.
 const ERRORS: Errors = Errors {
     picture: 0.005,
     space: Some(0.04),
@@ -170,7 +170,7 @@ fn points_that_were_not_seen_don_t_count() {
     assert!(off < 90.0, "{off} mm");
 }
 
-/// What a fit says of three good frames after `spoil`.
+/// The error of a fit of three good frames after `spoil`.
 fn refused(spoil: impl FnOnce(&mut KeyPoints)) -> String {
     let mut clip = walk(KeyPointSet::BlazePose33, ERRORS, 3.0);
     clip.points.frames.truncate(3);

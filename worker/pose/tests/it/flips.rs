@@ -1,5 +1,5 @@
-//! Stretches of frames in which a detector takes the back for the front: how many are found by how the
-//! body turns and by its colours, and how often that turns a body that was right.
+//! Stretches of frames in which a detector mistakes the back for the front: how many are found by motion and
+//! by colours, and how often a right frame is reversed.
 
 #[allow(dead_code, reason = "other tests use the rest")]
 use crate::people::{Clip, Errors, camera, clip, joints};
@@ -23,7 +23,7 @@ fn walk(person: &SyntheticPerson) -> Clip {
     clip(person, &poses, &camera, KeyPointSet::BlazePose33, errors, 1)
 }
 
-/// What a detector says of a body that it takes the wrong way round.
+/// The output of a detector that mistakes back for front.
 #[derive(Clone, Copy, Debug)]
 enum Flip {
     /// The same points under the names of the other side.
@@ -32,7 +32,7 @@ enum Flip {
     Depths,
 }
 
-/// Takes the body the wrong way round in the frames from `start`, `count` of them.
+/// Mistakes back for front in `count` frames from `start` on.
 fn flip(clip: &mut Clip, how: Flip, start: usize, count: usize) {
     let sides = [(1, 4), (2, 5), (3, 6)].into_iter();
     let sides: Vec<_> = sides
@@ -52,7 +52,7 @@ fn flip(clip: &mut Clip, how: Flip, start: usize, count: usize) {
     }
 }
 
-/// Frames whose shoulders point the wrong way after the fit.
+/// Frames with shoulders in the wrong direction after the fit.
 fn wrong(clip: &Clip) -> usize {
     let options = FitOptions {
         height: Some(clip.height),
@@ -120,7 +120,7 @@ fn colours_find_stretches_that_begin_or_end_in_profile() {
         let mut clip = walk.clone();
         flip(&mut clip, Flip::Depths, start, count);
         assert_eq!(wrong(&clip), 0, "{count} frames from {start} on");
-        // Motion alone does not tell.
+        // Motion alone does not show it.
         for frame in &mut clip.points.frames {
             frame.colours.clear();
         }

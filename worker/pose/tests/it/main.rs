@@ -1,4 +1,4 @@
-//! Poses from key points of made-up people.
+//! Poses from key points of synthetic people.
 
 mod fit;
 mod flips;

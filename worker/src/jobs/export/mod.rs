@@ -234,7 +234,7 @@ mod tests {
         };
         assert_eq!(slot(&known, &inputs).expect("is there"), 3);
         let far = SourceError::NoFrame {
-            place: "ada".into(),
+            location: "ada".into(),
             number: 99,
             frames: 12,
         };

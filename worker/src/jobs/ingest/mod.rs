@@ -4,7 +4,7 @@
 //! the result. A fault of the store or of this machine never rejects a capture: the job is retried.
 
 use super::{JobContext, JobFailure, context::id};
-use yoto_ingest::{Files, IngestError, Ingested, Place, ingest};
+use yoto_ingest::{Files, IngestError, Ingested, Progress, ingest};
 use yoto_proto::{
     keys,
     names::Collection,
@@ -34,9 +34,9 @@ pub fn run(
         context.get_to_file(object, &path)?;
         files.insert(file.path.clone(), path);
     }
-    let watch = |place: Option<&Place>| {
-        if let Some(place) = place {
-            context.report_pieces("decoding", place.done, place.total);
+    let watch = |progress: Option<&Progress>| {
+        if let Some(progress) = progress {
+            context.report_pieces("decoding", progress.done, progress.total);
         }
         context.check()
     };

@@ -17,7 +17,8 @@ use yoto_capture::{
     skeleton::{
         Skeleton, transfer,
         transform::{
-            Vec3, add, after, apply, cross, dot, length, normalised, rigid, rodrigues, scale, sub,
+            Vec3, add, apply, compose_axis_angle, cross, dot, length, normalised, rigid, rodrigues,
+            scale, sub,
         },
     },
 };
@@ -115,7 +116,7 @@ impl Stand {
         let upright = upright(up);
         let faces = |pose: &Pose, before: Vec3| {
             let root = pose.rotations_f64().first().copied().unwrap_or_default();
-            let whole = after(before, root);
+            let whole = compose_axis_angle(before, root);
             let forward = apply(&rigid(rodrigues(whole), [0.0; 3]), FORWARD);
             sub(forward, scale(up, dot(forward, up)))
         };
@@ -126,7 +127,7 @@ impl Stand {
         } else {
             let (here, wanted) = (normalised(here), normalised(wanted));
             let angle = dot(cross(here, wanted), up).atan2(dot(here, wanted));
-            after(scale(up, angle), upright)
+            compose_axis_angle(scale(up, angle), upright)
         };
         Self {
             turn,
@@ -139,7 +140,7 @@ impl Stand {
     fn put(&self, pose: &Pose) -> Pose {
         let mut put = pose.clone();
         if let Some(root) = put.rotations.first_mut() {
-            *root = after(self.turn, root.map(f64::from)).map(|v| v as f32);
+            *root = compose_axis_angle(self.turn, root.map(f64::from)).map(|v| v as f32);
         }
         // Rest positions cancel: in both worlds, the root is at the same rest position plus these.
         let step = sub(pose.translation.map(f64::from), self.from);

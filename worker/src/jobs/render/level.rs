@@ -1,7 +1,7 @@
 //! Worlds with any axis up, turned so that y is up.
 
 use yoto_capture::skeleton::transform::{
-    Vec3, after, apply, cross, dot, length, rigid, rodrigues, scale,
+    Vec3, apply, compose_axis_angle, cross, dot, length, rigid, rodrigues, scale,
 };
 
 /// The up axis of scenes and of imported motions.
@@ -17,7 +17,7 @@ pub(super) fn levelled(up: Vec3, ahead: Vec3) -> Vec3 {
     if x.hypot(z) < 1e-3 * length(ahead).max(1e-3) {
         return upright;
     }
-    after(scale(UP, -x.atan2(z)), upright)
+    compose_axis_angle(scale(UP, -x.atan2(z)), upright)
 }
 
 /// The axis-angle that takes y to `up`, which is along an axis.

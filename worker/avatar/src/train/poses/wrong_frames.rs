@@ -7,7 +7,7 @@ use crate::train::people::{TrainFrame, TrainSubject};
 use crate::train::poses::refinement::PoseRefinement;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
-use yoto_capture::skeleton::readings::{Reading, between};
+use yoto_capture::skeleton::readings::{Reading, interpolate};
 
 /// Misfit of another reading, relative to the one so far, below which it replaces it.
 const CLEARLY: f64 = 0.6;
@@ -42,7 +42,7 @@ pub(crate) fn other_reading(
     {
         let at = (frame.position - before) as f64 / (after - before) as f64;
         let change = poses.change_between([before, after], at);
-        readings.push((Reading::Between, between(&a, &b, at), change));
+        readings.push((Reading::Between, interpolate(&a, &b, at), change));
     }
     let mut best: Option<((Reading, Pose, PoseChange), f64)> = None;
     for (reading, pose, change) in readings {

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use yoto_ops::picture_loss::{Target, Weights, picture_loss};
-use yoto_ops::splat::{Sight, Splats, splat};
+use yoto_ops::splat::{Splats, View, splat};
 use yoto_ops::warp::WarpGrid;
 use yoto_ops::warp::skin::skin;
 
@@ -52,12 +52,12 @@ impl Drawn {
     }
 
     /// The picture on a device, and the gradients of a sum over it.
-    fn run(&self, sight: &Sight, device: &Device) -> [Vec<f32>; 8] {
+    fn run(&self, sight: &View, device: &Device) -> [Vec<f32>; 8] {
         let device = device.clone().autodiff();
         let splats = Splats {
             transforms: self.transforms.learned_on(&device),
             means: self.means.learned_on(&device),
-            turns: self.turns.learned_on(&device),
+            rotations: self.turns.learned_on(&device),
             scales: self.scales.learned_on(&device),
             opacities: self.opacities.learned_on(&device),
             colours: self.colours.learned_on(&device),
@@ -73,7 +73,7 @@ impl Drawn {
             values(picture),
             gradient(&splats.transforms),
             gradient(&splats.means),
-            gradient(&splats.turns),
+            gradient(&splats.rotations),
             gradient(&splats.scales),
             values(splats.opacities.grad(&grads).expect("tracked")),
             gradient(&splats.colours),
@@ -94,9 +94,9 @@ const PARTS: [&str; 8] = [
 ];
 
 /// A camera two metres from the body, turned a little, with a skew.
-fn sight(width: usize, height: usize) -> Sight {
+fn sight(width: usize, height: usize) -> View {
     let (w, h) = (width as f32, height as f32);
-    Sight {
+    View {
         width,
         height,
         k: [[1.4 * w, 0.03 * w, 0.48 * w], [0.0, 1.5 * h, 0.53 * h]],
@@ -109,7 +109,7 @@ fn sight(width: usize, height: usize) -> Sight {
     }
 }
 
-fn assert_equals_the_cpu(drawn: &Drawn, sight: &Sight, vulkan: &Device, bound: f32) {
+fn assert_equals_the_cpu(drawn: &Drawn, sight: &View, vulkan: &Device, bound: f32) {
     let ours = drawn.run(sight, vulkan);
     assert_close(&PARTS, &ours, &drawn.run(sight, &Device::flex()), bound);
 }

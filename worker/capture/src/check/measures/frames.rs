@@ -1,4 +1,4 @@
-//! Whether the frames themselves can be learned from.
+//! Measures of the frames themselves: masks, views, motion, blur and exposure.
 
 use super::super::agreement::duplicates;
 use super::super::motion::Motion;
@@ -25,7 +25,7 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
             &pieces,
             0.6,
             "in pieces",
-            "some masks fall into pieces: somebody else, or holes",
+            "some masks are in several pieces: another person, or holes",
         ),
         (
             &cut,
@@ -93,7 +93,7 @@ pub(super) fn views(motion: &Motion) -> Measure {
     it
 }
 
-/// Jumps a second from which a film fails.
+/// Jumps per second from which a film fails.
 const JUMPS: f64 = 0.75;
 
 pub(super) fn jumps(motion: &Motion) -> Measure {
@@ -128,7 +128,7 @@ pub(super) fn jitter(motion: &Motion) -> Measure {
         meaning,
     );
     if it.grade != Grade::Pass {
-        it.cause = Some("poses were estimated a frame at a time: smooth them".to_owned());
+        it.cause = Some("poses were estimated frame by frame: smooth them".to_owned());
     }
     it
 }
@@ -195,8 +195,8 @@ pub(super) fn blur(track: &PoseTrack, seen: &[Observation]) -> Measure {
     it
 }
 
-/// Luma of a person's lightest places from which exposure passes, and warns: skin and eyes are light
-/// beside black clothes, and nothing is in too little light.
+/// Least luma of a person's lightest pixels for a pass, and for a warning: skin and eyes are light even beside
+/// black clothes, but nothing is in too little light.
 const LIGHTS: [f64; 2] = [0.15, 0.05];
 
 pub(super) fn exposure(seen: &[Observation]) -> Measure {
@@ -204,7 +204,7 @@ pub(super) fn exposure(seen: &[Observation]) -> Measure {
     let burnt = median(people().map(|it| it.burnt)).unwrap_or(0.0);
     let black = median(people().map(|it| it.black)).unwrap_or(0.0);
     let bright = median(people().map(|it| it.brightness)).unwrap_or(0.0);
-    // Somebody in black may be seen from the back: the front will tell.
+    // A frame may show somebody in black from the back; the lightest frames decide.
     let mut lights: Vec<f64> = people().map(|it| it.lights).collect();
     lights.sort_by(f64::total_cmp);
     let lights = lights.get(9 * lights.len() / 10).copied().unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! Whether cameras, poses and masks say the same of where the body is.
+//! Measures of the agreement of cameras, poses and masks on the body's position.
 
 use super::super::agreement::Agreement;
 use super::super::report::{Cause, Grade, Kind, Measure};
@@ -114,7 +114,7 @@ pub(super) fn silhouette(fit: Option<f64>) -> Measure {
     it
 }
 
-/// Share of what images show in masks from which on it passes, and warns.
+/// Least share of image content inside masks for a pass, and for a warning.
 pub(super) const IMAGE_IN_MASK: [f64; 2] = [0.85, 0.7];
 
 pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {

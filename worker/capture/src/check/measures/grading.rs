@@ -1,4 +1,4 @@
-//! From figures to grades.
+//! Grades of measured values.
 
 use super::super::report::{Grade, Kind, Measure};
 
@@ -36,11 +36,11 @@ pub(super) fn at_most(value: f64, pass: f64, warn: f64) -> Grade {
 }
 
 pub(super) fn percent(share: f64) -> String {
-    // An empty sum is -0, which would show its sign.
+    // An empty sum of floats is -0.0, which would be printed with its sign.
     format!("{:.1} %", 100.0 * share + 0.0)
 }
 
-/// A share of which `None` says that nobody was there to measure.
+/// The measure of a share; `None` if no frame shows anybody.
 pub(super) fn share(kind: Kind, value: Option<f64>, bounds: [f64; 2], meaning: &str) -> Measure {
     match value {
         Some(value) => measure(

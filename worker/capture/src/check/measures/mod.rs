@@ -1,7 +1,7 @@
-//! Grades: what each figure means for training.
+//! The measures of a capture, and their grades for training.
 //!
-//! The bounds come from captures that are known to be right (made-up people and rendered
-//! characters, whose body fits by 0.7 and more) and from the same with deliberate errors.
+//! The bounds come from captures that are known to be right (synthetic people and rendered characters,
+//! with an overlap of 0.7 and more) and from the same captures with deliberate errors.
 
 mod frames;
 mod geometry;
@@ -28,14 +28,14 @@ use grading::median;
 use yoto_proto::correction::{Correction, Unit, Units};
 use yoto_proto::pose_track::PoseTrack;
 
-/// Frames that readings are tried on.
+/// Frames on which readings are tried, at most.
 const SAMPLE: usize = 32;
-/// Rest joints that span more are in another unit, metres.
+/// Largest span of rest joints in metres; a larger one is in another unit.
 const GIANT: f64 = 10.0;
-/// Frames named of one fault.
+/// Frames named per fault, at most.
 const NAMED: usize = 8;
 
-/// Everything about `track` and the frames that were looked at.
+/// The report on `track` and the observed frames.
 pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Report {
     let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
     let agreement = Agreement::of(track, skeleton, seen);
@@ -43,7 +43,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     let inverted = median(people.iter().map(|it| it.covered)).is_some_and(|it| it > 0.5)
         && agreement.joints_in_mask.is_some_and(|it| it < 0.5);
     let given = Fitter::new(track, spread(&people, SAMPLE)).fit(&Correction::default());
-    // Inverted masks fit nothing; the right way round they tell of further mistakes.
+    // Inverted masks fit nothing. They are turned back first, so that further mistakes are found too.
     let righted: Vec<Observation>;
     let seen_right = if inverted {
         righted = seen.iter().map(Observation::inverted).collect();
@@ -137,8 +137,8 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     }
 }
 
-/// A body of many metres whose picture fits: all its lengths are in another unit, which
-/// leaves projections as they are.
+/// The cause for a giant body that fits its masks: all lengths are in another unit, which leaves
+/// projections as they are.
 fn giant(span: f64, found: Option<&Search>) -> Option<Cause> {
     let search = found.filter(|it| span > GIANT && it.cause.is_none())?;
     let unit = if span > 500.0 {
@@ -160,15 +160,15 @@ fn giant(span: f64, found: Option<&Search>) -> Option<Cause> {
     })
 }
 
-/// Masks or poses of other frames, and which of the two. `fitting`: images show what is in their
-/// masks.
+/// The cause for a shift between masks and poses, and which of the two is late. `fitting` is whether images
+/// agree with their masks.
 fn late(bodies: &Shifts, images: &Shifts, fitting: bool, reading: &Correction) -> Option<Cause> {
     let frames = |n: i32| match n.abs() {
         1 => "1 frame".to_owned(),
         n => format!("{n} frames"),
     };
     let when = |n: i32| if n > 0 { "late" } else { "early" };
-    // Images that show their masks, and at no shift better, acquit the masks: the poses are off.
+    // If images agree with their masks, and with no shift better, the masks are right and the poses are late.
     let masks_fit_images = fitting && images.best == 0;
     let shift = bodies.best;
     let (correction, what) = if shift == 0 && images.best == 0 {
@@ -195,8 +195,8 @@ fn late(bodies: &Shifts, images: &Shifts, fitting: bool, reading: &Correction) -
         pose_shift: -correction.mask_shift,
         ..*reading
     };
-    // Without a background of black, or where images fit their masks at no shift, nothing tells
-    // which of the two is off.
+    // Without a black background, or if images fit their masks at no shift, it is unknown which of the two
+    // is late.
     let unsure = !masks_fit_images && images.best == 0;
     Some(Cause {
         what,

@@ -3,7 +3,7 @@
 mod samples;
 mod tree;
 
-use crate::{Fault, Limits, MediaError, Turn};
+use crate::{Fault, Limits, MediaError, Orientation};
 use re_mp4::{MdhdBox, TkhdBox};
 use samples::Sample;
 use std::path::Path;
@@ -14,13 +14,13 @@ use tree::{Atom, broken, children, headers};
 pub(super) struct Track {
     /// Coding.
     pub(super) codec: Codec,
-    /// Rotation by the display matrix.
-    pub(super) turn: Turn,
-    /// Coded frames in decoding order: first byte and length.
+    /// Orientation by the display matrix.
+    pub(super) orientation: Orientation,
+    /// Coded frames in decoding order: byte offset and length.
     pub(super) packets: Vec<(u64, u64)>,
     /// Index of each packet's frame in the order shown.
     pub(super) rank: Vec<usize>,
-    /// Time of each frame, rising, seconds from the first one shown.
+    /// Time of each frame, ascending, seconds from the first one shown.
     pub(super) times: Vec<f64>,
     /// Number of frames, in the order shown, before the track's start: decoded but never shown.
     pub(super) hidden: usize,
@@ -31,7 +31,7 @@ pub(super) struct Track {
 pub(super) enum Codec {
     /// H.264 with parameter sets beside the frames.
     H264 {
-        /// Bytes of the length before each unit.
+        /// Bytes of the length field before each unit, 1 to 4.
         length_size: usize,
         /// Sequence parameter sets.
         sps: Vec<Vec<u8>>,
@@ -45,7 +45,7 @@ pub(super) enum Codec {
 /// Reads the headers of the file at `path`.
 ///
 /// # Errors
-/// When it is cut short, has no video, or has more frames than allowed.
+/// If the file is cut short, has no video, or has more frames than allowed.
 pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
     let headers = headers(path)?;
     let moov = Atom::bare(*b"moov", &headers.moov);
@@ -57,7 +57,7 @@ pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
         let tkhd: TkhdBox = trak.child(b"tkhd")?.read()?;
         let samples = samples::samples(trak, tkhd.track_id, &moov, &headers, limits)?;
         let track = track(trak, &tkhd, &samples)?;
-        // A cover picture is a video track of one frame.
+        // The longest track: a cover picture is also a video track, with a single frame.
         if best
             .as_ref()
             .is_none_or(|it| it.packets.len() < track.packets.len())
@@ -72,7 +72,7 @@ pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
     Ok(track)
 }
 
-/// The four letters of a track's kind.
+/// The four letters of a track's kind, e.g. `vide`.
 fn handler(trak: &Atom<'_>) -> Result<[u8; 4], Fault> {
     let hdlr = trak.child(b"mdia")?.child(b"hdlr")?;
     let kind = hdlr.content().get(8..12).and_then(|it| it.try_into().ok());
@@ -85,22 +85,25 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
     let scale = f64::from(mdhd.timescale.max(1));
     let stsd = mdia.child(b"minf")?.child(b"stbl")?.child(b"stsd")?;
     let matrix = &tkhd.matrix;
-    let turn = Turn::from_matrix(matrix.a, matrix.b, matrix.c, matrix.d).ok_or_else(|| {
-        let message = "the display matrix mirrors or skews the picture, which cameras never do";
-        Fault::new("UNSUPPORTED", message)
-    })?;
+    let orientation =
+        Orientation::from_matrix(matrix.a, matrix.b, matrix.c, matrix.d).ok_or_else(|| {
+            let message = "the display matrix mirrors or skews the picture, which cameras never do";
+            Fault::new("UNSUPPORTED", message)
+        })?;
     let mut order: Vec<usize> = (0..samples.len()).collect();
-    order.sort_by_key(|&at| samples.get(at).map_or(0, |it| it.shown));
+    // Stable: frames with equal times stay in decoding order.
+    order.sort_by_key(|&packet| samples.get(packet).map_or(0, |it| it.shown));
     let mut rank = vec![0; samples.len()];
-    for (place, &at) in order.iter().enumerate() {
-        if let Some(rank) = rank.get_mut(at) {
-            *rank = place;
+    for (position, &packet) in order.iter().enumerate() {
+        if let Some(rank) = rank.get_mut(packet) {
+            *rank = position;
         }
     }
     let mut shown: Vec<i64> = samples.iter().map(|it| it.shown).collect();
     shown.sort_unstable();
     let start = samples::start_of_edit(trak)?;
     let mut hidden = shown.partition_point(|&it| it < start);
+    // An edit list that starts after the last frame would hide all of them; it is ignored.
     if hidden == shown.len() {
         hidden = 0;
     }
@@ -112,7 +115,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
         .collect();
     Ok(Track {
         codec: codec(&stsd)?,
-        turn,
+        orientation,
         packets: samples.iter().map(|it| (it.offset, it.size)).collect(),
         rank,
         times,
@@ -122,7 +125,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
 
 /// The codec of the first sample entry.
 fn codec(stsd: &Atom<'_>) -> Result<Codec, Fault> {
-    // Version, flags and count come before the entries.
+    // Eight bytes of version, flags and count come before the entries.
     let entries = stsd.content().get(8..).unwrap_or_default();
     let entries = children(entries)?;
     let entry = entries
@@ -141,7 +144,8 @@ fn codec(stsd: &Atom<'_>) -> Result<Codec, Fault> {
     parameter_sets(config.content()).ok_or_else(|| broken("its 'avcC' box is cut short"))
 }
 
-/// `avcC`: version, profile, compatibility, level, length size, then the two lists.
+/// The parameter sets in `avcC`: version, profile, compatibility, level, length size, then the two lists.
+/// `None` if it is cut short.
 fn parameter_sets(bytes: &[u8]) -> Option<Codec> {
     let length_size = usize::from(bytes.get(4)? & 3) + 1;
     let mut rest = bytes.get(5..)?;

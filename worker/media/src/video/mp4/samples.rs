@@ -10,11 +10,11 @@ use re_mp4::{
 /// One coded frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Sample {
-    /// First byte in the file.
+    /// Byte offset in the file.
     pub(super) offset: u64,
     /// Bytes.
     pub(super) size: u64,
-    /// Time shown, in the track's units.
+    /// Presentation time, in the track's units.
     pub(super) shown: i64,
 }
 
@@ -43,6 +43,7 @@ pub(super) fn samples(
             )?;
         }
     }
+    // A file that was cut short is found here, before any frame is decoded.
     if let Some((frame, sample)) = samples.iter().enumerate().find(|(_, it)| {
         it.offset
             .checked_add(it.size)
@@ -66,6 +67,7 @@ pub(super) fn start_of_edit(trak: &Atom<'_>) -> Result<i64, Fault> {
         return Ok(0);
     };
     let list: ElstBox = list.read()?;
+    // The media time -1, of 32 or 64 bits, is an empty edit: a pause before the first frame.
     let empty = |time: u64| time == u64::from(u32::MAX) || time == u64::MAX;
     let first = list.entries.iter().find(|it| !empty(it.media_time));
     Ok(first.map_or(0, |it| i64::try_from(it.media_time).unwrap_or(0)))
@@ -79,6 +81,8 @@ fn too_many(limits: &Limits) -> Fault {
 /// The frames that `stbl` lists.
 fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, Fault> {
     let sizes: StszBox = stbl.child(b"stsz")?.read()?;
+    // With one size for all frames, the count is not bounded by the box's length: a few bytes may declare
+    // four billion frames.
     let count = sizes.sample_count as usize;
     if count > limits.frames {
         return Err(too_many(limits));
@@ -122,6 +126,8 @@ fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, Fault> {
         return Err(broken(message));
     }
     let durations: SttsBox = stbl.child(b"stts")?.read()?;
+    // Runs are expanded lazily: their counts are untrusted, and only as many entries are taken as there
+    // are frames.
     let mut durations = durations
         .entries
         .iter()
@@ -149,6 +155,7 @@ fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, Fault> {
         .iter()
         .map(|it| (u64::from(it.first_chunk), it.samples_per_chunk))
         .collect();
+    // `table` searches the runs by bisection.
     if runs.is_sorted_by(|a, b| a.0 < b.0) {
         Ok(runs)
     } else {
@@ -191,7 +198,7 @@ fn fragment(
     let base = tfhd.base_data_offset.unwrap_or(moof);
     let mut next = base;
     for trun in traf.children()?.iter().filter(|it| &it.name == b"trun") {
-        // Version and flags, then the count, which is checked before any entry is read.
+        // The count follows version and flags. It is checked before `re_mp4` allocates its entries.
         let count = trun.content().get(4..8).and_then(|it| it.try_into().ok());
         let count = u32::from_be_bytes(count.unwrap_or_default()) as usize;
         if samples.len().saturating_add(count) > limits.frames {
@@ -201,9 +208,9 @@ fn fragment(
         if let Some(offset) = trun.data_offset {
             next = base.saturating_add_signed(i64::from(offset));
         }
-        for at in 0..trun.sample_count as usize {
+        for index in 0..trun.sample_count as usize {
             let or = |list: &[u32], own: Option<u32>, default: u32| {
-                list.get(at).copied().or(own).unwrap_or(default)
+                list.get(index).copied().or(own).unwrap_or(default)
             };
             let duration = or(
                 &trun.sample_durations,
@@ -211,8 +218,9 @@ fn fragment(
                 defaults.0,
             );
             let size = u64::from(or(&trun.sample_sizes, tfhd.default_sample_size, defaults.1));
-            // Version 0 has no negative offsets, and no offsets large enough to look negative.
-            let offset = trun.sample_cts.get(at).map_or(0, |&it| it as i32);
+            // Offsets are unsigned in version 0 and signed in version 1. Real unsigned ones are far too
+            // small to look negative.
+            let offset = trun.sample_cts.get(index).map_or(0, |&it| it as i32);
             samples.push(Sample {
                 offset: next,
                 size,

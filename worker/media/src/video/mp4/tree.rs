@@ -1,7 +1,8 @@
 //! MP4's tree of boxes, walked on checked slices.
 //!
-//! The walk compares every length with the available bytes; `re_mp4` reads the tables inside
-//! single boxes, on a slice with only that box.
+//! The walk compares every length with the available bytes. `re_mp4` only reads the tables inside single
+//! boxes, from a slice that holds nothing but the box. There is no recursion: callers ask for children by
+//! name, so nested boxes can't exhaust the stack.
 
 use crate::{Fault, MediaError};
 use re_mp4::ReadBox;
@@ -61,7 +62,7 @@ impl<'a> Atom<'a> {
     where
         T: for<'r> ReadBox<&'r mut Cursor<Vec<u8>>>,
     {
-        // As from a file: after a header of eight bytes.
+        // `re_mp4` expects its reader behind a header of eight bytes, as in a file.
         let mut bytes = vec![0; 8];
         bytes.extend_from_slice(self.content());
         let size = bytes.len() as u64;
@@ -77,7 +78,7 @@ impl<'a> Atom<'a> {
 /// The boxes in `bytes`, one after the other.
 pub(super) fn children(mut bytes: &[u8]) -> Result<Vec<Atom<'_>>, Fault> {
     let mut found = Vec::new();
-    // QuickTime ends some containers with four zero bytes.
+    // Fewer than eight bytes are no box: QuickTime ends some containers with four zero bytes.
     while bytes.len() >= 8 {
         let (size, name, header) = header(bytes);
         let size = match size {
@@ -99,14 +100,16 @@ pub(super) fn children(mut bytes: &[u8]) -> Result<Vec<Atom<'_>>, Fault> {
     Ok(found)
 }
 
-/// Size (0: to the end), name and header length of the box that `bytes` starts with, which
-/// are eight at least.
+/// Size (0: to the end), name and header length of the box at the start of `bytes`, which has at least
+/// eight.
 fn header(bytes: &[u8]) -> (u64, [u8; 4], usize) {
     let word = |at: usize| {
         let found = bytes.get(at..at + 4).and_then(|it| it.try_into().ok());
         u32::from_be_bytes(found.unwrap_or_default())
     };
     let name = word(4).to_be_bytes();
+    // Size 1 announces a size of 64 bits. If that is cut short, the size stays 1, which callers refuse as
+    // smaller than the header.
     match word(0) {
         1 if bytes.len() >= 16 => (u64::from(word(8)) << 32 | u64::from(word(12)), name, 16),
         size => (u64::from(size), name, 8),
@@ -118,7 +121,7 @@ fn header(bytes: &[u8]) -> (u64, [u8; 4], usize) {
 pub(super) struct Headers {
     /// Content of `moov`.
     pub(super) moov: Vec<u8>,
-    /// Each `moof`: where it starts in the file, and its content.
+    /// Each `moof`: its byte offset in the file, and its content.
     pub(super) moofs: Vec<(u64, Vec<u8>)>,
     /// Bytes of the file.
     pub(super) size: u64,
@@ -151,6 +154,7 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
         let end = end.ok_or_else(|| broken(format!("a box at byte {at} has no valid size")))?;
         if &name == b"moov" || &name == b"moof" {
             let shown = String::from_utf8_lossy(&name).into_owned();
+            // Other boxes may end beyond a file that was cut short: `samples` checks each frame.
             if end > size {
                 let message =
                     format!("is cut short: its '{shown}' box at byte {at} ends at {end} of {size}");

@@ -16,7 +16,7 @@ pub(super) fn backward<const F: usize>(
     needs_points_grad: bool,
 ) -> (Vec<f32>, Vec<f32>) {
     let width = grid.width();
-    let blocks: Vec<Live> = points
+    let blocks: Vec<ActivePoints> = points
         .par_chunks(BLOCK * 3)
         .zip(grad.par_chunks(BLOCK * width))
         .map(|(points, grad)| form.run(Gather { points, grad, grid }))
@@ -71,7 +71,7 @@ pub(super) fn backward<const F: usize>(
         .par_chunks_mut(BLOCK * 3)
         .zip(blocks.par_iter().zip(&firsts))
         .for_each(|(to_points, (block, first))| {
-            for (k, at) in block.places.iter().enumerate() {
+            for (k, at) in block.indices.iter().enumerate() {
                 let (group, lane) = (k / LANES, k % LANES);
                 for a in 0..3 {
                     let levels = to_unit.iter().map(|to| to[first + group][a][lane]);
@@ -83,17 +83,17 @@ pub(super) fn backward<const F: usize>(
     (to_table, to_points)
 }
 
-/// The points of a block that have a gradient: hidden samples have none.
-pub(super) struct Live {
-    /// Numbers of the points in the block.
-    pub places: Vec<u16>,
+/// The points of a block whose gradient is not 0. That of hidden samples is 0.
+pub(super) struct ActivePoints {
+    /// Indices of the points in the block.
+    pub indices: Vec<u16>,
     /// Sixteen at a time.
     pub points: Vec<Points>,
     /// `[groups, L F]` gradients, 0 in lanes without a point.
     pub grad: Vec<Lanes>,
 }
 
-/// The selection of a block's points that have a gradient. `points` `[n, 3]` and `grad` `[n, L F]`
+/// Selects the points of a block whose gradient is not 0. `points` `[n, 3]` and `grad` `[n, L F]`
 /// are those of the block.
 pub(super) struct Gather<'a> {
     pub points: &'a [f32],
@@ -102,25 +102,25 @@ pub(super) struct Gather<'a> {
 }
 
 impl Work for Gather<'_> {
-    type Output = Live;
+    type Output = ActivePoints;
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> Live {
+    fn run<const FMA: bool>(self) -> ActivePoints {
         let width = self.grid.width();
-        let places: Vec<u16> = self
+        let indices: Vec<u16> = self
             .grad
             .chunks_exact(width)
             .zip(0u16..)
             .filter(|(row, _)| row.iter().fold(false, |any, g| any | (*g != 0.0)))
-            .map(|(_, place)| place)
+            .map(|(_, index)| index)
             .collect();
-        let groups = places.len().div_ceil(LANES);
+        let groups = indices.len().div_ceil(LANES);
         let mut points = Vec::with_capacity(groups);
         let mut grad = vec![[0f32; LANES]; groups * width];
-        for (places, grad) in places.chunks(LANES).zip(grad.chunks_exact_mut(width)) {
+        for (indices, grad) in indices.chunks(LANES).zip(grad.chunks_exact_mut(width)) {
             let mut numbers = [[0f32; 3]; LANES];
-            for (lane, place) in places.iter().enumerate() {
-                let at = *place as usize;
+            for (lane, index) in indices.iter().enumerate() {
+                let at = *index as usize;
                 numbers[lane].copy_from_slice(&self.points[3 * at..3 * at + 3]);
                 let row = &self.grad[width * at..width * (at + 1)];
                 for (lanes, value) in grad.iter_mut().zip(row) {
@@ -129,8 +129,8 @@ impl Work for Gather<'_> {
             }
             points.push(Points::new(numbers.as_flattened(), self.grid));
         }
-        Live {
-            places,
+        ActivePoints {
+            indices,
             points,
             grad,
         }
@@ -139,17 +139,17 @@ impl Work for Gather<'_> {
 
 /// The backward pass of one level over all blocks, in their order.
 pub(super) struct Scatter<'a, const F: usize> {
-    /// The level's rows of the table.
+    /// The rows of the level in the table.
     pub rows: &'a [[f32; F]],
-    /// The gradients to them, as many.
+    /// The gradients to `rows`, of the same length.
     pub to_rows: &'a mut [[f32; F]],
     /// Gradients to the positions in the cube, group by group, if they are needed.
     pub to_unit: Option<&'a mut Vec<[Lanes; 3]>>,
-    pub blocks: &'a [Live],
+    pub blocks: &'a [ActivePoints],
     /// L F.
     pub width: usize,
     pub level: &'a Level,
-    /// Number of the level.
+    /// Index of the level.
     pub l: usize,
 }
 
@@ -158,7 +158,7 @@ impl<const F: usize> Work for Scatter<'_, F> {
 
     #[inline(always)]
     fn run<const FMA: bool>(self) {
-        // Checked here, since look-ups are not.
+        // Checked here, since look-ups are not bounds-checked.
         assert!(
             self.rows.len() == self.level.rows && self.to_rows.len() == self.level.rows,
             "the rows of one level"
@@ -166,22 +166,23 @@ impl<const F: usize> Work for Scatter<'_, F> {
         let cells_per_axis = self.level.cells as f32;
         let mut to_unit = self.to_unit;
         for block in self.blocks {
-            let mut left = block.places.len();
+            let mut left = block.indices.len();
             let groups = block.points.iter().zip(block.grad.chunks_exact(self.width));
             for (points, grad) in groups {
                 let cells = Cells::new(&points.unit, self.level);
-                let shares = cells.shares();
+                let weights = cells.weights();
                 let grad = &grad[self.l * F..(self.l + 1) * F];
                 let lanes = left.min(LANES);
                 left -= lanes;
                 for lane in 0..lanes {
                     let grad: [f32; F] = std::array::from_fn(|f| grad[f][lane]);
-                    for (rows, shares) in cells.rows.iter().zip(&shares) {
+                    for (rows, weights) in cells.rows.iter().zip(&weights) {
                         // SAFETY: `Cells` computes rows of its level only, which `check` found to
                         // be complete, and `to_rows` are all of them.
                         let row = unsafe { self.to_rows.get_unchecked_mut(rows[lane] as usize) };
+                        // ∂L/∂table[rowₖ] += wₖ ∂L/∂feature
                         for f in 0..F {
-                            row[f] = multiply_add::<FMA>(shares[lane], grad[f], row[f]);
+                            row[f] = multiply_add::<FMA>(weights[lane], grad[f], row[f]);
                         }
                     }
                 }
@@ -192,8 +193,9 @@ impl<const F: usize> Work for Scatter<'_, F> {
                 for lane in 0..lanes {
                     let grad: [f32; F] = std::array::from_fn(|f| grad[f][lane]);
                     for (rows, to_corners) in cells.rows.iter().zip(&mut to_corners) {
-                        // SAFETY: as above; `rows` are as many as `to_rows`.
+                        // SAFETY: as above; `rows` has the length of `to_rows`.
                         let row = unsafe { self.rows.get_unchecked(rows[lane] as usize) };
+                        // ∂L/∂wₖ = ∂L/∂feature · table[rowₖ]
                         let mut dot = 0.0;
                         for f in 0..F {
                             dot = multiply_add::<FMA>(grad[f], row[f], dot);
@@ -201,8 +203,8 @@ impl<const F: usize> Work for Scatter<'_, F> {
                         to_corners[lane] = dot;
                     }
                 }
-                let slopes = cells.slopes(&to_corners);
-                to_unit.push(slopes.map(|lanes| lanes.map(|slope| slope * cells_per_axis)));
+                let to_cell = cells.position_gradient(&to_corners);
+                to_unit.push(to_cell.map(|lanes| lanes.map(|slope| slope * cells_per_axis)));
             }
         }
     }

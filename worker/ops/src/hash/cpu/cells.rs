@@ -5,20 +5,20 @@ use crate::hash::{HashGrid, Level, PRIMES};
 /// Points processed at a time: one 512-bit vector of numbers.
 pub(super) const LANES: usize = 16;
 
-/// A number of each of the points.
+/// One number per point.
 pub(super) type Lanes = [f32; LANES];
 
 /// Sixteen points, axis by axis.
 #[derive(Clone, Copy)]
 pub(super) struct Points {
-    /// Position in the cube, 0 to 1; a point outside is moved to the border.
+    /// Position in the cube, 0 to 1; points outside are clamped to the border.
     pub unit: [Lanes; 3],
-    /// Derivative of `unit` with respect to the point, 1/m: 0 along axes where it was moved.
+    /// Derivative of `unit` with respect to the point, 1/m: 0 along axes where it was clamped.
     pub slope: [Lanes; 3],
 }
 
 impl Points {
-    /// The points `[n ≤ 16, 3]`, metres. The rest of the lanes hold the point at the origin.
+    /// The points `[n, 3]`, metres, n ≤ 16. The remaining lanes hold the origin.
     #[inline(always)]
     pub fn new(points: &[f32], grid: &HashGrid) -> Self {
         let (mut unit, mut slope) = ([[0f32; LANES]; 3], [[0f32; LANES]; 3]);
@@ -39,18 +39,17 @@ impl Points {
     }
 }
 
-/// The cells that the points lie in.
+/// The cells of the points.
 pub(super) struct Cells {
-    /// Rows of the cells' corners, relative to the level's first row: bit 0 of a corner's number is
-    /// its x.
+    /// Rows of the corners, relative to the first row of the level. Bit 0 of a corner's index is x, bit 1 y,
+    /// bit 2 z.
     pub rows: [[u32; LANES]; 8],
     /// Offset of the point from the cell's lowest corner, cells.
     pub part: [Lanes; 3],
 }
 
 impl Cells {
-    /// The cells of `unit` at a level. Every row is one of the level's, whatever `unit` is, even
-    /// NaN.
+    /// The cells of `unit` at a level. Every row is inside the level, whatever `unit` is, even NaN.
     #[inline(always)]
     pub fn new(unit: &[Lanes; 3], level: &Level) -> Self {
         let cells = level.cells as f32;
@@ -58,6 +57,7 @@ impl Cells {
         let (mut low, mut part) = ([[0u32; LANES]; 3], [[0f32; LANES]; 3]);
         for a in 0..3 {
             for lane in 0..LANES {
+                // The cell is ⌊unit · cells⌋, the offset in it the rest.
                 let x = unit[a][lane] * cells;
                 // `as` saturates and turns a NaN into 0.
                 let node = (x as i32).clamp(0, last);
@@ -89,42 +89,45 @@ impl Cells {
         Self { rows, part }
     }
 
-    /// Share of the corners at `side` of an axis: 0 the lower, 1 the upper one.
+    /// Linear weight of the corners at the `side` of an axis: 0 is the lower, 1 the upper one.
     #[inline(always)]
-    fn weight(&self, axis: usize, side: usize, lane: usize) -> f32 {
+    fn axis_weight(&self, axis: usize, side: usize, lane: usize) -> f32 {
         let part = self.part[axis][lane];
         if side == 1 { part } else { 1.0 - part }
     }
 
-    /// Share of each corner: the eight of a point add up to 1.
+    /// Trilinear weight of each corner, wₓ w_y w_z; the eight of a point sum to 1.
     #[inline(always)]
-    pub fn shares(&self) -> [Lanes; 8] {
-        let mut shares = [[0f32; LANES]; 8];
-        for (corner, shares) in shares.iter_mut().enumerate() {
-            for (lane, share) in shares.iter_mut().enumerate() {
-                *share = self.weight(0, corner & 1, lane)
-                    * self.weight(1, corner >> 1 & 1, lane)
-                    * self.weight(2, corner >> 2, lane);
+    pub fn weights(&self) -> [Lanes; 8] {
+        let mut weights = [[0f32; LANES]; 8];
+        for (corner, weights) in weights.iter_mut().enumerate() {
+            for (lane, weight) in weights.iter_mut().enumerate() {
+                *weight = self.axis_weight(0, corner & 1, lane)
+                    * self.axis_weight(1, corner >> 1 & 1, lane)
+                    * self.axis_weight(2, corner >> 2, lane);
             }
         }
-        shares
+        weights
     }
 
-    /// Gradient to the position in cells, given the gradients `to` to the shares of the corners.
+    /// Gradient to the position in cells, from the gradients `to` the weights of the corners. Along x, it is
+    /// Σ (to[1, y, z] − to[0, y, z]) w_y w_z over the four edges.
     #[inline(always)]
-    pub fn slopes(&self, to: &[Lanes; 8]) -> [Lanes; 3] {
-        let mut slopes = [[0f32; LANES]; 3];
-        for (axis, slopes) in slopes.iter_mut().enumerate() {
+    pub fn position_gradient(&self, to: &[Lanes; 8]) -> [Lanes; 3] {
+        let mut gradient = [[0f32; LANES]; 3];
+        for (axis, gradient) in gradient.iter_mut().enumerate() {
             let (b, c) = ([1, 0, 0][axis], [2, 2, 1][axis]);
-            for (lane, slope) in slopes.iter_mut().enumerate() {
+            for (lane, slope) in gradient.iter_mut().enumerate() {
                 for (side_b, side_c) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                     let low = side_b << b | side_c << c;
                     let rise = to[low | 1 << axis][lane] - to[low][lane];
-                    *slope += rise * self.weight(b, side_b, lane) * self.weight(c, side_c, lane);
+                    *slope += rise
+                        * self.axis_weight(b, side_b, lane)
+                        * self.axis_weight(c, side_c, lane);
                 }
             }
         }
-        slopes
+        gradient
     }
 }
 
@@ -133,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_those_of_the_level_and_shares_add_up() {
+    fn rows_are_inside_the_level_and_weights_sum_to_one() {
         let grid = HashGrid::new(5, 3, 1.9, 8, 2, [-1.0, 0.0, 2.0], 2.0);
         assert!(grid.levels[0].dense && !grid.levels[4].dense);
         let mut numbers: Vec<f32> = (0..48)
@@ -154,7 +157,7 @@ mod tests {
         let points = Points::new(&numbers, &grid);
         for level in &grid.levels {
             let cells = Cells::new(&points.unit, level);
-            let shares = cells.shares();
+            let weights = cells.weights();
             for lane in 0..LANES {
                 for corner in 0..8u32 {
                     let node = std::array::from_fn(|a| {
@@ -165,7 +168,7 @@ mod tests {
                     assert_eq!(row as usize, level.row(node));
                     assert!((row as usize) < level.rows);
                 }
-                let sum: f32 = shares.iter().map(|share| share[lane]).sum();
+                let sum: f32 = weights.iter().map(|weight| weight[lane]).sum();
                 assert!((sum - 1.0).abs() < 1e-5 || lane == 2, "{lane}: {sum}");
             }
         }

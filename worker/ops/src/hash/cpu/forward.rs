@@ -55,15 +55,16 @@ impl<const F: usize> Work for Block<'_, F> {
             let rows = &table[level.offset..level.offset + level.rows];
             for (group, output) in groups.iter().zip(self.output.chunks_mut(LANES * width)) {
                 let cells = Cells::new(&group.unit, level);
-                let shares = cells.shares();
+                let weights = cells.weights();
                 for (lane, output) in output.chunks_exact_mut(width).enumerate() {
+                    // Σ wₖ table[rowₖ] over the corners k
                     let mut sum = [0f32; F];
-                    for (corner, shares) in cells.rows.iter().zip(&shares) {
+                    for (corner, weights) in cells.rows.iter().zip(&weights) {
                         // SAFETY: `Cells` computes rows of its level only, which `check` found to
                         // be complete, and `rows` are all of them.
                         let row = unsafe { rows.get_unchecked(corner[lane] as usize) };
                         for f in 0..F {
-                            sum[f] = multiply_add::<FMA>(shares[lane], row[f], sum[f]);
+                            sum[f] = multiply_add::<FMA>(weights[lane], row[f], sum[f]);
                         }
                     }
                     output[l * F..(l + 1) * F].copy_from_slice(&sum);

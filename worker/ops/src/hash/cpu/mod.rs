@@ -1,9 +1,9 @@
 //! The hash grid on CPU threads. Sixteen points are processed at a time: their positions in the
-//! cells of a level are computed in vectors, and only the look-ups themselves one by one.
+//! cells of a level are computed in vectors, and only the look-ups are scalar.
 //!
 //! The forward pass runs over blocks of points. The backward pass runs over levels, whose rows are
-//! disjoint, so that the order of the sums does not depend on the number of threads; points
-//! without a gradient are left out first.
+//! disjoint, so that the order of the sums does not depend on the number of threads. Points whose gradient is 0
+//! are left out first.
 
 mod backward;
 mod cells;
@@ -70,7 +70,7 @@ macro_rules! by_features {
     }};
 }
 
-/// `[N, L F]` as in [`super::encode`], with the machine's best instructions.
+/// `[N, L F]` as in [`super::encode`], with [`Form::best`].
 ///
 /// # Panics
 /// If the sizes do not match the grid.
@@ -87,8 +87,8 @@ pub fn forward_in(form: Form, table: &[f32], points: &[f32], grid: &HashGrid) ->
     by_features!(grid, forward::forward, (form, table, points, grid))
 }
 
-/// Gradients to the table (same shape) and, if `needs_points_grad`, to the points `[N, 3]`; the
-/// latter is empty otherwise.
+/// Gradients to the table (same shape) and, if `needs_points_grad`, to the points `[N, 3]`; otherwise
+/// the latter is empty.
 ///
 /// # Panics
 /// If the sizes do not match the grid.
@@ -124,7 +124,10 @@ pub fn backward_in(
     )
 }
 
-/// Checks that every row that [`cells`] can compute exists: look-ups are not checked one by one.
+/// Checks that every row that [`cells`] can compute exists, since look-ups are not bounds-checked.
+///
+/// # Panics
+/// If not.
 fn check(table: &[f32], points: &[f32], grid: &HashGrid) {
     let mut next = 0;
     for level in &grid.levels {

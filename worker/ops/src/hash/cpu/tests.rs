@@ -25,11 +25,11 @@ fn numbers(count: usize, step: f32) -> Vec<f32> {
 /// Points in the cube, a few of them on its border or outside.
 fn points(grid: &HashGrid) -> Vec<f32> {
     let unit = numbers(3 * POINTS, 0.7).into_iter().map(|x| 0.5 + 0.6 * x);
-    let place = |(i, x): (usize, f32)| grid.min[i % 3] + x * grid.side;
-    unit.enumerate().map(place).collect()
+    let in_cube = |(i, x): (usize, f32)| grid.min[i % 3] + x * grid.side;
+    unit.enumerate().map(in_cube).collect()
 }
 
-/// Rows of the table and shares of the corners of the cell of `point`.
+/// Rows of the table and trilinear weights of the corners of the cell of `point`.
 fn corners(point: &[f32], grid: &HashGrid, level: &Level) -> [(usize, f32); 8] {
     let at: [f32; 3] = std::array::from_fn(|a| {
         ((point[a] - grid.min[a]) / grid.side).clamp(0.0, 1.0) * level.cells as f32
@@ -38,9 +38,9 @@ fn corners(point: &[f32], grid: &HashGrid, level: &Level) -> [(usize, f32); 8] {
     std::array::from_fn(|corner| {
         let bit: [u32; 3] = std::array::from_fn(|a| corner as u32 >> a & 1);
         let part = |a: usize| at[a] - low[a] as f32;
-        let share = |a: usize| if bit[a] == 1 { part(a) } else { 1.0 - part(a) };
+        let weight = |a: usize| if bit[a] == 1 { part(a) } else { 1.0 - part(a) };
         let row = level.offset + level.row(std::array::from_fn(|a| low[a] + bit[a]));
-        (row, share(0) * share(1) * share(2))
+        (row, weight(0) * weight(1) * weight(2))
     })
 }
 
@@ -60,7 +60,7 @@ fn a_block_looks_up_what_its_points_lie_between() {
         for level in &grid.levels {
             for f in 0..FEATURES {
                 let corners = corners(point, &grid, level).into_iter();
-                let sum = corners.map(|(row, share)| share * table[FEATURES * row + f]);
+                let sum = corners.map(|(row, weight)| weight * table[FEATURES * row + f]);
                 expected.push(sum.sum::<f32>());
             }
         }
@@ -83,14 +83,14 @@ fn gradients_of_a_block_go_to_the_rows_that_were_looked_up() {
     let width = grid.width();
     let (table, points) = (numbers(FEATURES * grid.rows(), 0.3), points(&grid));
     let mut grad = numbers(POINTS * width, 1.1);
-    // A point without a gradient.
+    // A point whose gradient is 0.
     grad[5 * width..6 * width].fill(0.0);
     let mut expected = vec![0f32; table.len()];
     for (point, grad) in points.chunks_exact(3).zip(grad.chunks_exact(width)) {
         for (level, grad) in grid.levels.iter().zip(grad.chunks_exact(FEATURES)) {
-            for (row, share) in corners(point, &grid, level) {
+            for (row, weight) in corners(point, &grid, level) {
                 for (f, g) in grad.iter().enumerate() {
-                    expected[FEATURES * row + f] += share * g;
+                    expected[FEATURES * row + f] += weight * g;
                 }
             }
         }

@@ -6,10 +6,10 @@
 //! gradient is the exception: it is transposed here, panel by panel. Widths are padded to whole
 //! tiles with zeros ([`super::kernels::Kernels::depth`]).
 //!
-//! Stable Rust has no functions for these instructions, so they are written as assembly.
+//! Stable Rust has no intrinsics for these instructions, so they are written in assembly.
 #![allow(clippy::needless_range_loop)] // As in `product`: blocks stay in registers.
 
-use super::arithmetic::{Arithmetic, Place, VECTORS};
+use super::arithmetic::{Arithmetic, CellPosition, VECTORS};
 use super::product::{End, Gradient, Product};
 use super::vector::Vector;
 use super::x86::Avx512;
@@ -21,7 +21,7 @@ use std::arch::x86_64::*;
 pub const BLOCK: usize = 32;
 /// Rows of a tile register; each has 64 bytes: 16 words.
 pub const TILE: usize = 16;
-/// Most rows per tile of rows: room for a transposed panel.
+/// Largest number of rows per tile of rows, for which a transposed panel has room.
 pub const MOST_ROWS: usize = 512;
 
 /// Columns per panel, which is also the width of a block.
@@ -34,7 +34,7 @@ const STRIDE: usize = 4 * PANEL;
 #[repr(align(64))]
 struct Block([f32; BLOCK * PANEL]);
 
-/// Registers with a shape for the tiles; they are released when this is dropped, since the kernel
+/// Tile registers with a shape. They are released when this is dropped, since the operating system
 /// must save them for as long as they are in use.
 struct Shapes;
 
@@ -127,8 +127,8 @@ unsafe fn store(to: *mut f32) {
 }
 
 /// Adds to the block of sums the products of `steps` (at least 1) pairs of tiles: of the rows at
-/// `a` and those at `below`, each 16 times 64 bytes and the next ones `next` bytes further on, with
-/// the 16 rows of 32 words at `b`, the next ones behind them.
+/// `a` and those at `below`, each 16 rows of 64 bytes, with the 16 rows of 32 words at `b`. The next tiles of `a` and
+/// `below` are `next` bytes further on, those of `b` follow immediately.
 #[inline(always)]
 unsafe fn multiply(a: *const u32, below: *const u32, next: usize, b: *const u32, steps: usize) {
     // SAFETY: the caller promises all tiles, and registers with shapes.
@@ -213,7 +213,7 @@ unsafe fn finish(task: &Product, p: usize, row: usize) {
             _ => zeros,
         };
         for i in (0..BLOCK).step_by(2) {
-            let place = |i: usize| Place {
+            let position = |i: usize| CellPosition {
                 rows: task.rows,
                 panels: task.columns.div_ceil(PANEL),
                 panel: p,
@@ -226,14 +226,14 @@ unsafe fn finish(task: &Product, p: usize, row: usize) {
                     let sum = Avx512::load(block.0.as_ptr().add(at));
                     pair[r][j] = match task.end {
                         End::Hidden(..) => Avx512(_mm512_add_ps(sum.0, bias[j].0)).relu(),
-                        End::Masked(by, _) => Bf16::where_over_zero(sum, by, place(i + r), j),
+                        End::Masked(by, _) => Bf16::where_over_zero(sum, by, position(i + r), j),
                         _ => Avx512(_mm512_add_ps(sum.0, bias[j].0)),
                     };
                 }
             }
             match task.end {
                 End::Hidden(_, cells) | End::Masked(_, cells) => {
-                    Bf16::keep::<2, VECTORS>(&pair, cells, place(i));
+                    Bf16::keep::<2, VECTORS>(&pair, cells, position(i));
                 }
                 End::Output(_, to) | End::Fresh(to) | End::Added(to) => {
                     for r in 0..2 {
@@ -270,7 +270,7 @@ pub unsafe fn gradient(task: &Gradient) {
     // SAFETY: the caller promises all shapes; the transposed panel has room for the rows.
     unsafe {
         let by_pairs = |cells: *const u32, panels: usize, panel: usize| {
-            cells.add(Bf16::by_pairs(Place {
+            cells.add(Bf16::by_pairs(CellPosition {
                 rows: task.rows,
                 panels,
                 panel,

@@ -1,8 +1,7 @@
 //! The arithmetic of products, and the layout of their factors in memory.
 //!
 //! A *cell buffer* holds a tile's activations, or gradients to them, `[rows, width]`, as
-//! factors of products, in 32-bit words. Columns are grouped in panels of `P`. There are two views
-//! of it: by rows, `[panel][row][P / PAIR]`, where a word holds `PAIR` neighbouring columns
+//! factors of products, in 32-bit words. Columns are grouped in panels of `P`. It has two views: by rows, `[panel][row][P / PAIR]`, where a word holds `PAIR` neighbouring columns
 //! (a product sums over columns), and by pairs, `[panel][row / PAIR][P]`, where a word holds
 //! `PAIR` neighbouring rows (a weight's gradient sums over rows). With f32 a word is a number,
 //! `PAIR` is 1 and both views are the same; with bf16 a word is two numbers and the views take
@@ -17,7 +16,7 @@ pub const VECTORS: usize = 2;
 
 /// Position of a block of cells: the buffer's shape, the panel and the first row.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct CellPosition {
     /// Rows of the tile.
     pub rows: usize,
     /// Panels of the buffer.
@@ -50,39 +49,40 @@ pub unsafe trait Arithmetic {
     unsafe fn dot(sum: Self::V, a: Self::Factor, b: Self::Factor) -> Self::V;
     /// 1 in each number.
     unsafe fn ones() -> Self::Factor;
-    /// Writes a block of `R` rows, in both views; `R` is even.
+    /// Writes a block of `R` rows to `cells` at `position`, in both views; `R` is even.
     unsafe fn keep<const R: usize, const NV: usize>(
         block: &[[Self::V; NV]; R],
         cells: *mut u32,
-        place: Place,
+        position: CellPosition,
     );
-    /// `value` where the cells of vector number `vector` at `place` are over 0 or NaN, else 0.
+    /// `value` in the lanes where the cells of the vector with index `vector` at `position` are above 0 or NaN, and 0
+    /// elsewhere: the derivative of the ReLU.
     unsafe fn where_over_zero(
         value: Self::V,
         cells: *const u32,
-        place: Place,
+        position: CellPosition,
         vector: usize,
     ) -> Self::V;
 
-    /// First word of `place` in the view by rows.
+    /// The first word of the block at `position` in the view by rows.
     #[inline(always)]
-    fn by_rows(place: Place) -> usize {
-        (place.panel * place.rows + place.row) * Self::PANEL / Self::PAIR
+    fn by_rows(position: CellPosition) -> usize {
+        (position.panel * position.rows + position.row) * Self::PANEL / Self::PAIR
     }
 
-    /// First word of `place` in the view by pairs.
+    /// The first word of the block at `position` in the view by pairs.
     #[inline(always)]
-    fn by_pairs(place: Place) -> usize {
+    fn by_pairs(position: CellPosition) -> usize {
         let half = if Self::PAIR == 1 {
             0
         } else {
-            place.panels * place.rows * Self::PANEL / Self::PAIR
+            position.panels * position.rows * Self::PANEL / Self::PAIR
         };
-        half + Self::by_rows(place)
+        half + Self::by_rows(position)
     }
 }
 
-/// Products of f32. With `ROUNDED`, factors are rounded to bf16 when they are written: the results
+/// Products of f32. With `ROUNDED`, factors are rounded to bf16 when they are written. This gives the results
 /// of bf16 on machines without instructions for it, at the speed of f32.
 pub struct Plain<V, const ROUNDED: bool>(PhantomData<V>);
 
@@ -120,11 +120,11 @@ unsafe impl<V: Vector, const ROUNDED: bool> Arithmetic for Plain<V, ROUNDED> {
     unsafe fn keep<const R: usize, const NV: usize>(
         block: &[[V; NV]; R],
         cells: *mut u32,
-        place: Place,
+        position: CellPosition,
     ) {
-        // SAFETY: the caller's place lies in the buffer.
+        // SAFETY: the position that the caller gives lies in the buffer.
         unsafe {
-            let to = cells.add(Self::by_rows(place)).cast::<f32>();
+            let to = cells.add(Self::by_rows(position)).cast::<f32>();
             for i in 0..R {
                 for j in 0..NV {
                     let value = block[i][j];
@@ -136,10 +136,15 @@ unsafe impl<V: Vector, const ROUNDED: bool> Arithmetic for Plain<V, ROUNDED> {
     }
 
     #[inline(always)]
-    unsafe fn where_over_zero(value: V, cells: *const u32, place: Place, vector: usize) -> V {
-        // SAFETY: the caller's place lies in the buffer.
+    unsafe fn where_over_zero(
+        value: V,
+        cells: *const u32,
+        position: CellPosition,
+        vector: usize,
+    ) -> V {
+        // SAFETY: the position that the caller gives lies in the buffer.
         unsafe {
-            let by = cells.add(Self::by_rows(place) + vector * V::LANES);
+            let by = cells.add(Self::by_rows(position) + vector * V::LANES);
             value.where_over_zero(V::load(by.cast()))
         }
     }

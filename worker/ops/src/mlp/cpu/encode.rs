@@ -2,15 +2,15 @@
 //!
 //! Inside the operation the order of the columns is all sines (band by band, x y z), all cosines,
 //! and the point itself, so that neighbouring lanes do the same; weights are packed in that order.
-//! The loops are plain ones, which the compiler vectorises with each form's instructions.
+//! The compiler vectorizes the loops with the instructions of each form.
 
 use crate::encode::Bands;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 /// Lanes computed at once.
 const LANES: usize = 16;
-/// Angles over this, in radians, go to the standard library one by one: up to it the reduced angle
-/// has an error of 2e-8, and no point that a network was trained on is that far away.
+/// Larger angles, radians, are left to the standard library; up to this one, the error of the reduced angle is
+/// 2e-8, and no point that a network was trained on is that far away.
 const LARGEST: f32 = 1e8;
 /// Adding 1.5 · 2⁵² to an f64 leaves the nearest integer in its lowest bits.
 const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
@@ -29,7 +29,7 @@ pub struct Angles {
 }
 
 impl Angles {
-    /// The encoding of a point's three coordinates in `bands`, with `raw` also of the point itself.
+    /// The encoding of the three coordinates of a point in `bands`, and with `raw` also the point itself.
     pub fn new(bands: &Bands, raw: bool) -> Self {
         let count = 3 * bands.count;
         let mut scales = vec![0.0; count.next_multiple_of(LANES)];
@@ -107,8 +107,8 @@ pub fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
             let scales = &angles.scales[first..first + LANES];
             let window = &angles.window[first..first + LANES];
             let lanes = &repeated[first % 3..first % 3 + LANES];
-            let turned: [f32; LANES] = std::array::from_fn(|i| lanes[i] * scales[i]);
-            let (mut sines, mut cosines) = sines_cosines(&turned);
+            let phases: [f32; LANES] = std::array::from_fn(|i| lanes[i] * scales[i]);
+            let (mut sines, mut cosines) = sines_cosines(&phases);
             for i in 0..LANES {
                 sines[i] *= window[i];
                 cosines[i] *= window[i];
@@ -137,7 +137,7 @@ pub fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 
     for band in (0..count).step_by(3) {
         for (c, sum) in sums.iter_mut().enumerate() {
             let i = band + c;
-            // The encoded values contain the window.
+            // ∂L/∂x = Σ ω (cos(ω x) ∂L/∂sin − sin(ω x) ∂L/∂cos); the encoded values contain the window.
             *sum += angles.scales[i] * (cosines[i] * to_sines[i] - sines[i] * to_cosines[i]);
         }
     }
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_stays_so() {
+    fn sines_of_infinity_and_nan_are_nan() {
         let mut angles = [0.5f32; LANES];
         (angles[3], angles[7]) = (f32::NAN, f32::INFINITY);
         let (sines, cosines) = sines_cosines(&angles);

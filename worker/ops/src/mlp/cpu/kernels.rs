@@ -7,7 +7,7 @@ use super::vector::Portable;
 use crate::Precision;
 use crate::form::{Form, Kind};
 
-/// The products of `form` in `precision`. Instructions for bf16 make no difference to f32.
+/// The products of `form` in `precision`. Instructions for bf16 do not change the products of f32.
 pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
     match (form.kind(), precision) {
         #[cfg(target_arch = "x86_64")]
@@ -32,18 +32,17 @@ pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
 pub(super) struct Kernels {
     /// Columns per panel.
     pub panel: usize,
-    /// Number that a tile's rows are a multiple of.
+    /// The rows of a tile are a multiple of this number.
     pub rows: usize,
-    /// Number to whose multiples a factor's columns are rounded up in the gradient to a weight.
+    /// In the gradient to a weight, the columns of a factor are rounded up to a multiple of this number.
     pub block: usize,
-    /// Number of words to whose multiples a factor's columns are padded with zeros in packed
-    /// weights.
+    /// In packed weights, the columns of a factor are padded with zeros to a multiple of this number of words.
     pub depth: usize,
     /// Target size of a tile's buffers, bytes, and the most rows per tile.
     pub tile: (usize, usize),
     /// Numbers per word of a factor; see [`super::arithmetic`].
     pub pair: usize,
-    /// Whether packed weights are rounded to bf16 though a word holds one number.
+    /// Whether packed weights are rounded to bf16.
     pub rounded: bool,
     /// See [`product::product`].
     pub product: unsafe fn(&Product),

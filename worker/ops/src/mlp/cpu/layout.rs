@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// A factor of a layer, and the part of the weight that it is multiplied with.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// Whether the factor is the network's input, and not the result of the layer before.
+    /// Whether the factor is the network's input; otherwise it is the result of the layer before.
     pub input: bool,
     /// Columns.
     pub width: usize,
@@ -54,7 +54,7 @@ pub struct Layout {
     pub output: usize,
     /// The encoding, if the input is points.
     pub angles: Option<Angles>,
-    /// Column of the plain input that each column is.
+    /// For each column, its index in the plain input ([`Angles::order`]).
     order: Vec<usize>,
     /// Numbers of the gradients.
     pub gradients: usize,
@@ -242,7 +242,7 @@ impl Layout {
         }
     }
 
-    /// Gradients of the flat parameters from those that the products summed, `count` of them.
+    /// The gradients to the `count` flat parameters, from the `gradients` that the products summed.
     pub fn unpack(&self, gradients: &[f32], count: usize) -> Vec<f32> {
         let panel = self.kernels.panel;
         let mut params = vec![0f32; count];

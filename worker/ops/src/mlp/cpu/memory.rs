@@ -30,7 +30,7 @@ impl Words {
         }
     }
 
-    /// Makes room for at least `len` words, whose values are those from before or 0.
+    /// Makes room for at least `len` words, which keep their values or are 0.
     fn at_least(&mut self, len: usize) {
         if self.lines.len() * LINE < len {
             self.lines.resize(len.div_ceil(LINE), Line([0; LINE]));
@@ -84,7 +84,7 @@ impl<'a, T> Region<'a, T> {
         }
     }
 
-    /// A pointer to everything from number `first` on. It stays valid as long as the region is
+    /// A pointer to the memory from index `first` on. It stays valid as long as the region is
     /// borrowed, but must not be used while a slice from [`Region::floats`] or
     /// [`Region::read_floats`] lives.
     ///
@@ -101,7 +101,7 @@ impl Region<'_, u32> {
     /// Some of the words, to write as numbers.
     ///
     /// # Panics
-    /// If they reach past the end.
+    /// If the range is past the end.
     pub fn floats(&mut self, range: Range<usize>) -> &mut [f32] {
         assert!(range.start <= range.end && range.end <= self.len);
         // SAFETY: words of the region, which `self` borrows mutably; an f32 has the size and the
@@ -112,7 +112,7 @@ impl Region<'_, u32> {
     /// Some of the words, to read as numbers.
     ///
     /// # Panics
-    /// If they reach past the end.
+    /// If the range is past the end.
     pub fn read_floats(&self, range: Range<usize>) -> &[f32] {
         assert!(range.start <= range.end && range.end <= self.len);
         // SAFETY: as in `floats`, borrowed for reading.

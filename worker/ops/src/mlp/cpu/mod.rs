@@ -1,11 +1,11 @@
 //! The network on CPU threads: tiles of rows that stay in the cache from the first layer to
-//! the last, in the best instructions that the machine has.
+//! the last, with the best instructions that the machine has.
 //!
-//! The backward pass keeps nothing of the forward pass: it runs each tile again, which takes a
+//! Nothing of the forward pass is kept for the backward pass, which runs each tile again. This takes a
 //! third more arithmetic and saves 8 KB per row of the paper's network. Rows whose gradient is
-//! exactly zero contribute nothing and are left out before the tiles are made. Gradients to
-//! parameters are summed in a number of parts that depends on the rows alone, whose sums are added
-//! in a fixed order: the result does not depend on the number of threads.
+//! exactly zero contribute nothing and are left out before tiles are formed. Gradients to
+//! parameters are summed in a number of parts that depends on the rows alone, and the sums of the parts are
+//! added in a fixed order. So the result does not depend on the number of threads.
 
 #[cfg(target_arch = "x86_64")]
 mod amx;
@@ -34,9 +34,9 @@ use memory::{Region, Words, with_scratch};
 use rayon::prelude::*;
 use tile::{Gradients, Rows, Tiles};
 
-/// Most parts that gradients to parameters are summed in.
+/// Largest number of parts in which gradients to parameters are summed.
 const PARTS: usize = 32;
-/// Fewest tiles per part: fewer would not be worth the part's own sums.
+/// Smallest number of tiles per part: with fewer, the part's own sums would cost too much.
 const TILES: usize = 6;
 
 impl MlpOps for Flex {
@@ -79,7 +79,7 @@ impl MlpOps for Flex {
     }
 }
 
-/// `[N, output]` of `input` `[N, given]`, in instructions of `form`.
+/// The result `[N, output]` for `input` `[N, given]`, with the instructions of `form`.
 ///
 /// # Panics
 /// If the sizes do not match the plan.
@@ -118,28 +118,28 @@ pub fn backward(
     assert_eq!(grad.len(), rows * plan.output, "numbers of the gradient");
     let layout = Layout::new(plan, kernels(form, plan.precision));
     let given = layout.given();
-    let live: Vec<u32> = grad
+    let active: Vec<u32> = grad
         .chunks_exact(layout.output)
         .enumerate()
         .filter(|(_, row)| row.iter().any(|g| *g != 0.0))
         .map(|(i, _)| i as u32)
         .collect();
     let mut input_grad = needs_input_grad.then(|| vec![0f32; input.len()]);
-    if live.is_empty() {
+    if active.is_empty() {
         return (vec![0f32; params.len()], input_grad);
     }
     let packed = layout.pack(params, true);
     let tiles = Tiles::new(&layout, &packed, input, true);
 
-    let parts = live.len().div_ceil(tiles.rows * TILES).min(PARTS);
-    let share = live.len().div_ceil(tiles.rows).div_ceil(parts) * tiles.rows;
-    // A part's gradient to the input: from the part's first row to that of the next part.
+    let parts = active.len().div_ceil(tiles.rows * TILES).min(PARTS);
+    let share = active.len().div_ceil(tiles.rows).div_ceil(parts) * tiles.rows;
+    // The gradient to the input of a part begins at its first row and ends at that of the next part.
     let mut jobs = Vec::with_capacity(parts);
     let mut rest = input_grad.as_deref_mut();
     let mut first = 0;
-    for part in 0..live.len().div_ceil(share) {
-        let picked = &live[part * share..live.len().min((part + 1) * share)];
-        let next = live
+    for part in 0..active.len().div_ceil(share) {
+        let picked = &active[part * share..active.len().min((part + 1) * share)];
+        let next = active
             .get((part + 1) * share)
             .map_or(rows, |row| *row as usize);
         let own = rest.take().map(|slice| {
@@ -171,7 +171,10 @@ pub fn backward(
     (layout.unpack(&added(sums), params.len()), input_grad)
 }
 
-/// Number of rows of `input`. The products rely on the sizes that are checked here.
+/// The number of rows of `input`. The products rely on the sizes that are checked here.
+///
+/// # Panics
+/// If a size is wrong.
 fn check(params: &[f32], input: &[f32], plan: &MlpPlan) -> usize {
     let (given, output) = (plan.input.given(), plan.output);
     assert!(

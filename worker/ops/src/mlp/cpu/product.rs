@@ -1,11 +1,11 @@
-//! The products over one tile, which take nearly all of the time, written once for every
+//! The matrix products over one tile, which take nearly all of the time, written once for every
 //! [`Arithmetic`].
 //!
 //! Sums must stay in registers: blocks are accessed by constant indices, for which the compiler
 //! unrolls the loops. With iterators it kept the sums in memory.
 #![allow(clippy::needless_range_loop)]
 
-use super::arithmetic::{Arithmetic, Place, VECTORS};
+use super::arithmetic::{Arithmetic, CellPosition, VECTORS};
 use super::vector::Vector;
 
 /// A factor of a product: `width` columns in a cell buffer.
@@ -28,11 +28,11 @@ pub struct Product<'a> {
     pub weights: *const u32,
     /// Columns of the result.
     pub columns: usize,
-    /// Use of the sums.
+    /// What is done with the sums.
     pub end: End,
 }
 
-/// Use of a product's sums.
+/// What is done with the sums of a product.
 #[derive(Clone, Copy)]
 pub enum End {
     /// A bias `[columns]`, padded to panels, is added; the ReLU of the sums is written to the cell
@@ -108,7 +108,7 @@ unsafe fn product_block<A: Arithmetic, const MR: usize, const NV: usize>(
     row: usize,
 ) {
     let (panel, lanes) = (A::PANEL, A::V::LANES);
-    let place = Place {
+    let position = CellPosition {
         rows: task.rows,
         panels: task.columns.div_ceil(panel),
         panel: p,
@@ -139,7 +139,7 @@ unsafe fn product_block<A: Arithmetic, const MR: usize, const NV: usize>(
         for factor in task.factors {
             let panels = factor.width.div_ceil(panel);
             for q in 0..panels {
-                let from = Place {
+                let from = CellPosition {
                     rows: task.rows,
                     panels,
                     panel: q,
@@ -167,19 +167,19 @@ unsafe fn product_block<A: Arithmetic, const MR: usize, const NV: usize>(
                         sums[i][j] = sums[i][j].relu();
                     }
                 }
-                A::keep(&sums, cells, place);
+                A::keep(&sums, cells, position);
             }
             End::Masked(by, cells) => {
                 for i in 0..MR {
-                    let place = Place {
+                    let position = CellPosition {
                         row: row + i,
-                        ..place
+                        ..position
                     };
                     for j in 0..NV {
-                        sums[i][j] = A::where_over_zero(sums[i][j], by, place, j);
+                        sums[i][j] = A::where_over_zero(sums[i][j], by, position, j);
                     }
                 }
-                A::keep(&sums, cells, place);
+                A::keep(&sums, cells, position);
             }
             End::Output(_, to) | End::Fresh(to) | End::Added(to) => {
                 for i in 0..MR {
@@ -219,7 +219,7 @@ unsafe fn gradient_panel<A: Arithmetic, const KR: usize, const NV: usize>(
     p: usize,
 ) {
     let (panel, lanes) = (A::PANEL, A::V::LANES);
-    let at = |panels, panel| Place {
+    let at = |panels, panel| CellPosition {
         rows: task.rows,
         panels,
         panel,
@@ -302,7 +302,7 @@ pub unsafe fn fill<A: Arithmetic>(task: &Fill) {
     let panels = task.width.div_ceil(panel);
     for p in 0..panels {
         for row in (0..task.rows).step_by(2) {
-            let place = Place {
+            let position = CellPosition {
                 rows: task.rows,
                 panels,
                 panel: p,
@@ -316,7 +316,7 @@ pub unsafe fn fill<A: Arithmetic>(task: &Fill) {
                         A::V::load(task.from.add((row + i) * panels * panel + column))
                     })
                 });
-                A::keep(&block, task.cells, place);
+                A::keep(&block, task.cells, position);
             }
         }
     }

@@ -1,19 +1,19 @@
-//! One tile of rows through the network, forward or forward and backward, in this thread's
-//! scratch memory.
+//! One tile of rows through the network, forward or forward and backward, in the scratch memory of
+//! the thread.
 
 use super::layout::{Layer, Layout, Packed, Segment};
 use super::memory::Region;
 use super::product::{End, Factor, Fill, Gradient, Product};
 
-/// Fewest rows per tile.
+/// Smallest number of rows per tile.
 const ROWS: usize = 48;
 
 /// The rows of a tile.
 #[derive(Clone, Copy)]
 pub enum Rows<'a> {
-    /// From the first number on, as many as the second one.
+    /// First row and number of consecutive rows.
     From(usize, usize),
-    /// The rows of these numbers.
+    /// The rows with these indices.
     Picked(&'a [u32]),
 }
 
@@ -44,7 +44,7 @@ pub struct Tiles<'a> {
     backward: bool,
 }
 
-/// Positions of a tile's buffers in its scratch memory: their first words.
+/// The first words of a tile's buffers in its scratch memory.
 struct Buffers {
     /// The input as f32 `[rows, padded]`.
     staged: usize,
@@ -52,8 +52,8 @@ struct Buffers {
     input: usize,
     /// Cells after each hidden layer.
     hidden: Vec<usize>,
-    /// Cells of gradients to layers' results, used in turn.
-    turns: [usize; 2],
+    /// Cells of gradients to the results of layers: of the current layer and of the one before, alternating.
+    result_gradients: [usize; 2],
     /// f32 panels: the output, or the gradient to the input.
     plain: usize,
     /// Words of all buffers.
@@ -105,10 +105,10 @@ impl<'a> Tiles<'a> {
         let kept = if self.backward {
             hidden.iter().map(|l| take(l.columns)).collect()
         } else {
-            let turns = [take(widest), take(widest)];
-            (0..hidden.len()).map(|l| turns[l % 2]).collect()
+            let result_gradients = [take(widest), take(widest)];
+            (0..hidden.len()).map(|l| result_gradients[l % 2]).collect()
         };
-        let turns = if self.backward {
+        let result_gradients = if self.backward {
             let widest = widest.max(layout.output);
             [take(widest), take(widest)]
         } else {
@@ -119,7 +119,7 @@ impl<'a> Tiles<'a> {
             staged,
             input,
             hidden: kept,
-            turns,
+            result_gradients,
             plain,
             end,
         }
@@ -130,7 +130,7 @@ impl<'a> Tiles<'a> {
         rows.len().next_multiple_of(self.layout.kernels.rows)
     }
 
-    /// Puts the tile's input into its buffers.
+    /// Writes the tile's input to its buffers.
     fn stage(&self, rows: Rows, scratch: &mut Region<u32>, buffers: &Buffers) {
         let layout = self.layout;
         let (given, stride) = (layout.given(), layout.padded(layout.input));
@@ -235,7 +235,7 @@ impl<'a> Tiles<'a> {
         }
     }
 
-    /// Runs `rows` forward again, and adds the gradients that follow from the gradient `grad`
+    /// Runs `rows` forward again, and adds their contributions to `gradients`, from the gradient `grad`
     /// `[N, output]` to the results.
     pub fn backward(
         &self,
@@ -255,12 +255,13 @@ impl<'a> Tiles<'a> {
             self.layer(l, count, scratch, &buffers);
         }
         self.stage_gradient(rows, grad, scratch, &buffers);
+        // From the last layer to the first: ∂L/∂W = xᵀ ∂L/∂y, ∂L/∂x = ∂L/∂y Wᵀ, masked by the ReLU.
         let mut begun = false;
         for l in (0..=last).rev() {
             let layer = &layout.layers[l];
-            let turn = (last - l) % 2;
+            let current = (last - l) % 2;
             let result = Factor {
-                cells: scratch.at(buffers.turns[turn]),
+                cells: scratch.at(buffers.result_gradients[current]),
                 width: layer.columns,
             };
             let task = Gradient {
@@ -276,7 +277,7 @@ impl<'a> Tiles<'a> {
                 let end = if !segment.input {
                     End::Masked(
                         scratch.at(buffers.hidden[l - 1]),
-                        scratch.at(buffers.turns[1 - turn]),
+                        scratch.at(buffers.result_gradients[1 - current]),
                     )
                 } else if gradients.input.is_none() {
                     continue;
@@ -294,7 +295,7 @@ impl<'a> Tiles<'a> {
         self.write_input_gradient(rows, scratch, &buffers, gradients);
     }
 
-    /// Propagates the gradient `result` to a layer's result back to one of its factors.
+    /// Propagates the gradient `result` to the result of a layer back to one of its factors.
     fn to_segment(&self, layer: &Layer, segment: &Segment, count: usize, result: Factor, end: End) {
         debug_assert_eq!(result.width, layer.columns);
         let product = Product {
@@ -309,7 +310,7 @@ impl<'a> Tiles<'a> {
         unsafe { (self.layout.kernels.product)(&product) }
     }
 
-    /// Puts the gradients to the results of `rows` into the cells of the first turn.
+    /// Writes the gradients to the results of `rows` into the first cells of gradients.
     fn stage_gradient(
         &self,
         rows: Rows,
@@ -332,7 +333,7 @@ impl<'a> Tiles<'a> {
             rows: count,
             width,
             from: scratch.at(buffers.plain).cast(),
-            cells: scratch.at(buffers.turns[0]),
+            cells: scratch.at(buffers.result_gradients[0]),
         };
         // SAFETY: both buffers are `count` rows of the padded output; the form is available.
         unsafe { (layout.kernels.fill)(&fill) }

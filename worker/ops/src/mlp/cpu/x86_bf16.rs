@@ -2,7 +2,7 @@
 //! products are added to an f32 at once.
 #![allow(clippy::needless_range_loop)] // As in `product`: blocks stay in registers.
 
-use super::arithmetic::{Arithmetic, Place};
+use super::arithmetic::{Arithmetic, CellPosition};
 use super::vector::Vector;
 use super::x86::Avx512;
 use std::arch::x86_64::*;
@@ -61,12 +61,12 @@ unsafe impl Arithmetic for Bf16 {
     unsafe fn keep<const R: usize, const NV: usize>(
         block: &[[Avx512; NV]; R],
         cells: *mut u32,
-        place: Place,
+        position: CellPosition,
     ) {
-        // SAFETY: the caller's place lies in the buffer; `R` is even.
+        // SAFETY: the position that the caller gives lies in the buffer; `R` is even.
         unsafe {
-            let rows = cells.add(Self::by_rows(place));
-            let pairs = cells.add(Self::by_pairs(place));
+            let rows = cells.add(Self::by_rows(position));
+            let pairs = cells.add(Self::by_pairs(position));
             let order = _mm512_loadu_si512(INTERLEAVED.as_ptr().cast());
             let stride = Self::PANEL / 2;
             for i in (0..R).step_by(2) {
@@ -88,12 +88,12 @@ unsafe impl Arithmetic for Bf16 {
     unsafe fn where_over_zero(
         value: Avx512,
         cells: *const u32,
-        place: Place,
+        position: CellPosition,
         vector: usize,
     ) -> Avx512 {
-        // SAFETY: the caller's place lies in the buffer.
+        // SAFETY: the position that the caller gives lies in the buffer.
         unsafe {
-            let by = cells.add(Self::by_rows(place) + vector * 8);
+            let by = cells.add(Self::by_rows(position) + vector * 8);
             // The upper half of an f32 is its bf16.
             let wide = _mm512_cvtepu16_epi32(_mm256_loadu_si256(by.cast()));
             let by = _mm512_castsi512_ps(_mm512_slli_epi32::<16>(wide));

@@ -10,7 +10,7 @@ pub(super) struct Vec3 {
     pub z: f32,
 }
 
-/// Rows of a matrix.
+/// The rows of a matrix.
 #[derive(CubeType, Clone, Copy)]
 #[expand(derive(Clone, Copy))]
 pub(super) struct Mat3 {
@@ -19,7 +19,7 @@ pub(super) struct Mat3 {
     pub z: Vec3,
 }
 
-/// Three numbers from `at`.
+/// Reads three numbers from the index `at`.
 #[cube]
 pub(super) fn read(values: &[f32], at: usize) -> Vec3 {
     Vec3 {
@@ -29,13 +29,13 @@ pub(super) fn read(values: &[f32], at: usize) -> Vec3 {
     }
 }
 
-/// Three rows from `at`, of which each begins `apart` numbers after the one before.
+/// Reads three rows from the index `at`; each begins `stride` numbers after the one before.
 #[cube]
-pub(super) fn read_rows(values: &[f32], at: usize, apart: usize) -> Mat3 {
+pub(super) fn read_rows(values: &[f32], at: usize, stride: usize) -> Mat3 {
     Mat3 {
         x: read(values, at),
-        y: read(values, at + apart),
-        z: read(values, at + 2 * apart),
+        y: read(values, at + stride),
+        z: read(values, at + 2 * stride),
     }
 }
 
@@ -71,7 +71,7 @@ pub(super) fn scaled(a: &Vec3, by: f32) -> Vec3 {
 
 /// a m + b n.
 #[cube]
-pub(super) fn mixed(a: f32, m: &Vec3, b: f32, n: &Vec3) -> Vec3 {
+pub(super) fn linear_combination(a: f32, m: &Vec3, b: f32, n: &Vec3) -> Vec3 {
     Vec3 {
         x: a * m.x + b * n.x,
         y: a * m.y + b * n.y,
@@ -79,9 +79,9 @@ pub(super) fn mixed(a: f32, m: &Vec3, b: f32, n: &Vec3) -> Vec3 {
     }
 }
 
-/// The products number by number.
+/// The elementwise product.
 #[cube]
-pub(super) fn by_axis(a: &Vec3, b: &Vec3) -> Vec3 {
+pub(super) fn elementwise(a: &Vec3, b: &Vec3) -> Vec3 {
     Vec3 {
         x: a.x * b.x,
         y: a.y * b.y,
@@ -91,7 +91,7 @@ pub(super) fn by_axis(a: &Vec3, b: &Vec3) -> Vec3 {
 
 /// M v.
 #[cube]
-pub(super) fn carried(m: &Mat3, v: &Vec3) -> Vec3 {
+pub(super) fn mul_vec(m: &Mat3, v: &Vec3) -> Vec3 {
     Vec3 {
         x: dot(&m.x, v),
         y: dot(&m.y, v),
@@ -101,7 +101,7 @@ pub(super) fn carried(m: &Mat3, v: &Vec3) -> Vec3 {
 
 /// Mᵀ v.
 #[cube]
-pub(super) fn carried_back(m: &Mat3, v: &Vec3) -> Vec3 {
+pub(super) fn transposed_mul_vec(m: &Mat3, v: &Vec3) -> Vec3 {
     Vec3 {
         x: m.x.x * v.x + m.y.x * v.y + m.z.x * v.z,
         y: m.x.y * v.x + m.y.y * v.y + m.z.y * v.z,
@@ -110,7 +110,7 @@ pub(super) fn carried_back(m: &Mat3, v: &Vec3) -> Vec3 {
 }
 
 #[cube]
-pub(super) fn transposed(m: &Mat3) -> Mat3 {
+pub(super) fn transpose(m: &Mat3) -> Mat3 {
     Mat3 {
         x: Vec3 {
             x: m.x.x,
@@ -134,28 +134,28 @@ pub(super) fn transposed(m: &Mat3) -> Mat3 {
 #[cube]
 pub(super) fn product(a: &Mat3, b: &Mat3) -> Mat3 {
     Mat3 {
-        x: carried_back(b, &a.x),
-        y: carried_back(b, &a.y),
-        z: carried_back(b, &a.z),
+        x: transposed_mul_vec(b, &a.x),
+        y: transposed_mul_vec(b, &a.y),
+        z: transposed_mul_vec(b, &a.z),
     }
 }
 
 /// A matrix with its columns multiplied by `v`.
 #[cube]
-pub(super) fn stretched(m: &Mat3, v: &Vec3) -> Mat3 {
+pub(super) fn scale_columns(m: &Mat3, v: &Vec3) -> Mat3 {
     Mat3 {
-        x: by_axis(&m.x, v),
-        y: by_axis(&m.y, v),
-        z: by_axis(&m.z, v),
+        x: elementwise(&m.x, v),
+        y: elementwise(&m.y, v),
+        z: elementwise(&m.z, v),
     }
 }
 
 /// M + a bᵀ.
 #[cube]
-pub(super) fn plus_outer(m: &Mat3, a: &Vec3, b: &Vec3) -> Mat3 {
+pub(super) fn add_outer(m: &Mat3, a: &Vec3, b: &Vec3) -> Mat3 {
     Mat3 {
-        x: mixed(1.0, &m.x, a.x, b),
-        y: mixed(1.0, &m.y, a.y, b),
-        z: mixed(1.0, &m.z, a.z, b),
+        x: linear_combination(1.0, &m.x, a.x, b),
+        y: linear_combination(1.0, &m.y, a.y, b),
+        z: linear_combination(1.0, &m.z, a.z, b),
     }
 }

@@ -1,5 +1,5 @@
-//! Gradients of inverse skinning. They flow to weights, transforms, and what takes the place
-//! of points that are not found.
+//! Gradients of inverse skinning. They flow to weights, transforms, and the fallback of points that are
+//! not found.
 
 use super::{InverseOps, WarpGrid};
 use crate::autodiff::{Saved, constants, record};
@@ -27,20 +27,20 @@ impl<B: InverseOps, C: CheckpointStrategy> InverseOps for Autodiff<B, C> {
         transforms: FloatTensor<Self>,
         points: FloatTensor<Self>,
         near: FloatTensor<Self>,
-        otherwise: FloatTensor<Self>,
+        fallback: FloatTensor<Self>,
         grid: WarpGrid,
         steps: usize,
     ) -> FloatTensor<Self> {
         let [points, near] = [points, near].map(|constant| constant.into_primitive());
         record::<B, C, _, _>(
-            [weights, transforms, otherwise],
-            |[weights, transforms, otherwise]| {
+            [weights, transforms, fallback],
+            |[weights, transforms, fallback]| {
                 let found = B::unpose(
                     weights.clone(),
                     transforms.clone(),
                     points,
                     near,
-                    otherwise,
+                    fallback,
                     grid.clone(),
                     steps,
                 );

@@ -1,6 +1,6 @@
 //! Inverse skinning in Burn's own tensor operations.
 
-use super::{CLOSE, MIN_SUM, MIN_VOLUME, WarpGrid};
+use super::{MAX_LAST_STEP, MIN_DETERMINANT, MIN_SUM, WarpGrid};
 use crate::cofactors::inverse;
 use burn::tensor::{Bool, Int, Tensor};
 
@@ -10,13 +10,13 @@ pub fn unpose(
     transforms: Tensor<2>,
     points: Tensor<2>,
     near: Tensor<2>,
-    otherwise: Tensor<2>,
+    fallback: Tensor<2>,
     grid: &WarpGrid,
     steps: usize,
 ) -> Tensor<2> {
     let [n, _] = points.dims();
     if n == 0 {
-        return otherwise;
+        return fallback;
     }
     let body = Body::new(weights, transforms, grid);
     let still = body.detached();
@@ -26,35 +26,35 @@ pub fn unpose(
     let mut lost = last.clone().is_nan();
     for _ in 0..steps {
         let blend = still.blend(at.clone());
-        let (unturn, folded) = sound_inverse(blend.turn, None);
+        let (inverse_rotation, folded) = sound_inverse(blend.rotation, None);
         lost = lost.bool_or(folded).bool_or(blend.empty);
         let moved = (points.clone() - blend.shift).reshape([n, 3, 1]);
-        let next = unturn.matmul(moved).reshape([n, 3]);
+        let next = inverse_rotation.matmul(moved).reshape([n, 3]);
         last = (next.clone() - at).abs().max_dim(1).reshape([n]);
         at = next;
     }
-    let lost = lost.bool_or(last.lower_scalar(CLOSE).bool_not());
+    let lost = lost.bool_or(last.lower_scalar(MAX_LAST_STEP).bool_not());
     let lost = lost.reshape([n, 1]).repeat_dim(1, 3);
-    // Lost points would be anywhere, even not finite.
-    let at = at.mask_where(lost.clone(), otherwise.clone().detach());
-    // The point stays where it is; its change is −J⁻¹ times that of forward skinning there.
+    // Lost points can be anywhere, even not finite.
+    let at = at.mask_where(lost.clone(), fallback.clone().detach());
+    // The value of the point stays; its differential is −J⁻¹ times that of forward skinning there.
     let jacobian = still.jacobian(at.clone());
-    let plain = still.blend(at.clone()).turn;
+    let plain = still.blend(at.clone()).rotation;
     let (back, _) = sound_inverse(jacobian, Some(plain));
     let skinned = body.skinned(at.clone());
     let change = (skinned.clone() - skinned.detach()).reshape([n, 3, 1]);
     let found = at - back.matmul(change).reshape([n, 3]);
-    found.mask_where(lost, otherwise)
+    found.mask_where(lost, fallback)
 }
 
-/// The inverses of `m` `[N, 3, 3]`, and where its determinant is less than [`MIN_VOLUME`]: there it is
-/// that of `instead`, or the identity where that has none either.
+/// The inverses of `m` `[N, 3, 3]`, and where its determinant is less than [`MIN_DETERMINANT`]. There, the inverse
+/// is that of `instead`, or the identity where that has none either.
 fn sound_inverse(m: Tensor<3>, instead: Option<Tensor<3>>) -> (Tensor<3>, Tensor<1, Bool>) {
     let [n, _, _] = m.dims();
     let (_, volume) = inverse(m.clone());
     let folded = volume
         .reshape([n])
-        .greater_equal_scalar(MIN_VOLUME)
+        .greater_equal_scalar(MIN_DETERMINANT)
         .bool_not();
     let mask = folded
         .clone()
@@ -75,7 +75,7 @@ fn sound_inverse(m: Tensor<3>, instead: Option<Tensor<3>>) -> (Tensor<3>, Tensor
 pub(in crate::warp) struct Body<'a> {
     weights: Tensor<2>,
     /// `[K, 9]`.
-    turns: Tensor<2>,
+    rotations: Tensor<2>,
     /// `[K, 3]`.
     shifts: Tensor<2>,
     grid: &'a WarpGrid,
@@ -84,7 +84,7 @@ pub(in crate::warp) struct Body<'a> {
 /// Forward skinning at points.
 pub(in crate::warp) struct Blend {
     /// `[N, 3, 3]`.
-    pub turn: Tensor<3>,
+    pub rotation: Tensor<3>,
     /// `[N, 3]`.
     pub shift: Tensor<2>,
     /// `[N]`: no bone has a weight.
@@ -96,13 +96,13 @@ impl<'a> Body<'a> {
         let [bones, _] = transforms.dims();
         let transforms = transforms.reshape([bones, 3, 4]);
         // Rᵀ and −Rᵀ t.
-        let turns = transforms.clone().slice([0..bones, 0..3, 0..3]);
-        let turns = turns.swap_dims(1, 2);
+        let rotations = transforms.clone().slice([0..bones, 0..3, 0..3]);
+        let rotations = rotations.swap_dims(1, 2);
         let shifts = transforms.slice([0..bones, 0..3, 3..4]);
         Self {
             weights: weights.narrow(0, 0, bones),
-            shifts: turns.clone().matmul(shifts).neg().reshape([bones, 3]),
-            turns: turns.reshape([bones, 9]),
+            shifts: rotations.clone().matmul(shifts).neg().reshape([bones, 3]),
+            rotations: rotations.reshape([bones, 9]),
             grid,
         }
     }
@@ -110,7 +110,7 @@ impl<'a> Body<'a> {
     fn detached(&self) -> Self {
         Self {
             weights: self.weights.clone().detach(),
-            turns: self.turns.clone().detach(),
+            rotations: self.rotations.clone().detach(),
             shifts: self.shifts.clone().detach(),
             grid: self.grid,
         }
@@ -121,10 +121,13 @@ impl<'a> Body<'a> {
         let [n, _] = at.dims();
         let [sampled, ..] = self.sample(at);
         let sum = sampled.clone().sum_dim(1);
-        let shares = sampled / sum.clone().clamp_min(MIN_SUM);
+        let weights = sampled / sum.clone().clamp_min(MIN_SUM);
         Blend {
-            turn: shares.clone().matmul(self.turns.clone()).reshape([n, 3, 3]),
-            shift: shares.matmul(self.shifts.clone()),
+            rotation: weights
+                .clone()
+                .matmul(self.rotations.clone())
+                .reshape([n, 3, 3]),
+            shift: weights.matmul(self.shifts.clone()),
             empty: sum.reshape([n]).lower_equal_scalar(MIN_SUM),
         }
     }
@@ -133,28 +136,29 @@ impl<'a> Body<'a> {
     fn skinned(&self, at: Tensor<2>) -> Tensor<2> {
         let [n, _] = at.dims();
         let blend = self.blend(at.clone());
-        blend.turn.matmul(at.reshape([n, 3, 1])).reshape([n, 3]) + blend.shift
+        blend.rotation.matmul(at.reshape([n, 3, 1])).reshape([n, 3]) + blend.shift
     }
 
     /// Its derivative to the points, `[N, 3, 3]`.
     fn jacobian(&self, at: Tensor<2>) -> Tensor<3> {
         let [n, _] = at.dims();
-        let [bones, _] = self.turns.dims();
+        let [bones, _] = self.rotations.dims();
         let blend = self.blend(at.clone());
         let posed = self.skinned(at.clone());
         let [sampled, x, y, z] = self.sample(at.clone());
         let sum = sampled.sum_dim(1).clamp_min(MIN_SUM).reshape([n, 1, 1]);
         // [3, K 3]: column i 3 + r is row r of bone i.
-        let turns = self.turns.clone().reshape([bones * 3, 3]).transpose();
-        let there = at.matmul(turns).reshape([n, bones, 3]) + self.shifts.clone().unsqueeze::<3>();
+        let rotations = self.rotations.clone().reshape([bones * 3, 3]).transpose();
+        let there =
+            at.matmul(rotations).reshape([n, bones, 3]) + self.shifts.clone().unsqueeze::<3>();
         let apart = there - posed.reshape([n, 1, 3]);
         let slopes: Tensor<3> = Tensor::stack(vec![x, y, z], 2);
-        blend.turn + apart.swap_dims(1, 2).matmul(slopes) / sum
+        blend.rotation + apart.swap_dims(1, 2).matmul(slopes) / sum
     }
 
     /// Weights `[N, K]` at canonical points `[N, 3]`, and their derivatives along x, y, z, 1/m.
     fn sample(&self, at: Tensor<2>) -> [Tensor<2>; 4] {
-        let ([n, _], [bones, _]) = (at.dims(), self.turns.dims());
+        let ([n, _], [bones, _]) = (at.dims(), self.rotations.dims());
         let device = at.device();
         let row = |numbers: [f32; 3]| Tensor::<1>::from_floats(numbers, &device).unsqueeze::<2>();
         let scale = self.grid.scale();
@@ -168,7 +172,7 @@ impl<'a> Body<'a> {
         for corner in 0..8usize {
             let mut inside = Tensor::<2>::ones([1, n], &device);
             let mut index = Tensor::<2>::zeros([1, n], &device);
-            let mut shares = Vec::with_capacity(3);
+            let mut weights = Vec::with_capacity(3);
             for (a, stride) in strides.into_iter().enumerate() {
                 let column = |t: &Tensor<2>| t.clone().slice([0..n, a..a + 1]).reshape([1, n]);
                 let high = corner >> a & 1 == 1;
@@ -178,14 +182,14 @@ impl<'a> Body<'a> {
                     * node.clone().greater_equal_scalar(0.0).float()
                     * node.clone().lower_equal_scalar(last).float();
                 let part = column(&part);
-                shares.push(if high { part } else { part.neg() + 1.0 });
+                weights.push(if high { part } else { part.neg() + 1.0 });
                 index = index + node.clamp(0.0, last) * stride as f32;
             }
             let index: Tensor<2, Int> = index.int().repeat_dim(0, bones);
             let value = self.weights.clone().gather(1, index) * inside;
             for (along, sampled) in sampled.iter_mut().enumerate() {
                 let mut share = value.clone();
-                for (a, part) in shares.iter().enumerate() {
+                for (a, part) in weights.iter().enumerate() {
                     share = if a + 1 == along {
                         let sign = if corner >> a & 1 == 1 { 1.0 } else { -1.0 };
                         share * (sign * scale[a])

@@ -1,15 +1,15 @@
 //! The search for one point.
 
 use super::super::grid::Cell;
-use super::{CLOSE, MIN_SUM, MIN_VOLUME, STEPS, WarpGrid};
+use super::{MAX_LAST_STEP, MIN_DETERMINANT, MIN_SUM, STEPS, WarpGrid};
 use crate::form::{Form, Work, multiply_add};
 use rayon::prelude::*;
 
-/// A search whose step is shorter, metres, is at its end.
-const DONE: f32 = 1e-4;
-/// Number of single bones that a search starts from, those with most weight first.
+/// Step length below which a search has converged, metres.
+const CONVERGED: f32 = 1e-4;
+/// Number of single bones that a search starts from, the ones with the largest weights first.
 const BONES: usize = 2;
-/// Least weight of a bone that a search starts from.
+/// Smallest weight of a bone that a search starts from.
 const MIN_START: f32 = 0.1;
 /// Bones whose weights are added up together.
 const LANES: usize = 8;
@@ -20,14 +20,14 @@ type Mat3 = [[f32; 3]; 3];
 /// A posed body in host memory.
 pub struct Skinning<'a> {
     weights: &'a [f32],
-    /// `[V, K]`, K a multiple of [`LANES`]: the weights of all bones at a node follow each other.
+    /// `[V, K]`, K a multiple of [`LANES`]: the weights of all bones at a node are contiguous.
     nodes: Vec<f32>,
     /// K.
     width: usize,
     /// Canonical to posed, of each bone, row-major 3x4.
     pub forward: Vec<[f32; 12]>,
-    /// Posed to canonical, of each bone.
-    back: &'a [[f32; 12]],
+    /// Posed to canonical, of each bone: the inverse of [`Self::forward`].
+    inverse_transforms: &'a [[f32; 12]],
     grid: &'a WarpGrid,
     scale: Vec3,
 }
@@ -50,18 +50,18 @@ impl<'a> Skinning<'a> {
             weights,
             nodes: node_by_node(weights, bones.len(), width, grid.voxels()),
             width,
-            forward: bones.iter().map(inverse_of_rigid).collect(),
-            back: bones,
+            forward: bones.iter().map(rigid_inverse).collect(),
+            inverse_transforms: bones,
             grid,
             scale: grid.scale(),
         }
     }
 
     /// The canonical point that is skinned to `x`, searched from `blend` and then from where single
-    /// bones carry `x`.
+    /// bones transform `x`.
     pub fn search(&self, x: Vec3, blend: Vec3) -> Option<Vec3> {
         self.solve(x, blend, STEPS).or_else(|| {
-            let starts = self.carried(x);
+            let starts = self.by_bones(x);
             starts.into_iter().find_map(|at| self.solve(x, at, STEPS))
         })
     }
@@ -76,20 +76,20 @@ impl<'a> Skinning<'a> {
         })
     }
 
-    /// Where the bones with most weight carry `x`.
-    fn carried(&self, x: Vec3) -> Vec<Vec3> {
-        let mut carried: Vec<(f32, Vec3)> = Vec::new();
-        for (bone, back) in self.back.iter().enumerate() {
-            let at = apply(back, x);
+    /// Where the bones with the largest weights transform `x`.
+    fn by_bones(&self, x: Vec3) -> Vec<Vec3> {
+        let mut by_bones: Vec<(f32, Vec3)> = Vec::new();
+        for (bone, inverse_transforms) in self.inverse_transforms.iter().enumerate() {
+            let at = apply(inverse_transforms, x);
             if let Some(cell) = self.cell(at) {
                 let weight = cell.sample(self.volume(bone), self.grid.sides());
                 if weight > MIN_START {
-                    carried.push((weight, at));
+                    by_bones.push((weight, at));
                 }
             }
         }
-        carried.sort_by(|(one, _), (other, _)| other.total_cmp(one));
-        carried.into_iter().take(BONES).map(|(_, at)| at).collect()
+        by_bones.sort_by(|(one, _), (other, _)| other.total_cmp(one));
+        by_bones.into_iter().take(BONES).map(|(_, at)| at).collect()
     }
 
     /// The volume of a bone's weights.
@@ -143,40 +143,43 @@ impl<'a> Skinning<'a> {
                 *to = multiply_add::<FMA>(weight, *from, *to);
             }
         });
-        // Also none for a NaN.
+        // Comparisons are false for a NaN.
         (sum > MIN_SUM).then(|| Blend {
             transform: transform.map(|number| number / sum),
             sum,
         })
     }
 
-    /// The bones that carry the canonical point `at`, and their shares, which sum to 1: as in
-    /// [`super::super::skin`], the first bone where none has a weight.
-    pub fn shares(&self, at: Vec3) -> Vec<(usize, f32)> {
-        let mut shares = Vec::new();
+    /// The bones that move the canonical point `at`, and their skinning weights, which sum to 1. As in
+    /// [`super::super::skin`], it is the first bone where none has a weight.
+    pub fn skinning_weights(&self, at: Vec3) -> Vec<(usize, f32)> {
+        let mut skinning_weights = Vec::new();
         if let Some(cell) = self.cell(at) {
-            self.each_weight::<false>(&cell, |bone, weight| shares.push((bone, weight)));
+            self.each_weight::<false>(&cell, |bone, weight| skinning_weights.push((bone, weight)));
         }
-        let sum: f32 = shares.iter().map(|(_, weight)| weight).sum();
+        let sum: f32 = skinning_weights.iter().map(|(_, weight)| weight).sum();
         if sum > MIN_SUM {
-            shares.iter_mut().for_each(|(_, weight)| *weight /= sum);
-            shares
+            skinning_weights
+                .iter_mut()
+                .for_each(|(_, weight)| *weight /= sum);
+            skinning_weights
         } else {
             vec![(0, 1.0)]
         }
     }
 
-    /// Derivative of a bone's weight to the point in `cell`, 1/m.
+    /// Derivative of a bone's weight with respect to the point in `cell`, 1/m.
     pub(in crate::warp) fn slope(&self, bone: usize, cell: &Cell) -> Vec3 {
         let slope = cell.slope(self.volume(bone), self.grid.sides());
         std::array::from_fn(|a| slope[a] * self.scale[a])
     }
 
-    /// Derivative of forward skinning to the canonical point, and Σ wᵢ Gᵢ c.
+    /// J, the derivative of forward skinning Σ wᵢ(c) Gᵢ c with respect to c, and its value.
     pub(super) fn jacobian(&self, at: Vec3, cell: &Cell, blend: &Blend) -> (Mat3, Vec3) {
         let posed = apply(&blend.transform, at);
         let mut j: Mat3 =
             std::array::from_fn(|r| std::array::from_fn(|c| blend.transform[4 * r + c]));
+        // J = Σ wᵢ Gᵢ + Σ (Gᵢ c − x) ∇vᵢᵀ / Σ v with wᵢ = vᵢ / Σ v
         self.each_weight::<false>(cell, |bone, _| {
             let slope = self.slope(bone, cell);
             let there = apply(&self.forward[bone], at);
@@ -203,17 +206,18 @@ impl Work for Search<'_, '_> {
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> Option<Vec3> {
+        // c ← (Σ wᵢ(c) Gᵢ)⁻¹ x
         let (mut at, mut step) = (self.start, f32::INFINITY);
         for _ in 0..self.steps {
             let next = self.skinning.blend::<FMA>(at)?.undo(self.x)?;
             step = (0..3).fold(0f32, |most, a| most.max((next[a] - at[a]).abs()));
             at = next;
-            if step < DONE {
+            if step < CONVERGED {
                 break;
             }
         }
-        // Also false for a NaN.
-        (step < CLOSE).then_some(at)
+        // Comparisons are false for a NaN.
+        (step < MAX_LAST_STEP).then_some(at)
     }
 }
 
@@ -237,7 +241,7 @@ fn node_by_node(weights: &[f32], bones: usize, width: usize, voxels: usize) -> V
 }
 
 impl Blend {
-    /// The point that this transform carries to `x`; `None` if it folds space.
+    /// The point that this transform moves to `x`; `None` if it folds space.
     #[inline(always)]
     fn undo(&self, x: Vec3) -> Option<Vec3> {
         let m: Mat3 = std::array::from_fn(|r| std::array::from_fn(|c| self.transform[4 * r + c]));
@@ -249,7 +253,7 @@ impl Blend {
     }
 }
 
-/// The inverse of `m`; `None` if its determinant is less than [`MIN_VOLUME`].
+/// The inverse of `m`; `None` if its determinant is less than [`MIN_DETERMINANT`].
 #[inline(always)]
 pub(super) fn inverse(m: &Mat3) -> Option<Mat3> {
     let cross = |a: Vec3, b: Vec3| {
@@ -261,8 +265,8 @@ pub(super) fn inverse(m: &Mat3) -> Option<Mat3> {
     };
     let columns = [cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])];
     let determinant: f32 = (0..3).map(|a| m[0][a] * columns[0][a]).sum();
-    // Also false for a NaN.
-    let sound = determinant >= MIN_VOLUME;
+    // Comparisons are false for a NaN.
+    let sound = determinant >= MIN_DETERMINANT;
     sound.then(|| std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r] / determinant)))
 }
 
@@ -275,7 +279,7 @@ pub fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
 }
 
 /// [Rᵀ, −Rᵀ t] of [R, t].
-pub(in crate::warp) fn inverse_of_rigid(t: &[f32; 12]) -> [f32; 12] {
+pub(in crate::warp) fn rigid_inverse(t: &[f32; 12]) -> [f32; 12] {
     std::array::from_fn(|i| match (i / 4, i % 4) {
         (row, 3) => -(0..3).map(|a| t[4 * a + row] * t[4 * a + 3]).sum::<f32>(),
         (row, column) => t[4 * column + row],

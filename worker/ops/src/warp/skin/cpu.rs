@@ -103,16 +103,16 @@ struct Gradients {
 }
 
 /// A bone with a weight at a point.
-struct Visit {
+struct Influence {
     point: u32,
-    /// Its share in the blend.
-    share: f32,
+    /// Its normalised weight wᵢ in the blend.
+    weight: f32,
     /// Gradient to its weight.
     to_weight: f32,
 }
 
-/// Visits of a block of points, bone by bone.
-type Visits = Vec<Vec<Visit>>;
+/// Influences of a block of points, bone by bone.
+type Influences = Vec<Vec<Influence>>;
 
 fn backward(
     weights: &[f32],
@@ -126,13 +126,13 @@ fn backward(
     let (at, grad) = (points.as_chunks::<3>().0, grad.as_chunks::<12>().0);
     let mut to_points = vec![0f32; points.len()];
     let pulled = to_points.as_chunks_mut::<3>().0;
-    let blocks: Vec<Visits> = at
+    let blocks: Vec<Influences> = at
         .par_chunks(BLOCK)
         .zip(grad.par_chunks(BLOCK))
         .zip(pulled.par_chunks_mut(BLOCK))
         .enumerate()
         .map(|(block, ((at, grad), to_points))| {
-            Form::best().run(Visited {
+            Form::best().run(InfluenceBlock {
                 skinning: &skinning,
                 bones: bones.len(),
                 first: block * BLOCK,
@@ -151,19 +151,19 @@ fn backward(
         .enumerate()
         .for_each(|(bone, (to_volume, to_transform))| {
             let mut to_forward = [0f32; 12];
-            for visit in blocks.iter().flat_map(|visits| &visits[bone]) {
-                let point = visit.point as usize;
+            for influence in blocks.iter().flat_map(|influences| &influences[bone]) {
+                let point = influence.point as usize;
                 for (to, from) in to_forward.iter_mut().zip(&grad[point]) {
-                    *to += visit.share * from;
+                    *to += influence.weight * from;
                 }
-                if visit.to_weight != 0.0
+                if influence.to_weight != 0.0
                     && let Some(cell) = skinning.cell(at[point])
                 {
                     let volume = skinning.volume(bone);
-                    cell.spread(volume, to_volume, visit.to_weight, grid.sides());
+                    cell.spread(volume, to_volume, influence.to_weight, grid.sides());
                 }
             }
-            pull_rigid(&bones[bone], &to_forward, to_transform);
+            rigid_inverse_backward(&bones[bone], &to_forward, to_transform);
         });
     Gradients {
         weights: to_weights,
@@ -172,8 +172,8 @@ fn backward(
     }
 }
 
-/// The visits of a block of points.
-struct Visited<'s, 'a> {
+/// The influences of a block of points.
+struct InfluenceBlock<'s, 'a> {
     skinning: &'s Skinning<'a>,
     bones: usize,
     first: usize,
@@ -182,12 +182,12 @@ struct Visited<'s, 'a> {
     to_points: &'s mut [[f32; 3]],
 }
 
-impl Work for Visited<'_, '_> {
-    type Output = Visits;
+impl Work for InfluenceBlock<'_, '_> {
+    type Output = Influences;
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> Visits {
-        visits::<FMA>(self)
+    fn run<const FMA: bool>(self) -> Influences {
+        influences::<FMA>(self)
     }
 }
 
@@ -203,11 +203,11 @@ fn dot(a: &[f32; 12], b: &[f32; 12]) -> f32 {
     (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
-/// The visits of a block of points, and the gradients to these. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the
-/// derivative to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
+/// The influences at a block of points, and the gradients to the points. The derivative of Σ wᵢ Gᵢ with
+/// wᵢ = vᵢ / Σ v with respect to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
 #[inline(always)]
-fn visits<const FMA: bool>(block: Visited<'_, '_>) -> Visits {
-    let Visited {
+fn influences<const FMA: bool>(block: InfluenceBlock<'_, '_>) -> Influences {
+    let InfluenceBlock {
         skinning,
         bones,
         first,
@@ -215,7 +215,7 @@ fn visits<const FMA: bool>(block: Visited<'_, '_>) -> Visits {
         grad,
         to_points,
     } = block;
-    let mut visits: Visits = (0..bones).map(|_| Vec::new()).collect();
+    let mut influences: Influences = (0..bones).map(|_| Vec::new()).collect();
     for (i, ((at, grad), to_point)) in points.iter().zip(grad).zip(to_points).enumerate() {
         if *grad == [0.0; 12] {
             continue;
@@ -223,33 +223,35 @@ fn visits<const FMA: bool>(block: Visited<'_, '_>) -> Visits {
         let point = (first + i) as u32;
         let blended = skinning.cell(*at).zip(skinning.blend::<FMA>(*at));
         let Some((cell, blend)) = blended else {
-            visits[0].push(Visit {
+            influences[0].push(Influence {
                 point,
-                share: 1.0,
+                weight: 1.0,
                 to_weight: 0.0,
             });
             continue;
         };
         let mean = dot(grad, &blend.transform);
         skinning.each_weight::<FMA>(&cell, |bone, weight| {
+            // ∂L/∂vᵢ = ⟨∂L/∂G, Gᵢ − Σ wⱼ Gⱼ⟩ / Σ v
             let to_weight = (dot(grad, &skinning.forward[bone]) - mean) / blend.sum;
+            // ∂L/∂c = Σ ∂L/∂vᵢ ∇vᵢ(c)
             let slope = skinning.slope(bone, &cell);
             for (to, slope) in to_point.iter_mut().zip(slope) {
                 *to += to_weight * slope;
             }
-            visits[bone].push(Visit {
+            influences[bone].push(Influence {
                 point,
-                share: weight / blend.sum,
+                weight: weight / blend.sum,
                 to_weight,
             });
         });
     }
-    visits
+    influences
 }
 
-/// Adds the gradient to a bone's posed-to-canonical transform [R, t], from that to its inverse
-/// [Rᵀ, −Rᵀ t].
-fn pull_rigid(bone: &[f32; 12], to_inverse: &[f32; 12], to: &mut [f32]) {
+/// Adds the gradient to a bone's posed-to-canonical transform [R, t], from the gradient `to_inverse` to its inverse
+/// [Rᵀ, s] with s = −Rᵀ t: ∂L/∂R = (∂L/∂Rᵀ)ᵀ − t (∂L/∂s)ᵀ, ∂L/∂t = −R ∂L/∂s.
+fn rigid_inverse_backward(bone: &[f32; 12], to_inverse: &[f32; 12], to: &mut [f32]) {
     for a in 0..3 {
         let shift = bone[4 * a + 3];
         for b in 0..3 {

@@ -1,9 +1,8 @@
-//! Forward skinning on a GPU. Forward, and for the gradients to points, there is a thread for each
-//! point; for the other gradients a group of threads for each bone and run of points, as in
-//! [`super::super::cube`].
+//! Forward skinning on a GPU. The forward pass and the gradients to points have a thread per point; the other
+//! gradients have a group of threads per bone and run of points, as in [`super::super::cube`].
 
+use super::super::cube_grid::{GridPoint, Lattice, lattice, tap, untransformed_point, voxels};
 use super::super::inverse::MIN_SUM;
-use super::super::lattice::{Lattice, Place, lattice, standing, tap, voxels};
 use super::{SkinOps, WarpGrid};
 use crate::cube::adding::{AddFloat, Bound, launch_adding};
 use crate::cube::tensors::{each, empty, rows, zeros};
@@ -13,7 +12,7 @@ use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
 
-/// Threads per group of the backward pass. Every Vulkan device runs 128; they share 6 KiB.
+/// Threads per group of the backward pass. Every Vulkan device runs 128; they normalized 6 KiB.
 const GROUP: usize = 128;
 /// Points that a group sums over for its bone: enough that few groups add to the same sums.
 const RUN: usize = 1024;
@@ -52,7 +51,7 @@ fn forward(
     let client = output.client.clone();
     if n > 0 {
         let (count, dim) = each(&client, n);
-        blend_bones::launch(
+        skin_points::launch(
             &client,
             count,
             dim,
@@ -85,7 +84,7 @@ fn backward(
     if n > 0 {
         let means = empty(&points, Shape::new([n, 2]));
         let (count, dim) = each(&client, n);
-        pull_points::launch(
+        points_backward::launch(
             &client,
             count,
             dim,
@@ -99,7 +98,7 @@ fn backward(
             grid.floor,
         );
         launch_adding!(
-            pull_bones,
+            bones_backward,
             &client,
             CubeCount::new_2d(n.div_ceil(RUN) as u32, bones as u32),
             CubeDim::new_1d(GROUP as u32),
@@ -117,13 +116,13 @@ fn backward(
     (to_weights, to_transforms, to_points)
 }
 
-/// A bone's weight at a place, 0 where it is at most `floor`.
+/// A bone's weight at a point, 0 where it is at most `floor`.
 #[cube]
-fn weight(weights: &[f32], bone: usize, place: &Place, lattice: &Lattice, floor: f32) -> f32 {
+fn weight(weights: &[f32], bone: usize, point: &GridPoint, lattice: &Lattice, floor: f32) -> f32 {
     let volume = bone * voxels(lattice);
     let mut sum = 0.0f32;
     for corner in 0..8u32 {
-        let tap = tap(place, corner, lattice);
+        let tap = tap(transformed_point, corner, lattice);
         if tap.inside {
             sum += tap.u * tap.v * tap.w * weights[volume + tap.node];
         }
@@ -134,26 +133,26 @@ fn weight(weights: &[f32], bone: usize, place: &Place, lattice: &Lattice, floor:
     sum
 }
 
-/// Canonical to posed of the bone number `bone`, row-major 3x4: [Rᵀ, −Rᵀ t] of [R, t].
+/// Canonical to posed of the bone with index `bone`, row-major 3x4: [Rᵀ, −Rᵀ t] of [R, t].
 #[cube]
-fn posing(transforms: &[f32], bone: usize) -> Array<f32> {
+fn bone_to_posed(transforms: &[f32], bone: usize) -> Array<f32> {
     let t = 12 * bone;
-    let mut posing = Array::<f32>::new(12usize);
+    let mut bone_to_posed = Array::<f32>::new(12usize);
     #[unroll]
     for row in 0..3usize {
         let mut shift = 0.0f32;
         #[unroll]
         for column in 0..3usize {
-            let turn = transforms[t + 4 * column + row];
-            posing[4 * row + column] = turn;
-            shift += turn * transforms[t + 4 * column + 3];
+            let rotation = transforms[t + 4 * column + row];
+            bone_to_posed[4 * row + column] = rotation;
+            shift += rotation * transforms[t + 4 * column + 3];
         }
-        posing[4 * row + 3] = -shift;
+        bone_to_posed[4 * row + 3] = -shift;
     }
-    posing
+    bone_to_posed
 }
 
-/// The product of all numbers of the row number `i` of `grad` and of a transform.
+/// The inner product of row `i` of `grad` `[N, 12]` and a transform.
 #[cube]
 fn product(grad: &[f32], i: usize, transform: &Array<f32>) -> f32 {
     let mut sum = 0.0f32;
@@ -164,8 +163,9 @@ fn product(grad: &[f32], i: usize, transform: &Array<f32>) -> f32 {
     sum
 }
 
+/// Writes Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, `[N, 12]`. A thread per point.
 #[cube(launch)]
-fn blend_bones(
+fn skin_points(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
@@ -177,22 +177,22 @@ fn blend_bones(
     if i >= points.len() / 3 {
         terminate!();
     }
-    let place = standing(points, i, lattice);
+    let point = untransformed_point(points, i, lattice);
     let mut blend = Array::<f32>::new(12usize);
     #[unroll]
     for k in 0..12usize {
         blend[k] = 0.0;
     }
     let mut sum = 0.0f32;
-    if place.inside {
+    if point.inside {
         for bone in 0..transforms.len() / 12 {
-            let weight = weight(weights, bone, &place, lattice, floor);
+            let weight = weight(weights, bone, &point, lattice, floor);
             if weight > 0.0 {
                 sum += weight;
-                let posing = posing(transforms, bone);
+                let bone_to_posed = bone_to_posed(transforms, bone);
                 #[unroll]
                 for k in 0..12usize {
-                    blend[k] += weight * posing[k];
+                    blend[k] += weight * bone_to_posed[k];
                 }
             }
         }
@@ -203,21 +203,21 @@ fn blend_bones(
             output[12 * i + k] = blend[k] / sum;
         }
     } else {
-        let posing = posing(transforms, 0usize);
+        let bone_to_posed = bone_to_posed(transforms, 0usize);
         #[unroll]
         for k in 0..12usize {
-            output[12 * i + k] = posing[k];
+            output[12 * i + k] = bone_to_posed[k];
         }
     }
 }
 
-/// Gradients to the points `[N, 3]`, and `means` `[N, 2]`, the part of a point's gradient that involves
-/// all bones: 1 / Σ w, and the product of the gradient and the blend. The first is 0 where the gradient
-/// is exactly zero, and −1 where no bone has a weight. Of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v, the derivative to
-/// vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
+/// Writes the gradients to the points `[N, 3]`, and `means` `[N, 2]`, the part of a point's gradient that all bones
+/// share: 1 / Σ v, and the inner product of the gradient and the blend. The first is 0 where the gradient is exactly
+/// zero, and −1 where no bone has a weight. The derivative of Σ wᵢ Gᵢ with wᵢ = vᵢ / Σ v with respect to vᵢ is
+/// (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn pull_points(
+fn points_backward(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
@@ -238,15 +238,15 @@ fn pull_points(
     for k in 0..12usize {
         has_grad = has_grad || grad[12 * i + k] != 0.0;
     }
-    let place = standing(points, i, lattice);
+    let point = untransformed_point(points, i, lattice);
     let mut sum = 0.0f32;
     let mut mean = 0.0f32;
-    if has_grad && place.inside {
+    if has_grad && point.inside {
         for bone in 0..bones {
-            let weight = weight(weights, bone, &place, lattice, floor);
+            let weight = weight(weights, bone, &point, lattice, floor);
             if weight > 0.0 {
                 sum += weight;
-                mean += weight * product(grad, i, &posing(transforms, bone));
+                mean += weight * product(grad, i, &bone_to_posed(transforms, bone));
             }
         }
     }
@@ -258,10 +258,11 @@ fn pull_points(
         inverse = 1.0 / sum;
         mean *= inverse;
         for bone in 0..bones {
-            if weight(weights, bone, &place, lattice, floor) > 0.0 {
-                let by = (product(grad, i, &posing(transforms, bone)) - mean) * inverse;
+            if weight(weights, bone, &point, lattice, floor) > 0.0 {
+                // ∂L/∂c = Σ ∂L/∂vᵢ ∇vᵢ(c)
+                let by = (product(grad, i, &bone_to_posed(transforms, bone)) - mean) * inverse;
                 for corner in 0..8u32 {
-                    let tap = tap(&place, corner, lattice);
+                    let tap = tap(&point, corner, lattice);
                     if tap.inside {
                         let value = by * weights[bone * voxels + tap.node];
                         to_x += tap.du * tap.v * tap.w * value;
@@ -281,10 +282,10 @@ fn pull_points(
     to_points[3 * i + 2] = to_z * lattice.scale_z;
 }
 
-/// Gradients to weights and transforms: a group of threads for each run of points (x) and bone (y).
+/// Adds the gradients to weights and transforms. A group of threads per run of points (x) and bone (y).
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
-fn pull_bones<A: AddFloat>(
+fn bones_backward<A: AddFloat>(
     weights: &[f32],
     transforms: &[f32],
     points: &[f32],
@@ -300,7 +301,7 @@ fn pull_bones<A: AddFloat>(
     let volume = bone * voxels(lattice);
     let unit = UNIT_POS as usize;
     let first = CUBE_POS_X as usize * RUN;
-    let posing = posing(transforms, bone);
+    let bone_to_posed = bone_to_posed(transforms, bone);
     let mut own = Array::<f32>::new(12usize);
     #[unroll]
     for k in 0..12usize {
@@ -312,15 +313,16 @@ fn pull_bones<A: AddFloat>(
         if i < n {
             inverse = means[2 * i];
         }
-        let mut share = 0.0f32;
+        let mut normalized = 0.0f32;
         if inverse > 0.0 {
-            let place = standing(points, i, lattice);
-            let weight = weight(weights, bone, &place, lattice, floor);
+            let point = untransformed_point(points, i, lattice);
+            let weight = weight(weights, bone, &point, lattice, floor);
             if weight > 0.0 {
-                share = weight * inverse;
-                let to_weight = (product(grad, i, &posing) - means[2 * i + 1]) * inverse;
+                normalized = weight * inverse;
+                // ∂L/∂vᵢ = ⟨∂L/∂G, Gᵢ − Σ wⱼ Gⱼ⟩ / Σ v
+                let to_weight = (product(grad, i, &bone_to_posed) - means[2 * i + 1]) * inverse;
                 for corner in 0..8u32 {
-                    let tap = tap(&place, corner, lattice);
+                    let tap = tap(&point, corner, lattice);
                     if tap.inside {
                         A::add(
                             &mut to_weights[volume + tap.node],
@@ -330,12 +332,12 @@ fn pull_bones<A: AddFloat>(
                 }
             }
         } else if inverse < 0.0 && bone == 0 {
-            share = 1.0;
+            normalized = 1.0;
         }
-        if share > 0.0 {
+        if normalized > 0.0 {
             #[unroll]
             for k in 0..12usize {
-                own[k] += share * grad[12 * i + k];
+                own[k] += normalized * grad[12 * i + k];
             }
         }
     }
@@ -354,7 +356,7 @@ fn pull_bones<A: AddFloat>(
         sums[unit] = sum;
     }
     sync_cube();
-    // From [Rᵀ, −Rᵀ t] to [R, t].
+    // Of [Rᵀ, s] with s = −Rᵀ t: ∂L/∂R = (∂L/∂Rᵀ)ᵀ − t (∂L/∂s)ᵀ, ∂L/∂t = −R ∂L/∂s
     if unit < 12 {
         let t = 12 * bone;
         let row = unit / 4;

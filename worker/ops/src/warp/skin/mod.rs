@@ -1,20 +1,20 @@
-//! Forward skinning: the transform that carries each canonical point, and what is fixed to it, to its
-//! place on the posed body, Σ wᵢ(c) Gᵢ with the motion weights at the point itself. It is what
-//! [`super::inverse`] searches the inverse of.
+//! Forward linear blend skinning: the transform Σ wᵢ(c) Gᵢ that moves each canonical point c, and what is fixed to
+//! it, to its position on the posed body, with the motion weights at the point itself. [`super::inverse`]
+//! searches its inverse.
 
 mod autodiff;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 mod cube;
 pub mod reference;
-pub mod shares;
+pub mod weights;
 
 use super::WarpGrid;
 use crate::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
-/// Forward skinning as a backend implements it. Call [`skin`] instead: it chooses the form for the
+/// Forward skinning as a backend implements it. Call [`skin`] instead, which chooses the form for the
 /// tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
 pub trait SkinOps: Backend {
@@ -46,7 +46,7 @@ fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
 }
 
 /// Canonical to posed `[N, 12]`, row-major 3x4, of canonical `points` `[N, 3]`, metres. `weights` and
-/// rigid `transforms` as for [`super::warp`]. A point where no bone has a weight goes with the first
+/// rigid `transforms` as for [`super::warp`]. A point where no bone has a weight moves with the first
 /// bone. Gradients flow to all three.
 pub fn skin(
     weights: Tensor<2>,

@@ -15,7 +15,7 @@ pub fn skin(
     let first = first_bone(transforms.clone().narrow(0, 0, 1)).repeat_dim(0, n);
     let blend = Body::new(weights, transforms, grid).blend(points);
     let shift = blend.shift.reshape([n, 3, 1]);
-    let blended = Tensor::cat(vec![blend.turn, shift], 2).reshape([n, 12]);
+    let blended = Tensor::cat(vec![blend.rotation, shift], 2).reshape([n, 12]);
     let empty = blend.empty.reshape([n, 1]).repeat_dim(1, 12);
     blended.mask_where(empty, first)
 }
@@ -23,7 +23,7 @@ pub fn skin(
 /// Canonical to posed `[1, 12]`, of the `transform` `[1, 12]` back.
 fn first_bone(transform: Tensor<2>) -> Tensor<2> {
     let transform = transform.reshape([3, 4]);
-    let turn = transform.clone().slice([0..3, 0..3]).transpose();
-    let shift = turn.clone().matmul(transform.slice([0..3, 3..4])).neg();
-    Tensor::cat(vec![turn, shift], 1).reshape([1, 12])
+    let rotation = transform.clone().slice([0..3, 0..3]).transpose();
+    let shift = rotation.clone().matmul(transform.slice([0..3, 3..4])).neg();
+    Tensor::cat(vec![rotation, shift], 1).reshape([1, 12])
 }

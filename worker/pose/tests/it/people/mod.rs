@@ -1,4 +1,4 @@
-//! Made-up people as a detector of key points would see them.
+//! Synthetic people as seen by a detector of key points.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,7 +9,7 @@ use yoto_pose::{Fitted, FrameKeyPoints, KeyPointSet, KeyPoints};
 use yoto_proto::pose_track::Frame;
 use yoto_synthetic::SyntheticPerson;
 
-/// What a detector gets wrong.
+/// Errors of a detector.
 #[derive(Clone, Copy, Debug)]
 pub struct Errors {
     /// Of points in pictures, as a share of the body's height, standard deviation.
@@ -18,7 +18,7 @@ pub struct Errors {
     pub space: Option<f64>,
 }
 
-/// A clip whose truth is known.
+/// A clip with known joints.
 #[derive(Clone, Debug)]
 pub struct Clip {
     pub points: KeyPoints,
@@ -28,9 +28,9 @@ pub struct Clip {
     pub height: f64,
 }
 
-/// Where points that are no joints sit on the true body: near a joint, but not quite where the
-/// fit would first think.
-fn places(name: &str) -> (usize, Vec3) {
+/// Joint and offset of the points that are not joints on the true body: near the fit's first guess, but not
+/// equal to it.
+fn attachment(name: &str) -> (usize, Vec3) {
     match name {
         "nose" => (15, [0.0, 0.05, 0.13]),
         "eye_inner" => (15, [0.02, 0.09, 0.1]),
@@ -53,7 +53,7 @@ fn places(name: &str) -> (usize, Vec3) {
         "foot_index" => (7, [0.01, -0.055, 0.175]),
         "big_toe" => (7, [-0.015, -0.055, 0.19]),
         "small_toe" => (7, [0.045, -0.055, 0.155]),
-        other => unreachable!("no place for {other}"),
+        other => unreachable!("no attachment for {other}"),
     }
 }
 
@@ -111,7 +111,7 @@ pub fn camera(down: f64, size: [u32; 2], focal: f64) -> Camera {
     Camera::look_at(eye, target, [0.0, 1.0, 0.0], focal, size[0], size[1])
 }
 
-/// `poses` of `person` at 15 frames a second as a detector sees them through `camera`.
+/// `poses` of `person` at 15 frames per second, as seen by a detector through `camera`.
 pub fn clip(
     person: &SyntheticPerson,
     poses: &[Pose],
@@ -139,7 +139,7 @@ pub fn clip(
         let mut points: Vec<Vec3> = names(set)
             .into_iter()
             .map(|(name, side)| {
-                let (left, [x, y, z]) = places(name);
+                let (left, [x, y, z]) = attachment(name);
                 let paired = !matches!(left, 0 | 12 | 15);
                 let joint = left + usize::from(side < 0 && paired);
                 let sign = if side < 0 { -1.0 } else { 1.0 };
@@ -202,8 +202,8 @@ pub fn joints(fitted: &Fitted) -> Vec<Vec<Vec3>> {
     fitted.track.frames.iter().map(posed).collect()
 }
 
-/// Mean distance of joints from the truth, metres: with the pelvis of each frame in one place,
-/// and the rotation that is best for the whole clip, but no scaling.
+/// Mean distance of joints from the truth, metres, after moving the pelvis of each frame to the origin and the
+/// best rotation for the whole clip, without scaling.
 pub fn error(found: &[Vec<Vec3>], truth: &[Vec<Vec3>]) -> f64 {
     let relative = |frames: &[Vec<Vec3>]| -> Vec<Vec3> {
         let by_pelvis = |frame: &Vec<Vec3>| -> Vec<Vec3> {
@@ -220,8 +220,8 @@ pub fn error(found: &[Vec<Vec3>], truth: &[Vec<Vec3>]) -> f64 {
     found.iter().zip(&truth).map(off).sum::<f64>() / found.len() as f64
 }
 
-/// The rotation of `found` nearest to `truth`, by Horn's quaternions: the largest eigenvector,
-/// by powers.
+/// The rotation that brings `found` nearest to `truth`, by Horn's quaternion method: the eigenvector of the
+/// largest eigenvalue, by power iteration.
 fn best_turn(found: &[Vec3], truth: &[Vec3]) -> [[f64; 3]; 3] {
     let mut s = [[0.0; 3]; 3];
     for (a, b) in found.iter().zip(truth) {

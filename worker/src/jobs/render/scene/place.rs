@@ -5,7 +5,7 @@ use yoto_capture::{
     camera::{Camera, Pose},
     skeleton::{
         Skeleton,
-        transform::{Vec3, add, after, apply, inverse, rigid, rodrigues, scale, sub},
+        transform::{Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, scale, sub},
     },
 };
 
@@ -31,7 +31,7 @@ impl Place {
         let first = poses.first().and_then(|pose| pose.rotations.first());
         let root = first.map_or([0.0; 3], |root| root.map(f64::from));
         let facing = apply(&rigid(rodrigues(root), [0.0; 3]), FORWARD);
-        let turn = after(scale(UP, heading.to_radians()), levelled(up, facing));
+        let turn = compose_axis_angle(scale(UP, heading.to_radians()), levelled(up, facing));
         let mut place = Self {
             turn,
             shift: [0.0; 3],
@@ -57,7 +57,7 @@ impl Place {
     pub(super) fn put(&self, body: &Skeleton, pose: &Pose) -> Pose {
         let mut put = pose.clone();
         if let Some(root) = put.rotations.first_mut() {
-            *root = after(self.turn, root.map(f64::from)).map(|v| v as f32);
+            *root = compose_axis_angle(self.turn, root.map(f64::from)).map(|v| v as f32);
         }
         let root = add(body.root(), pose.translation.map(f64::from));
         let moved = apply(&rigid(rodrigues(self.turn), self.shift), root);

@@ -15,7 +15,7 @@ use crate::jobs::{
 use yoto_avatar::render::{Actor, Light};
 use yoto_capture::{
     camera::{Camera, Pose},
-    skeleton::{Skeleton, readings::between, transform::Vec3},
+    skeleton::{Skeleton, readings::interpolate, transform::Vec3},
 };
 use yoto_proto::v1::{self, CaptureMotion, MotionTransfer, actor::Motion};
 
@@ -93,7 +93,7 @@ impl Player {
         let here = &self.poses[moment.pose];
         match self.poses.get(moment.pose + 1) {
             // The poses of a capture stay as they are.
-            Some(next) if moment.share > 0.0 => between(here, next, moment.share),
+            Some(next) if moment.share > 0.0 => interpolate(here, next, moment.share),
             _ => here.clone(),
         }
     }

@@ -17,7 +17,7 @@ use std::cmp::Ordering;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_ops::splat::{LEAST, ROW};
+use yoto_ops::splat::{MIN_ALPHA, ROW};
 use yoto_ops::warp::inverse::solve::Skinning;
 use yoto_proto::correction::other_sides;
 
@@ -71,11 +71,11 @@ fn guess(
     let skinning = Skinning::new(&weights, &transforms, &subject.body.grid);
     let rows = rows.as_chunks::<ROW>().0;
     let strongest = |row: &[f32; ROW]| {
-        let shares = skinning.shares([row[0], row[1], row[2]]);
+        let shares = skinning.skinning_weights([row[0], row[1], row[2]]);
         let most = shares.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b));
         most.map_or(0, |(bone, _)| bone)
     };
-    let shown = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp()) > LEAST;
+    let shown = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp()) > MIN_ALPHA;
     let other = other_sides(&subject.track.skeleton).ok();
     let surface = Surface {
         points: rows.iter().map(|row| [row[0], row[1], row[2]]).collect(),

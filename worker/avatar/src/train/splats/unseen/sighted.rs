@@ -6,9 +6,9 @@ use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::cpu::Numbers;
+use yoto_ops::splat::cpu::SplatSlices;
 use yoto_ops::splat::probe::Probe;
-use yoto_ops::splat::{ROW, Sight};
+use yoto_ops::splat::{ROW, View};
 use yoto_ops::warp::inverse::solve::apply;
 
 /// Most frames that are looked at, evenly over the capture.
@@ -39,7 +39,7 @@ pub(super) fn sighted(
         let mut here = vec![0f32; probe.splats()];
         let covered = subject.picture(frame).covered;
         let parts = covered.par_iter();
-        let parts: Vec<_> = parts.map(|pixel| probe.parts(*pixel as usize)).collect();
+        let parts: Vec<_> = parts.map(|pixel| probe.weights_at(*pixel as usize)).collect();
         let facing = facing(&splats.numbers(), &sight);
         for (splat, part) in parts.into_iter().flatten() {
             if facing[splat] {
@@ -58,7 +58,7 @@ pub(super) fn sighted(
 }
 
 /// Whether each splat faces the camera.
-fn facing(numbers: &Numbers<'_>, sight: &Sight) -> Vec<bool> {
+fn facing(numbers: &SplatSlices<'_>, sight: &View) -> Vec<bool> {
     let rows = numbers.rows.as_chunks::<ROW>().0.par_iter();
     let splats = rows.zip(numbers.transforms.as_chunks::<12>().0);
     splats

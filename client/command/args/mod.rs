@@ -1,0 +1,184 @@
+//! Options that several commands have.
+
+pub(crate) mod capture;
+pub(crate) mod correction;
+pub(crate) mod frame_range;
+#[cfg(feature = "embedded")]
+mod lpips;
+pub(crate) mod media;
+pub(crate) mod motion;
+mod parse;
+pub(crate) mod person;
+pub(crate) mod train;
+
+#[cfg(feature = "embedded")]
+pub(crate) use lpips::LpipsArgs;
+pub(crate) use parse::*;
+
+use clap::builder::OsStringValueParser;
+use clap::{Args, ValueEnum};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use yoto_client::{ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
+use yoto_import::{Levels, MattingModel};
+#[cfg(feature = "embedded")]
+use yoto_ingest::IngestSettings;
+use yoto_proto::v1::{JobKind, JobPriority};
+
+/// The service of a client command.
+#[derive(Debug, Args)]
+pub(crate) struct Server {
+    /// Address of the service.
+    #[arg(long, env = "YOTO_SERVER", default_value = DEFAULT_SERVER, value_name = "URL")]
+    pub server: String,
+}
+
+impl Server {
+    pub async fn connect(&self) -> Result<YotoClient, ClientError> {
+        YotoClient::connect(&self.server).await
+    }
+}
+
+/// Order of a new job in the queue.
+#[derive(Debug, Args)]
+pub(crate) struct QueueArgs {
+    /// Jobs of a higher priority are started first.
+    #[arg(long, value_enum, default_value = "normal", value_name = "PRIORITY")]
+    priority: PriorityName,
+    /// Name of the person or project that the job runs for; among jobs of the same priority, the owner with
+    /// the fewest running jobs comes first.
+    #[arg(
+        long,
+        default_value = "",
+        hide_default_value = true,
+        value_name = "NAME"
+    )]
+    owner: String,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum PriorityName {
+    Low,
+    Normal,
+    High,
+    Urgent,
+}
+
+impl QueueArgs {
+    /// A connection that gives new jobs this priority and owner.
+    pub fn apply(&self, client: YotoClient) -> YotoClient {
+        client.with_queue_options(QueueOptions {
+            priority: match self.priority {
+                PriorityName::Low => JobPriority::Low,
+                PriorityName::Normal => JobPriority::Normal,
+                PriorityName::High => JobPriority::High,
+                PriorityName::Urgent => JobPriority::Urgent,
+            },
+            owner: self.owner.clone(),
+        })
+    }
+}
+
+/// A kind of jobs.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum KindName {
+    Ingest,
+    Train,
+    Render,
+    Evaluate,
+    Export,
+}
+
+impl From<KindName> for JobKind {
+    fn from(name: KindName) -> Self {
+        match name {
+            KindName::Ingest => Self::Ingest,
+            KindName::Train => Self::Train,
+            KindName::Render => Self::Render,
+            KindName::Evaluate => Self::Evaluate,
+            KindName::Export => Self::Export,
+        }
+    }
+}
+
+/// The program for videos that yoto does not decode itself.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct FfmpegArg {
+    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
+    #[arg(
+        long,
+        env = "YOTO_FFMPEG",
+        value_name = "FILE",
+        value_parser = OsStringValueParser::new(),
+        hide_short_help = true
+    )]
+    ffmpeg: Option<OsString>,
+}
+
+impl FfmpegArg {
+    /// Path of the program, if one was named.
+    pub fn program(&self) -> Option<&Path> {
+        self.ffmpeg.as_deref().map(Path::new)
+    }
+}
+
+/// A network of the user's that makes the masks of a clip.
+#[derive(Debug, Args)]
+pub(crate) struct MattingArgs {
+    /// Make the masks of a clip by this network: MODNet, U²-Net, IS-Net, BiRefNet, RVM or the like, in
+    /// ONNX.
+    #[arg(long, value_name = "FILE", conflicts_with = "masks")]
+    matting_model: Option<PathBuf>,
+    /// Levels of the pictures that the matting model was trained with [default: RVM's are unit; those
+    /// whose masks agree best with the pose model's, in a clip alone].
+    #[arg(long, value_enum, value_name = "LEVELS", requires = "matting_model")]
+    matting_levels: Option<Levels>,
+}
+
+impl MattingArgs {
+    /// The model, if one was named.
+    pub fn model(&self) -> Option<MattingModel> {
+        let path = self.matting_model.clone();
+        path.map(|path| MattingModel {
+            path,
+            levels: self.matting_levels,
+        })
+    }
+}
+
+/// Limits of the process that reads one upload.
+#[cfg(feature = "embedded")]
+#[derive(Debug, Clone, Args)]
+pub(crate) struct IngestArgs {
+    /// Memory for reading one upload, MiB.
+    #[arg(
+        long,
+        env = "YOTO_INGEST_MEMORY_MIB",
+        value_name = "MIB",
+        default_value_t = 4096
+    )]
+    ingest_memory_mib: u64,
+    /// Time for reading one upload, seconds.
+    #[arg(
+        long,
+        env = "YOTO_INGEST_SECONDS",
+        value_name = "SECONDS",
+        default_value_t = 3600
+    )]
+    ingest_seconds: u64,
+    #[command(flatten)]
+    ffmpeg: FfmpegArg,
+}
+
+#[cfg(feature = "embedded")]
+impl IngestArgs {
+    /// The limits as a worker takes them.
+    pub fn settings(&self) -> IngestSettings {
+        IngestSettings {
+            memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),
+            seconds: self.ingest_seconds,
+            ffmpeg: self.ffmpeg.program().map(Into::into),
+            ..IngestSettings::default()
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Options of trainings, and the one conversion to what the service trains by.
+
+use clap::{Args, ValueEnum};
+use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
+
+/// What a training may learn beside the people themselves.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct TrainArgs {
+    /// Random seed; a model with earlier training keeps its own.
+    #[arg(long, default_value_t = 7)]
+    pub seed: u64,
+    /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
+    /// wander off their masks or jump, as estimated poses do [default: as before, or by the tier: auto,
+    /// or never for the tiers of the paper].
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
+    pub refine_poses: Option<RefinePoses>,
+    /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
+    /// frames are exposed differently [default: as before, or by the tier: auto for splat, else never].
+    #[arg(long, value_enum, value_name = "WHEN")]
+    pub exposure: Option<Exposure>,
+    /// Let the colours of splats depend on the view, by spherical harmonics of this degree, 0 to 2: for what shines [default: as
+    /// before, or 0].
+    #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=2))]
+    pub harmonics: Option<u32>,
+    /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
+    #[arg(long)]
+    pub leave_unseen: bool,
+}
+
+impl TrainArgs {
+    /// These options as a training of no model yet, with the service's defaults for everything else.
+    pub fn spec(&self) -> TrainSpec {
+        TrainSpec {
+            seed: self.seed,
+            refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
+            exposure: self.exposure.map_or(0, |when| when.message().into()),
+            harmonics: self.harmonics,
+            leave_unseen: self.leave_unseen,
+            ..TrainSpec::default()
+        }
+    }
+}
+
+/// `--refine-poses`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RefinePoses {
+    /// Everybody's.
+    Always,
+    /// Nobody's.
+    Never,
+    /// Those of people whose bodies wander off their masks or jump.
+    Auto,
+}
+
+impl RefinePoses {
+    /// The choice as the service's message has it.
+    pub fn message(self) -> PoseRefinement {
+        match self {
+            Self::Always => PoseRefinement::Always,
+            Self::Never => PoseRefinement::Never,
+            Self::Auto => PoseRefinement::Auto,
+        }
+    }
+}
+
+/// `--exposure`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Exposure {
+    /// Those whose frames are exposed differently.
+    Auto,
+    /// Everybody's.
+    Always,
+    /// Nobody's.
+    Never,
+}
+
+impl Exposure {
+    /// The choice as the service's message has it.
+    pub fn message(self) -> ExposureLearning {
+        match self {
+            Self::Auto => ExposureLearning::Auto,
+            Self::Always => ExposureLearning::Always,
+            Self::Never => ExposureLearning::Never,
+        }
+    }
+}

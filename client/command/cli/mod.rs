@@ -1,0 +1,168 @@
+//! The `yoto` command line: its commands, and what all of them share.
+//!
+//! Results go to stdout, progress and logs to stderr; the exit status is non-zero after a
+//! failure.
+
+mod completions;
+
+#[cfg(feature = "embedded")]
+use crate::{avatar, demo};
+use crate::{capture, export, job, model, motion, render, scene, service, subject};
+use anyhow::Context;
+use clap::{Parser, Subcommand, ValueEnum};
+use std::process::ExitCode;
+use yoto_client::ClientError;
+use yoto_terminal::output;
+
+const AFTER_HELP: &str = "\
+First steps:
+  yoto demo                                   see all of yoto in a few minutes
+  yoto avatar walk.mp4 --pose-model models    make one person's avatar from a video
+  yoto serve                                  run the service on this machine
+  yoto subject add ada captures/ada           upload a person
+  yoto train duo --subjects ada,bob           train one model of two people
+  yoto render duo --subject ada --orbit 0 --animate --out out/ada
+
+Logs: RUST_LOG=debug, or e.g. RUST_LOG=yoto_server=debug,info.";
+
+/// One-camera videos of people in, animatable 3D avatars out: many people in one model.
+#[derive(Debug, Parser)]
+#[command(name = "yoto", version, after_help = AFTER_HELP, arg_required_else_help = true)]
+pub struct Cli {
+    /// Format of results on stdout: text for people, or one JSON object for programs.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        value_name = "FORMAT",
+        default_value = "text"
+    )]
+    output: Format,
+    /// Print results and errors only.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Show no progress.
+    #[arg(long, global = true)]
+    no_progress: bool,
+    /// The earlier position of an option of `serve` and `worker`.
+    #[arg(long, hide = true)]
+    log_json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Text,
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    #[cfg(feature = "embedded")]
+    Serve(service::serve::Serve),
+    #[cfg(feature = "embedded")]
+    Worker(service::worker::WorkerCommand),
+    #[cfg(feature = "embedded")]
+    Demo(demo::command::Demo),
+    #[cfg(feature = "embedded")]
+    Avatar(Box<avatar::command::Avatar>),
+    Import(capture::import::Import),
+    Capture(capture::CaptureCommand),
+    Subject(subject::SubjectCommand),
+    Model(model::ModelCommand),
+    Train(model::train::Train),
+    Job(job::JobCommand),
+    Status(service::status::Status),
+    Gc(service::gc::Gc),
+    Render(Box<render::Render>),
+    Motion(motion::MotionCommand),
+    Scene(scene::SceneCommand),
+    Export(Box<export::Export>),
+    Evaluate(model::evaluate::Evaluate),
+    #[cfg(feature = "embedded")]
+    Tradeoff(model::tradeoff::TradeoffCommand),
+    Completions(completions::Completions),
+}
+
+/// Parses the command line, runs the command, prints errors.
+pub fn main() -> ExitCode {
+    // A worker starts this program again to read an upload.
+    #[cfg(feature = "embedded")]
+    yoto_ingest::become_ingest_child_if_asked();
+    let cli = Cli::parse();
+    output::set_style(output::Style {
+        json: cli.output == Format::Json,
+        quiet: cli.quiet,
+        no_progress: cli.no_progress || cli.quiet,
+    });
+    let outcome = run(cli);
+    if let Err(error) = &outcome {
+        if let Some(ClientError::JobEnded(job)) = error.downcast_ref() {
+            output::put("job", output::message(&**job));
+        }
+        output::error(format_args!("{error:#}"));
+    }
+    output::finish();
+    outcome.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS)
+}
+
+fn run(cli: Cli) -> anyhow::Result<()> {
+    // Before any command computes: a wrong YOTO_CPU is an error, and not a slower or faster form than asked for.
+    #[cfg(feature = "embedded")]
+    yoto_device::check_cpu_form()?;
+    let log_json = cli.log_json || logs_are_json(&cli.command);
+    service::logs::init(default_level(&cli.command), log_json);
+    let runtime = tokio::runtime::Runtime::new().context("starting the asynchronous runtime")?;
+    let outcome = match cli.command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Worker(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Demo(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Avatar(command) => runtime.block_on(command.run()),
+        Command::Import(command) => command.run(),
+        Command::Capture(command) => command.run(),
+        Command::Subject(command) => runtime.block_on(command.run()),
+        Command::Model(command) => runtime.block_on(command.run()),
+        Command::Train(command) => runtime.block_on(command.run()),
+        Command::Job(command) => runtime.block_on(command.run()),
+        Command::Status(command) => runtime.block_on(command.run()),
+        Command::Gc(command) => runtime.block_on(command.run()),
+        Command::Motion(command) => command.run(),
+        Command::Scene(command) => command.run(),
+        Command::Render(command) => runtime.block_on(command.run()),
+        Command::Export(command) => runtime.block_on(command.run()),
+        Command::Evaluate(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Tradeoff(command) => runtime.block_on(command.run()),
+        Command::Completions(command) => command.run(),
+    };
+    // A computation that outlives its job must not prevent the process from ending.
+    runtime.shutdown_background();
+    outcome
+}
+
+fn logs_are_json(command: &Command) -> bool {
+    match command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(serve) => serve.logs.log_json,
+        #[cfg(feature = "embedded")]
+        Command::Worker(worker) => worker.logs.log_json,
+        _ => false,
+    }
+}
+
+/// Services log their actions; other commands log only warnings.
+fn default_level(command: &Command) -> &'static str {
+    match command {
+        #[cfg(feature = "embedded")]
+        Command::Serve(_) | Command::Worker(_) => "info",
+        _ => "warn",
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,39 @@
+//! `yoto model export`: the files of a trained model, for use without the service.
+
+use crate::args::Server;
+use crate::files::{OutFolder, download};
+use clap::Args;
+use yoto_terminal::output;
+
+pub(crate) const AFTER_HELP: &str = "\
+The folder serves `yoto-lab render-frame --model-dir DIR`, `yoto-lab evaluate --model-dir DIR` and
+`yoto-lab info DIR`.
+
+Examples:
+  yoto model export duo --out models/duo
+  yoto model export duo --checkpoint 2000 --out models/duo-2000";
+
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// The trained model, by name.
+    model: String,
+    /// Step of the checkpoint [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP")]
+    checkpoint: Option<u64>,
+    #[command(flatten)]
+    folder: OutFolder,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl Export {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        let checkpoint = client.checkpoint_name(&model, self.checkpoint).await?;
+        let paths = download(&client, &checkpoint, &self.folder).await?;
+        output::put("checkpoint", checkpoint);
+        self.folder.show(&paths);
+        Ok(())
+    }
+}

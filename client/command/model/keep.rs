@@ -1,0 +1,154 @@
+//! `yoto model checkpoints`, `keep`, `delete-checkpoint` and `delete`: what of a model is stored.
+
+use crate::args::Server;
+use crate::show;
+use crate::show::{now, span};
+use clap::Args;
+use yoto_client::YotoClient;
+use yoto_proto::names;
+use yoto_proto::v1::{Checkpoint, Retention};
+use yoto_terminal::output;
+
+pub(crate) const CHECKPOINTS_HELP: &str = "\
+Example:
+  yoto model checkpoints duo";
+pub(crate) const KEEP_HELP: &str = "\
+The best ones by held-out PSNR are kept besides, and those that a job uses. Checkpoints that are no longer
+kept are removed at once.
+
+Example:
+  yoto model keep duo --newest 5 --every 20";
+pub(crate) const DELETE_CHECKPOINT_HELP: &str = "\
+Example:
+  yoto model delete-checkpoint duo 4000";
+pub(crate) const DELETE_HELP: &str = "\
+Its checkpoints go with it, its jobs, and the pictures that were rendered with it. The people stay.
+
+Example:
+  yoto model delete duo";
+
+/// A model of a service.
+#[derive(Debug, Args)]
+pub(crate) struct Which {
+    /// The model, by name.
+    model: String,
+    #[command(flatten)]
+    server: Server,
+}
+
+/// Which checkpoints a model keeps.
+#[derive(Debug, Args)]
+pub(crate) struct Keep {
+    #[command(flatten)]
+    which: Which,
+    /// Keep this many of the newest ones; without it, as many as the service does by default.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
+          required_unless_present = "every")]
+    newest: Option<u32>,
+    /// Keep every N-th one, 0: none for this reason; without it, as the service does by default.
+    #[arg(long, value_name = "N")]
+    every: Option<u32>,
+}
+
+/// A checkpoint to delete.
+#[derive(Debug, Args)]
+pub(crate) struct DeleteCheckpoint {
+    #[command(flatten)]
+    which: Which,
+    /// Its step.
+    step: u64,
+}
+
+impl Which {
+    /// Lists the checkpoints, with the reasons for which they are kept.
+    pub(crate) async fn checkpoints(&self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        list(&client, &model.name).await
+    }
+
+    pub(crate) async fn delete(&self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        let deleted = client.delete_model(&model.name, &model.etag).await?;
+        show::say_deleted(&model.display_name, &deleted);
+        Ok(())
+    }
+}
+
+impl Keep {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let client = self.which.server.connect().await?;
+        let model = client.find_model(&self.which.model).await?;
+        let retention = Retention {
+            newest: self.newest,
+            every: self.every,
+        };
+        let model = client.set_retention(&model.name, retention).await?;
+        output::put("model", output::message(&model));
+        list(&client, &model.name).await
+    }
+}
+
+impl DeleteCheckpoint {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let client = self.which.server.connect().await?;
+        let model = client.find_model(&self.which.model).await?;
+        let name = names::checkpoint(&model.name, self.step);
+        let deleted = client.delete_checkpoint(&name, "").await?;
+        let what = format!("step {} of {}", self.step, model.display_name);
+        show::say_deleted(&what, &deleted);
+        Ok(())
+    }
+}
+
+async fn list(client: &YotoClient, model: &str) -> anyhow::Result<()> {
+    let checkpoints = client.list_checkpoints(model).await?;
+    output::put("checkpoints", output::messages(&checkpoints));
+    let now = now();
+    let rows: Vec<Vec<String>> = checkpoints.iter().map(|it| row(it, now)).collect();
+    let header = ["STEP", "AGE", "HELD OUT", "SIZE", "KEPT AS"];
+    say!("{}", show::table(&header, &rows));
+    Ok(())
+}
+
+/// A checkpoint at `now`, seconds since 1970.
+fn row(it: &Checkpoint, now: f64) -> Vec<String> {
+    let age = it.create_time.as_ref().map(|at| now - at.seconds as f64);
+    let kept = match it.kept_for.as_slice() {
+        [] => "nothing: the next one replaces it".to_owned(),
+        reasons => reasons.join(", "),
+    };
+    vec![
+        it.step.to_string(),
+        age.map_or_else(|| "-".to_owned(), span),
+        it.psnr
+            .map_or_else(|| "-".to_owned(), |psnr| format!("{psnr:.2} dB")),
+        format!("{:.1} MB", it.bytes as f64 / 1e6),
+        kept,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_says_why_it_is_kept() {
+        let mut it = Checkpoint {
+            step: 40,
+            bytes: 2_000_000,
+            psnr: Some(30.126),
+            create_time: Some(prost_types::Timestamp {
+                seconds: 100,
+                nanos: 0,
+            }),
+            kept_for: vec!["newest 3".into(), "best".into()],
+            ..Checkpoint::default()
+        };
+        let found = row(&it, 160.0);
+        assert_eq!(found, ["40", "1m", "30.13 dB", "2.0 MB", "newest 3, best"]);
+        it.kept_for.clear();
+        assert!(row(&it, 160.0)[4].starts_with("nothing"));
+    }
+}

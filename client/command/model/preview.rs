@@ -1,0 +1,99 @@
+//! Pictures of a training under way, one for each checkpoint.
+
+use std::path::{Path, PathBuf};
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tonic::Code;
+use yoto_client::{ClientError, YotoClient};
+use yoto_proto::manifest::files::PREVIEW;
+use yoto_proto::names;
+use yoto_proto::v1::{Job, job_result};
+
+/// Fetches the picture of each checkpoint while the training goes on.
+pub(crate) struct Previews {
+    newest: watch::Sender<u64>,
+    fetching: JoinHandle<Result<Vec<PathBuf>, ClientError>>,
+}
+
+impl Previews {
+    /// Writes the pictures of `model` to `dir`, as `STEP.png`.
+    pub(crate) fn start(client: &YotoClient, model: &str, dir: PathBuf) -> Self {
+        let (newest, steps) = watch::channel(0);
+        let (client, model) = (client.clone(), model.to_owned());
+        Self {
+            newest,
+            fetching: tokio::spawn(async move { fetch(&client, &model, &dir, steps).await }),
+        }
+    }
+
+    /// Takes note of the newest checkpoint in a state of the job.
+    pub(crate) fn look(&self, job: &Job) {
+        let reported = job.progress.as_ref().map_or(0, |it| it.checkpoint_step);
+        let result = job.result.as_ref().and_then(|result| result.kind.as_ref());
+        let last = match result {
+            Some(job_result::Kind::Train(result)) => names::parse_checkpoint(&result.checkpoint),
+            _ => return self.is_at(reported),
+        };
+        self.is_at(last.map_or(reported, |(_, step)| step));
+    }
+
+    fn is_at(&self, step: u64) {
+        self.newest.send_if_modified(|known| {
+            let is_newer = step > *known;
+            *known = step.max(*known);
+            is_newer
+        });
+    }
+
+    /// The pictures, once the last one is there.
+    pub(crate) async fn finish(self) -> anyhow::Result<Vec<PathBuf>> {
+        drop(self.newest);
+        Ok(self.fetching.await??)
+    }
+}
+
+async fn fetch(
+    client: &YotoClient,
+    model: &str,
+    dir: &Path,
+    mut steps: watch::Receiver<u64>,
+) -> Result<Vec<PathBuf>, ClientError> {
+    let mut paths: Vec<PathBuf> = Vec::new();
+    // A training that goes on begins at a checkpoint of an earlier one.
+    while steps.changed().await.is_ok() {
+        let step = *steps.borrow_and_update();
+        let checkpoint = names::checkpoint(model, step);
+        let fetched = match fetch_one(client, &checkpoint, step, dir).await {
+            // The model keeps newer ones only: they have come faster than this.
+            Err(ClientError::Refused(refusal)) if refusal.code() == Code::NotFound => continue,
+            fetched => fetched?,
+        };
+        if fetched.is_empty() {
+            continue;
+        }
+        if paths.is_empty() {
+            let shown = dir.join("STEP.png");
+            tell!(
+                "previews: {}: held-out frames left, renders right",
+                shown.display()
+            );
+        }
+        paths.extend(fetched);
+    }
+    Ok(paths)
+}
+
+/// The preview of a checkpoint; that of an interrupted training has none.
+async fn fetch_one(
+    client: &YotoClient,
+    checkpoint: &str,
+    step: u64,
+    dir: &Path,
+) -> Result<Vec<PathBuf>, ClientError> {
+    let objects = client.list_objects(checkpoint).await?;
+    let Some(mut preview) = objects.into_iter().find(|it| it.file == PREVIEW) else {
+        return Ok(Vec::new());
+    };
+    preview.file = format!("{step:06}.png");
+    client.fetch_objects(&[preview], dir, &mut |_| ()).await
+}

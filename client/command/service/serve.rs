@@ -1,0 +1,211 @@
+//! `yoto serve`: coordinator and worker in one process.
+
+use crate::args;
+use crate::embedded::{Embedded, EmbeddedOptions};
+use anyhow::Context;
+use clap::Args;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::time::Duration;
+use yoto_server::StorageLimits;
+
+const AFTER_HELP: &str = "\
+All state of the service is in the data folder: an SQLite database and the objects (uploads,
+checkpoints, renders). Only one process can serve a folder at a time.
+
+SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
+queue, and the process ends, even with connected clients.
+
+Examples:
+  yoto serve
+  yoto serve --data /srv/yoto --listen 127.0.0.1:6000
+  grpcurl -plaintext 127.0.0.1:50051 list";
+
+/// Run the service on this machine: API, jobs, storage and a worker.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct Serve {
+    /// Folder for database and objects; created if missing.
+    #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
+    data: PathBuf,
+    /// Address to listen at: host and port.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051", value_parser = address)]
+    listen: SocketAddr,
+    /// Run no worker: jobs wait for a worker in another process.
+    #[arg(long)]
+    no_worker: bool,
+    /// Folder for the files of running jobs: uploads to read, checkpoints to load and save. By default
+    /// scratch/ in the data folder.
+    #[arg(long, value_name = "DIR")]
+    scratch: Option<PathBuf>,
+    /// Listen beyond this machine without encryption or keys: anyone who can reach the
+    /// address can read and change everything.
+    #[arg(long)]
+    insecure: bool,
+    #[command(flatten)]
+    storage: Storage,
+    #[command(flatten)]
+    pub(crate) logs: crate::service::logs::LogArgs,
+    #[command(flatten)]
+    ingest: crate::args::IngestArgs,
+    #[command(flatten)]
+    lpips: crate::args::LpipsArgs,
+}
+
+/// What the service stores, and for how long.
+#[derive(Debug, Args)]
+struct Storage {
+    /// Newest checkpoints that a model keeps, unless `yoto model keep` says otherwise.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    keep_newest: u32,
+    /// A model keeps every N-th checkpoint besides; 0: none for this reason.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    keep_every: u32,
+    /// Hours until bytes that belong to nothing are removed.
+    #[arg(long, value_name = "HOURS", default_value_t = 24.0)]
+    grace_hours: f64,
+    /// Free space of the disk, GiB, below which uploads and trainings are refused.
+    #[arg(long, value_name = "GIB", default_value_t = 2.0)]
+    min_free_gib: f64,
+}
+
+impl Storage {
+    fn limits(&self) -> anyhow::Result<StorageLimits> {
+        let grace = Duration::try_from_secs_f64(self.grace_hours * 3600.0);
+        let grace = grace.with_context(|| format!("--grace-hours {}", self.grace_hours))?;
+        let free = self.min_free_gib;
+        anyhow::ensure!(free >= 0.0, "--min-free-gib {free} is below 0");
+        Ok(StorageLimits {
+            keep_newest: self.keep_newest,
+            keep_every: self.keep_every,
+            grace,
+            min_free_bytes: (free * (1_u64 << 30) as f64) as u64,
+            ..StorageLimits::default()
+        })
+    }
+}
+
+impl Serve {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        check_exposure(self.listen, self.insecure)?;
+        let options = EmbeddedOptions {
+            data: self.data.clone(),
+            listen: Some(self.listen),
+            worker: !self.no_worker,
+            ingest: self.ingest.settings(),
+            lpips: self.lpips.weights()?,
+            storage: self.storage.limits()?,
+            scratch: self.scratch,
+        };
+        let mut service = Embedded::start(options)
+            .await
+            .with_context(|| format!("starting the service in {}", self.data.display()))?;
+        if let Some(address) = service.address() {
+            tell!("yoto serves http://{address} from {}", self.data.display());
+            tell!("objects at {}", service.objects_url());
+        }
+        if !self.no_worker {
+            tell!("computing on {}", service.device());
+            if let Some(hint) = yoto_device::hint_on_cpu() {
+                tell!("{hint}");
+            }
+        }
+        let failure = tokio::select! {
+            asked = asked_to_stop() => asked.context("listening for signals").err(),
+            failed = service.failed() => Some(failed.into()),
+        };
+        tell!("stopping");
+        service.shutdown().await.context("stopping the service")?;
+        failure.map_or(Ok(()), Err)
+    }
+}
+
+/// Parses an address, or looks a name up.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let addresses = text.to_socket_addrs();
+    let mut addresses = addresses.map_err(|error| format!("{error}; an address is HOST:PORT"))?;
+    addresses
+        .next()
+        .ok_or_else(|| "the name has no address".to_owned())
+}
+
+/// Without TLS and keys, the service is for this machine only.
+fn check_exposure(listen: SocketAddr, insecure: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        listen.ip().is_loopback() || insecure,
+        "{listen} can be reached from other machines, and nothing would guard it: \
+         listen at 127.0.0.1, or add --insecure if the network is trusted"
+    );
+    Ok(())
+}
+
+/// Returns at SIGTERM or ctrl-c.
+pub(crate) async fn asked_to_stop() -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let mut terminate = signal(SignalKind::terminate())?;
+        tokio::select! {
+            _ = terminate.recv() => Ok(()),
+            interrupted = tokio::signal::ctrl_c() => interrupted,
+        }
+    }
+    #[cfg(not(unix))]
+    tokio::signal::ctrl_c().await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_may_be_a_name() {
+        assert!(
+            address("localhost:6000")
+                .expect("a name")
+                .ip()
+                .is_loopback()
+        );
+        for bad in ["localhost", "6000", "no such host:1"] {
+            assert!(address(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn limits_are_those_of_the_service_unless_told() {
+        let storage = |grace_hours, min_free_gib| Storage {
+            keep_newest: 3,
+            keep_every: 10,
+            grace_hours,
+            min_free_gib,
+        };
+        let limits = storage(24.0, 2.0).limits().expect("good");
+        let default = StorageLimits::default();
+        assert_eq!(
+            (limits.keep_newest, limits.keep_every),
+            (default.keep_newest, default.keep_every)
+        );
+        assert_eq!(
+            (limits.grace, limits.min_free_bytes),
+            (default.grace, default.min_free_bytes)
+        );
+        for (hours, gib) in [
+            (-1.0, 2.0),
+            (f64::NAN, 2.0),
+            (1e300, 2.0),
+            (1.0, f64::NAN),
+            (1.0, -1.0),
+        ] {
+            assert!(storage(hours, gib).limits().is_err(), "{hours} {gib}");
+        }
+    }
+
+    #[test]
+    fn only_loopback_needs_no_flag() {
+        let address = |text: &str| text.parse::<SocketAddr>().expect("an address");
+        assert!(check_exposure(address("127.0.0.1:1"), false).is_ok());
+        assert!(check_exposure(address("[::1]:1"), false).is_ok());
+        assert!(check_exposure(address("0.0.0.0:1"), false).is_err());
+        assert!(check_exposure(address("0.0.0.0:1"), true).is_ok());
+    }
+}

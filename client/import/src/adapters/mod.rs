@@ -1,0 +1,82 @@
+//! The formats that are imported: one table ([`table`]) for the readers, for what recognises files
+//! ([`recognise`]), for the options that a format doesn't read ([`unread`]), and for help ([`help`]).
+
+mod flags;
+mod format;
+mod help;
+mod recognise;
+mod table;
+mod unread;
+
+pub use format::Format;
+pub use help::options_by_format;
+
+use crate::source::Source;
+use crate::{Imported, Options, features, tools};
+use recognise::{Recognised, recognise};
+use std::path::Path;
+use table::{ADAPTERS, Adapter, Read};
+use tools::Tool;
+use unread::ensure_read;
+use yoto_client::ClientError;
+
+/// Reads the capture in `dir`, without decoding its pictures.
+///
+/// # Errors
+/// [`ClientError::BadCapture`] with file, frame and field; [`ClientError::File`] when the file
+/// system fails.
+pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+    features::ensure_built(options)?;
+    if let Some(adapter) = table::of(format) {
+        return read_as(adapter, dir, options);
+    }
+    match recognise(dir, options)? {
+        Recognised::Format(adapter, name) => {
+            let mut imported = read_as(adapter, dir, options)?;
+            if let Some(name) = name {
+                imported.notes.insert(0, format!("recognised: {name}"));
+            }
+            Ok(imported)
+        }
+        Recognised::Tool => read_tool(None, dir, options),
+    }
+}
+
+fn read_as(adapter: &Adapter, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+    ensure_read(adapter, dir, options)?;
+    let imported = match adapter.read {
+        Read::Folder(read) => read(&Source::new(dir), options)?,
+        Read::Clip(read) => read(dir, options)?,
+        Read::Tool(tool) => return read_tool(Some(tool), dir, options),
+    };
+    checked(dir, imported, options)
+}
+
+/// Reads the files of `forced`, or of whichever tool wrote them.
+fn read_tool(
+    forced: Option<&'static Tool>,
+    dir: &Path,
+    options: &Options,
+) -> Result<Imported, ClientError> {
+    let at = options.poses.as_deref().unwrap_or(dir);
+    let (tool, found) = tools::open(at, forced, options)?;
+    let is_of_tool =
+        |adapter: &&Adapter| matches!(adapter.read, Read::Tool(of) if std::ptr::eq(of, tool));
+    if let Some(adapter) = ADAPTERS.iter().find(is_of_tool) {
+        ensure_read(adapter, dir, options)?;
+    }
+    checked(dir, tools::capture(tool, &found, dir, options)?, options)
+}
+
+/// `imported`, if its track has no faults, with a note about frames that it lacks.
+fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Imported, ClientError> {
+    imported
+        .notes
+        .extend(options.beyond_last(imported.available));
+    let violations = imported.track.check();
+    if violations.is_empty() {
+        Ok(imported)
+    } else {
+        Err(Source::new(dir).bad(violations))
+    }
+}

@@ -1,0 +1,90 @@
+//! Which format a file or folder has.
+
+use super::table::{ADAPTERS, Adapter, Fits};
+use crate::clip::{PICTURES, fault, is_video, listed};
+use crate::{Options, keypoints, tools};
+use std::path::Path;
+use yoto_client::ClientError;
+use yoto_proto::pose_track::violation;
+
+/// What was recognised.
+pub(super) enum Recognised {
+    /// One format, and what it is called, for a note.
+    Format(&'static Adapter, Option<&'static str>),
+    /// A pose tool's files. Only their contents tell the tool, see [`tools::open`].
+    Tool,
+}
+
+/// The format of what is in `dir`, with `options`.
+///
+/// # Errors
+/// When nothing is recognised, with what was looked for.
+pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, ClientError> {
+    std::fs::metadata(dir).map_err(ClientError::file("reading", dir))?;
+    for adapter in &ADAPTERS {
+        match adapter.fits {
+            Fits::Files(alternatives) => {
+                let mut alternatives = alternatives.iter();
+                let all = |files: &[&str]| files.iter().all(|file| dir.join(file).exists());
+                if let Some((name, _)) = alternatives.find(|(_, files)| all(files)) {
+                    return Ok(Recognised::Format(adapter, Some(name)));
+                }
+            }
+            Fits::Poses(name, fits) => {
+                if options.poses.as_deref().is_some_and(fits) {
+                    return Ok(Recognised::Format(adapter, name));
+                }
+            }
+            Fits::Tool => {
+                if options.poses.is_some() || (dir.is_dir() && tools::has_files(dir)) {
+                    return Ok(Recognised::Tool);
+                }
+            }
+            Fits::Clip => {
+                let has_pictures = || listed(dir, &PICTURES).is_ok_and(|files| !files.is_empty());
+                if is_video(dir) || (dir.is_dir() && has_pictures()) {
+                    return Ok(Recognised::Format(adapter, Some("a clip alone")));
+                }
+            }
+        }
+    }
+    Err(unknown(dir))
+}
+
+/// The error about what is of no format.
+fn unknown(dir: &Path) -> ClientError {
+    let name = dir.file_name().unwrap_or_default().to_string_lossy();
+    if dir.is_file() && name.to_ascii_lowercase().ends_with(".hdf5") {
+        let message =
+            "is one of PeopleSnapshot's files, which are imported together: name their folder";
+        return fault(dir, "UNKNOWN", message);
+    }
+    if dir.is_file() {
+        let message = format!(
+            "is no video by its first bytes. What a pose tool or a detector of points wrote goes with its \
+             clip: yoto import CLIP --poses {}",
+            dir.display()
+        );
+        return fault(dir, "UNKNOWN", message);
+    }
+    let alternatives = ADAPTERS.iter().filter_map(|adapter| match adapter.fits {
+        Fits::Files(alternatives) => Some(alternatives),
+        _ => None,
+    });
+    let captures: Vec<String> = alternatives
+        .flatten()
+        .map(|(name, files)| format!("{name} ({})", files.join(", ")))
+        .collect();
+    let tools = tools::ALL.map(|tool| tool.documented.tool);
+    let message = format!(
+        "of no format that is known; looked for a video or pictures, {}, and, with --poses, the files of {}, \
+         BVH, or {}",
+        captures.join(", "),
+        tools.join(", "),
+        keypoints::FILES
+    );
+    ClientError::BadCapture {
+        place: dir.display().to_string(),
+        violations: vec![violation("UNKNOWN", &name, None, "", message)],
+    }
+}

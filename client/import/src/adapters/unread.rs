@@ -1,0 +1,114 @@
+//! Which options each format reads: one that a format does not read is an error, since a file in its
+//! place would be another's.
+//!
+//! `--range`, `--best` and `--ffmpeg` are read with every format. `--smpl` and `--pose-model` may come
+//! from the environment, for all commands, so that they are ignored where they have no use.
+
+use super::flags::{FLAGS, Flag};
+use super::format::Format;
+use super::table::{Adapter, readers};
+use crate::Options;
+use std::path::Path;
+use yoto_client::ClientError;
+use yoto_proto::pose_track::violation;
+
+/// Checks that every given option is read by `adapter`, in which `source` is.
+///
+/// # Errors
+/// The first option that is not, with the formats that read it.
+pub(super) fn ensure_read(
+    adapter: &Adapter,
+    source: &Path,
+    options: &Options,
+) -> Result<(), ClientError> {
+    let unread = |flag: &Flag| flag.is_given(options) && !adapter.flags.contains(flag);
+    let Some(flag) = FLAGS.into_iter().find(unread) else {
+        return Ok(());
+    };
+    let mut message = format!(
+        "is read as {}, which does not read {}: {}",
+        adapter.from,
+        flag.name(),
+        readers(flag).join(", ")
+    );
+    message += if readers(flag).len() == 1 {
+        " does"
+    } else {
+        " do"
+    };
+    if (adapter.format, flag) == (Format::Film, Flag::Person) {
+        message += ". In a clip alone the pose model takes the most certain person; to choose among \
+                    several, give a pose tool's files or key points (--poses), or cut the clip so that it \
+                    shows one";
+    }
+    if flag == Flag::KeepSkeleton {
+        message += match adapter.format {
+            Format::Film => ". The pose model finds points, which have no tree of joints to keep",
+            Format::Folder => ". A capture keeps its joints",
+            _ => ". Its skeleton is SMPL's own, or SMPL-X's, whose body has SMPL's joints",
+        };
+    }
+    let file = source.file_name().unwrap_or_default().to_string_lossy();
+    let folder = source.parent().unwrap_or(Path::new(""));
+    Err(ClientError::BadCapture {
+        place: folder.display().to_string(),
+        violations: vec![violation(
+            "UNREAD_OPTION",
+            &file,
+            None,
+            flag.name(),
+            message,
+        )],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::{ADAPTERS, of};
+    use super::*;
+
+    #[test]
+    fn an_option_that_is_not_read_is_named_with_the_formats_that_read_it() {
+        let refused = |format, options: &Options| {
+            let checked = ensure_read(
+                of(format).expect("a row"),
+                Path::new("captures/377"),
+                options,
+            );
+            checked.map_err(|error| error.to_string())
+        };
+        let person = Options {
+            person: Some("2".into()),
+            ..Options::default()
+        };
+        let text = refused(Format::Zju, &person).expect_err("no people");
+        assert!(
+            text.contains("377")
+                && text
+                    .contains("is read as zju, which does not read --person: key-points, phalp,"),
+            "{text}"
+        );
+        assert!(text.contains("easymocap do"), "{text}");
+        assert!(!text.contains("humannerf"), "{text}");
+        let text = refused(Format::Film, &person).expect_err("no names");
+        assert!(text.contains("give a pose tool's files"), "{text}");
+        assert_eq!(refused(Format::Wham, &person), Ok(()));
+        let view = Options {
+            camera: Some(1),
+            ..Options::default()
+        };
+        assert_eq!(refused(Format::EasyMocap, &view), Ok(()));
+        assert!(refused(Format::Wham, &view).is_err());
+        let everywhere = Options {
+            frames: Some((0, 2, 1)),
+            best: std::num::NonZeroUsize::new(3),
+            body_model: Some("SMPL.npz".into()),
+            pose_model: Some("models".into()),
+            ffmpeg: Some("ffmpeg".into()),
+            ..Options::default()
+        };
+        for adapter in &ADAPTERS {
+            assert_eq!(refused(adapter.format, &everywhere), Ok(()));
+        }
+    }
+}

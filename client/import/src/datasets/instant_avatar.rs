@@ -1,0 +1,161 @@
+//! InstantAvatar's captures, made from PeopleSnapshot or from a user's own video.
+//!
+//! - `cameras.npz`: `intrinsic` `[3, 3]`, `extrinsic` `[4, 4]` (world to camera, metres), `height`,
+//!   `width`; images and masks are undistorted already. Pixel coordinates count from the first
+//!   pixel's centre.
+//! - `poses.npz` (one pose per image), or `poses/<split>.npz` (one for each image of the split):
+//!   `betas` `[1, 10]` or `[10]`, `global_orient` `[F, 3]`, `body_pose` `[F, 69]`, `transl` `[F, 3]`;
+//!   older files have `thetas` `[F, 72]`.
+//! - `images/*.png`, and `masks/*.npy` (0 to 1) or `masks/*.png` (coverage), in the same order.
+
+use crate::geometry::Vec3;
+use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
+use crate::rest_joints::RestJoints;
+use crate::source::{Data, Source};
+use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
+use crate::{Imported, Options};
+use yoto_client::ClientError;
+
+const CAMERAS: &str = "cameras.npz";
+/// Default frames per second, since no file has it.
+const FPS: f64 = 30.0;
+
+/// A file of poses.
+pub(crate) struct Poses {
+    pub betas: Vec<f64>,
+    pub poses: Vec<SmplPose>,
+    pub translations: Vec<Vec3>,
+}
+
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+    let file = poses_file(source, options)?;
+    let rest = RestJoints::needed(options, source, &file)?;
+    let Poses {
+        betas,
+        poses,
+        translations,
+    } = read_poses(&source.data(&file, None)?)?;
+    let (camera, size) = camera(source)?;
+    let images = source.list("images", &[".png", ".jpg"])?;
+    let masks = source.list("masks", &[".npy", ".png"])?;
+    if images.len() != masks.len() {
+        let message = format!("{} masks for {} images", masks.len(), images.len());
+        return Err(source.fault("SIZE_MISMATCH", "masks", None, "", message));
+    }
+    let wanted = options.positions(source, "images", images.len())?;
+    // Poses of a split are those of the selected images; otherwise there is one per image.
+    let of_wanted = poses.len() == wanted.len();
+    if !of_wanted && poses.len() != images.len() {
+        let message = format!(
+            "{} poses for {} images: say which images they are of (--range A..B:STEP)",
+            poses.len(),
+            wanted.len()
+        );
+        return Err(source.fault("SIZE_MISMATCH", &file, None, "body_pose", message));
+    }
+    let rest_joints = rest.joints(&betas);
+    let pelvis = rest_joints.first().copied().unwrap_or_default();
+    let mut notes = Vec::new();
+    let fps = options.fps_or(FPS, &mut notes);
+    let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
+    let mut pictures = Vec::new();
+    for (order, &position) in wanted.iter().enumerate() {
+        let at = if of_wanted { order } else { position };
+        let (Some(image), Some(mask)) = (images.get(position), masks.get(position)) else {
+            continue;
+        };
+        let placed = Placed::about_pelvis(poses[at], translations[at], pelvis);
+        track
+            .frames
+            .push(placed.frame(position as u32, pelvis, &camera));
+        let path = source.path(mask);
+        pictures.push(PictureFiles {
+            image: source.path(image),
+            masks: vec![if mask.to_ascii_lowercase().ends_with(".npy") {
+                Mask::Array(path)
+            } else {
+                Mask::Image(path, MaskKind::Coverage)
+            }],
+            over_black: false,
+        });
+    }
+    Ok(Imported {
+        track,
+        pictures: Pictures::Files(pictures),
+        available: images.len(),
+        notes,
+    })
+}
+
+/// The file of poses.
+fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError> {
+    if let Some(path) = &options.poses {
+        return Ok(path.display().to_string());
+    }
+    let usual = ["poses.npz", "poses_optimized.npz"];
+    if let Some(found) = usual.into_iter().find(|name| source.has(name)) {
+        return Ok(found.to_owned());
+    }
+    let found = if source.has("poses") {
+        source.list("poses", &[".npz"])?
+    } else {
+        Vec::new()
+    };
+    match &found[..] {
+        [one] => Ok(one.clone()),
+        [] => Err(source.fault("MISSING", "poses.npz", None, "", "there is no such file")),
+        several => {
+            let message = format!(
+                "several files of poses, choose one (--poses FILE): {}",
+                several.join(", ")
+            );
+            Err(source.fault("MISSING", "poses.npz", None, "", message))
+        }
+    }
+}
+
+/// Shape, poses and translations, under any of their names.
+pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
+    let root = data.root();
+    let poses: Vec<SmplPose> = match root.find("thetas") {
+        Some(thetas) => thetas.rows()?,
+        None => {
+            let orient = root.get("global_orient")?.rows::<3>()?;
+            let body = root.get("body_pose")?;
+            let rows = body.rows::<69>()?;
+            if rows.len() != orient.len() {
+                let message = format!("{} rows, global_orient has {}", rows.len(), orient.len());
+                return Err(body.fault("SIZE_MISMATCH", message));
+            }
+            let join = |(orient, body): (Vec3, [f64; 69])| {
+                let mut pose = [0.0; 72];
+                pose[..3].copy_from_slice(&orient);
+                pose[3..].copy_from_slice(&body);
+                pose
+            };
+            orient.into_iter().zip(rows).map(join).collect()
+        }
+    };
+    let transl = root.get("transl")?;
+    let translations = transl.rows::<3>()?;
+    if translations.len() != poses.len() {
+        let message = format!("{} rows for {} poses", translations.len(), poses.len());
+        return Err(transl.fault("SIZE_MISMATCH", message));
+    }
+    Ok(Poses {
+        betas: root.get("betas")?.vector()?,
+        poses,
+        translations,
+    })
+}
+
+fn camera(source: &Source) -> Result<(Camera, [u32; 2]), ClientError> {
+    let data = source.data(CAMERAS, None)?;
+    let root = data.root();
+    let camera = Camera::from_centres(
+        root.get("intrinsic")?.matrix()?,
+        root.get("extrinsic")?.matrix()?,
+    );
+    let side = |key: &str| Ok::<_, ClientError>(root.get(key)?.number()? as u32);
+    Ok((camera, [side("width")?, side("height")?]))
+}

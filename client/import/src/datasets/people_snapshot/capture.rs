@@ -1,0 +1,113 @@
+//! The reader of PeopleSnapshot's files.
+
+use super::{CAMERA, MASKS, POSES};
+use crate::geometry::{extrinsics, rodrigues};
+use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
+use crate::rest_joints::RestJoints;
+use crate::source::Source;
+use crate::source::hdf5::Hdf5;
+use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
+use crate::{Imported, Options};
+use yoto_client::ClientError;
+
+/// Default frames per second, since only the video has it.
+const FPS: f64 = 30.0;
+
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+    let rest = RestJoints::needed(options, source, POSES)?;
+    let (camera, distortion, size) = camera(source)?;
+    let poses = Hdf5::open(source, POSES)?;
+    let (pose, trans) = (poses.rows::<72>("pose")?, poses.rows::<3>("trans")?);
+    let (_, betas) = poses.numbers("betas")?;
+    let stack = Hdf5::open(source, MASKS)?.stack("masks")?;
+    if pose.len() != trans.len() || pose.len() > stack.frames() {
+        let message = format!(
+            "{} poses, {} translations, {} masks: a pose needs one of each",
+            pose.len(),
+            trans.len(),
+            stack.frames()
+        );
+        return Err(source.fault("SIZE_MISMATCH", POSES, None, "pose", message));
+    }
+    let rest_joints = rest.joints(&betas);
+    let pelvis = rest_joints.first().copied().unwrap_or_default();
+    let mut notes = Vec::new();
+    let fps = options.fps_or(FPS, &mut notes);
+    let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
+    track.distortion = distortion;
+    let mut masks = Vec::new();
+    for position in options.positions(source, POSES, pose.len())? {
+        let placed = Placed::about_pelvis(pose[position], trans[position], pelvis);
+        track
+            .frames
+            .push(placed.frame(position as u32, pelvis, &camera));
+        masks.push(vec![Mask::Stack(stack.clone(), position)]);
+    }
+    let pictures = if source.has("images") {
+        images(source, masks, &track.frames, size)?
+    } else {
+        let videos = source.list("", &[".mp4", ".mov"])?;
+        match &videos[..] {
+            [video] => Pictures::Video {
+                video: source.path(video.trim_start_matches('/')),
+                masks,
+            },
+            _ => {
+                let message = format!(
+                    "{} videos and no folder images: one is needed",
+                    videos.len()
+                );
+                return Err(source.fault("MISSING", "*.mp4", None, "", message));
+            }
+        }
+    };
+    Ok(Imported {
+        track,
+        pictures,
+        available: pose.len(),
+        notes,
+    })
+}
+
+fn images(
+    source: &Source,
+    masks: Vec<Vec<Mask>>,
+    frames: &[yoto_proto::pose_track::Frame],
+    size: [u32; 2],
+) -> Result<Pictures, ClientError> {
+    let names = source.list("images", &[".png", ".jpg"])?;
+    let file = |(frame, masks): (&yoto_proto::pose_track::Frame, Vec<Mask>)| {
+        let name = names.get(frame.index as usize).ok_or_else(|| {
+            let message = format!("there are {} images", names.len());
+            source.fault("MISSING", "images", Some(frame.index), "", message)
+        })?;
+        let image = source.path(name);
+        if frame.index == 0 && image_size(&image, 0)? != size {
+            let message = "width and height differ from the images";
+            return Err(source.fault("SIZE_MISMATCH", CAMERA, None, "width", message));
+        }
+        Ok(PictureFiles {
+            image,
+            masks,
+            over_black: false,
+        })
+    };
+    let files = frames.iter().zip(masks).map(file);
+    Ok(Pictures::Files(files.collect::<Result<_, ClientError>>()?))
+}
+
+fn camera(source: &Source) -> Result<(Camera, [f64; 5], [u32; 2]), ClientError> {
+    let data = source.data(CAMERA, None)?;
+    let root = data.root();
+    let [fx, fy] = root.get("camera_f")?.fixed()?;
+    let [cx, cy] = root.get("camera_c")?.fixed()?;
+    let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
+    let turned = rodrigues(root.get("camera_rt")?.fixed()?);
+    let e = extrinsics(&turned, root.get("camera_t")?.fixed()?);
+    let side = |key: &str| Ok::<_, ClientError>(root.get(key)?.number()? as u32);
+    Ok((
+        Camera::from_centres(k, e),
+        root.get("camera_k")?.fixed()?,
+        [side("width")?, side("height")?],
+    ))
+}

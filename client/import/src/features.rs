@@ -1,0 +1,34 @@
+//! What clients without some features of the crate can't do.
+
+use crate::clip::fault;
+use crate::{MattingModel, Options};
+use yoto_client::ClientError;
+
+/// How a user gets a client with `feature`.
+pub(crate) fn how_to_get(feature: &str) -> String {
+    format!(
+        "`cargo run --features yoto/{feature} --bin yoto -- …` runs one that has it, `cargo install --path \
+         client --features {feature}` installs it"
+    )
+}
+
+/// The error of a client that has no runtime for networks, about `model`.
+pub(crate) fn no_matting(model: &MattingModel) -> ClientError {
+    let message = format!(
+        "a matting model needs a runtime for ONNX, which this client was built without: {}; or make the \
+         masks elsewhere and name them with --masks",
+        how_to_get("matting")
+    );
+    fault(&model.path, "UNSUPPORTED", message)
+}
+
+/// Checks that this client can do what `options` ask for, before a minute's work.
+///
+/// # Errors
+/// A matting model, if the client has no runtime for networks.
+pub(crate) fn ensure_built(options: &Options) -> Result<(), ClientError> {
+    match &options.matting {
+        Some(model) if cfg!(not(feature = "matting")) => Err(no_matting(model)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,54 @@
+//! AlphaPose's `alphapose-results.json`: a list of people over all frames, each with `image_id`, flat
+//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets) and, where it follows
+//! people, `idx`.
+
+use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use crate::source::Part;
+use std::collections::BTreeMap;
+use yoto_client::ClientError;
+use yoto_pose::KeyPointSet;
+
+/// Whether this is such a list.
+pub(super) fn fits(root: &Part<'_>) -> bool {
+    let first = root.at(0).ok();
+    first.is_some_and(|first| first.find("image_id").is_some() && first.find("keypoints").is_some())
+}
+
+/// The people of all frames.
+pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
+    let mut frames: BTreeMap<(usize, String), Vec<Detection>> = BTreeMap::new();
+    for at in 0..root.len()? {
+        let entry = root.at(at)?;
+        let image = entry.get("image_id")?;
+        let name = match image.text() {
+            Ok(name) => name.to_owned(),
+            Err(_) => format!("{}.jpg", super::detections::whole(&image)?),
+        };
+        let Some(&number) = numbers_in(&name).last() else {
+            return Err(image.fault("OUT_OF_RANGE", format!("there is no number in '{name}'")));
+        };
+        let part = entry.of_frame(u32::try_from(number).unwrap_or(u32::MAX));
+        let person = match part.find("idx") {
+            // Some versions write the number in a list of its own.
+            Some(idx) => idx.vector()?.first().map(|idx| idx.to_string()),
+            None => None,
+        };
+        let detection = Detection {
+            mask: None,
+            own: None,
+            person,
+            picture: flat(&part.get("keypoints")?, KeyPointSet::Coco17.points())?,
+            space: Vec::new(),
+        };
+        frames.entry((number, name)).or_default().push(detection);
+    }
+    let seen = |((number, image), people): ((usize, String), Vec<Detection>)| FrameDetections {
+        number,
+        image: Some(image),
+        people,
+    };
+    let frames = frames.into_iter().map(seen).collect();
+    let mut found = Detections::new("AlphaPose", KeyPointSet::Coco17, frames);
+    found.first = None;
+    Ok(found)
+}

@@ -1,0 +1,136 @@
+//! A capture of the chosen person: a body fitted to the key points of all frames.
+
+use super::detections::{Detection, Detections};
+use super::{mask, own_skeleton, people};
+use crate::clip::{Clip, fault, left_out};
+use crate::proof::prove;
+use crate::{Imported, Options};
+use std::path::Path;
+use yoto_client::ClientError;
+use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
+
+/// Frames per second of a clip that has no times.
+const FPS: f64 = 30.0;
+
+/// The capture of a person in `found`, whose files are at `at`.
+///
+/// # Errors
+/// When the person or the masks are not there; when no body fits the points.
+pub(super) fn read(
+    clip: &Clip,
+    found: &Detections,
+    at: &Path,
+    options: &Options,
+) -> Result<Imported, ClientError> {
+    let mut notes = vec![format!(
+        "{}: key points of {} frames",
+        found.name,
+        found.frames.len()
+    )];
+    let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
+    let numbers = found.numbers(clip, at)?;
+    let wanted = clip.selected(options)?;
+    let mut seen: Vec<(usize, &Detection)> = Vec::new();
+    for &(index, detection) in &person.seen {
+        let frame = numbers.get(index).copied().flatten();
+        if let Some(frame) = frame.filter(|frame| wanted.binary_search(frame).is_ok())
+            && seen.last().is_none_or(|(last, _)| *last < frame)
+        {
+            seen.push((frame, detection));
+        }
+    }
+    if seen.is_empty() {
+        let message = "no frame of the clip has key points of the person";
+        return Err(fault(at, "EMPTY", message));
+    }
+    let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
+    left_out(&wanted, "key points of the person", is_seen, &mut notes);
+    let masks = match (&options.masks, &options.matting) {
+        (Some(given), _) => Some(mask::find(given, clip, &seen, &mut notes)?),
+        (None, Some(model)) => Some(mask::made(model, clip, &seen, options, &mut notes)?),
+        (None, None) => mask::own(&seen, &mut notes),
+    };
+    let fps = fps(clip, options, &mut notes);
+    let mut track = match options.keep_skeleton {
+        true => own_skeleton::track(found, &seen, clip.size, fps, options, at, &mut notes)?,
+        false => {
+            let points = key_points(clip, found, &seen, fps, options, &mut notes);
+            let options = FitOptions {
+                focal: options.focal.or(found.focal),
+                height: options.height,
+                upright: true,
+            };
+            let fitted = fit(&points, &options, &mut |_, _| ());
+            let fitted = fitted.map_err(|error| fault(at, "UNSUITABLE", error.to_string()))?;
+            notes.extend(fitted.notes);
+            fitted.track
+        }
+    };
+    if let (true, Some(masks)) = (options.keep_skeleton, &masks) {
+        prove(&track, masks, at, &mut notes)?;
+    }
+    if let Some(masks) = &masks {
+        let frames: Vec<usize> = seen.iter().map(|(frame, _)| *frame).collect();
+        let has_mask = |frame: &usize| masks.contains_key(frame);
+        left_out(&frames, "a mask", has_mask, &mut notes);
+        track
+            .frames
+            .retain(|frame| has_mask(&(frame.index as usize)));
+    }
+    let indices: Vec<usize> = track
+        .frames
+        .iter()
+        .map(|frame| frame.index as usize)
+        .collect();
+    let mask = |frame: &usize| masks.as_ref().and_then(|masks| masks.get(frame)).cloned();
+    let of_frames = indices
+        .iter()
+        .map(|frame| mask(frame).into_iter().collect());
+    Ok(Imported {
+        track,
+        pictures: clip.pictures(&indices, of_frames.collect()),
+        available: clip.frames,
+        notes,
+    })
+}
+
+/// Frames per second of the clip.
+fn fps(clip: &Clip, options: &Options, notes: &mut Vec<String>) -> f64 {
+    let fps = options.fps.or(clip.fps.filter(|fps| fps.is_finite()));
+    fps.unwrap_or_else(|| {
+        notes.push(format!(
+            "no file says how fast the frames are: {FPS} a second (--fps)"
+        ));
+        FPS
+    })
+}
+
+fn key_points(
+    clip: &Clip,
+    found: &Detections,
+    seen: &[(usize, &Detection)],
+    fps: f64,
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> KeyPoints {
+    if options.focal.is_none()
+        && let Some(focal) = found.focal
+    {
+        notes.push(format!(
+            "focal length: {focal:.0} px, which {} worked with (--focal for another)",
+            found.name
+        ));
+    }
+    let frames = seen.iter().map(|(frame, detection)| FrameKeyPoints {
+        index: *frame as u32,
+        picture: detection.picture.clone(),
+        space: detection.space.clone(),
+        colours: Vec::new(),
+    });
+    KeyPoints {
+        set: found.set,
+        image_size: clip.size,
+        fps,
+        frames: frames.collect(),
+    }
+}

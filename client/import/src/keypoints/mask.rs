@@ -1,0 +1,110 @@
+//! The masks that show the person: those that most of the key points lie in.
+
+use super::detections::{Detection, SURE};
+use crate::clip::{Clip, fault};
+use crate::pictures::{Mask, read_masks};
+use crate::proof::Masks;
+use crate::{MattingModel, Options};
+use std::collections::BTreeMap;
+use std::path::Path;
+use yoto_client::ClientError;
+
+/// Frames that are looked at.
+const FRAMES: usize = 16;
+/// Least share of points inside the masks of the right person.
+const LEAST: f64 = 0.6;
+
+/// The mask of each frame in which the person is `seen` (frame of the clip and points), of those in
+/// `given`.
+///
+/// # Errors
+/// When the masks can't be read, or the points lie outside.
+pub(super) fn find(
+    given: &Path,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    let all = Masks::given(given, clip)?;
+    of_the_person(all, given, clip, seen, notes)
+}
+
+/// The mask of each frame in which the person is `seen`, made by a matting model.
+///
+/// # Errors
+/// When the model can't be run, or the points lie outside its masks.
+pub(super) fn made(
+    model: &MattingModel,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+    options: &Options,
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    let frames = seen.iter().map(|(frame, _)| *frame).collect();
+    let masks = Masks::made(model, frames, clip, options, notes)?;
+    of_the_person(vec![masks], &model.path, clip, seen, notes)
+}
+
+fn of_the_person(
+    all: Vec<Masks>,
+    given: &Path,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+    notes: &mut Vec<String>,
+) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    let mut best: Option<(f64, Masks)> = None;
+    for masks in all {
+        let share = share(&masks, clip, seen)?;
+        if best.as_ref().is_none_or(|(most, _)| share > *most) {
+            best = Some((share, masks));
+        }
+    }
+    let Some((share, masks)) = best.filter(|(share, _)| *share >= LEAST) else {
+        let message = "most of the key points lie outside the masks: are these of this clip and \
+                       person?";
+        return Err(fault(given, "OUT_OF_RANGE", message));
+    };
+    notes.push(format!(
+        "{}: {:.0} % of the key points lie inside",
+        masks.words,
+        100.0 * share
+    ));
+    let of = |(frame, _): &(usize, &Detection)| Some((*frame, masks.of_frame(*frame)?));
+    Ok(seen.iter().filter_map(of).collect())
+}
+
+/// The masks that the detector wrote; `None`, with a note, where it wrote none.
+pub(super) fn own(
+    seen: &[(usize, &Detection)],
+    notes: &mut Vec<String>,
+) -> Option<BTreeMap<usize, Mask>> {
+    let of = |(frame, detection): &(usize, &Detection)| {
+        Some((*frame, Mask::Runs(detection.mask.clone()?)))
+    };
+    let masks: BTreeMap<usize, Mask> = seen.iter().filter_map(of).collect();
+    if masks.is_empty() {
+        notes.push("no masks: training needs them (--masks or --matting-model)".to_owned());
+        return None;
+    }
+    notes.push("the masks are the detector's own (--masks for others)".to_owned());
+    Some(masks)
+}
+
+/// The share of sure points that lie inside the masks of some frames.
+fn share(masks: &Masks, clip: &Clip, seen: &[(usize, &Detection)]) -> Result<f64, ClientError> {
+    let (mut inside, mut all) = (0, 0);
+    for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
+        let Some(mask) = masks.of_frame(*frame) else {
+            continue;
+        };
+        let image = read_masks(&[mask], clip.size, *frame as u32)?;
+        for &[x, y, sure] in &detection.picture {
+            if sure > SURE && x >= 0.0 && y >= 0.0 {
+                let level = image.get_pixel_checked(x as u32, y as u32);
+                all += 1;
+                inside += usize::from(level.is_some_and(|level| level.0[0] >= 128));
+            }
+        }
+    }
+    Ok(f64::from(inside as u32) / f64::from(all.max(1)))
+}

@@ -1,0 +1,54 @@
+//! Files of detectors of key points, with the clip that they saw.
+//!
+//! One file per detector reads its files to [`Detections`](detections::Detections): people, frames and
+//! points. The rest is common: which of the people ([`people`]), which frame of the clip
+//! ([`detections`]), which mask ([`mask`]), and the fit of a body to the points of all frames
+//! ([`capture`], by `yoto-pose`), or the detector's own skeleton ([`own_skeleton`]).
+//!
+//! ```text
+//! detector's files → recognise → Detections → people ┐
+//! clip, masks ───────────────────────────────────────┴→ capture (fit) → track
+//! ```
+
+mod alphapose;
+mod capture;
+mod detections;
+mod easy_vitpose;
+mod mask;
+mod mediapipe;
+mod mediapipe_json;
+mod mediapipe_table;
+mod mhr;
+mod mmpose;
+mod openpose;
+mod own_skeleton;
+mod people;
+mod recognise;
+mod sam_3d_body;
+
+pub(crate) use recognise::has_files;
+
+use crate::clip::{Clip, fault};
+use crate::{Imported, Options};
+use std::path::Path;
+use yoto_client::ClientError;
+
+/// What [`has_files`] looks for, for errors.
+pub(crate) const FILES: &str = "key points of OpenPose (*_keypoints.json), AlphaPose \
+     (alphapose-results.json), MMPose or easy_ViTPose (*.json), MediaPipe (landmarks.npz, .json or \
+     .csv) or SAM 3D Body (*.npz)";
+
+/// Reads a detector's files in `options.poses`, of the clip `source`, and fits a body to them.
+///
+/// # Errors
+/// When the files are of no known detector, wrong, or of another clip; when no body fits.
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+    let Some(at) = options.poses.as_deref() else {
+        let message = "key points come with the clip that they are of: yoto import CLIP --poses \
+                       THESE, where CLIP is a video or a folder of pictures";
+        return Err(fault(source, "MISSING", message));
+    };
+    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
+    let detections = recognise::read(at, clip.size)?;
+    capture::read(&clip, &detections, at, options)
+}

@@ -1,0 +1,56 @@
+//! OpenPose's `--write_json`: a file per frame, `NAME_000000000012_keypoints.json`, with `people`.
+//! Each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`, zeros where a point
+//! was not seen. People are in no order; `person_id` is -1 unless OpenPose follows them.
+
+use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use crate::source::{Part, Source};
+use yoto_client::ClientError;
+use yoto_pose::KeyPointSet;
+
+/// The end of its files' names.
+pub(super) const ENDING: &str = "_keypoints.json";
+/// Points of `BODY_25`.
+const POINTS: usize = 25;
+
+/// The files of the folder.
+pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
+    let mut frames = Vec::new();
+    for (order, file) in source.list("", &[ENDING])?.iter().enumerate() {
+        let file = file.trim_start_matches('/');
+        let number = numbers_in(file).last().copied().unwrap_or(order);
+        let data = source.data(file, u32::try_from(number).ok())?;
+        let people = data.root().get("people")?;
+        let each = (0..people.len()?).map(|at| person(&people.at(at)?));
+        frames.push(FrameDetections {
+            number,
+            image: file.strip_suffix(ENDING).map(|name| format!("{name}.png")),
+            people: each.collect::<Result<_, _>>()?,
+        });
+    }
+    let mut found = Detections::new("OpenPose", KeyPointSet::OpenPose25, frames);
+    found.first = None;
+    Ok(found)
+}
+
+fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
+    let points = part.get("pose_keypoints_2d")?;
+    let values = points.vector()?;
+    if values.len() != 3 * POINTS {
+        let message = format!(
+            "{} numbers: 75 are needed, three per point of BODY_25 (--model_pose BODY_25)",
+            values.len()
+        );
+        return Err(points.fault("SIZE_MISMATCH", message));
+    }
+    let number = match part.find("person_id") {
+        Some(id) => id.vector()?.first().copied().filter(|id| *id >= 0.0),
+        None => None,
+    };
+    Ok(Detection {
+        mask: None,
+        own: None,
+        person: number.map(|number| number.to_string()),
+        picture: flat(&points, POINTS)?,
+        space: Vec::new(),
+    })
+}

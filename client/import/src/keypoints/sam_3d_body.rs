@@ -1,0 +1,167 @@
+//! SAM 3D Body's results, one `.npz` per frame and person: `pred_joint_coords` `[127, 3]`, the joints of
+//! MHR's skeleton; `pred_cam_t` `[3]`, which is added to them, so that they are in the camera's axes,
+//! metres; `focal_length`, pixels, √(W² + H²) where it is missing; and `mask` `[H, W, 1]`, if the tool was
+//! given masks or made them. A name holds the frame's number, and then the person's index in that frame,
+//! which does not identify the person in other frames.
+//!
+//! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
+
+use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
+use super::mhr;
+use crate::geometry::{Vec3, add};
+use crate::source::{Part, Source};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use yoto_client::ClientError;
+use yoto_formats::rle::RunLengths;
+use yoto_pose::KeyPointSet;
+
+/// MHR's joint for each of SMPL's.
+const JOINTS: [Option<usize>; 24] = [
+    Some(1),
+    Some(2),
+    Some(18),
+    Some(35),
+    Some(3),
+    Some(19),
+    Some(36),
+    Some(4),
+    Some(20),
+    Some(37),
+    Some(8),
+    Some(24),
+    Some(110),
+    Some(74),
+    Some(38),
+    Some(113),
+    Some(75),
+    Some(39),
+    Some(76),
+    Some(40),
+    Some(78),
+    Some(42),
+    None,
+    None,
+];
+/// Joints inside the trunk, whose positions differ between the two skeletons.
+const INNER: [usize; 7] = [0, 3, 6, 9, 12, 13, 14];
+/// Confidence of these, and of the others.
+const CONFIDENCE: [f64; 2] = [0.35, 0.9];
+/// Nearest a body can be, metres.
+const NEAREST: f64 = 0.1;
+
+/// Whether this is one of its files.
+pub(super) fn fits(root: &Part<'_>) -> bool {
+    root.find("pred_joint_coords").is_some() && root.find("pred_cam_t").is_some()
+}
+
+/// The files of the folder, of pictures of `size`.
+pub(super) fn read(source: &Source, size: [u32; 2]) -> Result<Detections, ClientError> {
+    let mut frames: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
+    let mut focals = Vec::new();
+    for file in source.list("", &[".npz"])? {
+        let file = file.trim_start_matches('/');
+        let Some(&number) = numbers_in(file).first() else {
+            let message = "there is no number of a frame in the file's name";
+            return Err(source.fault("BAD_NAME", file, None, "", message));
+        };
+        let data = source.data(file, u32::try_from(number).ok())?;
+        let root = data.root();
+        let focal = focal(&root, size)?;
+        focals.push(focal);
+        let person = person(&root, focal, size)?;
+        frames.entry(number).or_default().push(person);
+    }
+    let frames = frames.into_iter().map(|(number, people)| FrameDetections {
+        number,
+        image: None,
+        people,
+    });
+    let mut found = Detections::new("SAM 3D Body", KeyPointSet::Joints24, frames.collect());
+    found.first = None;
+    found.tree = Some(mhr::tree());
+    focals.sort_by(f64::total_cmp);
+    found.focal = focals.get(focals.len() / 2).copied();
+    Ok(found)
+}
+
+fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ClientError> {
+    let Some(part) = root.find("focal_length") else {
+        return Ok(f64::from(width).hypot(f64::from(height)));
+    };
+    let focal = part.number()?;
+    if focal > 0.0 {
+        return Ok(focal);
+    }
+    Err(part.fault(
+        "OUT_OF_RANGE",
+        format!("{focal}: a focal length is above 0"),
+    ))
+}
+
+/// The mask that the person was found with, if there is one: `[H, W]` or `[H, W, 1]`, above 0 inside.
+fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
+    let Some(part) = root.find("mask").filter(|part| !part.is_nothing()) else {
+        return Ok(None);
+    };
+    let array = part.array()?;
+    let ([height, width] | [height, width, 1] | [1, height, width]) = array.shape[..] else {
+        let message = format!("the shape is {:?}, [height, width] is needed", array.shape);
+        return Err(part.fault("SIZE_MISMATCH", message));
+    };
+    let mask = RunLengths::of_pixels(height, width, &array.values)
+        .map_err(|error| part.fault("UNDECODABLE", error.to_string()))?;
+    Ok((mask.area() > 0).then(|| Arc::new(mask)))
+}
+
+/// The kept joints of MHR, moved by `shift` into the camera's axes.
+fn own(
+    root: &Part<'_>,
+    joints: &[Vec3],
+    shift: Vec3,
+    focal: f64,
+) -> Result<Option<OwnPose>, ClientError> {
+    let placed = mhr::placed(root, joints)?;
+    Ok(placed.map(|mut placed| {
+        for position in &mut placed.positions {
+            *position = add(*position, shift);
+        }
+        OwnPose { placed, focal }
+    }))
+}
+
+fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, ClientError> {
+    let coords = root.get("pred_joint_coords")?;
+    let joints = coords.rows::<3>()?;
+    let shift = root.get("pred_cam_t")?.fixed::<3>()?;
+    // The middle as the tool counts it, from the first pixel's centre.
+    let centre = size.map(|side| 0.5 * f64::from(side) + 0.5);
+    let mut person = Detection {
+        person: None,
+        picture: Vec::new(),
+        space: Vec::new(),
+        mask: mask(root)?,
+        own: own(root, &joints, shift, focal)?,
+    };
+    for (joint, index) in JOINTS.iter().enumerate() {
+        let Some(index) = index else {
+            person.picture.push([0.0; 3]);
+            person.space.push([0.0; 3]);
+            continue;
+        };
+        let Some(&at) = joints.get(*index) else {
+            let message = format!("{} joints: MHR's skeleton has 127", joints.len());
+            return Err(coords.fault("SIZE_MISMATCH", message));
+        };
+        let [x, y, z]: Vec3 = add(at, shift);
+        if z < NEAREST {
+            let message = format!("joint {index} is {z} m before the camera");
+            return Err(coords.fault("OUT_OF_RANGE", message));
+        }
+        let sure = CONFIDENCE[usize::from(!INNER.contains(&joint))];
+        let seen = [focal * x / z + centre[0], focal * y / z + centre[1], sure];
+        person.picture.push(seen);
+        person.space.push([x, y, z]);
+    }
+    Ok(person)
+}

@@ -1,0 +1,126 @@
+//! The joints of a BVH file that a motion keeps, and their poses.
+
+use crate::geometry::{IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, matmul, matvec};
+use crate::tree::{self, Placed, Tree};
+use yoto_formats::bvh::{Bvh, Channel, Joint as FileJoint};
+
+/// Joints of SMPL below which none of a file's own is kept.
+const LAST: [&str; 3] = ["l_wrist", "r_wrist", "head"];
+
+/// The joints of a file that are kept, in the file's order.
+pub(super) struct Kept {
+    pub tree: Tree,
+    /// Indices in the file.
+    pub source: Vec<usize>,
+    /// Joints of the file from its root to the first kept one, whose positions move the person.
+    /// Those of others only stretch the person.
+    moving: Vec<usize>,
+}
+
+impl Kept {
+    /// The joints that match SMPL's, called as those.
+    pub fn matched(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
+        matches.sort_by_key(|(_, at)| *at);
+        let joint = |(role, at): (String, usize)| (at, role.clone(), Some(role));
+        Self::new(file, matches.into_iter().map(joint).collect())
+    }
+
+    /// The file's own joints from the one that matches the pelvis down, without those below [`LAST`].
+    pub fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
+        let role = |at: usize| {
+            let found = matches.iter().find(|(_, index)| *index == at);
+            found.map(|(role, _)| role.clone())
+        };
+        let index = |role: &str| matches.iter().find(|(of, _)| of == role).map(|(_, at)| *at);
+        let first = index("pelvis").unwrap_or(0);
+        let last: Vec<usize> = LAST.iter().filter_map(|role| index(role)).collect();
+        let mut is_kept: Vec<bool> = Vec::with_capacity(file.joints.len());
+        for (at, joint) in file.joints.iter().enumerate() {
+            let above = joint.parent;
+            let goes_on = above.is_some_and(|above| is_kept.get(above) == Some(&true));
+            is_kept.push(at == first || goes_on && above.is_some_and(|it| !last.contains(&it)));
+        }
+        let kept = file.joints.iter().enumerate().zip(is_kept);
+        let kept = kept.filter(|(_, is_kept)| *is_kept);
+        let joint =
+            |((at, joint), _): ((usize, &FileJoint), bool)| (at, joint.name.clone(), role(at));
+        Self::new(file, kept.map(joint).collect())
+    }
+
+    /// Of joints with their indices in the file, in ascending order, their names and roles.
+    fn new(file: &Bvh, joints: Vec<(usize, String, Option<String>)>) -> Self {
+        let source: Vec<usize> = joints.iter().map(|(at, ..)| *at).collect();
+        let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
+        // The nearest kept ancestor.
+        let parent = |at: usize| {
+            let mut ancestors = std::iter::successors(above(at), |at| above(*at));
+            ancestors.find_map(|above| source.iter().position(|other| *other == above))
+        };
+        let joint = |(at, name, role)| tree::Joint {
+            name,
+            role,
+            parent: parent(at),
+        };
+        let tree = Tree(joints.into_iter().map(joint).collect());
+        let moving = std::iter::successors(source.first().copied(), |at| above(*at)).collect();
+        Self {
+            tree,
+            source,
+            moving,
+        }
+    }
+
+    /// Whether all kept joints are below the first one, and that one is the file's root or the
+    /// pelvis. Some files have a root on the ground, above the hips.
+    pub fn is_one_tree(&self) -> bool {
+        let roots = self.tree.0.iter().filter(|joint| joint.parent.is_none());
+        let is_root = self.source.first() == Some(&0);
+        roots.count() == 1 && (is_root || self.tree.find("pelvis") == Some(0))
+    }
+
+    /// The rest pose: all rotations zero, each joint where its offset says; in the file's axes, as all
+    /// poses.
+    pub fn rest(&self, file: &Bvh) -> Placed {
+        self.posed(file, |_, joint| (joint.offset, IDENTITY_ROTATION))
+    }
+
+    /// The frame with the channel values `row`.
+    pub fn frame(&self, file: &Bvh, row: &[f64]) -> Placed {
+        let mut values = row.iter().copied();
+        self.posed(file, |at, joint| {
+            let (mut position, mut local) = (joint.offset, IDENTITY_ROTATION);
+            for channel in &joint.channels {
+                let value = values.next().unwrap_or_default();
+                match channel {
+                    Channel::Rotation(axis) => local = matmul(&local, &about_axis(*axis, value)),
+                    Channel::Position(axis) if self.moving.contains(&at) => position[*axis] = value,
+                    Channel::Position(_) => {}
+                }
+            }
+            (position, local)
+        })
+    }
+
+    /// The kept joints, where every joint of the file has the position and rotation from its parent that
+    /// `local` gives.
+    fn posed(
+        &self,
+        file: &Bvh,
+        mut local: impl FnMut(usize, &FileJoint) -> (Vec3, Mat3),
+    ) -> Placed {
+        let count = file.joints.len();
+        let (mut rotations, mut positions) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (at, joint) in file.joints.iter().enumerate() {
+            let (position, rotation) = local(at, joint);
+            let above = |parent: usize| Some((*rotations.get(parent)?, *positions.get(parent)?));
+            let (turn, from) =
+                (joint.parent.and_then(above)).unwrap_or((IDENTITY_ROTATION, [0.0; 3]));
+            positions.push(add(from, matvec(&turn, position)));
+            rotations.push(matmul(&turn, &rotation));
+        }
+        Placed {
+            rotations: self.source.iter().map(|at| rotations[*at]).collect(),
+            positions: self.source.iter().map(|at| positions[*at]).collect(),
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! What the readers of pose tools give: people, frame by frame, in the numbers of the tool.
+
+use super::camera_pose::CameraPose;
+use crate::geometry::{Mat3, Vec3, rodrigues};
+use crate::track::SmplPose;
+use std::sync::Arc;
+use yoto_formats::rle::RunLengths;
+use yoto_proto::pose_track::NO_DISTORTION;
+
+/// Intrinsics that a file has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Intrinsics {
+    /// Pixels.
+    pub focal: [f64; 2],
+    /// Principal point, pixels from the first pixel's centre; the image's middle if absent.
+    pub centre: Option<[f64; 2]>,
+    /// Width and height of the images that it belongs to, if the file says.
+    pub size: Option<[f64; 2]>,
+    /// Share of the clip's width and height that margins around its images add to these.
+    pub margin: f64,
+}
+
+impl Intrinsics {
+    /// Of a 3×3 matrix, rows first, whose principal point is the image's middle.
+    pub fn of_middle(k: &[f64; 9]) -> Self {
+        Self {
+            focal: [k[0], k[4]],
+            centre: Some([k[2], k[5]]),
+            size: Some([2.0 * k[2], 2.0 * k[5]]),
+            margin: 0.0,
+        }
+    }
+}
+
+/// What a tool found of a person in one frame.
+#[derive(Clone, Debug)]
+pub(crate) struct PoseEstimate {
+    /// Frame of the tool's clip, from 0.
+    pub number: usize,
+    /// The picture's name, if the file has it.
+    pub image: Option<String>,
+    /// The root's rotation is in the camera's axes (or in the world's, with `e`).
+    pub pose: SmplPose,
+    /// Translation, in the meaning of the tool.
+    pub t: Vec3,
+    pub betas: Vec<f64>,
+    /// Posed joints by SMPL's number, metres, before the translation.
+    pub joints: Vec<(usize, Vec3)>,
+    pub mask: Option<Arc<RunLengths>>,
+    pub intrinsics: Option<Intrinsics>,
+    /// World to camera; `None` where the body is in the camera's axes.
+    pub e: Option<[[f64; 4]; 4]>,
+    /// The camera's pose in the world, where the body is in the camera's axes and the camera moves.
+    pub camera_pose: Option<CameraPose>,
+}
+
+impl PoseEstimate {
+    /// With the parts that every tool has.
+    pub fn new(number: usize, pose: SmplPose, t: Vec3, betas: Vec<f64>) -> Self {
+        Self {
+            number,
+            image: None,
+            pose,
+            t,
+            betas,
+            joints: Vec::new(),
+            mask: None,
+            intrinsics: None,
+            e: None,
+            camera_pose: None,
+        }
+    }
+
+    /// The root's rotation.
+    pub fn root(&self) -> Mat3 {
+        rodrigues([self.pose[0], self.pose[1], self.pose[2]])
+    }
+}
+
+/// A person of a clip.
+#[derive(Clone, Debug)]
+pub(crate) struct Person {
+    /// The tool's number or name.
+    pub name: String,
+    /// In the order of their frames.
+    pub seen: Vec<PoseEstimate>,
+}
+
+/// The contents of a tool's files.
+#[derive(Clone, Debug)]
+pub(crate) struct Found {
+    pub people: Vec<Person>,
+    /// Frames of the tool's clip, if the files say.
+    pub frames: Option<usize>,
+    /// Width and height of the tool's clip, if the files say.
+    pub size: Option<[f64; 2]>,
+    /// OpenCV's k1 k2 p1 p2 k3 of the clip.
+    pub distortion: [f64; 5],
+    /// Masks of all people together, by frame.
+    pub masks: Vec<(usize, Arc<RunLengths>)>,
+    pub notes: Vec<String>,
+}
+
+impl Found {
+    pub fn of(people: Vec<Person>) -> Self {
+        Self {
+            people,
+            frames: None,
+            size: None,
+            distortion: NO_DISTORTION,
+            masks: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+}

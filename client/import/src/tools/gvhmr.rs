@@ -1,0 +1,66 @@
+//! GVHMR: `hmr4d_results.pt`, written by torch.
+//!
+//! `smpl_params_incam` and `smpl_params_global`: `body_pose` `[L, 63]`, `global_orient`, `transl` `[L, 3]`,
+//! `betas` `[L, 10]` of SMPL-X; `K_fullimg` `[L, 3, 3]`. `global` has y up and no camera, so only
+//! `incam` is read. A converter to `.pkl` is in use that writes the numbers of `global` in the place
+//! of `incam`: such a file is refused. Frames are those of the copy `0_input_video.mp4`, which has all
+//! frames of the clip, shown at 30 a second.
+
+use super::parts::pose_of_smplx;
+use super::tool::Tool;
+use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::source::Part;
+use yoto_client::ClientError;
+
+pub(crate) static TOOL: Tool = Tool {
+    files: "hmr4d_results.pt with smpl_params_incam",
+    fits,
+    read: |file| read(file.root),
+    documented: Documented {
+        tool: "GVHMR",
+        body: Body::SmplX,
+        focal: Focal::Own,
+        focal_without_own: Some(Focal::Diagonal),
+        translation: Translation::AboutPelvis,
+    },
+};
+
+fn fits(root: &Part<'_>) -> bool {
+    root.find("smpl_params_incam").is_some() || root.find("smpl_params_global").is_some()
+}
+
+fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+    let incam = root.get("smpl_params_incam")?;
+    let orient = incam.get("global_orient")?.rows::<3>()?;
+    let transl = incam.get("transl")?.same_rows::<3>(orient.len())?;
+    let body = incam.get("body_pose")?.same_rows::<63>(orient.len())?;
+    let betas = incam.get("betas")?.same_betas(orient.len())?;
+    if let Some(global) = root.find("smpl_params_global") {
+        let world = global.get("global_orient")?.rows::<3>()?;
+        let positions = global.get("transl")?.rows::<3>()?;
+        if world == orient && positions == transl && orient.len() > 1 {
+            let message = "the same numbers as smpl_params_global: a converter put the poses of the \
+                           world (y up) in the place of the camera's. Give the tool's own \
+                           hmr4d_results.pt";
+            return Err(incam.fault("INVALID", message));
+        }
+    }
+    let cameras = match root.find("K_fullimg") {
+        Some(part) => part.flat_rows::<9>()?,
+        None => Vec::new(),
+    };
+    let one = |number: usize| {
+        let pose = pose_of_smplx(*orient.get(number)?, body.get(number)?);
+        let betas = betas.get(number)?.clone();
+        let mut seen = PoseEstimate::new(number, pose, *transl.get(number)?, betas);
+        let camera = cameras.get(number).or_else(|| cameras.first());
+        seen.intrinsics = camera.map(Intrinsics::of_middle);
+        Some(seen)
+    };
+    let mut found = Found::of(vec![Person {
+        name: "0".to_owned(),
+        seen: (0..orient.len()).filter_map(one).collect(),
+    }]);
+    found.frames = Some(orient.len());
+    Ok(found)
+}

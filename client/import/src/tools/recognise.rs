@@ -1,0 +1,155 @@
+//! Which tool wrote a file or a folder, by their contents.
+
+use super::ALL;
+use super::tool::{Tool, ToolFile};
+use crate::Options;
+use crate::clip::fault;
+use crate::proof::Found;
+use crate::source::Source;
+use std::path::Path;
+use yoto_client::ClientError;
+
+/// Endings of files that tools write.
+const ENDINGS: [&str; 7] = ["pkl", "joblib", "pt", "pth", "npz", "npy", "json"];
+
+/// Folders below the given one, and beginnings and endings of the files in them that tools write.
+const LOCATIONS: [(&str, &str, &str); 20] = [
+    ("", "wham_output", ".pkl"),
+    ("", "hmr4d_results", ".pt"),
+    ("", "results", ".pkl"),
+    ("hps", "hps_track", ".npy"),
+    ("", "hps_track", ".npy"),
+    ("results", "demo_", ".pkl"),
+    ("", "demo_", ".pkl"),
+    ("", "video_results", ".npz"),
+    ("smplx_optimized/smplx_params_smoothed", "", ".json"),
+    ("smplx_params_smoothed", "", ".json"),
+    ("smplx_optimized/smplx_params", "", ".json"),
+    ("smplx_params", "", ".json"),
+    ("smpl", "", ".json"),
+    ("output/smpl", "", ".json"),
+    ("output-smpl-3d/smpl", "", ".json"),
+    ("", "", ".pkl"),
+    ("", "", ".pt"),
+    ("", "", ".pth"),
+    ("", "", ".npz"),
+    ("", "", ".json"),
+];
+
+/// The contents of the file or folder at `path`, and the tool that wrote it; `forced` if the user says
+/// which.
+///
+/// # Errors
+/// When no tool's files are there, with what was looked for; when a file is recognised but wrong.
+pub(crate) fn open(
+    path: &Path,
+    forced: Option<&'static Tool>,
+    options: &Options,
+) -> Result<(&'static Tool, Found), ClientError> {
+    if path.is_file() {
+        let source = Source::new(path.parent().unwrap_or(Path::new("")));
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        return read_file(&source, &name, forced, options)?
+            .ok_or_else(|| unknown(&source, &name, forced));
+    }
+    let source = Source::new(path);
+    if !path.is_dir() {
+        return Err(fault(path, "MISSING", "there is no such file or folder"));
+    }
+    // A damaged or foreign file does not hide the tool's file beside it.
+    let mut first_fault = None;
+    for name in candidates(&source)? {
+        match read_file(&source, &name, forced, options) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => {}
+            Err(fault) => {
+                first_fault.get_or_insert(fault);
+            }
+        }
+    }
+    Err(first_fault.unwrap_or_else(|| unknown(&source, "", forced)))
+}
+
+/// Whether the folder holds files with the names of a tool's.
+pub(crate) fn has_files(path: &Path) -> bool {
+    let source = Source::new(path);
+    let named = LOCATIONS
+        .iter()
+        .filter(|(folder, start, _)| !folder.is_empty() || !start.is_empty());
+    named
+        .into_iter()
+        .any(|location| first(&source, location).is_ok_and(|name| name.is_some()))
+}
+
+/// The first file of every location, the surest first.
+fn candidates(source: &Source) -> Result<Vec<String>, ClientError> {
+    let mut names = Vec::new();
+    for location in &LOCATIONS {
+        if let Some(name) = first(source, location)?
+            && !names.contains(&name)
+        {
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+fn first(source: &Source, location: &(&str, &str, &str)) -> Result<Option<String>, ClientError> {
+    let (folder, start, ending) = *location;
+    if !source.path(folder).is_dir() {
+        return Ok(None);
+    }
+    let names = source.list(folder, &[ending])?;
+    let starts = |name: &&String| {
+        let name = name
+            .rsplit_once('/')
+            .map_or(name.as_str(), |(_, name)| name);
+        name.starts_with(start)
+    };
+    let name = names.iter().find(starts);
+    Ok(name.map(|name| name.trim_start_matches('/').to_owned()))
+}
+
+/// The contents of `file`; `None` when it is no tool's, or another tool's than `forced`.
+fn read_file(
+    source: &Source,
+    file: &str,
+    forced: Option<&'static Tool>,
+    options: &Options,
+) -> Result<Option<(&'static Tool, Found)>, ClientError> {
+    let ending = Path::new(file)
+        .extension()
+        .and_then(|ending| ending.to_str());
+    if !ending.is_some_and(|ending| ENDINGS.contains(&ending)) {
+        return Ok(None);
+    }
+    let data = source.data(file, None)?;
+    let root = data.root();
+    let is_wanted = |tool: &&Tool| forced.is_none_or(|forced| std::ptr::eq(forced, *tool));
+    let mut wanted = ALL.into_iter().filter(is_wanted);
+    let Some(tool) = wanted.find(|tool| (tool.fits)(&root)) else {
+        return Ok(None);
+    };
+    let found = (tool.read)(&ToolFile {
+        root: &root,
+        source,
+        name: file,
+        options,
+    })?;
+    if found.people.iter().all(|person| person.seen.is_empty()) {
+        let message = format!("{} saw nobody in any frame", tool.documented.tool);
+        return Err(source.fault("EMPTY", file, None, "", message));
+    }
+    Ok(Some((tool, found)))
+}
+
+/// The error about files of no tool, with what was looked for.
+fn unknown(source: &Source, file: &str, forced: Option<&'static Tool>) -> ClientError {
+    let looked: Vec<String> = ALL
+        .into_iter()
+        .filter(|tool| forced.is_none_or(|forced| std::ptr::eq(forced, *tool)))
+        .map(|tool| format!("{}: {}", tool.documented.tool, tool.files))
+        .collect();
+    let message = format!("no pose tool's files; looked for {}", looked.join("; "));
+    source.fault("UNKNOWN", file, None, "", message)
+}

@@ -1,0 +1,130 @@
+//! ROMP and BEV: a `.npz` of `results` per frame, or `video_results.npz` of all frames by name.
+//!
+//! Of `P` people: `smpl_thetas` `[P, 72]`, `smpl_betas` `[P, 10]` (BEV: 11), `cam_trans` `[P, 3]` (for a
+//! view of 60°), `joints` `[P, 71, 3]` (SMPL's 24 first), `track_ids` `[P]` with `-t`. The pelvis is at
+//! `joints[0] + cam_trans`, whether the tool aligned the joints to the hips or not. Without SMPL
+//! (`--calc_smpl` switches it off) there are no joints and the translation is for another focal length:
+//! such files are refused.
+
+use super::parts::push;
+use super::tool::Tool;
+use crate::clip::number_in;
+use crate::geometry::{Vec3, dot, sub};
+use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
+use crate::source::{Part, Source};
+use yoto_client::ClientError;
+use yoto_proto::smpl::JOINTS;
+
+/// How far a person moves from frame to frame, at most, metres, where no file has numbers of people.
+const STRIDE: f64 = 1.0;
+
+pub(crate) static TOOL: Tool = Tool {
+    files: "*.npz with results",
+    fits,
+    read: |file| read(file.root, file.source, file.name),
+    documented: Documented {
+        tool: "ROMP or BEV",
+        body: Body::Smpl,
+        focal: Focal::Sixty,
+        focal_without_own: None,
+        translation: Translation::AboutPelvis,
+    },
+};
+
+fn fits(root: &Part<'_>) -> bool {
+    root.find("results").is_some()
+}
+
+fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientError> {
+    let results = root.get("results")?;
+    let mut found = Found::of(Vec::new());
+    if is_frame(&results) {
+        let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
+        for (order, name) in source.list(folder, &[".npz"])?.iter().enumerate() {
+            let name = name.trim_start_matches('/');
+            let number = number_in(name).unwrap_or(order);
+            let data = source.data(name, Some(number as u32))?;
+            if let Some(results) = data.root().find("results").filter(is_frame) {
+                add(&mut found.people, &results, number, name)?;
+            }
+        }
+    } else {
+        let frames = results.members()?;
+        for (order, (name, part)) in frames.iter().enumerate() {
+            let number = number_in(name).unwrap_or(order);
+            add(
+                &mut found.people,
+                &part.clone().of_frame(number as u32),
+                number,
+                name,
+            )?;
+        }
+    }
+    Ok(found)
+}
+
+/// Whether this is the output for one image.
+fn is_frame(part: &Part<'_>) -> bool {
+    part.find("cam").is_some()
+        || part.find("cam_trans").is_some()
+        || part.find("smpl_thetas").is_some()
+}
+
+fn add(
+    people: &mut Vec<Person>,
+    part: &Part<'_>,
+    number: usize,
+    name: &str,
+) -> Result<(), ClientError> {
+    let (Some(thetas), Some(joints)) = (part.find("smpl_thetas"), part.find("joints")) else {
+        let message = "there are no smpl_thetas and joints: the tool ran without SMPL, and its \
+                       translations then belong to no body. Given alone, --calc_smpl switches SMPL \
+                       off: run it again without that";
+        return Err(part.fault("MISSING", message));
+    };
+    let poses = thetas.rows::<72>()?;
+    let count = poses.len();
+    let betas = part.get("smpl_betas")?.same_betas(count)?;
+    let translations = part.get("cam_trans")?.same_rows::<3>(count)?;
+    let joints = joints.same_rows::<213>(count)?;
+    let ids = part
+        .find("track_ids")
+        .map(|ids| ids.numbers(count))
+        .transpose()?;
+    for (at, pose) in poses.into_iter().enumerate() {
+        let (Some(t), Some(betas), Some(joints)) =
+            (translations.get(at), betas.get(at), joints.get(at))
+        else {
+            continue;
+        };
+        let mut seen = PoseEstimate::new(number, pose, *t, betas.clone());
+        seen.image = Some(name.to_owned());
+        let (joints, _) = joints.as_chunks::<3>();
+        seen.joints = joints
+            .iter()
+            .copied()
+            .take(JOINTS.len())
+            .enumerate()
+            .collect();
+        let person = match ids.as_ref().and_then(|ids| ids.get(at)) {
+            Some(id) => id.to_string(),
+            None => nearest(people, *t, number).unwrap_or_else(|| people.len().to_string()),
+        };
+        push(people, person, seen);
+    }
+    Ok(())
+}
+
+/// The person who was last seen nearest to `t`, and not in this frame.
+fn nearest(people: &[Person], t: Vec3, number: usize) -> Option<String> {
+    let away = |person: &Person| {
+        let last = person.seen.last()?;
+        let by = sub(last.t, t);
+        let far = dot(by, by).sqrt();
+        (last.number != number && far < STRIDE).then(|| (far, person.name.clone()))
+    };
+    let candidates = people.iter().filter_map(away);
+    candidates
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, name)| name)
+}

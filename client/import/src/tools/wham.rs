@@ -1,0 +1,53 @@
+//! WHAM: `wham_output.pkl`, written by joblib with `--save_pkl`.
+//!
+//! `{person: {pose [F, 72], trans [F, 3], betas [F, 10], frame_ids [F], …}}`: axis-angle in the camera's
+//! axes, SMPL's translation, for the focal length √(W² + H²). `pose_world` and `trans_world` have an
+//! origin of their own for each person and another joint at it, so they are not read.
+
+use super::tool::Tool;
+use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
+use crate::source::Part;
+use yoto_client::ClientError;
+
+pub(crate) static TOOL: Tool = Tool {
+    files: "wham_output.pkl with pose, trans and frame_ids of each person",
+    fits,
+    read: |file| read(file.root),
+    documented: Documented {
+        tool: "WHAM",
+        body: Body::Smpl,
+        focal: Focal::Diagonal,
+        focal_without_own: None,
+        translation: Translation::AboutPelvis,
+    },
+};
+
+fn fits(root: &Part<'_>) -> bool {
+    let Ok(people) = root.members() else {
+        return false;
+    };
+    let is_person = |part: &Part<'_>| {
+        part.find("trans_world").is_some()
+            || (part.find("pose").is_some() && part.find("frame_ids").is_some())
+    };
+    !people.is_empty() && people.iter().all(|(_, part)| is_person(part))
+}
+
+fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+    let mut people = Vec::new();
+    for (name, part) in root.members()? {
+        let poses = part.get("pose")?.rows::<72>()?;
+        let trans = part.get("trans")?;
+        let translations = trans.same_rows::<3>(poses.len())?;
+        let betas = part.get("betas")?.same_betas(poses.len())?;
+        let numbers = part.get("frame_ids")?.numbers(poses.len())?;
+        let seen = numbers.into_iter().zip(poses).zip(translations).zip(betas);
+        let seen =
+            seen.map(|(((number, pose), t), betas)| PoseEstimate::new(number, pose, t, betas));
+        people.push(Person {
+            name,
+            seen: seen.collect(),
+        });
+    }
+    Ok(Found::of(people))
+}

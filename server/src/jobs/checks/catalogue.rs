@@ -1,0 +1,146 @@
+//! What the catalogue must hold for an order: captures, slots, checkpoints.
+
+use super::parse;
+use crate::checkpoints::best::best_first;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::StoreError;
+use yoto_proto::names::Collection;
+use yoto_proto::render_needs::Need;
+use yoto_proto::v1::{Checkpoint, Model, SubjectShard};
+
+/// A person who must have a slot in a model.
+pub(super) struct RequiredSlot {
+    pub slot: u32,
+    /// Field of the order that names the person, e.g. `scene.actors[1].subject`.
+    pub field: String,
+    pub person: String,
+}
+
+/// Checks that each needed person has a capture with the requested frame. Returns the people who must have a
+/// slot in the model. `field` is the path of the specification.
+pub(super) async fn check_needs(
+    context: &Context,
+    field: &str,
+    model: &Model,
+    needs: &[Need<'_>],
+) -> Result<Vec<RequiredSlot>, RequestError> {
+    let mut shown = Vec::new();
+    for need in needs {
+        let field = |name: &str| format!("{field}.{name}");
+        let shard = require_shard(context, &field(&need.field), need.subject).await?;
+        if need.slot {
+            let slot = require_slot(context, model, need.subject).await;
+            shown.push(RequiredSlot {
+                slot: slot.map_err(|error| error.of(&need.field))?,
+                field: need.field.clone(),
+                person: shard.display_name.clone(),
+            });
+        }
+        if let Some((name, frame)) = &need.frame {
+            check_frame(&shard, &field(name), *frame)?;
+        }
+    }
+    Ok(shown)
+}
+
+/// Checks that the checkpoint was trained with all required slots.
+pub(super) fn check_known(
+    used: &Checkpoint,
+    model: &Model,
+    shown: &[RequiredSlot],
+) -> Result<(), RequestError> {
+    let unknown = shown.iter().find(|it| !used.slots.contains(&it.slot));
+    if let Some(RequiredSlot { field, person, .. }) = unknown
+        && !used.slots.is_empty()
+    {
+        let message = format!(
+            "step {} of {} was trained before {person} joined the model: train it again",
+            used.step, model.display_name
+        );
+        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
+    }
+    Ok(())
+}
+
+/// The subject's slot in the model. Fails if the subject does not exist or has no slot.
+pub(super) async fn require_slot(
+    context: &Context,
+    model: &Model,
+    subject: &str,
+) -> Result<u32, RequestError> {
+    if let Some(slot) = model.slots.iter().find(|slot| slot.subject == subject) {
+        return Ok(slot.slot);
+    }
+    let id = parse(Collection::Subjects, "subject", subject)?;
+    let person = context.store.subject(id).await?.display_name;
+    let message = format!("{person} is not in {}", model.display_name);
+    Err(RequestError::precondition("NO_SLOT", message))
+}
+
+/// The model's checkpoint with the name `wanted`, or its best one if that is empty.
+pub(super) async fn require_checkpoint(
+    context: &Context,
+    field: &str,
+    model: &Model,
+    wanted: &str,
+) -> Result<Checkpoint, RequestError> {
+    let id = parse(Collection::Models, &format!("{field}.model"), &model.name)?;
+    let all = context.store.checkpoints(id, u32::MAX).await?;
+    if !wanted.is_empty() {
+        let found = all.into_iter().find(|it| it.name == wanted);
+        return found.ok_or_else(|| {
+            let shown: String = wanted.chars().take(200).collect();
+            let message = format!("{} has no checkpoint '{shown}'", model.display_name);
+            RequestError::invalid(format!("{field}.checkpoint"), message)
+        });
+    }
+    best_first(all).into_iter().next().ok_or_else(|| {
+        let message = format!("{} has no checkpoint; train it first", model.display_name);
+        RequestError::precondition("NO_CHECKPOINT", message)
+    })
+}
+
+pub(super) async fn model(
+    context: &Context,
+    field: &str,
+    name: &str,
+) -> Result<Model, RequestError> {
+    Ok(context
+        .store
+        .model(parse(Collection::Models, field, name)?)
+        .await?)
+}
+
+/// Checks that the `wanted` frame lies between the first and the last frame of the capture, where these are
+/// known. A frame between them may still be missing: the worker finds that out.
+fn check_frame(shard: &SubjectShard, field: &str, wanted: u32) -> Result<(), RequestError> {
+    let (Some(first), Some(last)) = (shard.first_frame, shard.last_frame) else {
+        return Ok(());
+    };
+    if (first..=last).contains(&wanted) {
+        return Ok(());
+    }
+    let person = &shard.display_name;
+    let message = format!("{person}'s capture has frames {first} to {last}, not {wanted}");
+    Err(RequestError::invalid(field, message))
+}
+
+/// The shard of the subject. Fails if the subject does not exist or has no shard.
+pub(super) async fn require_shard(
+    context: &Context,
+    field: &str,
+    name: &str,
+) -> Result<SubjectShard, RequestError> {
+    let id = parse(Collection::Subjects, field, name)?;
+    if let Some(shard) = context.store.shard(id).await? {
+        return Ok(shard);
+    }
+    let subject = context.store.subject(id).await?;
+    let (person, state) = (&subject.display_name, subject.state().as_str_name());
+    Err(StoreError::Rule {
+        reason: "SUBJECT_NOT_READY",
+        message: format!("{person} is {state}: a capture that is READY is needed"),
+    }
+    .into())
+}

@@ -1,0 +1,22 @@
+//! Checks of orders and of results against the catalogue.
+//!
+//! What an order may say by itself is in `yoto_proto::checks`; here is what needs the catalogue and the
+//! object store.
+
+mod catalogue;
+pub mod results;
+pub mod specs;
+
+use crate::error::RequestError;
+use yoto_proto::names::Collection;
+
+/// The id in the resource `name` that the request has at `field`.
+pub fn parse<'a>(
+    collection: Collection,
+    field: &str,
+    name: &'a str,
+) -> Result<&'a str, RequestError> {
+    collection
+        .parse(name)
+        .map_err(|error| RequestError::invalid(field, error.to_string()))
+}

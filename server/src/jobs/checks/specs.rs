@@ -1,0 +1,170 @@
+//! Checks whether the catalogue can serve an order.
+
+use super::catalogue::{
+    check_known, check_needs, model, require_checkpoint, require_shard, require_slot,
+};
+use super::parse;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::StoreError;
+use yoto_proto::names::Collection;
+use yoto_proto::render_needs::{Need, needs, other_models};
+use yoto_proto::v1::{
+    Checkpoint, EvaluateSpec, ExportSpec, JobSpec, Model, RenderSpec, TrainSpec, job_spec,
+};
+use yoto_proto::{checks, exports, tiers};
+
+/// Fewest frames of a person to train on: one pose can't tell how a body moves.
+const MIN_TRAIN_FRAMES: u32 = 2;
+
+/// Checks that the catalogue holds all that the order needs.
+///
+/// # Errors
+/// When the order names a missing resource, or can't be served yet.
+pub async fn check_spec(context: &Context, spec: &JobSpec) -> Result<(), RequestError> {
+    match &spec.kind {
+        Some(job_spec::Kind::Train(train)) => check_train(context, train).await,
+        Some(job_spec::Kind::Render(render)) => check_render(context, render).await,
+        Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await,
+        Some(job_spec::Kind::Export(export)) => check_export(context, export).await,
+        Some(job_spec::Kind::Ingest(_)) => {
+            let message = "ingest jobs are started by uploading a capture";
+            Err(RequestError::invalid("spec.ingest", message))
+        }
+        None => Ok(()),
+    }
+}
+
+async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
+    context.ensure_room(0)?;
+    let model = model(context, "spec.train.model", &train.model).await?;
+    if let Some(fault) = checks::train::of_tier(train, &model.tier)
+        .into_iter()
+        .next()
+    {
+        let field = format!("spec.train.{}", fault.field);
+        return Err(RequestError::invalid(field, fault.message));
+    }
+    if model.slots.is_empty() {
+        let message = format!("{} has no people; add one first", model.display_name);
+        return Err(RequestError::precondition("NO_IDENTITIES", message));
+    }
+    let people: Vec<&str> = match &*train.only {
+        "" => model.slots.iter().map(|slot| &*slot.subject).collect(),
+        only => vec![check_only(context, &model, only).await?],
+    };
+    for subject in people {
+        let shard = require_shard(context, "spec.train.model", subject).await?;
+        if shard.frames < MIN_TRAIN_FRAMES {
+            let message = format!(
+                "the capture of {} has {} frame: a training sees a person in at least \
+                 {MIN_TRAIN_FRAMES} frames, of different poses",
+                shard.display_name, shard.frames
+            );
+            return Err(RequestError::precondition("TOO_FEW_FRAMES", message));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that one person can be trained alone: the shared weights of the model must be trained before.
+async fn check_only<'a>(
+    context: &Context,
+    model: &Model,
+    only: &'a str,
+) -> Result<&'a str, RequestError> {
+    require_slot(context, model, only).await?;
+    let id = parse(Collection::Models, "spec.train.model", &model.name)?;
+    if context.store.checkpoints(id, 1).await?.is_empty() {
+        let message = format!(
+            "{} is untrained, and nobody can join it before others have trained it: train it first",
+            model.display_name
+        );
+        return Err(RequestError::precondition("NO_CHECKPOINT", message));
+    }
+    Ok(only)
+}
+
+async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
+    let own = model(context, "spec.render.model", &render.model).await?;
+    let used = check_shown(context, render, &own, "").await?;
+    for (field, name) in other_models(render) {
+        let path = format!("spec.render.{field}");
+        let id = parse(Collection::Models, &path, name)?;
+        let other = context.store.model(id).await.map_err(|error| match error {
+            StoreError::NotFound { .. } => RequestError::invalid(path, error.to_string()),
+            error => error.into(),
+        })?;
+        check_shown(context, render, &other, &field).await?;
+    }
+    let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
+    if measured && used.tradeoff.is_none() {
+        let message = format!(
+            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
+             tradeoff {} --checkpoint {} --out DIR",
+            used.name, own.display_name, used.step
+        );
+        return Err(RequestError::precondition("NO_TRADEOFF", message));
+    }
+    Ok(())
+}
+
+/// Checks that a render can use one of its models: its own, or the one that the field `actor` of its scene
+/// names. Returns the checkpoint to use.
+async fn check_shown(
+    context: &Context,
+    render: &RenderSpec,
+    model: &Model,
+    actor: &str,
+) -> Result<Checkpoint, RequestError> {
+    let needs = needs(render).into_iter();
+    let needs: Vec<Need<'_>> = needs.filter(|it| it.model == model.name).collect();
+    let shown = check_needs(context, "spec.render", model, &needs).await?;
+    let wanted = if actor.is_empty() {
+        &*render.checkpoint
+    } else {
+        ""
+    };
+    let used = require_checkpoint(context, "spec.render", model, wanted).await;
+    let used = used.map_err(|error| error.of(actor))?;
+    check_known(&used, model, &shown)?;
+    let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
+    match refusal {
+        Some(message) => {
+            let message = format!("{}: {message}", model.display_name);
+            Err(RequestError::invalid("spec.render.quality", message))
+        }
+        None => Ok(used),
+    }
+}
+
+async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), RequestError> {
+    let model = model(context, "spec.export.model", &export.model).await?;
+    let needs = exports::needs(export);
+    let shown = check_needs(context, "spec.export", &model, &needs).await?;
+    let used = require_checkpoint(context, "spec.export", &model, &export.checkpoint).await?;
+    check_known(&used, &model, &shown)?;
+    if export.distillation.is_some() && model.tier == tiers::SPLATS {
+        let message = format!(
+            "{} has the tier {}: there is nothing to distill",
+            model.display_name, model.tier
+        );
+        return Err(RequestError::invalid("spec.export.distillation", message));
+    }
+    Ok(())
+}
+
+async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {
+    let model = model(context, "spec.evaluate.model", &evaluate.model).await?;
+    for (i, subject) in evaluate.subjects.iter().enumerate() {
+        require_shard(context, &format!("spec.evaluate.subjects[{i}]"), subject).await?;
+        require_slot(context, &model, subject).await?;
+    }
+    for slot in &model.slots {
+        if evaluate.subjects.is_empty() {
+            require_shard(context, "spec.evaluate.model", &slot.subject).await?;
+        }
+    }
+    require_checkpoint(context, "spec.evaluate", &model, &evaluate.checkpoint).await?;
+    Ok(())
+}

@@ -1,9 +1,0 @@
-//! Figures of a coordinator under the load of a cluster, for docs/jobs.md:
-//! `cargo build -p yoto-tests --bins && cargo run -p yoto-tests --bin load`.
-
-use yoto_tests::load::{Load, Plan};
-
-#[tokio::main]
-async fn main() -> anyhow::Result<()> {
-    Load::start(Plan::default()).await?.run().await
-}

@@ -1,0 +1,286 @@
+//! The calls of a client that repeats each, under its request id, until it has a definite answer.
+
+use anyhow::{Context, Result};
+use std::future::Future;
+use std::time::{Duration, Instant};
+use tonic::transport::Channel;
+use tonic::{Code, Response, Status};
+use yoto_client::endpoint;
+use yoto_proto::v1::job_service_client::JobServiceClient;
+use yoto_proto::v1::model_service_client::ModelServiceClient;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{
+    AddIdentityRequest, CancelJobRequest, Capture, Checkpoint, CreateJobRequest,
+    CreateModelRequest, CreateSubjectRequest, DeleteJobRequest, GetCaptureRequest, GetJobRequest,
+    Job, ListCheckpointsRequest, ListJobsRequest, WatchJobRequest, WatchJobResponse, job,
+};
+
+/// Longest wait for one answer.
+const ANSWER: Duration = Duration::from_secs(10);
+/// Longest time without a definite answer.
+const PATIENCE: Duration = Duration::from_secs(90);
+/// Pause before a repetition.
+const PAUSE: Duration = Duration::from_millis(150);
+
+/// Calls `call` until there is a definite answer.
+///
+/// # Errors
+/// The refusal, or the last failure when patience ends.
+pub async fn answered<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+where
+    F: Future<Output = Result<Response<T>, Status>>,
+{
+    let began = Instant::now();
+    loop {
+        let failure = match tokio::time::timeout(ANSWER, call()).await {
+            Ok(Ok(answer)) => return Ok(answer.into_inner()),
+            Ok(Err(status)) if !is_transient(status.code()) => return Err(status),
+            Ok(Err(status)) => status,
+            Err(_) => Status::deadline_exceeded("no answer in time"),
+        };
+        if began.elapsed() > PATIENCE {
+            return Err(failure);
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+/// Whether a broken connection or an end of the coordinator can cause this failure.
+pub fn is_transient(code: Code) -> bool {
+    matches!(
+        code,
+        Code::Unavailable
+            | Code::Cancelled
+            | Code::Unknown
+            | Code::Internal
+            | Code::Aborted
+            | Code::DeadlineExceeded
+    )
+}
+
+/// A client of the service.
+#[derive(Debug, Clone)]
+pub struct Calls(Channel);
+
+impl Calls {
+    /// A client of the service at `address`, which need not run yet.
+    ///
+    /// # Errors
+    /// When the address is invalid.
+    pub fn to(address: std::net::SocketAddr) -> Result<Self> {
+        let endpoint = endpoint(&format!("http://{address}")).context("the address")?;
+        Ok(Self(endpoint.connect_lazy()))
+    }
+
+    /// The connection.
+    pub fn channel(&self) -> Channel {
+        self.0.clone()
+    }
+
+    fn jobs(&self) -> JobServiceClient<Channel> {
+        JobServiceClient::new(self.channel())
+    }
+
+    fn models(&self) -> ModelServiceClient<Channel> {
+        ModelServiceClient::new(self.channel())
+    }
+
+    fn subjects(&self) -> SubjectServiceClient<Channel> {
+        SubjectServiceClient::new(self.channel())
+    }
+
+    /// The worker's side of the service.
+    pub fn workers(&self) -> WorkerServiceClient<Channel> {
+        WorkerServiceClient::new(self.channel())
+    }
+
+    /// Creates a person and returns its name.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn create_subject(&self, display_name: &str) -> Result<String> {
+        let request = CreateSubjectRequest {
+            display_name: display_name.to_owned(),
+            consent_note: "made up".to_owned(),
+            request_id: uuid::Uuid::new_v4().to_string(),
+        };
+        let call = || {
+            let (mut service, request) = (self.subjects(), request.clone());
+            async move { service.create_subject(request).await }
+        };
+        Ok(answered(call).await.context("creating a subject")?.name)
+    }
+
+    /// Creates a model of `subjects` and returns its name.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn create_model(&self, display_name: &str, subjects: &[String]) -> Result<String> {
+        let request = CreateModelRequest {
+            display_name: display_name.to_owned(),
+            tier: "draft".to_owned(),
+            variant: "yoto".to_owned(),
+            request_id: uuid::Uuid::new_v4().to_string(),
+            retention: None,
+        };
+        let call = || {
+            let (mut service, request) = (self.models(), request.clone());
+            async move { service.create_model(request).await }
+        };
+        let model = answered(call).await.context("creating a model")?.name;
+        for subject in subjects {
+            let request = AddIdentityRequest {
+                request_id: String::new(),
+                model: model.clone(),
+                subject: subject.clone(),
+            };
+            let call = || {
+                let (mut service, request) = (self.models(), request.clone());
+                async move { service.add_identity(request).await }
+            };
+            match answered(call).await {
+                // An earlier delivery was carried out, and its answer lost.
+                Err(status) if status.code() == Code::AlreadyExists => {}
+                other => drop(other.context("adding an identity")?),
+            }
+        }
+        Ok(model)
+    }
+
+    /// Creates a job; the same request has the same answer.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn create_job(&self, request: &CreateJobRequest) -> Result<Job, Status> {
+        answered(|| {
+            let (mut service, request) = (self.jobs(), request.clone());
+            async move { service.create_job(request).await }
+        })
+        .await
+    }
+
+    /// A job with its history.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn job(&self, name: &str) -> Result<Job, Status> {
+        let request = GetJobRequest {
+            name: name.to_owned(),
+        };
+        answered(|| {
+            let (mut service, request) = (self.jobs(), request.clone());
+            async move { service.get_job(request).await }
+        })
+        .await
+    }
+
+    /// All jobs in one of the `states`; all jobs without any.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn list_jobs(&self, states: &[job::State]) -> Result<Vec<Job>, Status> {
+        let (mut jobs, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListJobsRequest {
+                page_size: 1000,
+                page_token,
+                states: states.iter().map(|&state| state.into()).collect(),
+                ..ListJobsRequest::default()
+            };
+            let page = answered(|| {
+                let (mut service, request) = (self.jobs(), request.clone());
+                async move { service.list_jobs(request).await }
+            })
+            .await?;
+            jobs.extend(page.jobs);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(jobs);
+            }
+        }
+    }
+
+    /// Cancels a job.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn cancel_job(&self, name: &str) -> Result<Job, Status> {
+        let request = CancelJobRequest {
+            name: name.to_owned(),
+            request_id: uuid::Uuid::new_v4().to_string(),
+        };
+        answered(|| {
+            let (mut service, request) = (self.jobs(), request.clone());
+            async move { service.cancel_job(request).await }
+        })
+        .await
+    }
+
+    /// Deletes a job. NOT_FOUND counts as success: an earlier delivery deleted it.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn delete_job(&self, name: &str) -> Result<(), Status> {
+        let request = DeleteJobRequest {
+            name: name.to_owned(),
+            ..DeleteJobRequest::default()
+        };
+        let deleted = answered(|| {
+            let (mut service, request) = (self.jobs(), request.clone());
+            async move { service.delete_job(request).await }
+        });
+        match deleted.await {
+            Err(status) if status.code() != Code::NotFound => Err(status),
+            _ => Ok(()),
+        }
+    }
+
+    /// A capture.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn capture(&self, name: &str) -> Result<Capture, Status> {
+        let request = GetCaptureRequest {
+            name: name.to_owned(),
+        };
+        answered(|| {
+            let (mut service, request) = (self.subjects(), request.clone());
+            async move { service.get_capture(request).await }
+        })
+        .await
+    }
+
+    /// The checkpoints of a model, newest first.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn checkpoints(&self, model: &str) -> Result<Vec<Checkpoint>, Status> {
+        let request = ListCheckpointsRequest {
+            model: model.to_owned(),
+            page_size: 1000,
+            page_token: String::new(),
+        };
+        let listed = answered(|| {
+            let (mut service, request) = (self.models(), request.clone());
+            async move { service.list_checkpoints(request).await }
+        });
+        Ok(listed.await?.checkpoints)
+    }
+
+    /// Starts to watch a job.
+    ///
+    /// # Errors
+    /// When the service refuses.
+    pub async fn watch(&self, name: &str) -> Result<tonic::Streaming<WatchJobResponse>, Status> {
+        let request = WatchJobRequest {
+            name: name.to_owned(),
+            after_sequence: 0,
+        };
+        answered(|| {
+            let (mut service, request) = (self.jobs(), request.clone());
+            async move { service.watch_job(request).await }
+        })
+        .await
+    }
+}

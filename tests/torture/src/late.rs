@@ -1,0 +1,144 @@
+//! Writes with stale claims: by a worker that lost the job, and by one that never had it.
+
+use super::calls::{Calls, answered};
+use super::history::{Event, History};
+use anyhow::{Context, Result};
+use tonic::Status;
+use tonic_types::StatusExt;
+use yoto_proto::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::v1::{
+    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobKind,
+    JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, TakeRangeRequest,
+    WorkerDevice, job_attempt,
+};
+
+/// Registers a worker that never gets a job.
+///
+/// # Errors
+/// When the service refuses.
+pub async fn register_stranger(calls: &Calls) -> Result<String> {
+    let request = RegisterWorkerRequest {
+        display_name: "stranger".into(),
+        device: Some(WorkerDevice::default()),
+        kinds: vec![JobKind::Train.into()],
+        embedded: false,
+    };
+    let registered = answered(|| {
+        let (mut service, request) = (calls.workers(), request.clone());
+        async move { service.register_worker(request).await }
+    });
+    Ok(registered.await.context("registering a worker")?.worker)
+}
+
+/// Tries all late writes on a job that was just read.
+///
+/// # Errors
+/// When there is no definite answer.
+pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &str) -> Result<()> {
+    let Some(newest) = job.attempts.last() else {
+        return Ok(());
+    };
+    let claim = |worker: &str, token| Claim {
+        job: job.name.clone(),
+        worker: worker.to_owned(),
+        token,
+    };
+    let mut claims = vec![(
+        "a worker that never had the job",
+        claim(stranger, newest.number),
+    )];
+    let lost = job_attempt::Outcome::Lost;
+    for attempt in job.attempts.iter().filter(|it| it.outcome() == lost) {
+        let (old, token) = (&attempt.worker, attempt.number);
+        claims.push(("the worker that lost it", claim(old, token)));
+        // The newest holder, with a token from before its time.
+        if newest.number != token && *old != newest.worker {
+            claims.push(("an old token", claim(&newest.worker, token)));
+        }
+    }
+    for (whose, claim) in claims {
+        let heartbeat = HeartbeatRequest {
+            claim: Some(claim.clone()),
+            progress: None,
+        };
+        let beat = answered(|| {
+            let (mut service, request) = (calls.workers(), heartbeat.clone());
+            async move { service.heartbeat(request).await }
+        });
+        told(history, job, &format!("Heartbeat by {whose}"), beat.await)?;
+        let publish = PublishCheckpointRequest {
+            claim: Some(claim.clone()),
+            checkpoint: Some(Checkpoint {
+                step: u64::from(u32::MAX),
+                ..Checkpoint::default()
+            }),
+        };
+        let published = answered(|| {
+            let (mut service, request) = (calls.workers(), publish.clone());
+            async move { service.publish_checkpoint(request).await }
+        });
+        let what = format!("PublishCheckpoint by {whose}");
+        told(history, job, &what, published.await)?;
+        let commit = CommitOutputRequest {
+            claim: Some(claim.clone()),
+            file: Some(RenderedFile::default()),
+        };
+        let committed = answered(|| {
+            let (mut service, request) = (calls.workers(), commit.clone());
+            async move { service.commit_output(request).await }
+        });
+        told(
+            history,
+            job,
+            &format!("CommitOutput by {whose}"),
+            committed.await,
+        )?;
+        let take = TakeRangeRequest {
+            claim: Some(claim.clone()),
+            pictures: 1,
+            drawn: None,
+        };
+        let taken = answered(|| {
+            let (mut service, request) = (calls.workers(), take.clone());
+            async move { service.take_range(request).await }
+        });
+        told(history, job, &format!("TakeRange by {whose}"), taken.await)?;
+        for (what, outcome) in [
+            ("success", Outcome::Succeeded(JobResult::default())),
+            ("return", Outcome::Returned(Returned {})),
+        ] {
+            let end = EndJobRequest {
+                claim: Some(claim.clone()),
+                outcome: Some(outcome),
+            };
+            let ended = answered(|| {
+                let (mut service, request) = (calls.workers(), end.clone());
+                async move { service.end_job(request).await }
+            });
+            let what = format!("EndJob with {what} by {whose}");
+            told(history, job, &what, ended.await)?;
+        }
+    }
+    Ok(())
+}
+
+fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) -> Result<()> {
+    if let Err(status) = &answer {
+        anyhow::ensure!(
+            !super::calls::is_transient(status.code()),
+            "{what}: {status}"
+        );
+    }
+    history.record(Event::Late {
+        job: job.name.clone(),
+        what: what.to_owned(),
+        accepted: !answer.is_err_and(|status| is_refused_as_late(&status)),
+    })
+}
+
+/// Whether the claim itself was refused. If only the content was, the guard let the claim pass.
+fn is_refused_as_late(status: &Status) -> bool {
+    let details = status.get_error_details();
+    let reason = details.error_info().map(|info| info.reason.as_str());
+    matches!(reason, Some("STALE_LEASE" | "NOT_FOUND"))
+}

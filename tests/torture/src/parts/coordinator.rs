@@ -1,0 +1,122 @@
+//! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, and which ends at
+//! chosen moments.
+
+use super::asked_to_stop;
+use super::controls::Controls;
+use crate::fault::Fault;
+use anyhow::{Context, Result};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::net::Ipv4Addr;
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio_stream::wrappers::TcpListenerStream;
+use yoto_server::clock::{Clock, SystemClock};
+use yoto_server::faults::{Delivery, Faults, Moment};
+use yoto_server::{Coordinator, ServerConfig};
+
+/// Time from garbage to its removal: what is still in use must not be garbage.
+const GRACE: Duration = Duration::from_secs(6);
+/// Share of the calls that arrive more than once.
+const REPEATED: f64 = 0.1;
+/// Share of the calls that are followed by a late copy.
+const LATE: f64 = 0.05;
+/// Times after which it does, milliseconds.
+const LATE_BY: RangeInclusive<u64> = 50..=4000;
+/// Calls that are not copied late: no worker would know of a job leased by the copy, and the job would count as
+/// lost with its worker.
+const NEVER_LATE: [&str; 2] = ["LeaseJob", "RegisterWorker"];
+/// Share of the calls whose answer is lost.
+const LOST: f64 = 0.05;
+
+/// Serves until SIGTERM.
+pub async fn run(
+    data: PathBuf,
+    port: u16,
+    lease_seconds: f64,
+    controls: Controls,
+    seed: u64,
+) -> Result<()> {
+    let mut config = ServerConfig::new(data);
+    config.lease_seconds = lease_seconds;
+    config.reap_interval = Duration::from_millis(100);
+    config.storage.min_free_bytes = 0;
+    config.storage.grace = GRACE;
+    config.storage.collect_interval = Duration::from_secs(1);
+    config.clock = Arc::new(JumpingClock(controls.clone()));
+    config.faults = Some(Arc::new(Disturbed {
+        controls,
+        chance: Mutex::new(ChaCha8Rng::seed_from_u64(seed)),
+    }));
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
+    let listener = listener.with_context(|| format!("port {port}"))?;
+    let coordinator = Coordinator::open(config).await.context("opening")?;
+    let incoming = TcpListenerStream::new(listener);
+    let served = coordinator.serve(incoming, asked_to_stop()).await;
+    coordinator.close().await;
+    served.context("serving")
+}
+
+/// The system's clock, moved by the controls.
+#[derive(Debug)]
+struct JumpingClock(Controls);
+
+impl Clock for JumpingClock {
+    fn now(&self) -> f64 {
+        SystemClock.now() + self.0.clock()
+    }
+}
+
+/// Disturbs a share of the calls.
+#[derive(Debug)]
+struct Disturbed {
+    controls: Controls,
+    chance: Mutex<ChaCha8Rng>,
+}
+
+impl Disturbed {
+    fn note(&self, fault: Fault) {
+        if let Err(error) = self.controls.note(fault) {
+            tracing::error!(%error, "could not note a fault");
+        }
+    }
+}
+
+impl Faults for Disturbed {
+    fn reached(&self, call: &str, moment: Moment) {
+        if let Some(fault) = self.controls.end(call, moment) {
+            // Only once: the next process must live.
+            self.controls.withdraw_end();
+            self.controls.end_here(fault);
+        }
+    }
+
+    fn delivery(&self, call: &str) -> Delivery {
+        let mut chance = self.chance.lock().unwrap_or_else(PoisonError::into_inner);
+        let times = match chance.random_bool(REPEATED) {
+            true => chance.random_range(2..=3),
+            false => 1,
+        };
+        let late = !NEVER_LATE.contains(&call) && chance.random_bool(LATE);
+        let late = late.then(|| Duration::from_millis(chance.random_range(LATE_BY)));
+        let answered = !chance.random_bool(LOST);
+        drop(chance);
+        if times > 1 {
+            self.note(Fault::CallRepeated);
+        }
+        if late.is_some() {
+            self.note(Fault::CallLate);
+        }
+        if !answered {
+            self.note(Fault::AnswerLost);
+        }
+        Delivery {
+            times,
+            late,
+            answered,
+        }
+    }
+}

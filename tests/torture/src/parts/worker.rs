@@ -1,0 +1,51 @@
+//! A worker with a faulty object store, and with a full disk if told so.
+
+use super::asked_to_stop;
+use super::controls::Controls;
+use super::store::FaultyStore;
+use anyhow::{Context, Result};
+use nix::sys::resource::{Resource, setrlimit};
+use nix::sys::signal::{SigHandler, Signal, signal};
+use object_store::local::LocalFileSystem;
+use std::path::Path;
+use std::sync::Arc;
+use yoto_client::endpoint;
+use yoto_objects::Objects;
+use yoto_worker::{Worker, WorkerConfig};
+
+/// Silence of a job after which its worker ends, seconds.
+const SILENCE: f64 = 10.0;
+
+/// Works until SIGTERM.
+pub async fn run(
+    server: &str,
+    objects: &Path,
+    name: String,
+    controls: Controls,
+    largest_file: Option<u64>,
+) -> Result<()> {
+    if let Some(bytes) = largest_file {
+        fill_disk(bytes)?;
+    }
+    let channel = endpoint(server).context("the address")?.connect_lazy();
+    let picked = tokio::task::spawn_blocking(yoto_device::pick).await?;
+    let store = LocalFileSystem::new_with_prefix(objects)?.with_fsync(true);
+    let store = FaultyStore::new(store, controls.clone());
+    let config = WorkerConfig {
+        display_name: name,
+        idle_poll_seconds: 0.25,
+        silence_seconds: SILENCE,
+        scratch: controls.folder().join("scratch"),
+        ..WorkerConfig::default()
+    };
+    let objects = Objects::over(Arc::new(store));
+    let worker = Worker::with_objects(channel, objects, picked, config)?;
+    worker.run(asked_to_stop()).await.context("working")
+}
+
+/// Has writes beyond `bytes` of a file fail, as on a full disk.
+fn fill_disk(bytes: u64) -> Result<()> {
+    // SAFETY: ignoring a signal installs no handler that could run.
+    unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) }.context("ignoring SIGXFSZ")?;
+    setrlimit(Resource::RLIMIT_FSIZE, bytes, bytes).context("limiting files")
+}

@@ -1,0 +1,70 @@
+//! The order of the faults, by a seed.
+
+use super::fault::Fault;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Faults that last from the first call to the last: the coordinator makes them by itself.
+const CONSTANT: [Fault; 3] = [Fault::CallRepeated, Fault::CallLate, Fault::AnswerLost];
+
+/// The sequence of faults: each kind once, in a seeded random order, then any kind.
+#[derive(Debug)]
+pub struct Plan {
+    chance: ChaCha8Rng,
+    kinds: Vec<Fault>,
+    /// Kinds of the first round that are still to come.
+    first: Vec<Fault>,
+}
+
+impl Plan {
+    /// The plan of a seed.
+    pub fn new(seed: u64) -> Self {
+        let mut chance = ChaCha8Rng::seed_from_u64(seed);
+        let kinds: Vec<Fault> = Fault::ALL
+            .into_iter()
+            .filter(|fault| !CONSTANT.contains(fault))
+            .collect();
+        let mut first = kinds.clone();
+        for last in (1..first.len()).rev() {
+            first.swap(last, chance.random_range(0..=last));
+        }
+        Self {
+            chance,
+            kinds,
+            first,
+        }
+    }
+
+    /// Whether each kind has happened once.
+    pub fn is_complete(&self) -> bool {
+        self.first.is_empty()
+    }
+}
+
+impl Iterator for Plan {
+    type Item = Fault;
+
+    fn next(&mut self) -> Option<Fault> {
+        let any = self.chance.random_range(0..self.kinds.len());
+        self.first.pop().or_else(|| self.kinds.get(any).copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn a_seed_gives_each_kind_once_and_always_in_the_same_order() {
+        let rounds = Fault::ALL.len() - CONSTANT.len();
+        let mut plan = Plan::new(3);
+        let first: Vec<_> = plan.by_ref().take(rounds).collect();
+        assert!(plan.is_complete());
+        assert_eq!(first.iter().collect::<BTreeSet<_>>().len(), rounds);
+        let again: Vec<_> = Plan::new(3).take(rounds).collect();
+        assert_eq!(first, again);
+        let other: Vec<_> = Plan::new(4).take(rounds).collect();
+        assert_ne!(first, other);
+    }
+}

@@ -1,0 +1,114 @@
+//! The `yoto-lab` command line: one file per command.
+//!
+//! Results go to stdout, progress and logs to stderr; the exit status is non-zero after a
+//! failure.
+
+mod ablation;
+mod args;
+mod bench;
+mod distill;
+mod evaluate;
+mod frames;
+mod import_humannerf;
+mod info;
+mod lpips_args;
+mod quality;
+mod render_frame;
+mod screen;
+mod tradeoff;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use std::io::IsTerminal;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+use yoto_terminal::output;
+
+/// Experiments: models trained and measured in this process, without a service.
+#[derive(Debug, Parser)]
+#[command(name = "yoto-lab", version, arg_required_else_help = true)]
+pub struct Cli {
+    /// Format of results on stdout: text for people, or one JSON object for programs.
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        value_name = "FORMAT",
+        default_value = "text"
+    )]
+    output: Format,
+    /// Print results and errors only.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Show no progress.
+    #[arg(long, global = true)]
+    no_progress: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    Text,
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Quality(Box<quality::Quality>),
+    Ablation(ablation::AblationCommand),
+    Tradeoff(tradeoff::TradeoffCommand),
+    Evaluate(evaluate::Evaluate),
+    Distill(distill::Distill),
+    Bench(bench::Bench),
+    Frames(frames::Frames),
+    RenderFrame(render_frame::RenderFrame),
+    Info(info::Info),
+    ImportHumanNerf(import_humannerf::ImportHumanNerf),
+}
+
+/// Parses the command line, runs the command, prints errors.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    output::set_style(output::Style {
+        json: cli.output == Format::Json,
+        quiet: cli.quiet,
+        no_progress: cli.no_progress || cli.quiet,
+    });
+    log_to_stderr();
+    let outcome = cli.command.run();
+    if let Err(error) = &outcome {
+        output::error(format_args!("{error:#}"));
+    }
+    output::finish();
+    outcome.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS)
+}
+
+impl Command {
+    fn run(self) -> anyhow::Result<()> {
+        match self {
+            Self::Quality(command) => command.run(),
+            Self::Ablation(command) => command.run(),
+            Self::Tradeoff(command) => command.run(),
+            Self::Evaluate(command) => command.run(),
+            Self::Distill(command) => command.run(),
+            Self::Bench(command) => command.run(),
+            Self::Frames(command) => command.run(),
+            Self::RenderFrame(command) => command.run(),
+            Self::Info(command) => command.run(),
+            Self::ImportHumanNerf(command) => command.run(),
+        }
+    }
+}
+
+/// Logs warnings, or what `RUST_LOG` asks for.
+fn log_to_stderr() {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .init();
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,168 @@
+//! `yoto-lab quality`: quality of a model on given captures, without a service.
+
+use super::args;
+use super::lpips_args::LpipsArgs;
+use super::screen::Terminal;
+use crate::captures::Film;
+use crate::one_camera::OneCamera;
+use crate::quality::{QualityOptions, run};
+use anyhow::Context;
+use clap::Args;
+use clap::builder::OsStringValueParser;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use yoto_avatar::config::{LearnExposure, Refine, Setting};
+use yoto_avatar::train::Budget;
+use yoto_capture::CaptureFolder;
+use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
+use yoto_terminal::output;
+use yoto_terminal::progress::ProgressDisplay;
+
+const AFTER_HELP: &str = "\
+Trains one model on all the captures and measures it on held-out pictures. Evaluation time does
+not count as training.
+
+A capture of one camera is a folder or an archive as `yoto subject add` takes it, video or
+pictures. One frame in 20 (--hold-out) is not trained on, and is measured as a held-out pose.
+
+A capture with pictures from other cameras or of other poses is a folder with
+  poses.json             with eval {camera: {K, E, frames}} and eval_pose {frames, cams}
+  train/frames, train/masks
+  eval/CAMERA/frames, eval/CAMERA/masks
+  eval_pose/CAMERA/frames, eval_pose/CAMERA/masks
+and is trained on all of train/.
+
+Examples:
+  yoto-lab quality --capture captures/me --out report.json
+  yoto-lab quality --capture captures/me --refine-poses --fit-poses --out report.json
+  yoto-lab quality --capture data/ada --capture data/bob --out report.json
+  yoto-lab quality --capture data/ada --seconds 60 --size 96 --pictures out/pairs --out report.json";
+
+/// Train on captures and measure quality on held-out views and poses.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct Quality {
+    /// Capture; may be repeated, once per person.
+    #[arg(long = "capture", value_name = "CAPTURE", required = true, num_args = 1..)]
+    captures: Vec<PathBuf>,
+    /// Hold out one in N frames of a capture without held-out pictures of its own.
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(2..))]
+    hold_out: u32,
+    /// Longest side of the pictures, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: u32,
+    /// Seconds of training.
+    #[arg(long, value_name = "S", default_value = "300", value_parser = args::seconds, conflicts_with = "steps")]
+    seconds: f64,
+    /// Steps of training, in place of seconds.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: Option<u64>,
+    /// Measure at most this many pictures of each capture, of views and of poses.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    measure: Option<u32>,
+    /// Pictures of each capture, of views and of poses, that are measured ten times during training;
+    /// 0: measure at the end only.
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    curve_pictures: u32,
+    /// Quality tier: a trade-off of speed and detail.
+    #[arg(long, default_value = yoto_proto::tiers::DEFAULT_TIER, value_parser = args::tier, long_help = args::tier_help())]
+    tier: String,
+    /// Model variant of the paper's ablation.
+    #[arg(long, default_value = "yoto", value_parser = args::variant, long_help = args::variant_help())]
+    variant: String,
+    /// Another value for a setting of the tier, such as march.epsilon=1e-3; may be repeated.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<Setting>,
+    /// Train on the poses of this file in each capture's folder, such as poses_noisy.json, and
+    /// measure with those of poses.json.
+    #[arg(long, value_name = "FILE")]
+    train_poses: Option<String>,
+    /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
+    /// wander off their masks or jump [default: by the tier: auto, or never for the tiers of the paper].
+    #[arg(long, value_parser = args::refine_poses, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
+    refine_poses: Option<Refine>,
+    /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
+    /// frames are exposed differently [default: by the tier: auto for splat, else never].
+    #[arg(long, value_parser = args::exposure, value_name = "WHEN")]
+    exposure: Option<LearnExposure>,
+    /// Also measure after a fit of the held-out pictures' poses, with the model as it is.
+    #[arg(long)]
+    fit_poses: bool,
+    /// Random seed.
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// File for the report.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Also write each held-out picture beside its render: truth, render, and a map of their
+    /// difference, white from a quarter of the data range.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
+    #[arg(
+        long,
+        env = "YOTO_FFMPEG",
+        value_name = "FILE",
+        value_parser = OsStringValueParser::new(),
+        hide_short_help = true
+    )]
+    ffmpeg: Option<OsString>,
+    #[command(flatten)]
+    lpips: LpipsArgs,
+}
+
+impl Quality {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let films = self
+            .captures
+            .iter()
+            .map(|path| film(path, self.ffmpeg.as_deref().map(Path::new)));
+        let options = QualityOptions {
+            captures: films.collect::<anyhow::Result<_>>()?,
+            hold_out: self.hold_out as usize,
+            size: self.size,
+            budget: match self.steps {
+                Some(steps) => Budget::Steps(steps),
+                None => Budget::Seconds(self.seconds),
+            },
+            measured: self.measure.map_or(usize::MAX, |count| count as usize),
+            settings: self.settings,
+            curve_pictures: self.curve_pictures as usize,
+            tier: self.tier,
+            variant: self.variant,
+            train_poses: self.train_poses,
+            refine_poses: self.refine_poses,
+            exposure: self.exposure,
+            fit_poses: self.fit_poses,
+            seed: self.seed,
+            pictures: self.pictures,
+            lpips: self.lpips.weights()?,
+        };
+        let report = run(&options, &Terminal)?;
+        report
+            .write(&self.out)
+            .with_context(|| format!("writing {}", self.out.display()))?;
+        say!("{}", report.table());
+        say!("report: {}", self.out.display());
+        output::put("files", output::paths(&[&self.out]));
+        Ok(())
+    }
+}
+
+/// The capture at `path`, read whole if it has no held-out pictures.
+fn film(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<Film> {
+    let read = || -> anyhow::Result<Film> {
+        if CaptureFolder::has_held_out(path)? {
+            return Ok(Film::Studio(path.to_owned()));
+        }
+        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg)?;
+        let mut display = ProgressDisplay::new(&*decoded.name);
+        let frames = decoded.capture.track().frames.len();
+        let shard = Arc::new(decoded.shard(|done| display.count("frame", done, frames))?);
+        display.clear();
+        let name = decoded.name;
+        Ok(Film::OneCamera(path.to_owned(), OneCamera { name, shard }))
+    };
+    read().with_context(|| format!("the capture {}", path.display()))
+}
