@@ -39,7 +39,9 @@ pub(super) fn sighted(
         let mut here = vec![0f32; probe.splats()];
         let covered = subject.picture(frame).covered;
         let parts = covered.par_iter();
-        let parts: Vec<_> = parts.map(|pixel| probe.weights_at(*pixel as usize)).collect();
+        let parts: Vec<_> = parts
+            .map(|pixel| probe.weights_at(*pixel as usize))
+            .collect();
         let facing = facing(&splats.numbers(), &sight);
         for (splat, part) in parts.into_iter().flatten() {
             if facing[splat] {
