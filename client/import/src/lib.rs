@@ -31,6 +31,7 @@ mod geometry;
 mod imported;
 mod keypoints;
 mod matting;
+mod matting_model;
 pub mod motion;
 mod options;
 mod pictures;
@@ -47,7 +48,7 @@ pub use adapters::{Format, options_by_format, read};
 pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use imported::Imported;
-pub use matting::{Levels, MattingModel};
+pub use matting_model::{Levels, MattingModel};
 pub use options::Options;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 #[cfg(feature = "hdf5")]

@@ -59,9 +59,9 @@ pub(super) struct Recording {
     pub shard: Arc<Shard>,
     pub novel_view: Vec<View>,
     pub novel_pose: Vec<View>,
-    /// Who it shows, when that is known to the last fold.
+    /// The synthetic person that it shows, if it shows one.
     pub actor: Option<SyntheticPerson>,
-    /// Exact poses of the training frames, where training is given others.
+    /// Exact poses of the training frames, where training has others.
     pub exact: Option<Vec<Pose>>,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct View {
     pub truth: FrameImage,
     /// Index of the frame of the training film that this is; `None` for pictures of other cameras and films.
     pub frame: Option<u32>,
-    /// How it is exposed beside the frames that are trained on.
+    /// Its exposure relative to the frames that are trained on.
     pub exposure: FrameExposure,
 }
 
@@ -242,8 +242,8 @@ impl Recording {
         subset_of(views.len(), wanted).filter_map(|index| views.get(index))
     }
 
-    /// How far the joints of its training poses are from the exact ones, given and `refined` (with
-    /// their places in the track); `None` where training has the exact ones.
+    /// Mean distance of the joints of its training poses from the exact ones, as in the track and as
+    /// `refined` (with their indices in the track); `None` where training has the exact ones.
     pub(super) fn pose_errors(
         &self,
         refined: &[(usize, Pose)],
@@ -253,30 +253,30 @@ impl Recording {
         };
         let track = &self.shard.track;
         let skeleton = Skeleton::from_track(&track.skeleton)?;
-        let given = self.given_poses()?;
+        let poses = self.track_poses()?;
         let refined_mm = || {
-            let pairs = refined.iter().map(|(place, pose)| (pose, &exact[*place]));
+            let pairs = refined.iter().map(|(index, pose)| (pose, &exact[*index]));
             joints_apart(&skeleton, pairs)
         };
         Ok(Some(PoseErrors {
-            given_mm: joints_apart(&skeleton, given.iter().zip(exact)),
+            given_mm: joints_apart(&skeleton, poses.iter().zip(exact)),
             refined_mm: (!refined.is_empty()).then(refined_mm),
         }))
     }
 
-    /// The gauge of a model that was learned from its training poses as `refined`, with their
-    /// places in the track, or as given where none are; `None` where training has the exact ones.
+    /// The gauge of a model that was learned from its training poses as `refined` (with their indices
+    /// in the track), or as in the track where none are; `None` where training has the exact ones.
     pub(super) fn alignment(&self, refined: &[(usize, Pose)]) -> anyhow::Result<Option<Alignment>> {
         let Some(exact) = &self.exact else {
             return Ok(None);
         };
-        let given = self.given_poses()?;
-        let refined = refined.iter().map(|(place, pose)| (&exact[*place], pose));
+        let poses = self.track_poses()?;
+        let refined = refined.iter().map(|(index, pose)| (&exact[*index], pose));
         let refined = Alignment::between(refined);
-        Ok(refined.or_else(|| Alignment::between(exact.iter().zip(&given))))
+        Ok(refined.or_else(|| Alignment::between(exact.iter().zip(&poses))))
     }
 
-    fn given_poses(&self) -> anyhow::Result<Vec<Pose>> {
+    fn track_poses(&self) -> anyhow::Result<Vec<Pose>> {
         let poses = self.shard.track.frames.iter().map(Pose::from_frame);
         Ok(poses.collect::<Result<_, _>>()?)
     }

@@ -10,25 +10,25 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
 
 /// Frames of a person's film.
-pub(crate) const FRAMES: usize = 60;
-/// Filmed poses that are looked at from cameras that did not film: every so many-th.
+const FRAMES: usize = 60;
+/// Stride of the filmed poses that are held-out views, from cameras that did not film.
 const VIEWED_EVERY: usize = 10;
 /// Frames of the motion that is not filmed.
 const UNSEEN: usize = 24;
-/// Those that are looked at: every so many-th.
+/// Stride of its frames that are held-out poses.
 const UNSEEN_EVERY: usize = 3;
 
 /// `count` people at `size` pixels.
 pub(crate) fn record(count: usize, size: u32, seed: u64) -> anyhow::Result<Vec<Recording>> {
     SyntheticPerson::cast(count, seed)
         .into_iter()
-        .map(|person| recording(person, FRAMES, size))
+        .map(|person| recording(person, size))
         .collect()
 }
 
-/// A person filmed for so many `frames`.
-fn recording(person: SyntheticPerson, frames: usize, size: u32) -> anyhow::Result<Recording> {
-    let (track, film) = person.capture(frames, size);
+/// The film of a person, with views and poses that it does not show.
+fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
+    let (track, film) = person.capture(FRAMES, size);
     let filmed = track.frames.iter().map(Pose::from_frame);
     let filmed = filmed.collect::<Result<Vec<Pose>, _>>()?;
     let mut shard = ShardBuilder::new(track);
@@ -36,8 +36,8 @@ fn recording(person: SyntheticPerson, frames: usize, size: u32) -> anyhow::Resul
         shard.push(image)?;
     }
     let shard = shard.finish().context("packing a synthetic capture")?;
-    let view = |camera: &Camera, at: usize, pose: &Pose, frame: usize| View {
-        label: format!("cam{at:02}-{frame:06}"),
+    let view = |camera: &Camera, number: usize, pose: &Pose, frame: usize| View {
+        label: format!("cam{number:02}-{frame:06}"),
         pose: pose.clone(),
         camera: camera.clone(),
         truth: person.render(pose, camera),
@@ -49,11 +49,11 @@ fn recording(person: SyntheticPerson, frames: usize, size: u32) -> anyhow::Resul
         let chosen: Vec<(usize, &Pose)> = poses.iter().enumerate().step_by(every).collect();
         (0..)
             .zip(&cameras)
-            .flat_map(|(at, camera)| {
+            .flat_map(|(number, camera)| {
                 let shown = chosen.iter();
-                shown.map(move |(frame, pose)| (at, camera, *pose, *frame))
+                shown.map(move |(frame, pose)| (number, camera, *pose, *frame))
             })
-            .map(|(at, camera, pose, frame)| view(camera, at, pose, frame))
+            .map(|(number, camera, pose, frame)| view(camera, number, pose, frame))
             .collect()
     };
     let novel_view = seen_by(&filmed, VIEWED_EVERY);

@@ -1,11 +1,11 @@
-//! How near a model comes to the true motion of synthetic clothes.
+//! The error of a model's learned motion of synthetic clothes, against the true motion.
 //!
 //! The model takes a point that it observes back to the rest pose, by inverse skinning and then
 //! by the non-rigid field; the truth is known. Both parts are measured together, for skinning
-//! weights that the model learns can carry a part of what cloth does. A model may be off by
-//! what is the same in every pose, for then its canonical shape is off by the opposite and
-//! nothing shows; so each point's mean error over the poses is taken out. Beside it stand the
-//! errors of the model's skinning alone, and of true skinning under clothes that never move.
+//! weights that the model learns can carry a part of what cloth does. An error that is the same in
+//! every pose shows in no picture, since the canonical shape has the opposite error; so each point's
+//! mean error over the poses is subtracted. The errors of the model's skinning alone, and of true
+//! skinning under clothes that never move, are measured for comparison.
 
 use crate::captures::Recording;
 use anyhow::Context;
@@ -104,17 +104,17 @@ fn over(
                 .collect::<Option<_>>()
                 .context("a point of the clothes is not on them")?;
             let seen: Vec<[f32; 3]> = truth.iter().map(|(_, at)| at.map(|v| v as f32)).collect();
-            let found = renderer
+            let rest = renderer
                 .rest_points(*slot, &pose, &seen)
                 .with_context(|| format!("the clothes of {}", actor.name()))?;
             for (i, errors) in errors.iter_mut().enumerate() {
-                let places = [
-                    found.moved[i].map(f64::from),
-                    found.skinned[i].map(f64::from),
+                let points_at_rest = [
+                    rest.moved[i].map(f64::from),
+                    rest.skinned[i].map(f64::from),
                     truth[i].0,
                 ];
-                for (errors, place) in errors.iter_mut().zip(places) {
-                    errors.push(std::array::from_fn(|a| place[a] - points[i][a]));
+                for (errors, point) in errors.iter_mut().zip(points_at_rest) {
+                    errors.push(std::array::from_fn(|a| point[a] - points[i][a]));
                 }
             }
         }

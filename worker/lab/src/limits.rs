@@ -1,5 +1,5 @@
-//! What limits the quality of a capture, in a sentence for people: the worst that the check finds, or the
-//! region of the picture with most of the error where it finds nothing.
+//! What limits the quality of a capture, in a sentence for people: the worst measure of the check, or,
+//! if all of them pass, the region of the picture with most of the error.
 
 use crate::captures::Recording;
 use yoto_avatar::evaluate::RegionError;
@@ -7,8 +7,8 @@ use yoto_capture::Shard;
 use yoto_capture::check::{Checker, Grade, Kind, Measure};
 use yoto_capture::skeleton::SkeletonError;
 
-/// What the person's pictures can tell without their background.
-const TOLD: [Kind; 10] = [
+/// Measures that need no background in the pictures.
+const MEASURES: [Kind; 10] = [
     Kind::Timing,
     Kind::Silhouette,
     Kind::Masks,
@@ -42,8 +42,8 @@ fn measures(shard: &Shard) -> Result<Vec<Measure>, SkeletonError> {
 }
 
 fn sentence(measures: &[Measure], errors: &[RegionError]) -> String {
-    let told = measures.iter().filter(|it| TOLD.contains(&it.kind));
-    let poor = told.filter(|it| it.grade != Grade::Pass);
+    let known = measures.iter().filter(|it| MEASURES.contains(&it.kind));
+    let poor = known.filter(|it| it.grade != Grade::Pass);
     // The first of the worst.
     let worst = poor.fold(None::<&Measure>, |worst, it| match worst {
         Some(worst) if worst.grade >= it.grade => Some(worst),

@@ -133,11 +133,11 @@ fn side_by_side(pictures: &[RgbImage]) -> RgbImage {
 /// is [`WHITE`] and more. The scale is the same in all maps, so that they can be compared.
 fn error_map(truth: &RgbImage, render: &RgbImage) -> RgbImage {
     let mut map = truth.clone();
-    for (at, seen) in map.pixels_mut().zip(render.pixels()) {
-        let apart = at.0.iter().zip(&seen.0).map(|(a, b)| a.abs_diff(*b));
+    for (pixel, rendered) in map.pixels_mut().zip(render.pixels()) {
+        let apart = pixel.0.iter().zip(&rendered.0).map(|(a, b)| a.abs_diff(*b));
         let mean = apart.map(f32::from).sum::<f32>() / (3.0 * 255.0);
         let part = |from: f32| (255.0 * (3.0 * mean / WHITE - from)).clamp(0.0, 255.0) as u8;
-        at.0 = [part(0.0), part(1.0), part(2.0)];
+        pixel.0 = [part(0.0), part(1.0), part(2.0)];
     }
     map
 }

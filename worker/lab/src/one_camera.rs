@@ -1,4 +1,4 @@
-//! Captures as users have them: one camera, and no pictures apart from the film.
+//! Captures as users have them: one camera, and no pictures besides the film.
 
 use crate::captures::{Recording, View};
 use anyhow::{Context, ensure};
@@ -18,24 +18,24 @@ pub struct OneCamera {
 }
 
 /// Every `every`-th frame of the `film` becomes a held-out picture, `size` pixels at its longest
-/// side, with the pose that was given for it. The others are trained on.
+/// side, with the pose of its frame in the track. The others are trained on.
 pub(super) fn recording(film: &OneCamera, every: usize, size: u32) -> anyhow::Result<Recording> {
     let OneCamera { name, shard } = film;
     let track = &shard.track;
     let validation = Validation::Every(every);
     let (mut kept, mut trained, mut pictures) = (track.clone(), Vec::new(), Vec::new());
     kept.frames.clear();
-    for (place, frame) in track.frames.iter().enumerate() {
-        if !validation.holds_out(place, frame.index) {
+    for (index, frame) in track.frames.iter().enumerate() {
+        if !validation.holds_out(index, frame.index) {
             kept.frames.push(frame.clone());
-            trained.push(place);
+            trained.push(index);
             continue;
         }
         pictures.push(View {
             label: format!("frame-{:06}", frame.index),
             pose: Pose::from_frame(frame)?,
             camera: Camera::from_frame(frame, track.image_size)?.scaled_to(size),
-            truth: shard.image(place).resized(size),
+            truth: shard.image(index).resized(size),
             frame: Some(frame.index),
             exposure: FrameExposure::NEUTRAL,
         });
@@ -46,8 +46,8 @@ pub(super) fn recording(film: &OneCamera, every: usize, size: u32) -> anyhow::Re
         track.frames.len()
     );
     let mut builder = ShardBuilder::new(kept);
-    for place in trained {
-        builder.push(&shard.image(place))?;
+    for index in trained {
+        builder.push(&shard.image(index))?;
     }
     Ok(Recording {
         name: name.clone(),
@@ -80,14 +80,17 @@ mod tests {
     fn held_out_frames_are_not_trained_on() {
         let film = film(9);
         let recording = recording(&film, 4, 16).expect("a recording");
-        let index = |place: usize| film.shard.track.frames[place].index;
+        let number = |index: usize| film.shard.track.frames[index].index;
         let trained: Vec<u32> = (recording.shard.track.frames.iter())
             .map(|frame| frame.index)
             .collect();
-        assert_eq!(trained, [0, 1, 3, 4, 5, 7, 8].map(index));
+        assert_eq!(trained, [0, 1, 3, 4, 5, 7, 8].map(number));
         assert_eq!(recording.shard.image(2), film.shard.image(3));
         let labels: Vec<&str> = recording.novel_pose.iter().map(|it| &*it.label).collect();
-        assert_eq!(labels, [2, 6].map(|at| format!("frame-{:06}", index(at))));
+        assert_eq!(
+            labels,
+            [2, 6].map(|index| format!("frame-{:06}", number(index)))
+        );
         assert_eq!(recording.novel_pose[0].truth.width, 16);
         assert_eq!(
             recording.novel_pose[0].truth,

@@ -1,7 +1,7 @@
 //! Scores of held-out pictures at other poses than those that came with them.
 //!
-//! After a fit of each pose alone, the difference remains that is not in where the model stands;
-//! after an alignment of all of them, the one that is not in its gauge.
+//! A fit of each pose removes errors of the poses from the score; an [`Alignment`] of all of them
+//! removes the gauge of the model.
 
 use crate::alignment::Alignment;
 use crate::captures::{Recording, Split, View};
@@ -12,8 +12,8 @@ use yoto_avatar::train::Trainer;
 use yoto_capture::camera::Pose;
 use yoto_proto::v1::Progress;
 
-/// After a fit of each picture's pose: means over all people, at most `count` pictures of each and
-/// of each split.
+/// Scores after a fit of each picture's pose: means over all people, at most `count` pictures per
+/// person and split.
 pub(super) fn fitted(
     trainer: &Trainer,
     examiner: &Examiner,
@@ -35,7 +35,7 @@ pub(super) fn fitted(
     )
 }
 
-/// With the poses of each person moved by their alignment: the same means.
+/// Scores at the poses of each person moved by their alignment: the same means.
 pub(super) fn aligned(
     alignments: &[Alignment],
     examiner: &Examiner,
@@ -43,7 +43,7 @@ pub(super) fn aligned(
     count: usize,
     screen: &dyn Screen,
 ) -> anyhow::Result<SplitScores> {
-    let pose = |slot: usize, it: &View| Ok(alignments[slot].of(&it.pose));
+    let pose = |slot: usize, it: &View| Ok(alignments[slot].apply_to(&it.pose));
     scores(examiner, recordings, count, screen, "aligned poses", pose)
 }
 

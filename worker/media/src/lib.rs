@@ -5,7 +5,7 @@
 //!                                └──► video ─┴─► Picture ─► lens ─► compose with a mask
 //! ```
 //!
-//! Also writes pictures as a [`film`], and single ones ([`picture_file`]).
+//! Also writes pictures: as [`png`] files, still or animated, as a [`film`], and on disk ([`picture_file`]).
 //!
 //! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
 //! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
@@ -22,6 +22,7 @@ pub mod mask;
 mod orientation;
 mod picture;
 pub mod picture_file;
+pub mod png;
 pub mod sniff;
 pub mod source;
 mod still;

@@ -1,9 +1,7 @@
 //! State shared by the lease's keeper and the job: whether the job may continue.
 
-use std::{
-    sync::atomic::{AtomicU64, Ordering},
-    time::Instant,
-};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 use tokio::sync::watch;
 
 /// Reasons for a job to stop, from the mildest to the most urgent.

@@ -1,23 +1,16 @@
 //! Lease renewals with the latest progress, until the lease is lost.
 
-use super::{
-    answer,
-    control::{JobControl, StopReason},
-};
+use super::answer;
+use super::control::{JobControl, StopReason};
 use crate::retry::is_stale_lease;
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    sync::watch,
-    time::{sleep, timeout},
-};
-use tonic::{Status, transport::Channel};
-use yoto_proto::v1::{
-    Claim, HeartbeatRequest, HeartbeatResponse, Progress,
-    worker_service_client::WorkerServiceClient,
-};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+use tokio::time::{sleep, timeout};
+use tonic::Status;
+use tonic::transport::Channel;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{Claim, HeartbeatRequest, HeartbeatResponse, Progress};
 
 /// Renewals per lease: two may fail without harm.
 const RENEWALS: u32 = 3;

@@ -1,23 +1,17 @@
 //! One leased job, from its lease to its report.
 
-use super::{
-    Worker, WorkerError,
-    control::{JobControl, StopReason},
-    heartbeat::Heartbeat,
-    report::report,
-    watchdog::silence,
-};
+use super::control::{JobControl, StopReason};
+use super::heartbeat::Heartbeat;
+use super::report::report;
+use super::watchdog::silence;
+use super::{Worker, WorkerError};
 use crate::jobs::{self, JobContext, JobFailure};
-use std::{
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{
-    runtime::Handle,
-    sync::{oneshot, watch},
-    time::{sleep, timeout},
-};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::runtime::Handle;
+use tokio::sync::{oneshot, watch};
+use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use yoto_proto::v1::{Claim, JobResult, Lease, Progress};
 

@@ -11,27 +11,25 @@ mod watchdog;
 
 use crate::retry::is_transient;
 use leased::Leased;
-use std::{
-    future::Future,
-    path::PathBuf,
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
-use tonic::{Code, Status, transport::Channel};
+use tonic::transport::Channel;
+use tonic::{Code, Status};
 use url::Url;
 use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_objects::{Objects, ObjectsError};
-use yoto_proto::v1::{
-    JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest,
-    worker_service_client::WorkerServiceClient,
-};
-use yoto_proto::{backoff::Backoff, limits::ANSWER_BYTES};
+use yoto_proto::backoff::Backoff;
+use yoto_proto::limits::ANSWER_BYTES;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest};
 
 /// Kinds of jobs that this program runs.
 pub const KINDS: &[JobKind] = &[
@@ -115,7 +113,7 @@ pub enum WorkerError {
         /// Length of the silence.
         seconds: u64,
     },
-    /// There is no place for the files of a job.
+    /// The folder for the files of jobs can not be made.
     #[error("the scratch folder {}", folder.display())]
     Scratch {
         /// The folder.

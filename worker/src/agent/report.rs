@@ -1,19 +1,15 @@
 //! Reports a job's outcome, until the coordinator has received it.
 
 use super::answer;
-use crate::{
-    jobs::JobFailure,
-    retry::{is_stale_lease, is_transient},
-};
+use crate::jobs::JobFailure;
+use crate::retry::{is_stale_lease, is_transient};
 use std::time::Duration;
-use tonic::{Status, transport::Channel};
-use yoto_proto::{
-    backoff::Backoff,
-    v1::{
-        Claim, EndJobRequest, JobResult, end_job_request::Outcome,
-        worker_service_client::WorkerServiceClient,
-    },
-};
+use tonic::Status;
+use tonic::transport::Channel;
+use yoto_proto::backoff::Backoff;
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{Claim, EndJobRequest, JobResult};
 
 /// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;
 /// retries while the connection is broken. The caller limits it to the lease.

@@ -3,7 +3,8 @@
 
 use super::control::JobControl;
 use std::time::{Duration, Instant};
-use tokio::{sync::watch, time::sleep};
+use tokio::sync::watch;
+use tokio::time::sleep;
 use yoto_proto::v1::Progress;
 
 /// Steps of the job's own speed for which it may be silent.

@@ -3,16 +3,16 @@
 //! Data objects first, then the manifest with their checksums, then the coordinator's row:
 //! a checkpoint with a row is complete, and later damage is detected.
 
-use super::{JobContext, JobFailure, context::id, shard};
-use std::{fs, path::Path};
+use super::context::id;
+use super::{JobContext, JobFailure, shard};
+use std::fs;
+use std::path::Path;
 use tempfile::TempDir;
 use yoto_avatar::render::Renderer;
-use yoto_proto::{
-    keys,
-    manifest::{self, Manifest, ManifestObject, files},
-    names::{self, Collection},
-    v1::{Checkpoint, Inputs, ObjectRef},
-};
+use yoto_proto::keys;
+use yoto_proto::manifest::{self, Manifest, ManifestObject, files};
+use yoto_proto::names::{self, Collection};
+use yoto_proto::v1::{Checkpoint, Inputs, ObjectRef};
 
 /// A checkpoint's files on this machine.
 pub(crate) struct Downloaded {
@@ -33,7 +33,7 @@ pub(crate) struct Saved {
     pub(crate) job_steps: u64,
     /// Held-out, dB.
     pub(crate) psnr: Option<f64>,
-    /// Slots of the people whom it knows.
+    /// Slots of the people that it knows.
     pub(crate) slots: Vec<u32>,
     /// Longest side of the training images, pixels; 0: the captures' own.
     pub(crate) image_size: u32,

@@ -1,37 +1,33 @@
 //! A job's access to the outside, as blocking calls: a job has its own thread, so that tensor
 //! work never delays the heartbeats.
 
-use super::{JobFailure, pace::Pace};
-use crate::{
-    agent::control::{JobControl, StopReason},
-    retry::{is_stale_lease, is_transient},
-};
+use super::JobFailure;
+use super::pace::Pace;
+use crate::agent::control::{JobControl, StopReason};
+use crate::retry::{is_stale_lease, is_transient};
 use bytes::Bytes;
-use std::{
-    convert::Infallible,
-    future::Future,
-    path::PathBuf,
-    sync::{
-        Arc, Mutex, PoisonError,
-        mpsc::{self, RecvTimeoutError},
-    },
-    time::{Duration, Instant},
-};
+use std::convert::Infallible;
+use std::future::Future;
+use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use tokio::{runtime::Handle, sync::watch, time::timeout};
-use tonic::{Code, Status, transport::Channel};
+use tokio::runtime::Handle;
+use tokio::sync::watch;
+use tokio::time::timeout;
+use tonic::transport::Channel;
+use tonic::{Code, Status};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_objects::{Objects, ObjectsError};
-use yoto_proto::{
-    backoff::Backoff,
-    names::{Collection, NameError},
-    v1::{
-        Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
-        RenderedFile, TakeRangeRequest, TakeRangeResponse,
-        worker_service_client::WorkerServiceClient,
-    },
+use yoto_proto::backoff::Backoff;
+use yoto_proto::names::{Collection, NameError};
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::v1::{
+    Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
+    RenderedFile, TakeRangeRequest, TakeRangeResponse,
 };
 
 /// Longest wait for an answer of the coordinator before a retry.

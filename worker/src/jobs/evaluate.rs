@@ -7,23 +7,18 @@
 mod tradeoff;
 
 use super::checkpoint::Downloaded;
-use super::{JobContext, JobFailure, checkpoint, shard, train::HOLDOUT_EVERY};
+use super::train::HOLDOUT_EVERY;
+use super::{JobContext, JobFailure, checkpoint, shard};
 use tradeoff::Sweep;
-use yoto_avatar::{
-    evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth},
-    render::FrameExposure,
-    train::{FilmExposures, Validation, film_exposures},
-};
-use yoto_capture::{
-    FrameImage, Shard,
-    camera::{Camera, Pose},
-};
-use yoto_proto::{
-    checks::evaluate as order,
-    names,
-    protocols::HELD_OUT,
-    v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores},
-};
+use yoto_avatar::evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth};
+use yoto_avatar::render::FrameExposure;
+use yoto_avatar::train::{FilmExposures, Validation, film_exposures};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::{FrameImage, Shard};
+use yoto_proto::checks::evaluate as order;
+use yoto_proto::names;
+use yoto_proto::protocols::HELD_OUT;
+use yoto_proto::v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores};
 
 /// Measures the requested subjects.
 ///
@@ -219,8 +214,8 @@ fn held_out(
         .map(|(position, frame)| {
             // Ingested captures were checked, so this is not a fault of the user.
             let fault = |error: yoto_capture::ViewError| {
-                let place = format!("the capture's frame {}", frame.index);
-                JobFailure::failed("INTERNAL", &place, &error)
+                let doing = format!("the capture's frame {}", frame.index);
+                JobFailure::failed("INTERNAL", &doing, &error)
             };
             Ok(Picture {
                 index: frame.index,
@@ -261,8 +256,8 @@ fn measure(
                 exposure: picture.exposure,
             };
             let examined = examiner.examine(person.slot, &truth).map_err(|error| {
-                let place = format!("{}, frame {}", person.display_name, picture.index);
-                JobFailure::failed("EVALUATION", &place, &error)
+                let doing = format!("{}, frame {}", person.display_name, picture.index);
+                JobFailure::failed("EVALUATION", &doing, &error)
             })?;
             mean.add(&examined.score);
             done += 1;

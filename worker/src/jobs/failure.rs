@@ -1,16 +1,14 @@
 //! Ends of jobs without a result, and their reports to the coordinator.
 
-use crate::{agent::control::StopReason, media::MediaError};
+use crate::agent::control::StopReason;
 use std::error::Error;
+use yoto_film::PlanError;
+use yoto_media::png::PngError;
 use yoto_objects::ObjectsError;
-use yoto_proto::{
-    checks::Fault,
-    pose_track::{describe, violation},
-    v1::{
-        JobError, Violation,
-        end_job_request::{Cancelled, Outcome, Returned},
-    },
-};
+use yoto_proto::checks::Fault;
+use yoto_proto::pose_track::{describe, violation};
+use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::v1::{JobError, Violation};
 
 /// The reason why a job ended without a result.
 #[derive(Debug)]
@@ -133,8 +131,17 @@ impl From<ObjectsError> for JobFailure {
     }
 }
 
-impl From<MediaError> for JobFailure {
-    fn from(error: MediaError) -> Self {
+impl From<PlanError> for JobFailure {
+    fn from(error: PlanError) -> Self {
+        match error {
+            PlanError::Invalid(violations) => Self::Invalid(violations),
+            PlanError::Failed { code, message } => Self::Failed { code, message },
+        }
+    }
+}
+
+impl From<PngError> for JobFailure {
+    fn from(error: PngError) -> Self {
         Self::failed("INTERNAL", "encoding a picture", &error)
     }
 }

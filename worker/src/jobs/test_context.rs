@@ -3,13 +3,13 @@
 use super::JobContext;
 use crate::agent::control::JobControl;
 use object_store::memory::InMemory;
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
-use tokio::{runtime::Handle, sync::watch};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::runtime::Handle;
+use tokio::sync::watch;
 use tonic::transport::Endpoint;
-use yoto_proto::v1::{Claim, worker_service_client::WorkerServiceClient};
+use yoto_proto::v1::Claim;
+use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 
 /// The context of `jobs/test` under token 3. Call it inside a runtime.
 pub(crate) fn context() -> JobContext {

@@ -1,7 +1,8 @@
 //! The levels that a matting model's pictures want, of which its file says nothing.
 
+use super::Wanted;
 use super::run::failed_at;
-use super::{MattingModel, Wanted};
+use crate::MattingModel;
 use crate::clip::{Clip, fault, for_each};
 use yoto_client::ClientError;
 use yoto_matting::{Levels, Matter};

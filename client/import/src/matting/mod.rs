@@ -9,37 +9,14 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
+use crate::MattingModel;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use yoto_client::ClientError;
-
-/// Levels of pictures, for networks: a file does not say which it was trained with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Levels {
-    /// 0 to 1: RVM.
-    Unit,
-    /// -1 to 1: MODNet.
-    Signed,
-    /// -0.5 to 0.5: IS-Net, RMBG 1.4.
-    Centred,
-    /// Less ImageNet's mean, by its deviation: U²-Net, BiRefNet, RMBG 2.0.
-    #[value(name = "imagenet")]
-    ImageNet,
-}
-
-/// A matting model that the user names.
-#[derive(Clone, Debug)]
-pub struct MattingModel {
-    /// Its ONNX file.
-    pub path: PathBuf,
-    /// The levels that its pictures want, if the user says.
-    pub levels: Option<Levels>,
-}
 
 /// A frame to make a mask of.
 #[cfg_attr(
@@ -54,12 +31,6 @@ pub(super) struct Wanted {
 }
 
 impl MattingModel {
-    /// Its name, for people.
-    pub(super) fn name(&self) -> String {
-        let name = self.path.file_name().unwrap_or_default();
-        name.to_string_lossy().into_owned()
-    }
-
     /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! A matting model given the frames in order.
 
-use super::{MattingModel, Wanted, levels, png};
+use super::{Wanted, levels, png};
+use crate::MattingModel;
 use crate::clip::{Clip, fault, for_each};
 use crate::pictures::Mask;
 use std::collections::BTreeMap;
@@ -9,13 +10,13 @@ use yoto_client::ClientError;
 use yoto_matting::{Form, Levels, Matter, MattingError};
 use yoto_terminal::progress::{ProgressDisplay, count};
 
-impl From<super::Levels> for Levels {
-    fn from(levels: super::Levels) -> Self {
+impl From<crate::Levels> for Levels {
+    fn from(levels: crate::Levels) -> Self {
         match levels {
-            super::Levels::Unit => Self::Unit,
-            super::Levels::Signed => Self::Signed,
-            super::Levels::Centred => Self::Centred,
-            super::Levels::ImageNet => Self::ImageNet,
+            crate::Levels::Unit => Self::Unit,
+            crate::Levels::Signed => Self::Signed,
+            crate::Levels::Centred => Self::Centred,
+            crate::Levels::ImageNet => Self::ImageNet,
         }
     }
 }

@@ -176,7 +176,7 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
     })
 }
 
-/// Seconds of a frame of the first person, in the first pose of the video: the second of two
+/// Seconds per frame of the first person, in the first pose of the video: the second of two
 /// renders, so that memory is already allocated.
 fn frame_seconds(trainer: &Trainer, cast: &[SyntheticPerson], size: u32) -> anyhow::Result<f64> {
     let renderer = trainer.renderer();

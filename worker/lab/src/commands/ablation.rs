@@ -77,7 +77,7 @@ impl AblationCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let lpips = self.lpips.weights()?;
         let mut files = Vec::new();
-        let mut found = Vec::new();
+        let mut ablations = Vec::new();
         for &seed in &self.seeds {
             let out = match self.seeds.len() {
                 1 => self.out.clone(),
@@ -106,28 +106,28 @@ impl AblationCommand {
             say!("{}", text(&ablation));
             say!("figures: {}", out.join(FILE).display());
             files.push(out.join(FILE));
-            found.push(ablation);
+            ablations.push(ablation);
         }
         output::put("files", output::paths(&files));
-        if found.len() > 1 {
-            say!("\n{}", spread(&found));
+        if ablations.len() > 1 {
+            say!("\n{}", spread(&ablations));
         }
         Ok(())
     }
 }
 
-/// Means over seeds, and how far the seeds are apart.
-fn spread(found: &[Ablation]) -> String {
+/// Means over seeds, and half the range of each.
+fn spread(ablations: &[Ablation]) -> String {
     let mut lines = vec![format!(
         "{:<18} {:>17} {:>17} {:>17} {:>17}",
         "mean (half range)", "views, dB", "poses, dB", "filmed, mm", "unseen, mm"
     )];
-    let Some(first) = found.first() else {
+    let Some(first) = ablations.first() else {
         return String::new();
     };
     for (row, variant) in first.variants.iter().enumerate() {
         let of = |pick: &dyn Fn(&VariantScores) -> Option<f64>| {
-            let rows = found.iter().filter_map(|it| it.variants.get(row));
+            let rows = ablations.iter().filter_map(|it| it.variants.get(row));
             let values: Vec<f64> = rows.filter_map(pick).collect();
             if values.is_empty() {
                 return "-".to_owned();
@@ -149,7 +149,7 @@ fn spread(found: &[Ablation]) -> String {
     lines.join("\n")
 }
 
-/// The paper's table, what it rests on, and what the parts give.
+/// The paper's table, its conditions, and the gain of each part.
 fn text(ablation: &Ablation) -> String {
     let rows: Vec<Row> = ablation
         .variants

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_capture::camera::{Camera, Pose};
+use yoto_media::png::{self, Pixels};
 use yoto_terminal::output;
-use yoto_worker::media::{Pixels, picture};
 
 const AFTER_HELP: &str = "\
 The model is a folder as `yoto model export` writes it. The person stands in the rest pose, and the
@@ -61,7 +61,7 @@ impl Frames {
             let rendered = Instant::now();
             let rounded = drawn.to_rgb8();
             let whole = Instant::now();
-            bytes = picture::png(Pixels::Rgb, size, size, &rounded)?.len();
+            bytes = png::encode(Pixels::Rgb, size, size, &rounded)?.len();
             let spans = [
                 (start, rendered),
                 (rendered, whole),

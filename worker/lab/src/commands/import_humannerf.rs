@@ -27,7 +27,7 @@ const ZJU: HumanNerfOptions = HumanNerfOptions::ZJU_MOCAP;
 
 /// Import a checkpoint of the released HumanNeRF program as a model.
 #[derive(Debug, Args)]
-#[command(name = "import-humannerf", after_help = AFTER_HELP)]
+#[command(after_help = AFTER_HELP)]
 pub(super) struct ImportHumanNerf {
     /// The checkpoint, a file of torch.save.
     #[arg(value_name = "CHECKPOINT")]

@@ -33,16 +33,16 @@ pub(super) struct LpipsArgs {
 }
 
 impl LpipsArgs {
-    /// Both files, or none. An empty name is none.
+    /// Both files, or none. An empty name counts as none.
     ///
     /// # Errors
-    /// When one is given without the other, which is most likely a mistake.
+    /// When one is set without the other, which is most likely a mistake.
     pub(super) fn weights(self) -> anyhow::Result<Option<LpipsWeights>> {
-        let given = |name: Option<OsString>| name.filter(|name| !name.is_empty());
-        let one_of_two = |given, missing| {
-            format!("{given} is set but {missing} is not: LPIPS needs both files of weights")
+        let file = |name: Option<OsString>| name.filter(|name| !name.is_empty());
+        let one_of_two = |set, missing| {
+            format!("{set} is set but {missing} is not: LPIPS needs both files of weights")
         };
-        match (given(self.vgg16_weights), given(self.lpips_weights)) {
+        match (file(self.vgg16_weights), file(self.lpips_weights)) {
             (Some(vgg16), Some(heads)) => Ok(Some(LpipsWeights {
                 vgg16: vgg16.into(),
                 heads: heads.into(),

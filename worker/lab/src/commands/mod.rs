@@ -63,6 +63,7 @@ enum Command {
     Frames(frames::Frames),
     RenderFrame(render_frame::RenderFrame),
     Info(info::Info),
+    #[command(name = "import-humannerf")]
     ImportHumanNerf(import_humannerf::ImportHumanNerf),
 }
 

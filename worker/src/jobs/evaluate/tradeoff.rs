@@ -1,17 +1,14 @@
 //! Time and fidelity of render settings with one checkpoint, measured on held-out frames.
 
 use super::Pictures;
-use crate::jobs::{JobContext, JobFailure, context::id};
+use crate::jobs::context::id;
+use crate::jobs::{JobContext, JobFailure};
 use std::time::{SystemTime, UNIX_EPOCH};
-use yoto_avatar::{
-    render::{RenderView, Renderer},
-    tradeoff::{Axes, Curve, SweepError, SweepOptions, SweepView, sweep},
-};
-use yoto_proto::{
-    keys,
-    names::Collection,
-    v1::{ObjectRef, TradeoffSpec},
-};
+use yoto_avatar::render::{RenderView, Renderer};
+use yoto_avatar::tradeoff::{Axes, Curve, SweepError, SweepOptions, SweepView, sweep};
+use yoto_proto::keys;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{ObjectRef, TradeoffSpec};
 
 /// Default number of held-out frames to render with each setting.
 const VIEWS: usize = 4;

@@ -3,16 +3,13 @@
 use super::{DistilledSplats, count, of_motion, splats};
 use crate::jobs::{JobContext, JobFailure};
 use std::time::{Duration, Instant};
-use yoto_avatar::{
-    distill::{Course, DistillError, Filmed, Lessons, Stage},
-    render::{Renderer, SkinnedSplats},
-};
-use yoto_capture::{CaptureError, Shard, skeleton::Skeleton};
+use yoto_avatar::distill::{Course, DistillError, Filmed, Lessons, Stage};
+use yoto_avatar::render::{Renderer, SkinnedSplats};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::{CaptureError, Shard};
 use yoto_export::source::Source;
-use yoto_proto::{
-    exports,
-    v1::{Checkpoint, Distillation, ObjectRef, Progress},
-};
+use yoto_proto::exports;
+use yoto_proto::v1::{Checkpoint, Distillation, ObjectRef, Progress};
 
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);
@@ -20,7 +17,7 @@ const REPORT_EVERY: Duration = Duration::from_millis(250);
 pub(super) const SHARE: f64 = 0.95;
 /// The fraction from which on the pace so far tells the time that is left.
 const SOON: f64 = 0.02;
-/// Seed of the training, as of `yoto distill`.
+/// Seed of the training, as of `yoto-lab distill`.
 const SEED: u64 = 7;
 
 /// Splats to make.
@@ -113,7 +110,7 @@ impl Order<'_> {
     }
 }
 
-/// What is told of a `stage`, when such a `fraction` is done and so many seconds are left.
+/// The progress to report in a `stage`, when a `fraction` of the work is done and seconds are left.
 fn progress(stage: &Stage, fraction: f64, seconds_left: f64) -> Progress {
     let common = Progress {
         fraction: SHARE * fraction,

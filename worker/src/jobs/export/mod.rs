@@ -10,14 +10,12 @@ use yoto_avatar::render::{Renderer, SkinnedSplats};
 use yoto_export::mesh::MeshOptions;
 use yoto_export::order::{ExportError, Exported, File, Order};
 use yoto_export::source::{Source, SourceError};
-use yoto_proto::{
-    checks::export,
-    exports, keys, names,
-    v1::{
-        DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, Inputs, ObjectRef,
-        Progress, RenderedFile,
-    },
+use yoto_proto::checks::export;
+use yoto_proto::v1::{
+    DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, Inputs, ObjectRef,
+    Progress, RenderedFile,
 };
+use yoto_proto::{exports, keys, names};
 
 /// Exports the person of the order.
 ///
@@ -40,8 +38,7 @@ pub fn run(
             shard::person(inputs, &spec.subject)
         ),
     })?;
-    let motions = Motions::new(context, spec, inputs, &found);
-    let moves = motions.all()?;
+    let motions = Motions::new(context, spec, inputs, &found).all()?;
     let (person, distilled) = match splats(&renderer, slot)? {
         Some(person) => (person, None),
         None => {
@@ -68,7 +65,7 @@ pub fn run(
         context,
         spec,
         shard::person(inputs, &spec.subject),
-        moves,
+        motions,
         person,
     )?;
     let files = commit(context, &exported)?;

@@ -1,14 +1,13 @@
 //! The motions of an order: of captures, whose tracks are fetched, and of clips.
 
 use super::of_motion;
-use crate::jobs::{JobContext, JobFailure, checkpoint::Downloaded, shard};
-use std::cell::RefCell;
+use crate::jobs::checkpoint::Downloaded;
+use crate::jobs::{JobContext, JobFailure, shard};
 use std::collections::HashMap;
 use yoto_export::source::Source;
-use yoto_proto::{
-    exports::moves_as_captured,
-    v1::{ExportMotion, ExportSpec, Inputs, export_motion::Motion},
-};
+use yoto_proto::exports::moves_as_captured;
+use yoto_proto::v1::export_motion::Motion;
+use yoto_proto::v1::{ExportMotion, ExportSpec, Inputs};
 
 /// Name of a clip that has none.
 const NAME: &str = "motion";
@@ -20,7 +19,7 @@ pub(super) struct Motions<'a> {
     inputs: &'a Inputs,
     found: &'a Downloaded,
     /// Those of captures that were fetched, by subject.
-    captured: RefCell<HashMap<String, Source>>,
+    captured: HashMap<String, Source>,
 }
 
 impl<'a> Motions<'a> {
@@ -36,24 +35,20 @@ impl<'a> Motions<'a> {
             spec,
             inputs,
             found,
-            captured: RefCell::default(),
+            captured: HashMap::new(),
         }
     }
 
     /// All that the files have, in the order's order.
-    pub(super) fn all(&self) -> Result<Vec<Source>, JobFailure> {
-        if moves_as_captured(self.spec) {
-            return Ok(vec![self.own()?]);
+    pub(super) fn all(mut self) -> Result<Vec<Source>, JobFailure> {
+        let spec = self.spec;
+        if moves_as_captured(spec) {
+            return Ok(vec![self.of_capture(&spec.subject)?]);
         }
-        self.spec.motions.iter().map(|it| self.one(it)).collect()
+        spec.motions.iter().map(|it| self.one(it)).collect()
     }
 
-    /// The motion of the subject's own capture.
-    fn own(&self) -> Result<Source, JobFailure> {
-        self.of_capture(&self.spec.subject)
-    }
-
-    fn one(&self, motion: &ExportMotion) -> Result<Source, JobFailure> {
+    fn one(&mut self, motion: &ExportMotion) -> Result<Source, JobFailure> {
         let source = match &motion.motion {
             Some(Motion::Capture(part)) => {
                 let driver = match &*part.driver {
@@ -85,16 +80,15 @@ impl<'a> Motions<'a> {
         })
     }
 
-    /// The motion of the capture of `subject`, which is called after them.
-    fn of_capture(&self, subject: &str) -> Result<Source, JobFailure> {
-        if let Some(known) = self.captured.borrow().get(subject) {
+    /// The motion of the capture of `subject`, under their name.
+    fn of_capture(&mut self, subject: &str) -> Result<Source, JobFailure> {
+        if let Some(known) = self.captured.get(subject) {
             return Ok(known.clone());
         }
         let (name, shard) =
             shard::with_refined_poses(self.context, self.inputs, self.found, subject)?;
         let source = Source::track(&name, &shard.track).map_err(|error| of_motion(&error))?;
-        let known = &mut *self.captured.borrow_mut();
-        known.insert(subject.to_owned(), source.clone());
+        self.captured.insert(subject.to_owned(), source.clone());
         Ok(source)
     }
 }

@@ -3,13 +3,12 @@
 //! The worker fetches the files, `yoto_ingest` reads them in a child process, and the worker stores
 //! the result. A fault of the store or of this machine never rejects a capture: the job is retried.
 
-use super::{JobContext, JobFailure, context::id};
+use super::context::id;
+use super::{JobContext, JobFailure};
 use yoto_ingest::{Files, IngestError, Ingested, Progress, ingest};
-use yoto_proto::{
-    keys,
-    names::Collection,
-    v1::{IngestResult, IngestSpec, Inputs},
-};
+use yoto_proto::keys;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{IngestResult, IngestSpec, Inputs};
 
 /// Fetches, checks and packs the capture, and stores the shard.
 ///

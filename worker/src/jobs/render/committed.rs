@@ -1,15 +1,11 @@
-//! Files that the job commits one by one: users see each at once, and another lease of the job goes on at
-//! the first missing one.
+//! Files that the job commits one by one: users see each at once, and another lease of the job continues at the
+//! first missing one.
 
-use crate::{
-    jobs::{JobContext, JobFailure},
-    media::{Pixels, picture},
-};
+use crate::jobs::{JobContext, JobFailure};
 use std::collections::BTreeMap;
-use yoto_proto::{
-    keys,
-    v1::{Inputs, RenderedFile},
-};
+use yoto_media::png::{self, Pixels};
+use yoto_proto::keys;
+use yoto_proto::v1::{Inputs, RenderedFile};
 
 /// The files of a render.
 pub(super) struct Committed<'a> {
@@ -41,7 +37,7 @@ impl<'a> Committed<'a> {
         self.files.insert(file.file.clone(), Known { file, sound });
     }
 
-    /// Learns of files that were committed meanwhile.
+    /// Adds files that other leases committed meanwhile.
     pub(super) fn learn(&mut self, files: Vec<RenderedFile>) {
         for file in files {
             let known = self.files.get(&file.file);
@@ -51,13 +47,13 @@ impl<'a> Committed<'a> {
         }
     }
 
-    /// Whether a file is there, and needs no other look.
+    /// Whether a file is there and was written or read during this lease.
     pub(super) fn is_sound(&self, file: &str) -> bool {
         self.files.get(file).is_some_and(|it| it.sound)
     }
 
-    /// Takes over a picture that is there; its pixels. None if there is none, or it was damaged since: then
-    /// it is made again.
+    /// The pixels of a picture that an earlier lease committed. None if there is none, or if it was damaged since:
+    /// then it is drawn again.
     pub(super) fn take_over(
         &mut self,
         file: &str,
@@ -77,12 +73,12 @@ impl<'a> Committed<'a> {
             }
             Err(error) => return Err(error.into()),
         };
-        let (_, _, pixels) = picture::pixels(kind, &bytes)?;
+        let (_, _, pixels) = png::decode(kind, &bytes)?;
         known.sound = true;
         Ok(Some(pixels))
     }
 
-    /// Stores and commits a file. It takes the place of a damaged one.
+    /// Stores and commits a file. It replaces a damaged one.
     pub(super) fn add(&mut self, file: String, bytes: Vec<u8>) -> Result<(), JobFailure> {
         let key = keys::render(self.context.job_id()?, self.context.claim.token, &file);
         let object = Some(self.context.put(&key, bytes)?);
@@ -110,7 +106,7 @@ mod tests {
         let _inside = runtime.enter();
         let context = context();
         let pixels: Vec<u8> = (0..12).collect();
-        let bytes = picture::png(Pixels::Rgb, 2, 2, &pixels).expect("encodes");
+        let bytes = png::encode(Pixels::Rgb, 2, 2, &pixels).expect("encodes");
         let good = context.put("renders/test/2/a.png", bytes.clone());
         let good = good.expect("puts");
         let torn = ObjectRef {

@@ -1,73 +1,182 @@
-//! The models of a render: its own, and in a scene those of other people. One alone draws its people as ever;
-//! several draw together, each the people of its own.
+//! The models of a render: its own, and in a scene those of other people.
 
-use super::request;
-use crate::jobs::{
-    JobContext, JobFailure,
-    checkpoint::{self, Downloaded},
+use super::request::{self, Request};
+use super::unfilmed;
+use crate::jobs::checkpoint::{self, Downloaded};
+use crate::jobs::{JobContext, JobFailure, shard};
+use std::collections::BTreeMap;
+use yoto_avatar::render::{
+    Actor, Guest, Light, RenderError, RenderSettings, Rendered, Renderer, SceneView,
+    render_together,
 };
-use yoto_avatar::render::{Guest, RenderError, Rendered, Renderer, SceneView, render_together};
-use yoto_capture::skeleton::transform::Vec3;
-use yoto_proto::{
-    names,
-    render_needs::other_models,
-    v1::{Checkpoint, Inputs, RenderSpec},
-};
+use yoto_film::{Bodies, ModelBodies, Person, View};
+use yoto_proto::names;
+use yoto_proto::render_needs::other_models;
+use yoto_proto::v1::{Checkpoint, Inputs, RenderSpec};
 
 /// A model with the checkpoint that draws its people.
-pub(super) struct Loaded<'a> {
+pub(super) struct Model<'a> {
     /// `models/{id}`.
     pub(super) name: &'a str,
     pub(super) renderer: Renderer,
-    pub(super) found: Downloaded,
+    pub(super) downloaded: Downloaded,
 }
 
 /// All models of a render.
 pub(super) struct Models<'a> {
-    pub(super) own: Loaded<'a>,
+    pub(super) own: Model<'a>,
     /// Those of a scene's other people, in the order of their first actors.
-    pub(super) others: Vec<Loaded<'a>>,
+    others: Vec<Model<'a>>,
+    /// As [`Bodies::unfilmed`].
+    unfilmed: Vec<Vec<usize>>,
 }
 
 impl<'a> Models<'a> {
-    /// The models that `spec` needs, each with the first complete one of its checkpoints.
+    /// The models that `request` needs, each with the first complete one of its checkpoints.
     ///
     /// # Errors
     /// A model without a complete checkpoint, and faults of the store.
     pub(super) fn load(
         context: &JobContext,
-        spec: &'a RenderSpec,
+        request: &Request<'a>,
         inputs: &Inputs,
     ) -> Result<Self, JobFailure> {
+        let spec = request.spec;
         let others = other_models(spec);
         let load = |done: usize, name: &'a str| {
             context.report_pieces("loading", done, 1 + others.len());
             let known = request::model(spec, inputs, name).map_or(name, |it| &it.display_name);
             let checkpoints = checkpoints(spec, inputs, name);
-            let (renderer, found) = checkpoint::load(context, known, checkpoints, "render")?;
-            Ok(Loaded {
+            let (renderer, downloaded) = checkpoint::load(context, known, checkpoints, "render")?;
+            Ok(Model {
                 name,
                 renderer,
-                found,
+                downloaded,
             })
         };
-        let own = load(0, &spec.model)?;
+        let mut own = load(0, &spec.model)?;
         let names = others.iter().map(|(_, name)| *name).enumerate();
         let loaded = names.map(|(before, name)| load(1 + before, name));
         let others = loaded.collect::<Result<_, JobFailure>>()?;
-        Ok(Self { own, others })
+        let unfilmed;
+        (own.renderer, unfilmed) = unfilmed::add(own.renderer, request)?;
+        Ok(Self {
+            own,
+            others,
+            unfilmed,
+        })
     }
 
     /// The render's own, then the others.
-    pub(super) fn all(&self) -> impl Iterator<Item = &Loaded<'a>> {
+    pub(super) fn all(&self) -> impl Iterator<Item = &Model<'a>> {
         std::iter::once(&self.own).chain(&self.others)
+    }
+
+    /// Whether a scene has people of other models.
+    pub(super) fn several(&self) -> bool {
+        !self.others.is_empty()
+    }
+
+    /// The model called `name`; the render's own if no other has the name.
+    pub(super) fn named(&self, name: &str) -> &Model<'a> {
+        let other = self.others.iter().find(|model| model.name == name);
+        other.unwrap_or(&self.own)
+    }
+
+    /// Replaces the settings of the render's own model.
+    pub(super) fn set(&mut self, settings: &RenderSettings) -> Result<(), JobFailure> {
+        let set = self.own.renderer.set(settings);
+        set.map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))
+    }
+
+    /// What a plan needs to know of the models.
+    pub(super) fn bodies(&self, request: &Request<'_>, inputs: &Inputs) -> Bodies {
+        let mut models: Vec<ModelBodies> =
+            self.all().map(|it| it.bodies(request, inputs)).collect();
+        if let Some(own) = models.first_mut() {
+            for slot in self.unfilmed.iter().flatten() {
+                let skeleton = self.own.renderer.skeleton(*slot).cloned();
+                own.skeletons.extend(skeleton.map(|it| (*slot, it)));
+            }
+        }
+        Bodies {
+            models,
+            unfilmed: self.unfilmed.clone(),
+        }
+    }
+
+    /// Draws a view, as long as `go_on` says so. One model draws its people in one pass; several draw together.
+    ///
+    /// # Errors
+    /// As [`Renderer::render_scene`].
+    pub(super) fn draw(
+        &self,
+        view: &View,
+        go_on: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Rendered, RenderError> {
+        let scene = scene_view(view);
+        if self.others.is_empty() {
+            return self.own.renderer.render_scene(&scene, go_on);
+        }
+        let models: Vec<&Model<'_>> = self.all().collect();
+        let guests = view.actors.iter().zip(&scene.actors);
+        let guests = guests.map(|(planned, actor)| Guest {
+            model: &models.get(planned.model).unwrap_or(&&self.own).renderer,
+            actor,
+        });
+        let guests: Vec<Guest<'_>> = guests.collect();
+        render_together(&guests, &scene.camera, scene.background, go_on)
     }
 }
 
-impl Loaded<'_> {
+impl Model<'_> {
     /// Name of the checkpoint.
     pub(super) fn checkpoint(&self) -> String {
-        names::checkpoint(self.name, self.found.manifest.step)
+        names::checkpoint(self.name, self.downloaded.manifest.step)
+    }
+
+    /// The people of `request` that this model draws or lights.
+    fn bodies(&self, request: &Request<'_>, inputs: &Inputs) -> ModelBodies {
+        let people = request.slots_in(self.name);
+        let people: Vec<Person> = people
+            .map(|(subject, slot)| Person {
+                subject: subject.into(),
+                display_name: shard::person(inputs, subject).into(),
+                slot,
+            })
+            .collect();
+        let skeletons: BTreeMap<_, _> = people
+            .iter()
+            .filter_map(|it| Some((it.slot, self.renderer.skeleton(it.slot)?.clone())))
+            .collect();
+        ModelBodies {
+            name: self.name.into(),
+            checkpoint: self.downloaded.checkpoint.name.clone(),
+            has_light: self.renderer.has_light(),
+            people,
+            skeletons,
+        }
+    }
+}
+
+/// `view` as the renderer takes it.
+pub(super) fn scene_view(view: &View) -> SceneView {
+    let actors = view.actors.iter().map(|actor| Actor {
+        slot: actor.slot,
+        pose: actor.pose.clone(),
+        light: match actor.light {
+            yoto_film::Light::Own => Light::Own,
+            yoto_film::Light::Neutral => Light::Neutral,
+            yoto_film::Light::Of { slot, rotation } => Light::Of {
+                slot,
+                turn: rotation,
+            },
+        },
+    });
+    SceneView {
+        actors: actors.collect(),
+        camera: view.camera.clone(),
+        background: view.background,
     }
 }
 
@@ -79,53 +188,4 @@ fn checkpoints<'a>(spec: &RenderSpec, inputs: &'a Inputs, name: &str) -> &'a [Ch
     let mut others = inputs.other_models.iter();
     let other = others.find(|it| it.model.as_ref().is_some_and(|model| model.name == name));
     other.map_or(&[], |it| &it.checkpoints)
-}
-
-/// Which model draws each actor of a view: a place among the other models, or none for the render's own.
-pub(super) type PaintedBy = Vec<Option<usize>>;
-
-/// The people of a film, each with the model that draws them.
-#[derive(Clone, Copy)]
-pub(super) struct Troupe<'a> {
-    pub(super) models: &'a Models<'a>,
-    /// The same in all views. Actors beyond its end are of the render's own model.
-    pub(super) by: &'a PaintedBy,
-}
-
-impl Troupe<'_> {
-    /// The renderer of actor number `place` of a view.
-    fn renderer(&self, place: usize) -> &Renderer {
-        let other = self.by.get(place).copied().flatten();
-        let other = other.and_then(|other| self.models.others.get(other));
-        &other.unwrap_or(&self.models.own).renderer
-    }
-
-    /// The positions of all joints of a view, metres.
-    pub(super) fn joints(&self, view: &SceneView) -> Vec<Vec3> {
-        let bodies = view.actors.iter().enumerate().map(|(place, actor)| {
-            let body = self.renderer(place).skeleton(actor.slot);
-            body.map_or_else(Vec::new, |body| body.posed_joints(&actor.pose))
-        });
-        bodies.flatten().collect()
-    }
-
-    /// Draws a view, as long as `go_on` says so.
-    ///
-    /// # Errors
-    /// As [`Renderer::render_scene`].
-    pub(super) fn draw(
-        &self,
-        view: &SceneView,
-        go_on: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<Rendered, RenderError> {
-        if self.models.others.is_empty() {
-            return self.models.own.renderer.render_scene(view, go_on);
-        }
-        let guests = view.actors.iter().enumerate().map(|(place, actor)| Guest {
-            model: self.renderer(place),
-            actor,
-        });
-        let guests: Vec<Guest<'_>> = guests.collect();
-        render_together(&guests, &view.camera, view.background, go_on)
-    }
 }

@@ -1,12 +1,11 @@
 //! Choice of render settings for a requested quality, from the checkpoint's measured trade-off,
 //! with predicted and actual figures.
 
-use super::models::Models;
+use super::models::{Models, scene_view};
 use crate::jobs::{JobContext, JobFailure};
-use yoto_avatar::{
-    render::{RenderSettings, Renderer, SceneView},
-    tradeoff::{Choice, Curve, Want, choose},
-};
+use yoto_avatar::render::{RenderSettings, Renderer};
+use yoto_avatar::tradeoff::{Choice, Curve, Want, choose};
+use yoto_film::{Plan, View};
 use yoto_proto::tiers;
 use yoto_proto::v1::{RenderChoice, RenderQuality, render_quality};
 
@@ -15,20 +14,20 @@ const COUNTED_VIEWS: usize = 16;
 
 /// Chosen settings, and the source of their figures.
 #[derive(Debug)]
-pub(super) struct Promise {
+pub(super) struct QualityChoice {
     choice: Choice,
     measured_on: String,
 }
 
-impl Promise {
-    /// Chooses for `views` from the curve of the checkpoint of the render's model. Splats are drawn in real time
-    /// as they are: to that goal, they need no curve, and there is no promise without one, nor for people of
-    /// several models.
-    pub(super) fn make(
+impl QualityChoice {
+    /// Chooses the settings for `plan` from the curve of the checkpoint of the render's own model. Splats are drawn
+    /// in real time as they are: for that goal they need no curve. Without a curve there is no choice then, nor for
+    /// people of several models.
+    pub(super) fn new(
         context: &JobContext,
         quality: &RenderQuality,
         models: &Models<'_>,
-        views: &[SceneView],
+        plan: &Plan,
     ) -> Result<Option<Self>, JobFailure> {
         let (field, want) = want(quality)?;
         for model in models.all() {
@@ -36,9 +35,8 @@ impl Promise {
                 return Err(JobFailure::invalid("render", field, message));
             }
         }
-        let (renderer, checkpoint) = (&models.own.renderer, &models.own.found.checkpoint);
-        let several = !models.others.is_empty();
-        if (several || checkpoint.tradeoff.is_none()) && !tiers::needs_tradeoff(quality) {
+        let (renderer, checkpoint) = (&models.own.renderer, &models.own.downloaded.checkpoint);
+        if (models.several() || checkpoint.tradeoff.is_none()) && !tiers::needs_tradeoff(quality) {
             return Ok(None);
         }
         let object = checkpoint
@@ -51,7 +49,7 @@ impl Promise {
         let json = context.get(object)??;
         let curve = Curve::from_json(&json)
             .map_err(|error| JobFailure::failed("TRADEOFF", &object.key, &error))?;
-        let choice = choose(&curve, &want, mean_rays(renderer, views)?)
+        let choice = choose(&curve, &want, mean_rays(renderer, &plan.views)?)
             .map_err(|error| JobFailure::invalid("render", field, error.to_string()))?;
         Ok(Some(Self {
             choice,
@@ -64,8 +62,8 @@ impl Promise {
         &self.choice.settings
     }
 
-    /// The predictions together with the actual `seconds` per frame and PSNR of pictures with truth.
-    pub(super) fn came_true(&self, seconds: f64, psnr: &[f64]) -> RenderChoice {
+    /// The predictions with the actual `seconds` per frame and PSNR of pictures with ground truth.
+    pub(super) fn outcome(&self, seconds: f64, psnr: &[f64]) -> RenderChoice {
         let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
         RenderChoice {
             settings: Some((&self.choice.settings).into()),
@@ -95,12 +93,12 @@ fn want(quality: &RenderQuality) -> Result<(&'static str, Want), JobFailure> {
 }
 
 /// Mean number of rays through the bodies' boxes per view, over a sample of `views`.
-fn mean_rays(renderer: &Renderer, views: &[SceneView]) -> Result<f64, JobFailure> {
+fn mean_rays(renderer: &Renderer, views: &[View]) -> Result<f64, JobFailure> {
     let stride = views.len().div_ceil(COUNTED_VIEWS).max(1);
     let (mut sum, mut count) = (0, 0);
     for view in views.iter().step_by(stride) {
         sum += renderer
-            .rays(view)
+            .rays(&scene_view(view))
             .map_err(|error| JobFailure::failed("INTERNAL", "looking at a view", &error))?;
         count += 1;
     }
@@ -113,8 +111,8 @@ mod tests {
     use yoto_avatar::config::Precision;
 
     #[test]
-    fn what_came_true_stands_beside_the_promise() {
-        let promise = Promise {
+    fn the_outcome_stands_beside_the_prediction() {
+        let choice = QualityChoice {
             choice: Choice {
                 settings: RenderSettings {
                     samples: 32,
@@ -129,23 +127,23 @@ mod tests {
             },
             measured_on: "a CPU".into(),
         };
-        let known = promise.came_true(0.3, &[28.0, 32.0]);
+        let known = choice.outcome(0.3, &[28.0, 32.0]);
         assert_eq!((known.psnr, known.pictures_with_truth), (Some(30.0), 2));
         assert_eq!(known.seconds_per_frame, 0.3);
         assert_eq!(known.predicted_seconds_per_frame, 0.25);
         let settings = known.settings.expect("says them");
         assert_eq!((settings.samples, settings.scale), (32, 0.5));
         assert!(settings.bf16 && settings.min_transmittance == 0.05);
-        let unknown = promise.came_true(0.3, &[]);
+        let unknown = choice.outcome(0.3, &[]);
         assert_eq!((unknown.psnr, unknown.pictures_with_truth), (None, 0));
         assert_eq!(unknown.predicted_psnr, Some(30.0));
     }
 
     #[test]
-    fn a_wish_is_told_by_its_field() {
+    fn a_goal_is_named_by_its_field() {
         let quality = |want| RenderQuality { want: Some(want) };
-        let (field, wish) = want(&quality(render_quality::Want::MinPsnrDb(31.0))).expect("one");
-        assert_eq!((field, wish), ("quality.min_psnr_db", Want::MinPsnr(31.0)));
+        let (field, goal) = want(&quality(render_quality::Want::MinPsnrDb(31.0))).expect("one");
+        assert_eq!((field, goal), ("quality.min_psnr_db", Want::MinPsnr(31.0)));
         assert!(matches!(
             want(&RenderQuality { want: None }),
             Err(JobFailure::Invalid(_))

@@ -1,31 +1,24 @@
 //! The request's numbers, checked before a checkpoint is downloaded.
 
 use crate::jobs::{JobFailure, shard};
-use yoto_avatar::render::SceneView;
-use yoto_proto::{
-    checks::render,
-    render_needs::needs,
-    v1::{Inputs, Model, RenderSpec, render_spec::What},
-};
+use yoto_proto::checks::render;
+use yoto_proto::render_needs::needs;
+use yoto_proto::v1::{Inputs, Model, RenderSpec};
 
 /// A valid request.
 #[derive(Debug)]
 pub(super) struct Request<'a> {
     pub(super) spec: &'a RenderSpec,
-    pub(super) what: &'a What,
     /// Slots of everybody who is shown or lights others, by model and subject.
     slots: Vec<([&'a str; 2], usize)>,
-    pub(super) background: [f32; 3],
-    /// Frames per second of the animation, if the request says it.
-    pub(super) fps: Option<f32>,
 }
 
 impl<'a> Request<'a> {
     pub(super) fn new(spec: &'a RenderSpec, inputs: &Inputs) -> Result<Self, JobFailure> {
         JobFailure::refuse("render", render::faults(spec))?;
-        let Some(what) = &spec.what else {
+        if spec.what.is_none() {
             return Err(JobFailure::invalid("render", "what", "is missing"));
-        };
+        }
         let mut slots = Vec::new();
         for need in needs(spec).into_iter().filter(|need| need.slot) {
             let model = model(spec, inputs, need.model);
@@ -38,27 +31,23 @@ impl<'a> Request<'a> {
             };
             slots.push(([need.model, need.subject], slot.slot as usize));
         }
-        Ok(Self {
-            spec,
-            what,
-            slots,
-            background: spec.background.as_slice().try_into().unwrap_or([0.0; 3]),
-            fps: (spec.fps != 0.0).then_some(spec.fps),
-        })
+        Ok(Self { spec, slots })
     }
 
-    /// The slot in the render's own model of somebody whom the request shows, or whose light.
+    /// The slot of `subject` in the render's own model.
     pub(super) fn slot(&self, subject: &str) -> Option<usize> {
-        self.slot_in(&self.spec.model, subject)
+        let mut slots = self.slots_in(&self.spec.model);
+        slots.find(|it| it.0 == subject).map(|(_, slot)| slot)
     }
 
-    /// The slot in the `model` called so of somebody whom the request shows by it, or whose light.
-    pub(super) fn slot_in(&self, model: &str, subject: &str) -> Option<usize> {
-        let known = self
+    /// The people that `model` draws or lights for the request, with their slots. A person may come more than
+    /// once.
+    pub(super) fn slots_in(&self, model: &str) -> impl Iterator<Item = (&'a str, usize)> {
+        let of_model = self
             .slots
             .iter()
-            .find(|(name, _)| *name == [model, subject]);
-        known.map(|(_, slot)| *slot)
+            .filter(move |([name, _], _)| *name == model);
+        of_model.map(|([_, subject], slot)| (*subject, *slot))
     }
 }
 
@@ -74,25 +63,12 @@ pub(super) fn model<'a>(spec: &RenderSpec, inputs: &'a Inputs, name: &str) -> Op
     others.find(|model| model.name == name)
 }
 
-/// An animation has one size.
-pub(super) fn same_size(views: &[SceneView]) -> Result<(), JobFailure> {
-    let size = |view: &SceneView| (view.camera.width, view.camera.height);
-    match views.iter().position(|view| size(view) != size(&views[0])) {
-        None => Ok(()),
-        Some(odd) => Err(JobFailure::invalid(
-            "render",
-            &format!("views[{odd}].camera"),
-            "every view of an animation must have the size of the first",
-        )),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::{
-        Actor, CaptureMotion, IdentitySlot, Model, Orbit, OtherModel, Scene, actor::Motion,
-    };
+    use yoto_proto::v1::actor::Motion;
+    use yoto_proto::v1::render_spec::What;
+    use yoto_proto::v1::{Actor, CaptureMotion, IdentitySlot, Model, Orbit, OtherModel, Scene};
 
     fn orbit(views: u32, size: u32) -> RenderSpec {
         RenderSpec {
@@ -153,14 +129,11 @@ mod tests {
     }
 
     #[test]
-    fn a_good_request_gets_its_slot_and_defaults() {
+    fn a_good_request_gets_its_slot() {
         let spec = orbit(12, 128);
         let inputs = inputs();
         let request = Request::new(&spec, &inputs).expect("good");
-        assert_eq!(
-            (request.slot("subjects/a"), request.background, request.fps),
-            (Some(4), [0.0; 3], None)
-        );
+        assert_eq!(request.slot("subjects/a"), Some(4));
     }
 
     #[test]
@@ -190,9 +163,9 @@ mod tests {
         };
         let spec = with(actor("subjects/b", "models/fog"));
         let request = Request::new(&spec, &inputs).expect("good");
-        let fog = |subject| request.slot_in("models/fog", subject);
         assert_eq!(request.slot("subjects/a"), Some(4));
-        assert_eq!((fog("subjects/a"), fog("subjects/b")), (Some(1), Some(2)));
+        let fog: Vec<_> = request.slots_in("models/fog").collect();
+        assert_eq!(fog, [("subjects/a", 1), ("subjects/b", 2)]);
         for stranger in [
             actor("subjects/b", ""),
             actor("subjects/c", "models/fog"),

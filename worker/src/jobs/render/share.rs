@@ -1,4 +1,4 @@
-//! The pictures of a render, range by range: those of other workers are none of this lease's.
+//! The pictures of a render, shared among workers range by range.
 
 use super::committed::Committed;
 use crate::jobs::{JobContext, JobFailure};
@@ -7,14 +7,14 @@ use std::time::Duration;
 /// Pause before another look at what other workers draw.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// Draws the ranges of `total` pictures that this lease gets, each by `picture`, until all are drawn; a lease
-/// that `helps` ends once none are left for it. Draws none if the coordinator knows no ranges.
-pub(super) fn draw(
+/// Draws the ranges of `total` pictures that this lease gets, each picture by `draw_one`, until all are drawn. A
+/// lease that `helps` ends once no range is left for it. Draws none if the coordinator knows no ranges.
+pub(super) fn draw_ranges(
     context: &JobContext,
     total: usize,
     helps: bool,
     files: &mut Committed<'_>,
-    picture: &mut impl FnMut(usize, &mut Committed<'_>) -> Result<(), JobFailure>,
+    draw_one: &mut impl FnMut(usize, &mut Committed<'_>) -> Result<(), JobFailure>,
 ) -> Result<(), JobFailure> {
     if total == 0 {
         return Ok(());
@@ -33,10 +33,10 @@ pub(super) fn draw(
             context.wait(LOOK)?;
             continue;
         };
-        for (done, place) in (range.first..range.first + range.count).enumerate() {
+        for (done, index) in (range.first..range.first + range.count).enumerate() {
             context.check()?;
             context.report_pieces("rendering", (before + done).min(total), total);
-            picture(place as usize, files)?;
+            draw_one(index as usize, files)?;
         }
     }
     Ok(())

@@ -1,23 +1,13 @@
-//! What is behind and below the people of a scene: a picture and their shadow.
+//! Draws what is behind and below the people of a scene: a picture and their shadow.
 
-use super::models::Troupe;
-use crate::jobs::JobFailure;
-use image::{DynamicImage, RgbImage, imageops::FilterType};
+use image::RgbImage;
+use image::imageops::FilterType;
 use std::cell::RefCell;
-use yoto_avatar::render::{Rendered, SceneView};
-use yoto_capture::{
-    camera::Camera,
-    skeleton::transform::{Vec3, add, scale},
-};
-use yoto_proto::v1::Scene;
+use yoto_avatar::render::Rendered;
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::transform::{add, scale};
+use yoto_film::{LIGHT_HEIGHT, Surroundings};
 
-/// Height of the light that casts the shadow, metres: shadows of heads are at most 2 % larger than those of
-/// feet.
-const LIGHT_HEIGHT: f64 = 100.0;
-/// Side of the picture of the shadow, pixels.
-const SHADOW_SIDE: u32 = 256;
-/// What people reach beyond their joints, metres.
-const REACH: f64 = 0.35;
 /// Radius of the light's blur on the ground, metres: the sky's light, more than the sun's.
 const BLUR: f64 = 0.06;
 /// Passes of the blur: three boxes are nearly a bell.
@@ -25,55 +15,42 @@ const PASSES: usize = 3;
 /// Share of the ground's light that a person stops.
 const DARKEST: f32 = 0.5;
 
-/// What is behind and below people.
-pub(super) struct Surroundings {
-    backdrop: Option<DynamicImage>,
+/// The surroundings of a scene, ready to be put behind its pictures.
+pub(super) struct Background<'a> {
+    surroundings: &'a Surroundings,
+    transparent: bool,
     /// The backdrop at the size of the last picture: all pictures of a film mostly have one size.
     fitted: RefCell<Option<RgbImage>>,
-    colour: [f32; 3],
-    shadow: bool,
-    transparent: bool,
 }
 
-impl Surroundings {
-    /// What `scene` has, or `colour` behind everybody; `None` for the colour alone.
-    ///
-    /// # Errors
-    /// If the backdrop is no picture.
-    pub(super) fn new(
-        scene: &Scene,
-        colour: [f32; 3],
-        transparent: bool,
-    ) -> Result<Option<Self>, JobFailure> {
-        let backdrop = match scene.backdrop.as_slice() {
-            [] => None,
-            bytes => Some(image::load_from_memory(bytes).map_err(|error| {
-                JobFailure::invalid("render", "scene.backdrop", error.to_string())
-            })?),
-        };
-        let any = backdrop.is_some() || scene.shadow;
-        Ok(any.then_some(Self {
-            backdrop,
-            fitted: RefCell::new(None),
-            colour,
-            shadow: scene.shadow,
+impl<'a> Background<'a> {
+    /// `transparent` pictures have the shadow as opacity, and no backdrop.
+    pub(super) fn new(surroundings: &'a Surroundings, transparent: bool) -> Self {
+        Self {
+            surroundings,
             transparent,
-        }))
+            fitted: RefCell::new(None),
+        }
     }
 
-    /// Puts them behind `frame`, which `camera` sees over black.
-    pub(super) fn behind(&self, frame: &mut Rendered, shadow: Option<&Shadow>, camera: &Camera) {
+    /// Puts the surroundings behind `frame`, which `camera` sees over black.
+    pub(super) fn put_behind(
+        &self,
+        frame: &mut Rendered,
+        shadow: Option<&Shadow>,
+        camera: &Camera,
+    ) {
         let (width, height) = (camera.width, camera.height);
         let mut fitted = self.fitted.borrow_mut();
-        if let Some(backdrop) = &self.backdrop
+        if let Some(backdrop) = &self.surroundings.backdrop
             && fitted.as_ref().map(RgbImage::dimensions) != Some((width, height))
         {
             let filled = backdrop.resize_to_fill(width, height, FilterType::Triangle);
             *fitted = Some(filled.to_rgb8());
         }
         let pixels = frame.rgb.as_chunks_mut::<3>().0.iter_mut();
-        for (at, (rgb, alpha)) in pixels.zip(&mut frame.alpha).enumerate() {
-            let (x, y) = (at as u32 % width, at as u32 / width);
+        for (index, (rgb, alpha)) in pixels.zip(&mut frame.alpha).enumerate() {
+            let (x, y) = (index as u32 % width, index as u32 / width);
             let dark = shadow.map_or(0.0, |shadow| shadow.seen_at(camera, x, y));
             let through = 1.0 - *alpha;
             if self.transparent {
@@ -82,70 +59,28 @@ impl Surroundings {
             }
             let colour = match fitted.as_ref() {
                 Some(picture) => picture.get_pixel(x, y).0.map(|v| f32::from(v) / 255.0),
-                None => self.colour,
+                None => self.surroundings.colour,
             };
             for (value, behind) in rgb.iter_mut().zip(colour) {
                 *value += through * (1.0 - dark) * behind;
             }
         }
     }
-
-    /// The shadow of the people of `view`, if it is wanted and anybody is there. It is what `draw` sees of
-    /// them from above.
-    ///
-    /// # Errors
-    /// Those of `draw`.
-    pub(super) fn shadow(
-        &self,
-        troupe: Troupe<'_>,
-        view: &SceneView,
-        draw: impl FnOnce(&SceneView) -> Result<Rendered, JobFailure>,
-    ) -> Result<Option<Shadow>, JobFailure> {
-        let Some(camera) = self.shadow.then(|| from_above(troupe, view)).flatten() else {
-            return Ok(None);
-        };
-        let drawn = draw(&SceneView {
-            actors: view.actors.clone(),
-            camera: camera.clone(),
-            background: [0.0; 3],
-        })?;
-        Ok(Some(Shadow::new(camera, drawn.alpha)))
-    }
-}
-
-/// A camera above the people of `view` that sees all of them.
-fn from_above(troupe: Troupe<'_>, view: &SceneView) -> Option<Camera> {
-    let joints = troupe.joints(view);
-    let sum = joints.iter().fold([0.0; 3], |sum, joint| add(sum, *joint));
-    let [x, _, z] = scale(sum, 1.0 / joints.len().max(1) as f64);
-    let far = |joint: &Vec3| (joint[0] - x).abs().max((joint[2] - z).abs());
-    let widest = joints.iter().map(far).reduce(f64::max)? + REACH;
-    let focal = 0.5 * f64::from(SHADOW_SIDE) * LIGHT_HEIGHT / widest;
-    let (eye, ground) = ([x, LIGHT_HEIGHT, z], [x, 0.0, z]);
-    let side = SHADOW_SIDE;
-    Some(Camera::look_at(
-        eye,
-        ground,
-        [0.0, 0.0, -1.0],
-        focal,
-        side,
-        side,
-    ))
 }
 
 /// Shadow on the ground of a scene.
 pub(super) struct Shadow {
     above: Camera,
-    /// `[SHADOW_SIDE, SHADOW_SIDE]`, shares of the light that does not arrive.
+    /// `[H, W]` of the picture from above: shares of the light that does not arrive.
     dark: Vec<f32>,
 }
 
 impl Shadow {
-    /// The shadow of people of whom the camera `above` sees `opacity`.
-    fn new(above: Camera, opacity: Vec<f32>) -> Self {
+    /// The shadow of people whose opacity `[H, W]` the camera `above`, with a square picture, sees.
+    pub(super) fn new(above: Camera, opacity: &[f32]) -> Self {
         let pixels_per_metre = above.k[0][0] / LIGHT_HEIGHT;
         let radius = (BLUR * pixels_per_metre).round() as usize;
-        let side = SHADOW_SIDE as usize;
+        let side = above.width as usize;
         let mut dark: Vec<f32> = opacity.iter().map(|value| DARKEST * value).collect();
         for _ in 0..PASSES {
             dark = blurred(&dark, side, radius, 1, side);
@@ -171,18 +106,18 @@ impl Shadow {
         for (column, row) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
             let (column, row) = (left + column, top + row);
             let share = (1.0 - (u - column).abs()) * (1.0 - (v - row).abs());
-            let inside = 0.0..f64::from(SHADOW_SIDE);
+            let inside = 0.0..f64::from(self.above.width);
             if inside.contains(&column) && inside.contains(&row) {
-                let at = row as usize * SHADOW_SIDE as usize + column as usize;
-                sum += share as f32 * self.dark[at];
+                let pixel = row as usize * self.above.width as usize + column as usize;
+                sum += share as f32 * self.dark[pixel];
             }
         }
         sum
     }
 }
 
-/// `values` of `side` rows and columns, each the mean of those up to `radius` steps of `step` away, along lines
-/// that begin every `line`.
+/// The means of `values` of `side` rows and columns over up to `radius` neighbours on each side. Neighbours are
+/// `step` apart, on lines that begin every `line`.
 fn blurred(values: &[f32], side: usize, radius: usize, step: usize, line: usize) -> Vec<f32> {
     let mut means = vec![0.0; values.len()];
     for start in (0..side).map(|it| it * line) {
@@ -198,37 +133,42 @@ fn blurred(values: &[f32], side: usize, radius: usize, step: usize, line: usize)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yoto_avatar::render::SceneView;
+
+    /// Side of the picture from above, pixels.
+    const SIDE: u32 = 256;
 
     fn above() -> Camera {
-        let focal = 0.5 * f64::from(SHADOW_SIDE) * LIGHT_HEIGHT / 2.0;
+        let focal = 0.5 * f64::from(SIDE) * LIGHT_HEIGHT / 2.0;
         let up = [0.0, 0.0, -1.0];
         let eye = [1.0, LIGHT_HEIGHT, -1.0];
-        Camera::look_at(eye, [1.0, 0.0, -1.0], up, focal, SHADOW_SIDE, SHADOW_SIDE)
+        Camera::look_at(eye, [1.0, 0.0, -1.0], up, focal, SIDE, SIDE)
     }
 
-    /// Somebody above the square of 0.5 m around the place (2, -2).
+    /// Somebody above the square of 0.5 m around (2, -2).
     fn shadow() -> Shadow {
-        let opacity = (0..SHADOW_SIDE * SHADOW_SIDE).map(|at| {
+        let opacity = (0..SIDE * SIDE).map(|at| {
             let metres = |pixel: u32| f64::from(pixel) / 64.0 - 2.0;
-            let (x, z) = (metres(at % SHADOW_SIDE), metres(at / SHADOW_SIDE));
+            let (x, z) = (metres(at % SIDE), metres(at / SIDE));
             let near = (x - 1.0).abs() < 0.25 && (z + 1.0).abs() < 0.25;
             if near { 1.0 } else { 0.0 }
         });
-        Shadow::new(above(), opacity.collect())
+        let opacity: Vec<f32> = opacity.collect();
+        Shadow::new(above(), &opacity)
     }
 
     #[test]
     fn the_shadow_lies_on_the_ground_below_and_nowhere_else() {
         let shadow = shadow();
         let eye = [4.0, 1.5, 3.0];
-        for (place, dark) in [
+        for (point, dark) in [
             ([2.0, 0.0, -2.0], DARKEST),
             ([2.0, 0.0, -1.2], 0.0),
             ([-9.0, 0.0, -9.0], 0.0),
         ] {
-            let camera = Camera::look_at(eye, place, [0.0, 1.0, 0.0], 300.0, 64, 64);
+            let camera = Camera::look_at(eye, point, [0.0, 1.0, 0.0], 300.0, 64, 64);
             let seen = shadow.seen_at(&camera, 32, 32);
-            assert!((seen - dark).abs() < 1e-3, "{place:?}: {seen}");
+            assert!((seen - dark).abs() < 1e-3, "{point:?}: {seen}");
         }
         // At the edge, half of it.
         let camera = Camera::look_at(eye, [2.25, 0.0, -2.0], [0.0, 1.0, 0.0], 3000.0, 64, 64);
@@ -250,15 +190,14 @@ mod tests {
             3,
             1,
         );
-        let mut png = std::io::Cursor::new(Vec::new());
         let backdrop = RgbImage::from_pixel(6, 2, image::Rgb([255, 102, 0]));
-        backdrop
-            .write_to(&mut png, image::ImageFormat::Png)
-            .expect("encodes");
-        let scene = |backdrop: Vec<u8>| Scene {
-            backdrop,
-            shadow: true,
-            ..Scene::default()
+        let with_backdrop = Surroundings {
+            backdrop: Some(backdrop.into()),
+            colour: [1.0; 3],
+        };
+        let without = Surroundings {
+            backdrop: None,
+            colour: [1.0; 3],
         };
         // In the middle nobody, on the left somebody, on the right half of somebody.
         let frame = || Rendered {
@@ -272,26 +211,16 @@ mod tests {
         };
         let dark = shadow.seen_at(&camera, 1, 0);
         assert!(dark > 0.4, "{dark}");
-        let new = |scene: &Scene, transparent| {
-            let found = Surroundings::new(scene, [1.0; 3], transparent);
-            found.expect("a picture").expect("something")
-        };
         let mut seen = frame();
-        let behind = new(&scene(png.into_inner()), false);
-        behind.behind(&mut seen, Some(&shadow), &camera);
+        let background = Background::new(&with_backdrop, false);
+        background.put_behind(&mut seen, Some(&shadow), &camera);
         assert_eq!(seen.rgb[0..3], [0.2, 0.3, 0.4]);
         let expected = [1.0 - dark, 0.4 * (1.0 - dark), 0.0];
         assert_eq!(seen.rgb[3..6], expected);
         let mut clear = frame();
-        new(&scene(Vec::new()), true).behind(&mut clear, Some(&shadow), &camera);
+        let background = Background::new(&without, true);
+        background.put_behind(&mut clear, Some(&shadow), &camera);
         assert_eq!(clear.rgb, frame().rgb);
         assert_eq!(clear.alpha[..2], [1.0, dark]);
-        assert!(Surroundings::new(&Scene::default(), [1.0; 3], false).is_ok_and(|it| it.is_none()));
-        let Err(JobFailure::Invalid(found)) =
-            Surroundings::new(&scene(vec![1, 2, 3]), [0.0; 3], false)
-        else {
-            panic!("no picture");
-        };
-        assert_eq!(found[0].field, "scene.backdrop");
     }
 }

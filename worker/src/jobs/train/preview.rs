@@ -1,7 +1,7 @@
 //! The picture that comes with a checkpoint: for each person, a held-out frame beside its render.
 
-use crate::media::{MediaError, Pixels, picture};
 use yoto_avatar::train::Preview;
+use yoto_media::png::{self, Pixels, PngError};
 
 /// Most people on the picture.
 const PEOPLE: usize = 8;
@@ -14,7 +14,7 @@ const PAPER: u8 = 64;
 ///
 /// # Errors
 /// When the pictures can't be encoded.
-pub(super) fn sheet(previews: &[Preview]) -> Result<Vec<u8>, MediaError> {
+pub(super) fn sheet(previews: &[Preview]) -> Result<Vec<u8>, PngError> {
     let shown = &previews[..previews.len().min(PEOPLE)];
     let widest = shown.iter().map(|it| it.width).max().unwrap_or(0);
     let width = 2 * widest + GAP;
@@ -31,7 +31,7 @@ pub(super) fn sheet(previews: &[Preview]) -> Result<Vec<u8>, MediaError> {
         }
         top += preview.height + GAP;
     }
-    picture::png(Pixels::Rgb, width as u32, height as u32, &rgb)
+    png::encode(Pixels::Rgb, width as u32, height as u32, &rgb)
 }
 
 #[cfg(test)]

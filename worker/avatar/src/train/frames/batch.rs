@@ -1,7 +1,7 @@
 //! The loss of a batch of rays: pose, march, fields, compositing, comparison. It is separate from
 //! the trainer, which draws the batches, so that tests can check its gradients with fixed rays.
 //!
-//! Each stage is a trace span, as are the trainer's: `yoto bench` measures the stages of a step by
+//! Each stage is a trace span, as are the trainer's: `yoto-lab bench` measures the stages of a step by
 //! them.
 
 use crate::avatar::{Avatar, AvatarAppearance};

@@ -1,31 +1,26 @@
 //! The motion of one person on the body of another, seen by the driver's own camera.
 
-use super::{
-    follow::followed,
-    views::{Stage, capture_camera, find_place, pose},
-};
-use crate::jobs::JobFailure;
-use yoto_avatar::render::RenderView;
-use yoto_capture::{
-    camera::{Camera, Pose},
-    skeleton::{
-        Skeleton, Vec3,
-        timing::{self, mean_fps},
-        transfer,
-    },
-};
-use yoto_proto::{frame_steps::chosen_below, pose_track::PoseTrack, v1::MotionTransfer};
+use crate::PlanError;
+use crate::follow::followed;
+use crate::one_person::Shot;
+use crate::track::{capture_camera, find_position, pose, skeleton};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::timing::{self, mean_fps};
+use yoto_capture::skeleton::{Skeleton, Vec3, transfer};
+use yoto_proto::frame_steps::chosen_below;
+use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::v1::MotionTransfer;
 
-/// Places in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame`
-/// on, `frame_count` of them (0 means all remaining ones), or those before the `end_frame`. The request has the
-/// motion at `field`.
-pub(super) fn places(
+/// Positions of frames in the driver's `track`: every `frame_step`-th frame (0 means 1) from `first_frame` on,
+/// `frame_count` of them (0 means all remaining ones), or those before the `end_frame`. The request has the motion
+/// at `field`.
+pub(crate) fn positions(
     transfer: &MotionTransfer,
     track: &PoseTrack,
     field: &str,
-) -> Result<Vec<usize>, JobFailure> {
+) -> Result<Vec<usize>, PlanError> {
     let first = match transfer.first_frame {
-        Some(index) => find_place(track, index, &format!("{field}.first_frame"))?,
+        Some(index) => find_position(track, index, &format!("{field}.first_frame"))?,
         None => 0,
     };
     let (step, count, end) = (
@@ -49,69 +44,74 @@ pub(super) fn places(
                 ),
             ),
         };
-        JobFailure::invalid("render", &format!("{field}.{name}"), message)
+        PlanError::invalid(&format!("{field}.{name}"), message)
     })
 }
 
-/// Frames per second at which the frames at `places` of the driver's `track` move as fast as the
+/// Frames per second at which the frames at the `positions` of the driver's `track` move as fast as the
 /// driver did; `None` for a single frame.
-pub(super) fn natural_fps(places: &[usize], track: &PoseTrack) -> Option<f32> {
-    mean_fps(&seconds(places, track)).map(|fps| fps as f32)
+pub(crate) fn natural_fps(positions: &[usize], track: &PoseTrack) -> Option<f32> {
+    mean_fps(&seconds(positions, track)).map(|fps| fps as f32)
 }
 
-/// Seconds from the first of the frames at `places` of `track` to each of them.
-pub(super) fn seconds(places: &[usize], track: &PoseTrack) -> Vec<f64> {
-    let numbers = places.iter().map(|place| track.frames[*place].index);
+/// Seconds from the first of the frames at the `positions` of `track` to each of them.
+pub(crate) fn seconds(positions: &[usize], track: &PoseTrack) -> Vec<f64> {
+    let numbers = positions
+        .iter()
+        .map(|position| track.frames[*position].index);
     timing::seconds(&numbers.collect::<Vec<_>>(), track.fps)
 }
 
-/// The frames at `places` of the driver's `track`, in whose world `up` is up, on `body`.
-pub(super) fn poses(
+/// The poses at the `positions` of the driver's `track` on `body`. The capture's world has `up` up.
+pub(crate) fn poses(
     driver: &Skeleton,
     body: &Skeleton,
     track: &PoseTrack,
-    places: &[usize],
+    positions: &[usize],
     up: Vec3,
-) -> Result<Vec<Pose>, JobFailure> {
-    let driven = places.iter().map(|place| pose(&track.frames[*place]));
+) -> Result<Vec<Pose>, PlanError> {
+    let driven = positions
+        .iter()
+        .map(|position| pose(&track.frames[*position]));
     let driven = driven.collect::<Result<Vec<_>, _>>()?;
-    transfer(driver, body, &driven, &seconds(places, track), up).map_err(|(at, error)| {
-        let place = format!("the driver's frame {}", track.frames[places[at]].index);
-        JobFailure::failed("RETARGET", &place, &error)
+    transfer(driver, body, &driven, &seconds(positions, track), up).map_err(|(index, error)| {
+        let frame = format!(
+            "the driver's frame {}",
+            track.frames[positions[index]].index
+        );
+        PlanError::failed("RETARGET", &frame, &error)
     })
 }
 
-/// The frames at `places` for `transfer`, with `body` in the driver's poses.
-pub(super) fn views(
-    stage: &Stage,
+/// The shots of `transfer`: `body` in the driver's poses at the `positions` of their `track`.
+pub(crate) fn shots(
     transfer: &MotionTransfer,
-    places: &[usize],
+    positions: &[usize],
     track: &PoseTrack,
     body: &Skeleton,
-) -> Result<Vec<RenderView>, JobFailure> {
-    let driver = Skeleton::from_track(&track.skeleton)
-        .map_err(|error| JobFailure::failed("INTERNAL", "the driver's skeleton", &error))?;
-    let cameras = places.iter().map(|place| {
-        let camera = capture_camera(track, &track.frames[*place])?;
+) -> Result<Vec<Shot>, PlanError> {
+    let driver = skeleton(track, "the driver")?;
+    let cameras = positions.iter().map(|position| {
+        let camera = capture_camera(track, &track.frames[*position])?;
         Ok(sized(&camera, transfer.size))
     });
-    let cameras = cameras.collect::<Result<Vec<_>, JobFailure>>()?;
-    let (Some(first), Some(up)) = (cameras.first(), cameras.first().map(Camera::world_up)) else {
+    let cameras = cameras.collect::<Result<Vec<_>, PlanError>>()?;
+    let Some(first) = cameras.first() else {
         return Ok(Vec::new());
     };
-    let poses = poses(&driver, body, track, places, up)?;
-    let pictures = poses.iter().zip(&cameras).map(|(pose, camera)| {
-        let camera = match transfer.follow {
+    let poses = poses(&driver, body, track, positions, first.world_up())?;
+    let shots = poses.iter().zip(&cameras).map(|(pose, camera)| Shot {
+        pose: pose.clone(),
+        camera: match transfer.follow {
             true => followed(first, &poses[0], pose),
             false => camera.clone(),
-        };
-        stage.view(pose.clone(), camera)
+        },
     });
-    pictures.collect()
+    Ok(shots.collect())
 }
 
 /// `camera` with `size` pixels on its longest side, which may exceed the capture's.
-pub(super) fn sized(camera: &Camera, size: u32) -> Camera {
+pub(crate) fn sized(camera: &Camera, size: u32) -> Camera {
     let zoom = f64::from(size) / f64::from(camera.width.max(camera.height));
     let side = |pixels: u32| ((f64::from(pixels) * zoom).round() as u32).max(1);
     camera.resized(side(camera.width), side(camera.height))
@@ -120,7 +120,7 @@ pub(super) fn sized(camera: &Camera, size: u32) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::views::tests::{STAGE, track};
+    use crate::testing::track;
 
     fn transfer(first_frame: u32, frame_count: u32, frame_step: u32) -> MotionTransfer {
         MotionTransfer {
@@ -137,16 +137,16 @@ mod tests {
         Skeleton::from_track(&track().skeleton).expect("a skeleton")
     }
 
-    fn all_views(transfer: &MotionTransfer) -> Result<Vec<RenderView>, JobFailure> {
+    fn all_shots(transfer: &MotionTransfer) -> Result<Vec<Shot>, PlanError> {
         let track = track();
-        let places = places(transfer, &track, "motion")?;
-        views(&STAGE, transfer, &places, &track, &body())
+        let positions = positions(transfer, &track, "motion")?;
+        shots(transfer, &positions, &track, &body())
     }
 
     #[test]
     fn the_driver_s_poses_and_cameras_come_in_order() {
         let track = track();
-        let views = all_views(&transfer(6, 2, 2)).expect("views");
+        let views = all_shots(&transfer(6, 2, 2)).expect("views");
         assert_eq!(views.len(), 2);
         for (view, frame) in views.iter().zip([&track.frames[1], &track.frames[3]]) {
             assert_eq!(view.pose.rotations, pose(frame).expect("a pose").rotations);
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn nothing_said_means_every_frame_that_is_left() {
-        let all = all_views(&transfer(5, 0, 0)).expect("views");
+        let all = all_shots(&transfer(5, 0, 0)).expect("views");
         assert_eq!(all.len(), track().frames.len());
     }
 
@@ -173,14 +173,14 @@ mod tests {
                 end_frame: Some(end),
                 ..transfer(60, 9, 1)
             };
-            places(&transfer, &track, "motion")
+            positions(&transfer, &track, "motion")
         };
         assert_eq!(until(64).expect("two frames"), [0, 1]);
         assert_eq!(until(120).expect("all that there are"), [0, 1, 2, 3]);
-        let Err(JobFailure::Invalid(found)) = until(60) else {
+        let Err(PlanError::Invalid(violations)) = until(60) else {
             panic!("refused");
         };
-        assert_eq!(found[0].field, "motion.end_frame");
+        assert_eq!(violations[0].field, "motion.end_frame");
     }
 
     #[test]
@@ -207,10 +207,10 @@ mod tests {
             (transfer(6, 4, 1), "motion.frame_count"),
             (transfer(0, 1, 1), "motion.first_frame"),
         ] {
-            let Err(JobFailure::Invalid(found)) = all_views(&asked) else {
+            let Err(PlanError::Invalid(violations)) = all_shots(&asked) else {
                 panic!("refused");
             };
-            assert_eq!(found[0].field, field);
+            assert_eq!(violations[0].field, field);
         }
     }
 }

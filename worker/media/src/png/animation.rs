@@ -1,6 +1,6 @@
 //! Animated PNG: lossless, one file, supported by browsers in an `<img>`.
 
-use super::{MediaError, Pixels, check_size};
+use super::{Pixels, PngError, check_size};
 use std::io::Write;
 
 /// Fastest animation, frames per second.
@@ -8,7 +8,7 @@ pub const MAX_FPS: f32 = 1000.0;
 
 /// Writes a repeating animation frame by frame, so that memory holds only encoded bytes.
 pub struct Animation<W: Write> {
-    writer: png::Writer<W>,
+    writer: ::png::Writer<W>,
     kind: Pixels,
     width: u32,
     height: u32,
@@ -25,11 +25,11 @@ impl<W: Write> Animation<W> {
         (width, height): (u32, u32),
         frames: u32,
         fps: f32,
-    ) -> Result<Self, MediaError> {
+    ) -> Result<Self, PngError> {
         let (numerator, denominator) = delay(fps)?;
-        let mut encoder = png::Encoder::new(out, width, height);
+        let mut encoder = ::png::Encoder::new(out, width, height);
         encoder.set_color(kind.colour());
-        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_depth(::png::BitDepth::Eight);
         encoder.set_animated(frames, 0)?;
         encoder.set_frame_delay(numerator, denominator)?;
         encoder.validate_sequence(true);
@@ -45,7 +45,7 @@ impl<W: Write> Animation<W> {
     ///
     /// # Errors
     /// When the pixels don't fit the size, or the writer fails.
-    pub fn push(&mut self, pixels: &[u8]) -> Result<(), MediaError> {
+    pub fn push(&mut self, pixels: &[u8]) -> Result<(), PngError> {
         check_size(self.kind, self.width, self.height, pixels)?;
         Ok(self.writer.write_image_data(pixels)?)
     }
@@ -54,16 +54,16 @@ impl<W: Write> Animation<W> {
     ///
     /// # Errors
     /// When there were fewer frames than announced, or the writer fails.
-    pub fn finish(self) -> Result<(), MediaError> {
+    pub fn finish(self) -> Result<(), PngError> {
         Ok(self.writer.finish()?)
     }
 }
 
 /// A frame's duration as the fraction of a second that APNG stores: exact for whole rates,
 /// to the nearest millisecond or better otherwise.
-fn delay(fps: f32) -> Result<(u16, u16), MediaError> {
+fn delay(fps: f32) -> Result<(u16, u16), PngError> {
     if !(fps > 0.0 && fps <= MAX_FPS) {
-        return Err(MediaError::Fps(fps));
+        return Err(PngError::Fps(fps));
     }
     if fps.fract() == 0.0 {
         return Ok((1, fps as u16));
@@ -90,7 +90,7 @@ mod tests {
         }
         animation.finish().expect("ends");
 
-        let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes))
+        let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes))
             .read_info()
             .expect("decodes");
         let control = *reader.info().animation_control().expect("animated");
@@ -119,7 +119,7 @@ mod tests {
         assert_eq!(delay(12.5).expect("a rate"), (800, 10_000));
         assert_eq!(delay(0.25).expect("a rate"), (4000, 1000));
         for fps in [0.0, -1.0, f32::NAN, f32::INFINITY, 1001.0] {
-            assert!(matches!(delay(fps), Err(MediaError::Fps(_))), "{fps}");
+            assert!(matches!(delay(fps), Err(PngError::Fps(_))), "{fps}");
         }
     }
 }

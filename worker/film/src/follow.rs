@@ -1,16 +1,14 @@
 //! A camera that moves along with the body.
 
-use yoto_capture::{
-    camera::{Camera, Pose},
-    skeleton::transform::{dot, rotate, scale, sub},
-};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::transform::{dot, rotate, scale, sub};
 
-/// `camera`, which sees a body in the pose `first`, moved over the ground as the body's root has moved
-/// to the pose `now`. Jumps and crouches stay visible.
-pub(super) fn followed(camera: &Camera, first: &Pose, now: &Pose) -> Camera {
+/// Moves `camera`, which sees a body in the pose `first`, over the ground as the body's root moves from there to
+/// the pose `now`. Jumps and crouches stay visible.
+pub(crate) fn followed(camera: &Camera, first: &Pose, now: &Pose) -> Camera {
     let up = camera.world_up();
-    let place = |pose: &Pose| pose.translation.map(f64::from);
-    let moved = sub(place(now), place(first));
+    let root = |pose: &Pose| pose.translation.map(f64::from);
+    let moved = sub(root(now), root(first));
     let moved = sub(moved, scale(up, dot(moved, up)));
     // A camera that moves by d sees a point p as it saw p - d before.
     let seen = rotate(&[camera.e[0], camera.e[1], camera.e[2]], moved);

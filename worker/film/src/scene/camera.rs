@@ -1,15 +1,13 @@
 //! The camera of a scene.
 
-use super::player::Player;
-use crate::jobs::{JobFailure, render::level::UP};
-use yoto_capture::{
-    camera::Camera,
-    skeleton::transform::{Vec3, add, cross, dot, normalised, scale, sub},
-};
-use yoto_proto::{
-    checks::scene::FOV,
-    v1::{self, CameraKey, Scene, SceneOrbit, scene_camera::Path},
-};
+use super::actor::AnimatedActor;
+use crate::PlanError;
+use crate::level::UP;
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::transform::{Vec3, add, cross, dot, normalised, scale, sub};
+use yoto_proto::checks::scene::FOV;
+use yoto_proto::v1::scene_camera::Path;
+use yoto_proto::v1::{self, CameraKey, Scene, SceneOrbit};
 
 /// Space around the joints, as a share of a body's height: a head reaches a tenth of the height above
 /// its joint, and hands and hair as far beyond theirs.
@@ -17,20 +15,20 @@ const MARGIN: f64 = 0.12;
 /// Least distance from the camera to a joint that it shows, metres.
 const NEAREST: f64 = 0.3;
 
-/// The cameras of the frames at `times` of a scene with `players`.
+/// The cameras of the frames at `times` of a scene with these `actors`.
 pub(super) fn cameras(
     scene: &Scene,
-    players: &[Player],
+    actors: &[AnimatedActor],
     times: &[f64],
-) -> Result<Vec<Camera>, JobFailure> {
+) -> Result<Vec<Camera>, PlanError> {
     let size = [scene.width, scene.height];
     let path = scene
         .camera
         .as_ref()
         .and_then(|camera| camera.path.as_ref());
     match path {
-        None => Ok(orbit(&SceneOrbit::default(), size, players, times)),
-        Some(Path::Orbit(path)) => Ok(orbit(path, size, players, times)),
+        None => Ok(orbit(&SceneOrbit::default(), size, actors, times)),
+        Some(Path::Orbit(path)) => Ok(orbit(path, size, actors, times)),
         Some(Path::Keys(keys)) => {
             let keyed = times
                 .iter()
@@ -39,9 +37,9 @@ pub(super) fn cameras(
         }
         Some(Path::Cameras(list)) => listed(&list.cameras, times.len()),
         Some(Path::Capture(capture)) => {
-            let player = players.get(capture.actor as usize);
+            let actor = actors.get(capture.actor as usize);
             let filmed = times.iter().map(|time| {
-                let camera = player.and_then(|player| player.camera(*time));
+                let camera = actor.and_then(|actor| actor.camera(*time));
                 let camera = camera.map(|camera| letterboxed(camera, size));
                 camera.ok_or_else(|| invalid("capture.actor", "has no capture's motion"))
             });
@@ -53,18 +51,15 @@ pub(super) fn cameras(
             let camera = camera.map_err(|error| {
                 invalid(&format!("held_out.camera.{}", error.field), error.message)
             })?;
-            let player = players.get(held_out.actor as usize);
-            let player = player.ok_or_else(|| invalid("held_out.actor", "is not there"))?;
-            Ok(vec![
-                letterboxed(&player.placed(&camera), size);
-                times.len()
-            ])
+            let actor = actors.get(held_out.actor as usize);
+            let actor = actor.ok_or_else(|| invalid("held_out.actor", "is not there"))?;
+            Ok(vec![letterboxed(&actor.placed(&camera), size); times.len()])
         }
     }
 }
 
-fn invalid(field: &str, message: impl Into<String>) -> JobFailure {
-    JobFailure::invalid("render", &format!("scene.camera.{field}"), message.into())
+fn invalid(field: &str, message: impl Into<String>) -> PlanError {
+    PlanError::invalid(&format!("scene.camera.{field}"), message.into())
 }
 
 /// Focal length of a vertical field of view in degrees, 0 being [`FOV`], in a picture of the given height.
@@ -85,16 +80,21 @@ fn look(eye: Vec3, target: Vec3, focal: f64, [width, height]: [u32; 2]) -> Camer
     Camera::look_at(eye, target, up, focal, width, height)
 }
 
-fn orbit(path: &SceneOrbit, size: [u32; 2], players: &[Player], times: &[f64]) -> Vec<Camera> {
+fn orbit(
+    path: &SceneOrbit,
+    size: [u32; 2],
+    actors: &[AnimatedActor],
+    times: &[f64],
+) -> Vec<Camera> {
     let points: Vec<Vec<(Vec3, f64)>> = times
         .iter()
         .map(|time| {
-            let of = |player: &Player| {
-                let margin = MARGIN * player.height();
-                let joints = player.joints(*time).into_iter();
+            let reach = |actor: &AnimatedActor| {
+                let margin = MARGIN * actor.height();
+                let joints = actor.joints(*time).into_iter();
                 joints.map(move |joint| (joint, margin)).collect::<Vec<_>>()
             };
-            players.iter().flat_map(of).collect()
+            actors.iter().flat_map(reach).collect()
         })
         .collect();
     let middle = middle(points.iter().flatten().map(|(joint, _)| *joint));
@@ -149,7 +149,7 @@ fn fitting(direction: Vec3, middle: Vec3, points: &[(Vec3, f64)], slopes: [f64; 
 }
 
 /// The camera at `time` of a path through `keys`.
-fn between_keys(keys: &[CameraKey], size: [u32; 2], time: f64) -> Result<Camera, JobFailure> {
+fn between_keys(keys: &[CameraKey], size: [u32; 2], time: f64) -> Result<Camera, PlanError> {
     let after = keys.partition_point(|key| key.seconds <= time);
     let (from, to) = match (
         after.checked_sub(1).and_then(|it| keys.get(it)),
@@ -186,15 +186,15 @@ fn between_keys(keys: &[CameraKey], size: [u32; 2], time: f64) -> Result<Camera,
 }
 
 /// One camera for all frames, or one per frame.
-fn listed(list: &[v1::Camera], frames: usize) -> Result<Vec<Camera>, JobFailure> {
+fn listed(list: &[v1::Camera], frames: usize) -> Result<Vec<Camera>, PlanError> {
     if list.len() != 1 && list.len() != frames {
         let count = list.len();
         let message = format!("{count} cameras for {frames} pictures: one, or one per picture");
         return Err(invalid("cameras", message));
     }
-    let read = |(place, camera)| {
+    let read = |(index, camera)| {
         Camera::from_proto(camera).map_err(|error| {
-            let field = format!("cameras.cameras[{place}].{}", error.field);
+            let field = format!("cameras.cameras[{index}].{}", error.field);
             invalid(&field, error.message)
         })
     };
@@ -299,9 +299,9 @@ mod tests {
             listed(std::slice::from_ref(&camera), 5).expect("one").len(),
             5
         );
-        let Err(JobFailure::Invalid(found)) = listed(&vec![camera; 2], 5) else {
+        let Err(PlanError::Invalid(violations)) = listed(&vec![camera; 2], 5) else {
             panic!("two cameras for five pictures are refused");
         };
-        assert_eq!(found[0].field, "scene.camera.cameras");
+        assert_eq!(violations[0].field, "scene.camera.cameras");
     }
 }

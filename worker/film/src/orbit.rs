@@ -1,18 +1,16 @@
 //! One pose from all around: the camera circles the person at the capture camera's distance and
 //! height, and shows the whole body, however little of it the video's frame had.
 
-use super::views::{Stage, capture_camera, find_frame, pose};
-use crate::jobs::JobFailure;
+use crate::PlanError;
+use crate::one_person::Shot;
+use crate::track::{capture_camera, find_frame, pose, skeleton};
 use std::f64::consts::TAU;
-use yoto_avatar::render::RenderView;
-use yoto_capture::{
-    camera::Camera,
-    skeleton::{
-        Skeleton,
-        transform::{Vec3, add, apply, cross, dot, length, rigid, rodrigues, scale, sub},
-    },
+use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::transform::{
+    Vec3, add, apply, cross, dot, length, rigid, rodrigues, scale, sub,
 };
-use yoto_proto::{pose_track::PoseTrack, v1::Orbit};
+use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::v1::Orbit;
 
 /// Space around the outermost joints, as a share of the body's longest extent: a head reaches a
 /// tenth of the height above its joint, and hands and hair as far beyond theirs.
@@ -20,29 +18,22 @@ const MARGIN: f64 = 0.1;
 /// Least distance of the camera from the middle of the body, in radii of the body.
 const NEAREST: f64 = 2.0;
 
-/// The views of `orbit` around the pose of its frame; the first is from the capture camera's
-/// side.
-pub(super) fn views(
-    stage: &Stage,
-    orbit: &Orbit,
-    track: &PoseTrack,
-) -> Result<Vec<RenderView>, JobFailure> {
+/// The shots of `orbit` around the pose of its frame; the first is from the capture camera's side.
+pub(crate) fn shots(orbit: &Orbit, track: &PoseTrack) -> Result<Vec<Shot>, PlanError> {
     let frame = find_frame(track, orbit.frame, "orbit.frame")?;
-    let skeleton = Skeleton::from_track(&track.skeleton)
-        .map_err(|error| JobFailure::failed("INTERNAL", "the capture's skeleton", &error))?;
+    let skeleton = skeleton(track, "the capture")?;
     let capture = capture_camera(track, frame)?;
-    let stands = pose(frame)?;
+    let pose = pose(frame)?;
     let up = capture.world_up();
-    let body = Extent::of(&skeleton.posed_joints(&stands), up);
-    (0..orbit.views)
-        .map(|view| {
-            let angle = TAU * f64::from(view) / f64::from(orbit.views);
-            stage.view(
-                stands.clone(),
-                circled(&capture, &body, up, angle, orbit.size),
-            )
-        })
-        .collect()
+    let body = Extent::of(&skeleton.posed_joints(&pose), up);
+    let shots = (0..orbit.views).map(|view| {
+        let angle = TAU * f64::from(view) / f64::from(orbit.views);
+        Shot {
+            pose: pose.clone(),
+            camera: circled(&capture, &body, up, angle, orbit.size),
+        }
+    });
+    Ok(shots.collect())
 }
 
 /// The upright cylinder around a body.
@@ -82,8 +73,7 @@ impl Extent {
     }
 }
 
-/// `capture` after a turn by `angle` about the middle of `body`, `size` square, so that the whole
-/// body is in the picture.
+/// Rotates `capture` by `angle` about the middle of `body`. The picture is `size` square and has the whole body.
 fn circled(capture: &Camera, body: &Extent, up: Vec3, angle: f64, size: u32) -> Camera {
     let mut arm = sub(capture.centre(), body.middle);
     if length(sub(arm, scale(up, dot(arm, up)))) < 1e-6 {
@@ -96,11 +86,18 @@ fn circled(capture: &Camera, body: &Extent, up: Vec3, angle: f64, size: u32) -> 
     let around = body.half.hypot(body.radius);
     let distance = length(arm).max(NEAREST * around);
     let arm = scale(arm, distance / length(arm));
-    let turned = apply(&rigid(rodrigues(scale(up, angle)), [0.0; 3]), arm);
+    let rotated = apply(&rigid(rodrigues(scale(up, angle)), [0.0; 3]), arm);
     // The sphere around the body touches the picture's edges.
     let half_view = (around / distance).asin().tan();
     let focal = 0.5 * f64::from(size) / half_view;
-    let mut camera = Camera::look_at(add(body.middle, turned), body.middle, up, focal, size, size);
+    let mut camera = Camera::look_at(
+        add(body.middle, rotated),
+        body.middle,
+        up,
+        focal,
+        size,
+        size,
+    );
     camera.k[0][0] = focal * capture.k[0][0] / capture.k[1][1];
     camera
 }
@@ -108,7 +105,8 @@ fn circled(capture: &Camera, body: &Extent, up: Vec3, angle: f64, size: u32) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::views::tests::{STAGE, track};
+    use crate::testing::track;
+    use yoto_capture::skeleton::Skeleton;
 
     fn joints(track: &PoseTrack) -> Vec<Vec3> {
         let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
@@ -134,7 +132,7 @@ mod tests {
         let middle = middle(&track);
         let capture = capture_camera(&track, &track.frames[0]).expect("a camera");
         let arm = sub(capture.centre(), middle);
-        let views = views(&STAGE, &orbit(8, 100), &track).expect("views");
+        let views = shots(&orbit(8, 100), &track).expect("views");
         assert_eq!(views.len(), 8);
         for view in &views {
             let [x, y] = view.camera.project(middle).expect("in front");
@@ -164,7 +162,7 @@ mod tests {
             track.frames[0].k[row][row] = 800.0;
         }
         for size in [32, 128] {
-            for view in views(&STAGE, &orbit(4, size), &track).expect("views") {
+            for view in shots(&orbit(4, size), &track).expect("views") {
                 let side = f64::from(size);
                 let [head, feet] = [joints(&track)[0], joints(&track)[1]];
                 let [head, feet] =
@@ -186,7 +184,7 @@ mod tests {
         for (row, offset) in track.frames[0].e.iter_mut().zip([-0.4, y, z]) {
             row[3] = offset;
         }
-        for view in views(&STAGE, &orbit(4, 64), &track).expect("views") {
+        for view in shots(&orbit(4, 64), &track).expect("views") {
             for joint in joints(&track) {
                 let [x, y] = view.camera.project(joint).expect("in front");
                 assert!(
@@ -205,7 +203,7 @@ mod tests {
         for (row, offset) in track.frames[0].e.iter_mut().zip([-x, y, z]) {
             row[3] = offset;
         }
-        for view in views(&STAGE, &orbit(6, 64), &track).expect("views") {
+        for view in shots(&orbit(6, 64), &track).expect("views") {
             let [x, y] = view.camera.project(middle(&track)).expect("in front");
             assert!(
                 (x - 32.0).abs() < 1e-6 && (y - 32.0).abs() < 1e-6,
@@ -220,9 +218,9 @@ mod tests {
             frame: 99,
             ..orbit(1, 64)
         };
-        let Err(JobFailure::Invalid(found)) = views(&STAGE, &asked, &track()) else {
+        let Err(PlanError::Invalid(violations)) = shots(&asked, &track()) else {
             panic!("refused");
         };
-        assert_eq!(found[0].field, "orbit.frame");
+        assert_eq!(violations[0].field, "orbit.frame");
     }
 }

@@ -1,25 +1,24 @@
 //! Where an actor stands: from the world of their motion to that of the scene.
 
-use crate::jobs::render::level::{FORWARD, UP, levelled};
-use yoto_capture::{
-    camera::{Camera, Pose},
-    skeleton::{
-        Skeleton,
-        transform::{Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, scale, sub},
-    },
+use crate::level::{FORWARD, UP, levelled};
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::transform::{
+    Vec3, add, apply, compose_axis_angle, inverse, rigid, rodrigues, scale, sub,
 };
 
 /// Height of the lowest joint of a standing person, the ball of a foot, above the ground, metres.
 const SOLE: f64 = 0.03;
 
-/// A rigid motion from one world to another.
-pub(super) struct Place {
-    turn: Vec3,
-    shift: Vec3,
+/// The rigid motion from the world of a motion to that of a scene.
+pub(super) struct Placement {
+    /// Axis-angle.
+    rotation: Vec3,
+    translation: Vec3,
 }
 
-impl Place {
-    /// The place at which `poses` of `body`, in a world with `up`, begin at `at` (x, z) on the ground with
+impl Placement {
+    /// The placement with which `poses` of `body`, in a world with `up`, begin at `at` (x, z) on the ground with
     /// the `heading` in degrees, and touch the ground with their lowest joint.
     pub(super) fn new(
         body: &Skeleton,
@@ -31,50 +30,51 @@ impl Place {
         let first = poses.first().and_then(|pose| pose.rotations.first());
         let root = first.map_or([0.0; 3], |root| root.map(f64::from));
         let facing = apply(&rigid(rodrigues(root), [0.0; 3]), FORWARD);
-        let turn = compose_axis_angle(scale(UP, heading.to_radians()), levelled(up, facing));
-        let mut place = Self {
-            turn,
-            shift: [0.0; 3],
+        let rotation = compose_axis_angle(scale(UP, heading.to_radians()), levelled(up, facing));
+        let mut placement = Self {
+            rotation,
+            translation: [0.0; 3],
         };
         let lowest = |pose: &Pose| {
-            let joints = body.posed_joints(&place.put(body, pose));
+            let joints = body.posed_joints(&placement.pose(body, pose));
             joints
                 .iter()
                 .fold(f64::INFINITY, |low, joint| low.min(joint[1]))
         };
         let ground = poses.iter().map(lowest).fold(f64::INFINITY, f64::min);
         let start = poses.first().map(|pose| {
-            let pose = place.put(body, pose);
+            let pose = placement.pose(body, pose);
             add(body.root(), pose.translation.map(f64::from))
         });
         if let Some([x, _, z]) = start {
-            place.shift = [at[0] - x, SOLE - ground, at[1] - z];
+            placement.translation = [at[0] - x, SOLE - ground, at[1] - z];
         }
-        place
+        placement
     }
 
     /// `pose` of `body` in the scene.
-    pub(super) fn put(&self, body: &Skeleton, pose: &Pose) -> Pose {
-        let mut put = pose.clone();
-        if let Some(root) = put.rotations.first_mut() {
-            *root = compose_axis_angle(self.turn, root.map(f64::from)).map(|v| v as f32);
+    pub(super) fn pose(&self, body: &Skeleton, pose: &Pose) -> Pose {
+        let mut placed = pose.clone();
+        if let Some(root) = placed.rotations.first_mut() {
+            *root = compose_axis_angle(self.rotation, root.map(f64::from)).map(|v| v as f32);
         }
         let root = add(body.root(), pose.translation.map(f64::from));
-        let moved = apply(&rigid(rodrigues(self.turn), self.shift), root);
-        put.translation = sub(moved, body.root()).map(|v| v as f32);
-        put
+        let moved = apply(&rigid(rodrigues(self.rotation), self.translation), root);
+        placed.translation = sub(moved, body.root()).map(|v| v as f32);
+        placed
     }
 
     /// `camera`, which sees the world of the motion, in the scene.
-    pub(super) fn put_camera(&self, camera: &Camera) -> Camera {
-        camera.in_frame(&inverse(&rigid(rodrigues(self.turn), self.shift)))
+    pub(super) fn camera(&self, camera: &Camera) -> Camera {
+        camera.in_frame(&inverse(&rigid(rodrigues(self.rotation), self.translation)))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::views::{capture_camera, pose, tests::track};
+    use crate::testing::track;
+    use crate::track::{capture_camera, pose};
     use yoto_capture::skeleton::transform::length;
 
     #[test]
@@ -86,17 +86,17 @@ mod tests {
             .iter()
             .map(|frame| pose(frame).expect("a pose"));
         let poses: Vec<Pose> = frames.collect();
-        let place = Place::new(&body, &poses, UP, [2.0, -1.0], 90.0);
-        let first = place.put(&body, &poses[0]);
+        let placement = Placement::new(&body, &poses, UP, [2.0, -1.0], 90.0);
+        let first = placement.pose(&body, &poses[0]);
         let joints = body.posed_joints(&first);
         assert!((joints[0][0] - 2.0).abs() < 1e-6 && (joints[0][2] + 1.0).abs() < 1e-6);
         let all = poses
             .iter()
-            .flat_map(|it| body.posed_joints(&place.put(&body, it)));
+            .flat_map(|it| body.posed_joints(&placement.pose(&body, it)));
         let lowest = all.fold(f64::INFINITY, |low, joint| low.min(joint[1]));
         assert!((lowest - SOLE).abs() < 1e-6, "{lowest}");
         // The capture moves along z, which its person faces: 90 degrees to their left is x.
-        let last = body.posed_joints(&place.put(&body, &poses[3]));
+        let last = body.posed_joints(&placement.pose(&body, &poses[3]));
         let way = sub(last[0], joints[0]);
         assert!(
             (way[0] - 0.3).abs() < 1e-6 && way[2].abs() < 1e-6,
@@ -105,16 +105,16 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_put_along_sees_the_same() {
+    fn a_camera_that_moves_along_sees_the_same() {
         let track = track();
         let body = Skeleton::from_track(&track.skeleton).expect("a skeleton");
         let stands = pose(&track.frames[1]).expect("a pose");
         let camera = capture_camera(&track, &track.frames[1]).expect("a camera");
         let up = [0.0, 0.0, 1.0];
-        let place = Place::new(&body, std::slice::from_ref(&stands), up, [0.5, 3.0], -40.0);
-        let moved = place.put_camera(&camera);
+        let placement = Placement::new(&body, std::slice::from_ref(&stands), up, [0.5, 3.0], -40.0);
+        let moved = placement.camera(&camera);
         let before = body.posed_joints(&stands);
-        let after = body.posed_joints(&place.put(&body, &stands));
+        let after = body.posed_joints(&placement.pose(&body, &stands));
         for (before, after) in before.into_iter().zip(after) {
             let (a, b) = (camera.project(before), moved.project(after));
             let (a, b) = (a.expect("in front"), b.expect("in front"));

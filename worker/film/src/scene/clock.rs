@@ -1,4 +1,4 @@
-//! When an actor of a scene is in which pose.
+//! The pose that an actor of a scene has at a time.
 
 /// Shares of an interval that are as good as none: frame rates are rounded.
 const ROUNDING: f64 = 1e-3;

@@ -1,13 +1,16 @@
-//! Encoding of pictures: single PNGs and animations. `yoto_media` decodes input.
+//! PNG files: single pictures and animations, encoded quickly.
 
-pub mod animation;
-pub mod picture;
+mod animation;
+mod still;
+
+pub use animation::{Animation, MAX_FPS};
+pub use still::{decode, encode};
 
 use thiserror::Error;
 
-/// The reason why a picture could not be encoded.
+/// The reason why a picture could not be encoded or decoded.
 #[derive(Debug, Error)]
-pub enum MediaError {
+pub enum PngError {
     /// The pixels don't fit the picture's size.
     #[error("{found} bytes of pixels for a {width}x{height} picture, which needs {expected}")]
     Size {
@@ -21,12 +24,12 @@ pub enum MediaError {
         found: usize,
     },
     /// Frame rate out of range.
-    #[error("{0} frames per second is not between 0 and {max}", max = animation::MAX_FPS)]
+    #[error("{0} frames per second is not between 0 and {max}", max = MAX_FPS)]
     Fps(f32),
     /// The encoder refused.
     #[error("a PNG could not be written")]
-    Encode(#[from] png::EncodingError),
-    /// A picture of an earlier lease is no picture.
+    Encode(#[from] ::png::EncodingError),
+    /// The bytes are no picture.
     #[error("a committed picture can't be read")]
     Decode(#[from] image::ImageError),
 }
@@ -41,23 +44,23 @@ pub enum Pixels {
 }
 
 impl Pixels {
-    fn colour(self) -> png::ColorType {
+    fn colour(self) -> ::png::ColorType {
         match self {
-            Self::Rgb => png::ColorType::Rgb,
-            Self::Rgba => png::ColorType::Rgba,
+            Self::Rgb => ::png::ColorType::Rgb,
+            Self::Rgba => ::png::ColorType::Rgba,
         }
     }
 }
 
-fn check_size(kind: Pixels, width: u32, height: u32, rgb: &[u8]) -> Result<(), MediaError> {
+fn check_size(kind: Pixels, width: u32, height: u32, pixels: &[u8]) -> Result<(), PngError> {
     let expected = width as usize * height as usize * kind.colour().samples();
-    if rgb.len() == expected {
+    if pixels.len() == expected {
         return Ok(());
     }
-    Err(MediaError::Size {
+    Err(PngError::Size {
         width,
         height,
         expected,
-        found: rgb.len(),
+        found: pixels.len(),
     })
 }

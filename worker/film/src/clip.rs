@@ -4,93 +4,78 @@
 //! has the subject's position and facing in a frame of their own capture, upright, and it is rendered
 //! from that frame's camera.
 
-use super::{
-    follow::followed,
-    level::{FORWARD, UP, upright},
-    motion::sized,
-    views::{Stage, capture_camera, find_place, pose},
+use crate::PlanError;
+use crate::follow::followed;
+use crate::level::{FORWARD, UP, upright};
+use crate::motion::sized;
+use crate::one_person::Shot;
+use crate::track::{capture_camera, find_position, pose};
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::transform::{
+    Vec3, add, apply, compose_axis_angle, cross, dot, length, normalised, rigid, rodrigues, scale,
+    sub,
 };
-use crate::jobs::JobFailure;
-use yoto_avatar::render::RenderView;
-use yoto_capture::{
-    camera::Pose,
-    skeleton::{
-        Skeleton, transfer,
-        transform::{
-            Vec3, add, apply, compose_axis_angle, cross, dot, length, normalised, rigid, rodrigues,
-            scale, sub,
-        },
-    },
-};
-use yoto_proto::{
-    pose_track::{self, PoseTrack},
-    v1::MotionClip,
-};
+use yoto_capture::skeleton::{Skeleton, transfer};
+use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::v1::MotionClip;
 
-/// All poses of `clip`, on `body`, in the world of its capture's `track`.
-pub(super) fn views(
-    stage: &Stage,
+/// The shots of all poses of `clip`, on `body`, in the world of its capture's `track`. A clip without a speed of
+/// its own has `fps` frames per second.
+pub(crate) fn shots(
     clip: &MotionClip,
     track: &PoseTrack,
     body: &Skeleton,
     fps: f64,
-) -> Result<Vec<RenderView>, JobFailure> {
-    let place = match clip.camera_frame {
-        Some(index) => find_place(track, index, "clip.camera_frame")?,
+) -> Result<Vec<Shot>, PlanError> {
+    let position = match clip.camera_frame {
+        Some(index) => find_position(track, index, "clip.camera_frame")?,
         None => 0,
     };
-    let frame = &track.frames[place];
+    let frame = &track.frames[position];
     let camera = sized(&capture_camera(track, frame)?, clip.size);
     let poses = poses(clip, body, "clip", fps)?;
-    let Some(first) = poses.first().cloned() else {
-        return Err(JobFailure::invalid(
-            "render",
-            "clip.poses",
-            "there is none".to_owned(),
-        ));
+    let Some(first) = poses.first() else {
+        return Err(PlanError::invalid("clip.poses", "there is none"));
     };
-    let stand = Stand::new(&first, &pose(frame)?, camera.world_up());
-    let start = stand.put(&first);
-    poses
-        .into_iter()
-        .map(|pose| {
-            let pose = stand.put(&pose);
-            match clip.follow {
-                true => stage.view(pose.clone(), followed(&camera, &start, &pose)),
-                false => stage.view(pose, camera.clone()),
-            }
-        })
-        .collect()
+    let to_capture = ToCapture::new(first, &pose(frame)?, camera.world_up());
+    let start = to_capture.pose(first);
+    let shots = poses.iter().map(|pose| {
+        let pose = to_capture.pose(pose);
+        let camera = match clip.follow {
+            true => followed(&camera, &start, &pose),
+            false => camera.clone(),
+        };
+        Shot { pose, camera }
+    });
+    Ok(shots.collect())
 }
 
-/// The poses of `clip`, at `field`, on `body`, in the clip's world. `fps` are the frames per second of a clip
-/// that does not say its own.
-pub(super) fn poses(
+/// The poses of `clip`, which the request has at `field`, on `body`, in the clip's world. A clip without a speed
+/// of its own has `fps` frames per second.
+pub(crate) fn poses(
     clip: &MotionClip,
     body: &Skeleton,
     field: &str,
     fps: f64,
-) -> Result<Vec<Pose>, JobFailure> {
+) -> Result<Vec<Pose>, PlanError> {
     let driver = driver(clip, body, field)?;
-    let poses = clip.poses.iter().enumerate().map(|(at, moved)| {
-        let invalid = |name: &str, message: String| {
-            JobFailure::invalid("render", &format!("{field}.poses[{at}].{name}"), message)
-        };
-        Pose::from_proto(moved).map_err(|error| invalid(&error.field, error.message))
+    let at = |index: usize, name: &str, message: String| {
+        PlanError::invalid(&format!("{field}.poses[{index}].{name}"), message)
+    };
+    let poses = clip.poses.iter().enumerate().map(|(index, pose)| {
+        Pose::from_proto(pose).map_err(|error| at(index, &error.field, error.message))
     });
     let poses = poses.collect::<Result<Vec<_>, _>>()?;
     let fps = if clip.fps > 0.0 { clip.fps } else { fps };
-    let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
-    transfer(&driver, body, &poses, &seconds, UP).map_err(|(at, error)| {
-        let field = format!("{field}.poses[{at}].rotations");
-        JobFailure::invalid("render", &field, error.to_string())
-    })
+    let seconds: Vec<f64> = (0..poses.len()).map(|index| index as f64 / fps).collect();
+    transfer(&driver, body, &poses, &seconds, UP)
+        .map_err(|(index, error)| at(index, "rotations", error.to_string()))
 }
 
 /// The skeleton of the motion. Without rest joints it has the size of `body`.
-fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, JobFailure> {
+fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, PlanError> {
     let field = format!("{field}.skeleton");
-    let invalid = |message: String| JobFailure::invalid("render", &field, message);
+    let invalid = |message: String| PlanError::invalid(&field, message);
     let message = clip
         .skeleton
         .clone()
@@ -100,19 +85,19 @@ fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, J
     Skeleton::of_motion(&skeleton, body).map_err(|error| invalid(error.to_string()))
 }
 
-/// Transformation from a clip's world to a capture's.
-struct Stand {
+/// The rigid motion from a clip's world to a capture's.
+struct ToCapture {
     /// Axis-angle, from the clip's world to the capture's.
-    turn: Vec3,
-    /// Position of the root, relative to rest, in each world.
+    rotation: Vec3,
+    /// Position of the root in the clip's first pose, relative to rest.
     from: Vec3,
+    /// The same position in the capture's world.
     to: Vec3,
 }
 
-impl Stand {
-    /// Moves `first`, a pose of a clip, to the position and facing of `there`, a pose of a capture
-    /// whose world has `up` up.
-    fn new(first: &Pose, there: &Pose, up: Vec3) -> Self {
+impl ToCapture {
+    /// Takes `first`, a pose of a clip, to the position and facing of `captured`, a pose in a world with `up` up.
+    fn new(first: &Pose, captured: &Pose, up: Vec3) -> Self {
         let upright = upright(up);
         let faces = |pose: &Pose, before: Vec3| {
             let root = pose.rotations_f64().first().copied().unwrap_or_default();
@@ -120,9 +105,9 @@ impl Stand {
             let forward = apply(&rigid(rodrigues(whole), [0.0; 3]), FORWARD);
             sub(forward, scale(up, dot(forward, up)))
         };
-        let (here, wanted) = (faces(first, upright), faces(there, [0.0; 3]));
+        let (here, wanted) = (faces(first, upright), faces(captured, [0.0; 3]));
         // A body on its back has no horizontal facing: the motion then keeps its own direction.
-        let turn = if length(here) < 1e-3 || length(wanted) < 1e-3 {
+        let rotation = if length(here) < 1e-3 || length(wanted) < 1e-3 {
             upright
         } else {
             let (here, wanted) = (normalised(here), normalised(wanted));
@@ -130,30 +115,30 @@ impl Stand {
             compose_axis_angle(scale(up, angle), upright)
         };
         Self {
-            turn,
+            rotation,
             from: first.translation.map(f64::from),
-            to: there.translation.map(f64::from),
+            to: captured.translation.map(f64::from),
         }
     }
 
-    /// A pose of the clip in the capture's world.
-    fn put(&self, pose: &Pose) -> Pose {
-        let mut put = pose.clone();
-        if let Some(root) = put.rotations.first_mut() {
-            *root = compose_axis_angle(self.turn, root.map(f64::from)).map(|v| v as f32);
+    /// `pose` of the clip in the capture's world.
+    fn pose(&self, pose: &Pose) -> Pose {
+        let mut moved = pose.clone();
+        if let Some(root) = moved.rotations.first_mut() {
+            *root = compose_axis_angle(self.rotation, root.map(f64::from)).map(|v| v as f32);
         }
         // Rest positions cancel: in both worlds, the root is at the same rest position plus these.
         let step = sub(pose.translation.map(f64::from), self.from);
-        let step = apply(&rigid(rodrigues(self.turn), [0.0; 3]), step);
-        put.translation = add(self.to, step).map(|v| v as f32);
-        put
+        let step = apply(&rigid(rodrigues(self.rotation), [0.0; 3]), step);
+        moved.translation = add(self.to, step).map(|v| v as f32);
+        moved
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::render::views::tests::{STAGE, track};
+    use crate::testing::track;
     use yoto_capture::skeleton::transform::position;
     use yoto_proto::v1::{BodyPose, Skeleton as Message};
 
@@ -184,7 +169,7 @@ mod tests {
     #[test]
     fn the_first_frame_stands_where_the_capture_does_and_walks_ahead() {
         let track = track();
-        let views = views(&STAGE, &clip(&[]), &track, &body(), 30.0).expect("views");
+        let views = shots(&clip(&[]), &track, &body(), 30.0).expect("views");
         let there = pose(&track.frames[0]).expect("a pose");
         assert_eq!(views[0].pose.translation, there.translation);
         // The capture's frame 5 faces +z: so does the clip, and walks there.
@@ -203,17 +188,17 @@ mod tests {
     fn strides_fit_the_legs() {
         // Twice as tall as the body (0.8 m from root to tip), in centimetres.
         let tall = clip(&[0.0, 200.0, 0.0, 0.0, 40.0, 0.0]);
-        let views = views(&STAGE, &tall, &track(), &body(), 30.0).expect("views");
+        let views = shots(&tall, &track(), &body(), 30.0).expect("views");
         let walked = views[1].pose.translation[2] - views[0].pose.translation[2];
         assert!((walked - 0.5 * 0.8 / 160.0).abs() < 1e-6, "{walked}");
     }
 
     #[test]
-    fn a_world_upside_down_turns_the_clip() {
+    fn a_world_upside_down_rotates_the_clip() {
         for up in [[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]] {
-            let turned = rigid(rodrigues(upright(up)), [0.0; 3]);
-            assert!(length(sub(apply(&turned, UP), up)) < 1e-9, "{up:?}");
-            assert_eq!(position(&turned), [0.0; 3]);
+            let rotation = rigid(rodrigues(upright(up)), [0.0; 3]);
+            assert!(length(sub(apply(&rotation, UP), up)) < 1e-9, "{up:?}");
+            assert_eq!(position(&rotation), [0.0; 3]);
         }
         let standing = Pose {
             rotations: vec![[0.0; 3]],
@@ -224,8 +209,8 @@ mod tests {
             rotations: vec![[std::f32::consts::PI, 0.0, 0.0]],
             translation: [0.0, -1.0, 3.0],
         };
-        let stand = Stand::new(&standing, &there, [0.0, -1.0, 0.0]);
-        let put = stand.put(&standing);
+        let to_capture = ToCapture::new(&standing, &there, [0.0, -1.0, 0.0]);
+        let put = to_capture.pose(&standing);
         assert_eq!(put.translation, there.translation);
         let facing = rigid(rodrigues(put.rotations[0].map(f64::from)), [0.0; 3]);
         assert!(length(sub(apply(&facing, UP), [0.0, -1.0, 0.0])) < 1e-6);
@@ -251,11 +236,11 @@ mod tests {
         for (break_it, field) in cases {
             let mut broken = clip(&[]);
             break_it(&mut broken);
-            let Err(JobFailure::Invalid(found)) = views(&STAGE, &broken, &track(), &body(), 30.0)
+            let Err(PlanError::Invalid(violations)) = shots(&broken, &track(), &body(), 30.0)
             else {
                 panic!("{field} is refused");
             };
-            assert_eq!(found[0].field, field);
+            assert_eq!(violations[0].field, field);
         }
     }
 }
