@@ -6,6 +6,7 @@ use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
 use crate::args::train::TrainArgs;
 use crate::avatar::{AvatarOptions, run};
+use crate::show;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -55,9 +56,9 @@ pub(crate) struct Avatar {
     clip: ClipMasks,
     #[command(flatten)]
     import: ImportOptions,
-    /// Longest side of training images and renders, pixels.
-    #[arg(long, value_name = "PX", default_value_t = 192, value_parser = clap::value_parser!(u32).range(16..=1024))]
-    size: u32,
+    /// Longest side of training images and renders, pixels [default: the clip's, at most 512].
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=1024))]
+    size: Option<u32>,
     /// Seconds of training.
     #[arg(long, value_name = "S", default_value = "120", value_parser = args::seconds)]
     seconds: f64,
@@ -72,6 +73,9 @@ pub(crate) struct Avatar {
     /// Train even if the check of the capture fails.
     #[arg(long)]
     despite_check: bool,
+    /// Open the page in a browser at the end.
+    #[arg(long)]
+    open: bool,
 }
 
 impl Avatar {
@@ -105,7 +109,6 @@ impl Avatar {
             size: self.size,
             train: TrainSpec {
                 seconds: self.seconds,
-                image_size: self.size,
                 ..self.train.spec()
             },
             motion,
@@ -123,6 +126,9 @@ impl Avatar {
         let pages = ["index.html", "play.html"].map(|name| options.out.join(name));
         output::put("files", output::paths(&pages));
         pages.iter().for_each(|page| say!("{}", page.display()));
+        if self.open {
+            show::in_browser(&pages[0]);
+        }
         Ok(())
     }
 }

@@ -38,6 +38,8 @@ const VARIANT: &str = "yoto";
 const PAGE: &str = "index.html";
 const PLAYER: &str = "play.html";
 const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
+/// Largest side of training images and renders if no size is asked for, pixels.
+const LARGEST: u32 = 512;
 /// Views of the orbit.
 const ORBIT_VIEWS: u32 = 24;
 /// Frames per second of the orbit's animation: it goes around in two seconds.
@@ -56,8 +58,9 @@ pub struct AvatarOptions {
     pub name: String,
     /// Folder for everything.
     pub out: PathBuf,
-    /// Longest side of training images and renders, pixels.
-    pub size: u32,
+    /// Longest side of training images and renders, pixels; that of the clip, at most
+    /// [`LARGEST`], if there is none.
+    pub size: Option<u32>,
     /// The training, of no model yet.
     pub train: TrainSpec,
     /// Motion to render, in place of one of this program's own.
@@ -126,6 +129,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         None => Shown::Clip(captured.frames.clone()),
     };
     let mut report = Report::new(options, captured, checked);
+    let size = report.size;
     let ingest = IngestSettings {
         ffmpeg: options.import.ffmpeg.clone(),
         ..IngestSettings::default()
@@ -141,6 +145,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
             &label,
             TrainSpec {
                 model: model.name.clone(),
+                image_size: size,
                 ..options.train.clone()
             },
         )
@@ -160,13 +165,13 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
                 what: render_spec::What::Orbit(Orbit {
                     frame: report.orbit_frame,
                     views: ORBIT_VIEWS,
-                    size: options.size,
+                    size,
                 }),
                 folder: pictures.join("orbit"),
                 animation: Some((out.join("orbit.png"), ORBIT_FPS)),
             })
             .await?;
-        let (what, fps) = shown.what(&subject, options.size, report.fps)?;
+        let (what, fps) = shown.what(&subject, size, report.fps)?;
         let moved = shots
             .render(Shot {
                 between: None,

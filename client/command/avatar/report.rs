@@ -1,7 +1,7 @@
 //! What was made of a clip, in figures.
 
-use super::AvatarOptions;
 use super::capture::{Captured, Checked};
+use super::{AvatarOptions, LARGEST};
 use crate::studio::shots::Finished;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -77,6 +77,7 @@ pub struct Seconds {
 
 impl Report {
     pub(super) fn new(options: &AvatarOptions, captured: Captured, checked: Checked) -> Self {
+        let [width, height] = captured.image_size;
         let moment = (ORBIT_MOMENT * captured.frames.len() as f64) as usize;
         Self {
             name: options.name.clone(),
@@ -86,7 +87,9 @@ impl Report {
             notes: captured.notes,
             check: checked.report.measures,
             orbit_frame: captured.frames.get(moment).copied().unwrap_or_default(),
-            size: options.size,
+            size: options
+                .size
+                .unwrap_or_else(|| width.max(height).min(LARGEST)),
             training: None,
             orbit: Vec::new(),
             motion: Vec::new(),

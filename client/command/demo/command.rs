@@ -2,6 +2,7 @@
 
 use crate::args;
 use crate::demo::{DemoOptions, run};
+use crate::show;
 use clap::Args;
 use std::path::PathBuf;
 use yoto_terminal::output;
@@ -16,10 +17,11 @@ Steps, as a client of a service in its own process:
   5. writes a page per person, which plays them in a browser (ada.html and so on): turn,
      zoom, bend, take another's motion.
 
-Open a page first. contact-sheet.png has all renders; *-animation.png files play in a browser.
+index.html shows everything; --open opens it. contact-sheet.png has all renders; *-animation.png
+files play in a browser.
 
 Examples:
-  yoto demo
+  yoto demo --open
   yoto demo --subjects 2 --seconds 60 --out out/quick";
 
 /// Generate people, train one model of them, render them: all of yoto in minutes.
@@ -33,7 +35,7 @@ pub(crate) struct Demo {
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=16))]
     subjects: u32,
     /// Side of the pictures, pixels.
-    #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=1024))]
+    #[arg(long, value_name = "PX", default_value_t = 256, value_parser = clap::value_parser!(u32).range(16..=1024))]
     size: u32,
     /// Seconds of training.
     #[arg(long, value_name = "S", default_value = "150", value_parser = args::seconds)]
@@ -41,6 +43,9 @@ pub(crate) struct Demo {
     /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
+    /// Open the page in a browser at the end.
+    #[arg(long)]
+    open: bool,
     #[command(flatten)]
     lpips: crate::args::LpipsArgs,
 }
@@ -61,6 +66,9 @@ impl Demo {
         say!("\nLook at:");
         for (file, what) in crate::demo::products(&options) {
             say!("  {:<44} {what}", file.display());
+        }
+        if self.open {
+            show::in_browser(&crate::demo::index(&options));
         }
         Ok(())
     }

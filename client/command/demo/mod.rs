@@ -4,6 +4,7 @@
 //! the results of any client.
 
 pub(crate) mod command;
+mod page;
 mod people;
 mod render;
 mod report;
@@ -86,7 +87,16 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
         options.out.join("*.html"),
         "each person to rotate, move and bend; open in a browser",
     ));
+    files.push((
+        page::path(&options.out),
+        "everything on one page; open in a browser",
+    ));
     files
+}
+
+/// The page that leads to everything else.
+pub fn index(options: &DemoOptions) -> PathBuf {
+    page::path(&options.out)
 }
 
 /// Runs the demo and writes `report.json`.
@@ -114,6 +124,8 @@ pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
     report
         .write(&path)
         .with_context(|| format!("writing {}", path.display()))?;
+    let names: Vec<&str> = actors.iter().map(|actor| &*actor.name).collect();
+    page::write(&options.out, &names, &report)?;
     tell!("done in {}", duration(started.elapsed().as_secs_f64()));
     Ok(report)
 }

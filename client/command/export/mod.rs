@@ -110,7 +110,7 @@ pub(crate) struct Export {
 }
 
 /// The motions of an export.
-struct Chosen {
+pub(crate) struct Chosen {
     motions: Vec<ExportMotion>,
     /// The frame whose pose a still form has, of the one motion or else of the person's own capture.
     frame: Option<u32>,

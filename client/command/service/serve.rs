@@ -1,6 +1,5 @@
 //! `yoto serve`: coordinator and worker in one process.
 
-use crate::args;
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use clap::Args;

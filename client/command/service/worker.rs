@@ -1,6 +1,5 @@
 //! `yoto worker`: a worker in its own process, for a separate coordinator.
 
-use crate::args;
 use crate::args::KindName;
 use crate::service::serve::asked_to_stop;
 use anyhow::Context;

@@ -1,5 +1,7 @@
 //! Text that several commands print.
 
+#[cfg(feature = "embedded")]
+mod browser;
 mod capture_end;
 mod job;
 mod scores;
@@ -7,6 +9,8 @@ mod span;
 mod titles;
 mod words;
 
+#[cfg(feature = "embedded")]
+pub(crate) use browser::in_browser;
 pub(crate) use capture_end::note_capture_end;
 pub(crate) use job::{
     attempt_line, evaluate_summary, export_contents, job_detail, job_outcome, train_summary,

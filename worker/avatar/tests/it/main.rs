@@ -4,6 +4,7 @@ mod distill;
 mod exposure;
 mod extremes;
 mod finite_diff;
+mod floor;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod harmonics;

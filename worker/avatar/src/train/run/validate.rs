@@ -8,8 +8,29 @@ use crate::train::people::TrainSubject;
 use crate::train::{TrainError, exposure};
 use yoto_capture::mask_box;
 
-/// Number of held-out frames per person that are rendered.
-const FRAMES: usize = 2;
+/// Most held-out frames per person that are rendered: splats are drawn in milliseconds, a field in
+/// seconds. The best checkpoint is chosen by them.
+const FRAMES_OF_SPLATS: usize = 16;
+const FRAMES_OF_A_FIELD: usize = 4;
+/// Fewest per person, whatever the number of people.
+const FEWEST: usize = 2;
+/// Most people whose frames are all rendered; beyond it, each has fewer.
+const PEOPLE: usize = 6;
+
+/// Number of held-out frames per person that are rendered for a model of `people`.
+fn frames_per_person(splats: bool, people: usize) -> usize {
+    let most = match splats {
+        true => FRAMES_OF_SPLATS,
+        false => FRAMES_OF_A_FIELD,
+    };
+    (most * PEOPLE / people.max(PEOPLE)).max(FEWEST)
+}
+
+/// `count` of the `held_out` frames, evenly spread, in order.
+fn spread<T>(held_out: &[T], count: usize) -> impl Iterator<Item = &T> {
+    let count = count.min(held_out.len());
+    (0..count).map(move |index| &held_out[index * held_out.len() / count])
+}
 
 /// A held-out frame beside its render.
 #[derive(Clone, Debug)]
@@ -52,8 +73,10 @@ pub(crate) fn validate(
     let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
     let (mut box_sum, mut boxes) = (0.0, 0usize);
     let mut previews = Vec::new();
+    let splats = model.config.appearance.splats().is_some();
+    let count = frames_per_person(splats, subjects.len());
     for subject in subjects {
-        for (position, frame) in subject.held_out.iter().take(FRAMES).enumerate() {
+        for (position, frame) in spread(&subject.held_out, count).enumerate() {
             let pose = match &model.state.poses[subject.slot] {
                 Some(poses) if refined => poses.as_neighbours(frame.position, &frame.pose),
                 _ => frame.pose.clone(),
@@ -99,4 +122,25 @@ pub(crate) fn validate(
         ssim: ssim_sum.map(|sum| sum / images as f64),
         previews,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{frames_per_person, spread};
+
+    #[test]
+    fn measured_frames_are_spread_over_those_held_out() {
+        let held_out: Vec<usize> = (0..10).collect();
+        let chosen = |count| spread(&held_out, count).copied().collect::<Vec<_>>();
+        assert_eq!(chosen(4), [0, 2, 5, 7]);
+        assert_eq!(chosen(40), held_out);
+        assert_eq!(spread(&[] as &[usize], 4).count(), 0);
+    }
+
+    #[test]
+    fn many_people_have_fewer_frames_each() {
+        let of_splats = [1, 6, 12, 1000].map(|people| frames_per_person(true, people));
+        assert_eq!(of_splats, [16, 16, 8, 2]);
+        assert_eq!(frames_per_person(false, 1), 4);
+    }
 }
