@@ -14,7 +14,6 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod trainer;
-mod trunk;
 
 pub use exposure::{FilmExposures, film_exposures};
 pub use frames::batch;
