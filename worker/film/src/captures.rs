@@ -1,6 +1,6 @@
 //! The captures that a plan reads, fetched before.
 
-use crate::PlanError;
+use crate::error::PlanError;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_capture::Shard;

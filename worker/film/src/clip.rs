@@ -4,11 +4,11 @@
 //! has the subject's position and facing in a frame of their own capture, upright, and it is rendered
 //! from that frame's camera.
 
-use crate::PlanError;
+use crate::error::PlanError;
 use crate::follow::followed;
 use crate::level::{FORWARD, UP, upright};
 use crate::motion::sized;
-use crate::one_person::Shot;
+use crate::shot::Shot;
 use crate::track::{capture_camera, find_position, pose};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{

@@ -1,8 +1,8 @@
 //! The motion of one person on the body of another, seen by the driver's own camera.
 
-use crate::PlanError;
+use crate::error::PlanError;
 use crate::follow::followed;
-use crate::one_person::Shot;
+use crate::shot::Shot;
 use crate::track::{capture_camera, find_position, pose, skeleton};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::timing::{self, mean_fps};

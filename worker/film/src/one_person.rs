@@ -5,19 +5,13 @@ use crate::captures::Captures;
 use crate::error::PlanError;
 use crate::layer::Layer;
 use crate::plan::{Actor, FPS, Light, MAX_FPS, Plan, View, background, wanted_fps};
+use crate::shot::Shot;
 use crate::truth::Truth;
 use crate::{clip, light, motion, orbit, views};
-use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::v1::RenderSpec;
 use yoto_proto::v1::render_spec::What;
-
-/// One picture of one person.
-#[derive(Debug)]
-pub(crate) struct Shot {
-    pub(crate) pose: Pose,
-    pub(crate) camera: Camera,
-}
 
 /// All pictures of one person.
 struct Shots {

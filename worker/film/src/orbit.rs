@@ -1,8 +1,8 @@
 //! One pose from all around: the camera circles the person at the capture camera's distance and
 //! height, and shows the whole body, however little of it the video's frame had.
 
-use crate::PlanError;
-use crate::one_person::Shot;
+use crate::error::PlanError;
+use crate::shot::Shot;
 use crate::track::{capture_camera, find_frame, pose, skeleton};
 use std::f64::consts::TAU;
 use yoto_capture::camera::Camera;

@@ -1,15 +1,10 @@
-//! The plan of a render, and the function that makes it.
+//! The plan of a render.
 
-use crate::bodies::Bodies;
-use crate::captures::Captures;
-use crate::error::PlanError;
 use crate::layer::Layer;
 use crate::surroundings::Surroundings;
 use crate::truth::Truth;
-use crate::{one_person, scene};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::v1::RenderSpec;
-use yoto_proto::v1::render_spec::What;
 
 /// Frames per second of an animation that has no speed of its own.
 pub(crate) const FPS: f32 = 15.0;
@@ -47,7 +42,7 @@ pub struct View {
 /// A person of a picture.
 #[derive(Clone, Debug)]
 pub struct Actor {
-    /// Index of the model that draws them in [`Bodies::models`].
+    /// Index of the model that draws them in [`Bodies::models`](crate::Bodies::models).
     pub model: usize,
     /// Slot of the identity in that model.
     pub slot: usize,
@@ -71,21 +66,6 @@ pub enum Light {
         /// From the view's world to that of the capture.
         rotation: [[f32; 3]; 3],
     },
-}
-
-/// Plans the pictures of `spec`, which [`yoto_proto::checks::render::faults`] accepts. `captures` has all that
-/// [`needs`](crate::needs()) lists for the same `spec` and `bodies`.
-///
-/// # Errors
-/// A request that does not fit its captures, and people who joined the model after the checkpoint.
-pub fn plan(spec: &RenderSpec, bodies: &Bodies, captures: &Captures) -> Result<Plan, PlanError> {
-    let mut plan = match &spec.what {
-        None => return Err(PlanError::invalid("what", "is missing")),
-        Some(What::Scene(scene)) => scene::plan(spec, scene, bodies, captures)?,
-        Some(what) => one_person::plan(spec, what, bodies, captures)?,
-    };
-    plan.layer = Layer::new(spec.layer(), bodies, &plan.views);
-    Ok(plan)
 }
 
 /// The colour behind everybody.

@@ -1,6 +1,6 @@
 //! What is behind the people of a scene.
 
-use crate::PlanError;
+use crate::error::PlanError;
 use image::DynamicImage;
 use yoto_proto::v1::Scene;
 

@@ -1,6 +1,6 @@
 //! Frames of a capture's track: their positions, poses and cameras.
 
-use crate::PlanError;
+use crate::error::PlanError;
 use yoto_capture::ViewError;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;

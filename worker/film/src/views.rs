@@ -1,7 +1,7 @@
 //! Views that a request lists.
 
-use crate::PlanError;
-use crate::one_person::Shot;
+use crate::error::PlanError;
+use crate::shot::Shot;
 use yoto_capture::ViewError;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::pose_track::violation;

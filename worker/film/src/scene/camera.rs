@@ -1,7 +1,7 @@
 //! The camera of a scene.
 
 use super::actor::AnimatedActor;
-use crate::PlanError;
+use crate::error::PlanError;
 use crate::level::UP;
 use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::transform::{Vec3, add, cross, dot, normalised, scale, sub};
