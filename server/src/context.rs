@@ -1,8 +1,8 @@
 //! State that all services and background tasks of a coordinator share.
 
+use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
-use crate::changes::JobChanges;
 use crate::jobs::roster::Roster;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;

@@ -27,9 +27,9 @@ pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use store::StoreError;
 pub use yoto_objects::ObjectsError;
 
+use changes::JobChanges;
 use context::Context;
 use futures::Stream;
-use changes::JobChanges;
 use jobs::reaper;
 use jobs::roster::Roster;
 use lock::DataDirLock;

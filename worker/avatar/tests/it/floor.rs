@@ -102,7 +102,6 @@ fn measured(renderer: &Renderer, cast: &[SyntheticPerson], light: f32) -> Qualit
         all.iter().sum::<f64>() / all.len() as f64
     };
 
-
     Quality {
         views: mean(|person| person.motion(FRAMES).into_iter().step_by(7).collect()),
         poses: mean(|person| person.unseen_motion(16).into_iter().step_by(5).collect()),
@@ -119,7 +118,11 @@ fn psnr(
 ) -> f64 {
     let truth = person.render(pose, &camera);
     let region = mask_box(&truth.mask, truth.width, truth.height).expect("a person");
-    let truth: Vec<f32> = truth.rgb.iter().map(|v| light * f32::from(*v) / 255.0).collect();
+    let truth: Vec<f32> = truth
+        .rgb
+        .iter()
+        .map(|v| light * f32::from(*v) / 255.0)
+        .collect();
     let view = RenderView {
         slot,
         pose: pose.clone(),
