@@ -122,7 +122,7 @@ fn weight(weights: &[f32], bone: usize, point: &GridPoint, lattice: &Lattice, fl
     let volume = bone * voxels(lattice);
     let mut sum = 0.0f32;
     for corner in 0..8u32 {
-        let tap = tap(transformed_point, corner, lattice);
+        let tap = tap(point, corner, lattice);
         if tap.inside {
             sum += tap.u * tap.v * tap.w * weights[volume + tap.node];
         }
