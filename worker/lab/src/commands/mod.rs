@@ -86,6 +86,8 @@ pub fn main() -> ExitCode {
 
 impl Command {
     fn run(self) -> anyhow::Result<()> {
+        // Before any command computes: a wrong YOTO_CPU is an error, and not a slower or faster form than asked for.
+        yoto_device::check_cpu_form()?;
         match self {
             Self::Quality(command) => command.run(),
             Self::Ablation(command) => command.run(),
