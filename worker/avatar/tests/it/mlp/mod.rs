@@ -1,7 +1,7 @@
 //! The network operation in each form that this machine can run, against f64 arithmetic and against
 //! Burn's own operations, at sizes that fill no tile or panel.
 //!
-//! `cargo test --workspace --test mlp -- --nocapture` prints the errors.
+//! `cargo test -p yoto-avatar --test it mlp:: -- --nocapture` prints the errors.
 
 mod exact;
 mod networks;

@@ -1,6 +1,6 @@
 //! Parity: values and gradients of each part of the model, and of one complete training step,
 //! against the double-precision reference in `tests/reference`. `docs/parity.md` has the table that
-//! `cargo test --workspace --test parity -- --nocapture` prints.
+//! `cargo test -p yoto-avatar --test it parity:: -- --nocapture` prints.
 
 mod case;
 mod check;
