@@ -1,4 +1,4 @@
-//! The object store of the service.
+//! Garbage collection of the service's store, and its status.
 
 use super::{ClientError, YotoClient};
 use yoto_proto::v1::storage_service_client::StorageServiceClient;

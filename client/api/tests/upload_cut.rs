@@ -22,9 +22,9 @@ use yoto_server::{Coordinator, ServerConfig};
 
 /// Number of connections that are cut.
 const CUTS: usize = 200;
-/// After so many cuts the service restarts.
+/// Number of cuts after which the service restarts.
 const RESTART_AFTER: usize = 100;
-/// Of so many cuts, one is a reset: bytes on their way are lost with the connection. After the others, what
+/// One in this many cuts is a reset: bytes on their way are lost with the connection. After the others, what
 /// was carried arrives.
 const RESETS: usize = 10;
 /// Time in which what was carried arrives.
@@ -111,7 +111,7 @@ impl Proxy {
         address
     }
 
-    /// Forwards in both directions until the client has sent so many bytes, then drops both ends.
+    /// Forwards in both directions until the client has sent `carried` bytes, then drops both ends.
     async fn carry(self, client: TcpStream, server: TcpStream, carried: u64) {
         let (from_client, mut to_client) = client.into_split();
         let (mut from_server, mut to_server) = server.into_split();
@@ -256,7 +256,7 @@ fn bytes(file: &UploadFile) -> u64 {
     }
 }
 
-/// A way to `service` that carries so many bytes from a client, and then holds both ends. Its address.
+/// Starts a proxy to `service` that forwards `bytes` bytes from a client, then stalls. Returns its address.
 async fn stuck_after(bytes: u64, service: SocketAddr) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
     let address = listener.local_addr().expect("has an address");

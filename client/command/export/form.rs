@@ -1,4 +1,4 @@
-//! The forms in which a person leaves, by the file's name and the user's wish.
+//! Chooses the export format from the output's extension and `--format`.
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -51,7 +51,7 @@ impl Format {
     }
 }
 
-/// What each extension is unless `--format` says otherwise.
+/// Default format of each extension.
 const USUAL: [ExportForm; 5] = [
     ExportForm::Page,
     ExportForm::SplatsPly,

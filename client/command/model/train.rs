@@ -63,7 +63,7 @@ pub(crate) struct Train {
         value_name = "PX"
     )]
     size: u32,
-    /// Seconds between checkpoints [default: as many as keep checkpoints below 3 % of the time, at least
+    /// Seconds between checkpoints [default: chosen so that checkpoints take below 3 % of the time, at least
     /// 30].
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     checkpoint_seconds: Option<f64>,

@@ -97,8 +97,8 @@ pub(crate) struct FileMotion {
     /// A single frame: the actor stands still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<u32>,
-    /// Frames of the motion by their numbers, those of a file counted from 0, of which every so many stored ones is
-    /// taken, e.g. "0..60:2"; left out: all.
+    /// Range of frame numbers of the motion (a file's count from 0), with an optional step over the stored frames,
+    /// e.g. "0..60:2"; left out: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! A `.npy`: an array whose numbers are as many as its shape says, or an error.
+//! Reading a `.npy` gives an array whose length matches its shape, or an error.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

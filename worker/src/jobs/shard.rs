@@ -56,7 +56,7 @@ pub(crate) fn with_refined_poses(
     Ok((name, shard))
 }
 
-/// The model of which `checkpoint` is one.
+/// The model that `checkpoint` belongs to.
 fn trained<'a>(inputs: &'a Inputs, checkpoint: &Checkpoint) -> Option<&'a Model> {
     let others = inputs.other_models.iter();
     let others = others.filter_map(|other| other.model.as_ref());

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 /// The share of the time in which the field is rendered.
 const RENDERING: f64 = 1.0 / 3.0;
-/// Every so many pictures of the field, one is held out, for the comparison at the end.
+/// One in this many pictures of the field is held out for the comparison at the end.
 const HELD_OUT: usize = 10;
 /// Fewest pictures of the field, whatever the time.
 pub const FEWEST: usize = 12;

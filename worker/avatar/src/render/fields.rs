@@ -175,7 +175,7 @@ impl Renderer {
     }
 }
 
-/// Sums over everything that a ray meets, of whichever person.
+/// Composites everything that a ray meets, from all people, near to far.
 pub(super) fn merged(mut met: Vec<Met>) -> RayAccumulator {
     met.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let mut sums = RayAccumulator::START;

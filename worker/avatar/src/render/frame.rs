@@ -136,13 +136,13 @@ pub struct Renderer {
     pub(super) avatar: Avatar,
     /// By slot.
     bodies: Vec<Option<Body>>,
-    /// Occupancy grids by slot; as many as bodies.
+    /// Occupancy grids by slot; same length as `bodies`.
     pub(super) occupancy: Vec<Option<Occupancy>>,
     /// Completed fraction of the run, which determines the active parts of the model.
     pub(super) progress: f64,
     /// Slots of identities that were removed.
     removed: BTreeSet<usize>,
-    /// What people of splats keep from pose to pose, by slot; as many as bodies.
+    /// What people of splats keep from pose to pose, by slot; same length as `bodies`.
     pub(super) kept: Vec<OnceLock<Carried>>,
     settings: RenderSettings,
 }

@@ -8,7 +8,7 @@ use yoto_capture::skeleton::Skeleton;
 /// What a checkpoint keeps of people.
 pub(crate) struct Known {
     slots: Vec<Option<Skeleton>>,
-    /// Slots of people from whom nothing was learned but their own parameters.
+    /// Slots of people whose training changed only their own parameters.
     own_only: BTreeSet<usize>,
     /// The steps with the person in each slot.
     practice: Vec<Practice>,

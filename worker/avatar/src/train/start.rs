@@ -105,7 +105,7 @@ impl Trainer {
         Ok(self)
     }
 
-    /// A trainer of `people`, each of whom has a slot in `saved`.
+    /// A trainer for `people`; each of them has a slot in `saved`.
     fn assemble(
         mut saved: ModelState,
         options: TrainOptions,

@@ -37,7 +37,7 @@ fn joining(slot: usize) -> TrainOptions {
     }
 }
 
-/// A model of the people in slots 0 and 1, whom the one in slot 2 has joined.
+/// A model of the people in slots 0 and 1; the person in slot 2 joined later.
 fn trio(tier: &str, dir: &Path) {
     let device = Device::flex();
     let mut trainer =

@@ -18,6 +18,7 @@ mod picture_loss;
 mod plain;
 mod refinement;
 mod sharing;
+mod speed;
 mod splats;
 mod support;
 mod together;

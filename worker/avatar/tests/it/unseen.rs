@@ -1,4 +1,4 @@
-//! A person of whom the film shows one side only.
+//! A person filmed from one side only.
 
 use crate::support::{options, run};
 use burn::tensor::Device;

@@ -67,12 +67,14 @@ impl Sweep {
     }
 }
 
-/// `wanted` held-out frames, spread out, from all subjects in turn.
+/// `wanted` held-out frames: one of each person in turn, each person's spread out over their film.
 fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
-    let all: Vec<SweepView> = people
-        .iter()
-        .flat_map(|person| {
-            person.frames.iter().map(|picture| SweepView {
+    let counts: Vec<usize> = people.iter().map(|person| person.frames.len()).collect();
+    let chosen = chosen(&counts, wanted).into_iter();
+    chosen
+        .map(|(person, frame)| {
+            let (person, picture) = (&people[person], &people[person].frames[frame]);
+            SweepView {
                 view: RenderView {
                     slot: person.slot,
                     pose: picture.pose.clone(),
@@ -80,12 +82,26 @@ fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
                     background: [0.0; 3],
                 },
                 truth: Some(picture.image.rgb.clone()),
-            })
+            }
         })
-        .collect();
-    let count = wanted.min(all.len());
-    (0..count)
-        .map(|i| all[i * all.len() / count].clone())
+        .collect()
+}
+
+/// Index of the person and of the frame of `wanted` frames, given how many frames each person has.
+fn chosen(counts: &[usize], wanted: usize) -> Vec<(usize, usize)> {
+    let mut shares = vec![0; counts.len()];
+    let mut left = wanted.min(counts.iter().sum());
+    while left > 0 {
+        for (share, count) in shares.iter_mut().zip(counts) {
+            if left > 0 && *share < *count {
+                *share += 1;
+                left -= 1;
+            }
+        }
+    }
+    let people = shares.into_iter().zip(counts).enumerate();
+    people
+        .flat_map(|(person, (share, count))| (0..share).map(move |i| (person, i * count / share)))
         .collect()
 }
 
@@ -107,5 +123,18 @@ pub(super) fn keep(
 impl From<SweepError> for JobFailure {
     fn from(error: SweepError) -> Self {
         Self::failed("EVALUATION", "measuring the trade-off", &error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::chosen;
+
+    #[test]
+    fn everybody_is_measured_whatever_the_length_of_their_films() {
+        assert_eq!(chosen(&[60, 8], 4), [(0, 0), (0, 30), (1, 0), (1, 4)]);
+        assert_eq!(chosen(&[60, 1], 4), [(0, 0), (0, 20), (0, 40), (1, 0)]);
+        assert_eq!(chosen(&[2], 4), [(0, 0), (0, 1)]);
+        assert_eq!(chosen(&[], 4), []);
     }
 }

@@ -1,4 +1,4 @@
-//! Splats of a person whom a model knows as a field.
+//! Splats distilled from a person that the model represents as a field.
 
 use super::{DistilledSplats, count, of_motion, splats};
 use crate::jobs::{JobContext, JobFailure};

@@ -50,7 +50,7 @@ pub struct ModelState {
     /// Whether the current budget goes on with a model that was trained with the same people before.
     #[serde(default)]
     pub goes_on: bool,
-    /// Slots of people from whom nothing was learned but their own parameters: they came to a trained trunk.
+    /// Slots of people whose training changed only their own parameters: the trunk was already trained.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub own_only: BTreeSet<usize>,
     /// The steps with the person in each slot.

@@ -20,7 +20,7 @@ const UNSEEN: f32 = 0.4;
 /// `count` splats for `subject`, from the frames that have a `pose`.
 ///
 /// # Errors
-/// If hardly a point of the body is on the person in as many frames as it must be.
+/// If too few points of the body are on the person in the required number of frames.
 pub(crate) fn first_splats(
     subject: &TrainSubject,
     pose: impl Fn(&TrainFrame) -> Option<Pose>,

@@ -34,7 +34,7 @@ const FEWEST: usize = 100;
 const COVERED: u8 = 100;
 /// Points along each bone that tell how exact poses and masks are.
 const ALONG: [f64; 3] = [0.25, 0.5, 0.75];
-/// Share of those points that are on the person in all frames but as many as the hull forgives.
+/// Quantile of those points' misses that becomes the number of frames that the hull forgives.
 const BONES_INSIDE: f64 = 0.9;
 /// Largest share of frames that the hull forgives.
 const MOST_FORGIVEN: f64 = 0.3;
@@ -142,8 +142,8 @@ impl<'a> Film<'a> {
         votes
     }
 
-    /// Number of frames in which a point of the hull may be off the person: as many as most of the
-    /// skeleton's bones are, which are inside the body.
+    /// Number of frames in which a point of the hull may be off the person: the number that covers
+    /// [`BONES_INSIDE`] of the points along the bones, which are known to be inside the body.
     fn forgiven(&self) -> usize {
         let skeleton = &self.subject.body.skeleton;
         let joints = skeleton.rest.iter().zip(&skeleton.parents);

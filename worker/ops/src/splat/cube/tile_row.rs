@@ -8,7 +8,7 @@ use cubecl::prelude::*;
 
 /// Pixels per segment of a tile row.
 pub(super) const SEGMENT: usize = 4;
-/// Threads per group, of which every Vulkan device runs this many.
+/// Threads per group; every Vulkan device supports this many.
 pub(super) const THREADS: usize = AREA / SEGMENT;
 
 /// The segment of a tile row that a thread has.

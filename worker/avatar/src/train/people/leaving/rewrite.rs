@@ -124,7 +124,7 @@ pub(super) fn optimiser(from: &Path, to: &Path, slot: usize) -> Result<usize, Tr
 }
 
 /// Names of the files in `from` that are left out: the person's refined poses, pictures of everybody, and
-/// whatever is no part of a checkpoint, of which nothing is known.
+/// any file that does not belong to a checkpoint, since its contents are unknown.
 pub(super) fn left_out(from: &Path, slot: usize) -> Result<Vec<String>, TrainError> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(from).map_err(|e| failed(from, e))? {
