@@ -61,6 +61,9 @@ async fn routes(
         .set_serving::<StatusServiceServer<StatusApi>>()
         .await;
     reporter
+        .set_serving::<StorageServiceServer<StorageApi>>()
+        .await;
+    reporter
         .set_serving::<WorkerServiceServer<WorkerApi>>()
         .await;
     let reflection = || {

@@ -2,8 +2,8 @@
 //!
 //! Data flows one way: shards and frames of `yoto_capture` → rays through the body's box → [`avatar`], made
 //! of [`motion`] (prior, weights, correction), [`identity`] (codes, pose condition) and [`field`]
-//! (non-rigid, canonical or splats) → [`render`] (march, composite) → [`loss`] → [`train`] (step, guard,
-//! trainer, checkpoint) → [`evaluate`], [`tradeoff`].
+//! (non-rigid, canonical or splats) → [`render`] (march, composite) → [`loss`], [`evaluate`] → [`train`]
+//! (step, guard, trainer, checkpoint), [`tradeoff`].
 //! `fit` brings poses into agreement with pictures, `yoto_ops` holds the tensor operations that Burn
 //! lacks, [`import`] reads HumanNeRF's checkpoints, and [`config`] describes a model as data.
 
