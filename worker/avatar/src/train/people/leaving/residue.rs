@@ -249,11 +249,13 @@ fn is_distinct(piece: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     /// `length` bytes that no other `seed` gives.
-    fn noise(seed: u32, length: usize) -> Vec<u8> {
-        let numbers = (0..length as u32).map(|at| (at + seed * 7919).wrapping_mul(2_654_435_761));
-        numbers.map(|number| (number >> 24) as u8).collect()
+    fn noise(seed: u64, length: usize) -> Vec<u8> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        (0..length).map(|_| rng.random()).collect()
     }
 
     fn found(theirs: Vec<u8>, others: Vec<Vec<u8>>) -> usize {
