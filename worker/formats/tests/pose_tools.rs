@@ -8,7 +8,7 @@ const LIMIT: u64 = 1 << 24;
 const FRAMES: usize = 16;
 
 fn file(name: &str) -> Vec<u8> {
-    let captures = "../tests/formats/pose_tools/captures";
+    let captures = "../../tests/formats/pose_tools/captures";
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join(captures)
         .join(name);
@@ -158,7 +158,7 @@ fn romp_has_its_results_in_a_dictionary() {
 }
 
 fn seed(name: &str) -> Vec<u8> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus");
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/fuzz/corpus");
     std::fs::read(path.join(name)).expect("a seed")
 }
 

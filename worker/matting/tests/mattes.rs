@@ -136,7 +136,7 @@ fn files_that_are_no_matting_models_are_named_with_what_is_wrong() {
         text.contains("none.onnx") && text.contains("No such file"),
         "{text}"
     );
-    assert!(open_at(folder.path()).contains("is no file"));
+    assert!(open_at(folder.path()).contains("is not a file"));
     for (name, bytes) in [
         ("text.onnx", &b"hello, this is no network"[..]),
         ("picture.png", b"\x89PNG\r\n\x1a\n"),

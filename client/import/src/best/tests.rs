@@ -106,7 +106,7 @@ fn more_than_there_are_is_told_and_takes_all() {
 fn a_video_is_decoded_and_keeps_the_masks_of_its_frames() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"));
-    let video = here.join("../worker/media/tests/clips/b_frames.mp4");
+    let video = here.join("../../worker/media/tests/clips/b_frames.mp4");
     // The clip's 20 frames of 50x38 pixels show a white bar from column twice the frame's number.
     let angles: Vec<f64> = (0..20).map(|at| if at < 10 { 0.0 } else { 1.0 }).collect();
     let mut clip = clip(folder.path(), &angles, &[]);

@@ -217,7 +217,7 @@ fn a_missing_mask_and_a_bad_pose_are_named() {
 /// The media tests' film of 20 frames at `to`.
 fn film(to: &Path) {
     let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"));
-    let clip = here.join("../worker/media/tests/clips/b_frames.mp4");
+    let clip = here.join("../../worker/media/tests/clips/b_frames.mp4");
     std::fs::copy(clip, to).expect("copies");
 }
 

@@ -66,7 +66,7 @@ mod tests {
     #[test]
     fn frames_of_a_video_are_those_of_their_numbers() {
         let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let video = here.join("../worker/media/tests/clips/b_frames.mp4");
+        let video = here.join("../../worker/media/tests/clips/b_frames.mp4");
         let all = sums(&video, &[0, 1, 2, 3, 4, 5]).expect("six frames");
         let some = sums(&video, &[1, 4]).expect("two frames");
         assert_eq!(some, [all[1], all[4]]);

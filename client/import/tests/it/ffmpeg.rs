@@ -30,7 +30,7 @@ fn clips_and_masks_go_to_the_named_program() {
     let people = json!({"0": {"pose": body.poses[..3], "trans": body.t[..3],
         "betas": [vec![0.0; 10]], "frame_ids": [0, 1, 3]}});
     crate::pickled::write(&poses, &people);
-    let video = crate::captures("../../../../worker/media/tests/clips/hevc.mp4");
+    let video = crate::captures("../../../worker/media/tests/clips/hevc.mp4");
     let named = Options {
         masks: None,
         fps: None,

@@ -25,7 +25,7 @@ const STEP: u32 = 8;
 /// nobody is.
 pub(crate) fn film(folder: &Path, frames: u32, without: &[u32]) {
     let here = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    let person = image::open(here.join("../worker/landmarks/tests/person.png"));
+    let person = image::open(here.join("../../worker/landmarks/tests/person.png"));
     let person = person.expect("a picture").to_rgb8();
     let (width, height) = (2 * person.width(), 2 * person.height());
     let person = image::imageops::resize(

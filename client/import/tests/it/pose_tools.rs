@@ -245,7 +245,7 @@ fn a_focal_length_of_the_user_s_moves_the_body_away_and_not_across() {
 
 /// A clip of 20 frames in which a bar moves, 15 a second.
 fn film(name: &str) -> PathBuf {
-    crate::captures("../../../../worker/media/tests/clips").join(name)
+    crate::captures("../../../worker/media/tests/clips").join(name)
 }
 
 #[test]

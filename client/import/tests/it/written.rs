@@ -145,7 +145,7 @@ fn a_capture_with_a_video_is_decoded_as_a_check_decodes_it() {
     let people = json!({"0": {"pose": body.poses[..4], "trans": body.t[..4],
         "betas": [vec![0.0; 10]], "frame_ids": [0, 1, 2, 3]}});
     crate::pickled::write(&poses, &people);
-    let clip = captures("../../../../worker/media/tests/clips/baseline.mp4");
+    let clip = captures("../../../worker/media/tests/clips/baseline.mp4");
     let of_tool = Options {
         masks: None,
         ..options(out.path(), poses)
