@@ -198,11 +198,15 @@ fn splats_of_changing_light_are_as_good_as_they_were() {
     assert!(quality.is_near(EXPOSED), "{quality:.2?}, not {EXPOSED:.2?}");
 }
 
-/// A floor that a training at half a learning rate passes would guard nothing.
+/// A floor that a training at half the learning rates passes would guard nothing.
 #[test]
-fn half_a_learning_rate_is_noticed() {
+fn half_the_learning_rates_are_noticed() {
     let mut slow = config();
-    slow.appearance.splats_mut().expect("splats").colour_rate /= 2.0;
+    let splats = slow.appearance.splats_mut().expect("splats");
+    splats.colour_rate /= 2.0;
+    splats.mean_rate /= 2.0;
+    splats.opacity_rate /= 2.0;
+    splats.scale_rate /= 2.0;
     let quality = reached(slow, options(STEPS), |_, _| {}, 1.0);
     assert!(!quality.is_near(SPLATS), "{quality:.2?}");
 }
