@@ -273,6 +273,13 @@ fn poor_films_are_graded() {
         images.truncate(5);
     });
     assert_eq!(grade(&frontal, Kind::Views), Grade::Warn);
+    // Most people have a film of one side: what is not seen is guessed, which stops nothing.
+    let one_side = broken(|track, images| {
+        track.frames.truncate(2);
+        images.truncate(2);
+    });
+    let views = one_side.measure(Kind::Views).expect("measured");
+    assert_eq!((views.value, views.grade), (Some(1.0), Grade::Warn));
     let cut = broken(|track, _| {
         for frame in &mut track.frames[30..] {
             frame.translation[0] += 1.5;

@@ -75,7 +75,7 @@ pub(super) fn views(motion: &Motion) -> Measure {
     let meaning = "sides that no camera saw are guessed";
     let mut it = measure(
         Kind::Views,
-        at_least(seen as f64, 10.0, 2.0),
+        at_least(seen as f64, 10.0, 1.0),
         Some(seen as f64),
         format!("{seen} of 12"),
         meaning,
