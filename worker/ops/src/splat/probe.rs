@@ -54,6 +54,14 @@ impl<'a> Probe<'a> {
         self.projected.len()
     }
 
+    /// Σ α over the pixels of a splat that nothing hides, 2π o / √det Σ'⁻¹, pixels.
+    pub fn footprint(&self, splat: usize) -> f32 {
+        let projected = &self.projected[splat];
+        let [xx, xy, yy] = projected.conic;
+        let det = (xx * yy - xy * xy).max(f32::MIN_POSITIVE);
+        std::f32::consts::TAU * projected.opacity / det.sqrt()
+    }
+
     /// The canonical mean of a splat, metres.
     pub fn mean(&self, splat: usize) -> [f32; 3] {
         self.slices.splat(splat).mean
